@@ -1,19 +1,22 @@
-//! The limits that end a run, against the load and the instruments: what contradicts them is refused when it is read.
+//! Checks the section `[limits]` against the load and the instruments when a scenario is read, so that a limit
+//! that could never act, or that would end every run, is an error at once.
 
 use super::{Scenario, ScenarioError};
 use resonarm_bench::control::LimitsSpec;
 use resonarm_bench::excitation::Amplitude;
 use resonarm_protocol::scaling::{ACCELERATION, FORCE};
 
-/// The most samples in a row that are counted.
+/// Largest count of consecutive samples that `clipped_samples` and `stuck_samples` may ask for.
 const MOST_SAMPLES: u32 = 1_000_000;
 
-/// Checks every limit of a scenario.
+/// Rejects limits that are not numbers of the right kind, lie beyond the instruments, or contradict the load.
 pub(super) fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     let Some(limits) = &scenario.limits else { return Ok(()) };
     check_numbers(limits)?;
     check_instruments(limits, scenario)?;
     let spec = scenario.excitation.as_ref().map(|spec| &spec.amplitude);
+    // A scenario has one amplitude, either that of its excitation or that of its control. `Scenario::check`
+    // rejects both together after this check, so which of the two is taken here does not matter.
     let amplitude = spec.or_else(|| scenario.control.as_ref().map(|spec| spec.amplitude()));
     amplitude.map_or(Ok(()), |amplitude| check_load(limits, amplitude, scenario.control.is_some()))
 }
@@ -32,6 +35,8 @@ fn check_numbers(limits: &LimitsSpec) -> Result<(), ScenarioError> {
     let samples = |value: Option<u32>| value.map(f64::from);
     let (clipped, stuck) = (samples(limits.clipped_samples), samples(limits.stuck_samples));
     refuse_unless("limits.clipped_samples", clipped, "from 1 to 1000000", |got| (1.0..=most).contains(&got))?;
+    // One sample cannot repeat a value, so a stuck reading takes at least two of them. A single clipped sample
+    // is already meaningful.
     refuse_unless("limits.stuck_samples", stuck, "from 2 to 1000000", |got| (2.0..=most).contains(&got))?;
     for (name, value) in
         [("limits.stuck_above_n", limits.stuck_above_n), ("limits.stuck_above_nm", limits.stuck_above_nm)]
@@ -42,7 +47,8 @@ fn check_numbers(limits: &LimitsSpec) -> Result<(), ScenarioError> {
     Ok(())
 }
 
-/// A reading ends at its range, the instrument's or the wire's.
+/// Rejects limits at or above the range of the instrument or of the protocol: a reading is clipped there and
+/// would never exceed the limit.
 fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), ScenarioError> {
     let rig = &scenario.rig;
     let profile = scenario.network.profile;
@@ -50,6 +56,7 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
     let expected =
         "below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read";
     refuse_unless("limits.force_n", limits.force_n, expected, |got| got < head_n)?;
+    // `limits.acceleration_m_s2` applies to both accelerometers, so the smaller of their ranges decides.
     let range_m_s2 = rig.sensors.b.range.min(rig.sensors.c.range).min(ACCELERATION.limit(profile));
     let expected =
         "below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read";
@@ -61,6 +68,8 @@ fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -
     let peak = load.force_n.amax().max(load.torque_nm.amax());
     let forces = [("limits.force_n", limits.force_n), ("limits.stuck_above_n", limits.stuck_above_n)];
     let torques = [("limits.torque_nm", limits.torque_nm), ("limits.stuck_above_nm", limits.stuck_above_nm)];
+    // A load is either forces or torques. Limits on the other kind would watch readings that this load does not
+    // drive.
     let (own, other) = if amplitude.is_torque() { (torques, forces) } else { (forces, torques) };
     for (name, value) in other {
         refuse_unless(name, value, "left out: the load is of the other kind, forces or torques", |_| false)?;
@@ -74,7 +83,7 @@ fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -
     refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.is_torque())
 }
 
-/// Refuses a limit that is stated and does not fit.
+/// Returns an error if the limit is given and does not fit.
 fn refuse_unless(
     name: &'static str,
     value: Option<f64>,

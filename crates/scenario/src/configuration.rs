@@ -1,4 +1,4 @@
-//! What a recording says of its run.
+//! What a recording states about the run that it holds.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 pub struct Configuration(BTreeMap<String, String>);
 
 impl Configuration {
-    /// An empty configuration.
+    /// Returns a configuration without any key.
     pub fn new() -> Configuration {
         Configuration::default()
     }
@@ -31,7 +31,7 @@ impl Configuration {
         self.0.iter().map(|(key, value)| (key.as_str(), value.as_str()))
     }
 
-    /// All of it.
+    /// Returns all keys with their values.
     pub const fn entries(&self) -> &BTreeMap<String, String> {
         &self.0
     }

@@ -1,4 +1,4 @@
-//! What is wrong with a scenario.
+//! Errors of a scenario.
 
 use std::path::PathBuf;
 
@@ -14,35 +14,35 @@ use resonarm_numeric::number::short;
 use resonarm_protocol::NetworkError;
 use resonarm_protocol::bits::BitRates;
 
-/// Why a scenario can't be used.
+/// Reason why a scenario can't be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ScenarioError {
     /// The file can't be read.
     #[error("can't read the scenario {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the scenario file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The load file can't be read.
     #[error("can't read the load file {}: {source}; `excitation.profile.path` counts from the scenario's folder", path.display())]
     ReadLoad {
-        /// The file.
+        /// Path of the load file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The load file holds no load.
+    /// The load file can be read, but its contents are not a load.
     #[error("load file {}: {source}", path.display())]
     LoadFile {
-        /// The file.
+        /// Path of the load file.
         path: PathBuf,
         /// What is wrong with it.
         source: LoadFileError,
     },
-    /// The text is no scenario.
+    /// The text is not a scenario.
     #[error(transparent)]
     Parse(#[from] TomlError),
     /// The scenario can't be written as TOML.
@@ -54,50 +54,50 @@ pub enum ScenarioError {
     /// The structure's name can't be shown in a line.
     #[error("structure.name is {got:?}: it must be 1 to {most} characters, none of them a control character")]
     Name {
-        /// The name.
+        /// Name that was given.
         got: String,
-        /// The most characters.
+        /// Largest number of characters of a name.
         most: usize,
     },
     /// The excitation can't be played.
     #[error(transparent)]
     Excitation(#[from] ExcitationError),
-    /// The loop can't be closed so.
+    /// The controller of the section `[control]` can't be built.
     #[error(transparent)]
     Control(#[from] ControlError),
-    /// An excitation and a control.
+    /// The scenario has both an excitation and a control.
     #[error("the scenario has both [excitation] and [control]: an exciter has one controller; leave one out")]
     TwoControllers,
-    /// The simulation has impossible steps.
+    /// Sample rate, steps per sample or rig make no plant.
     #[error("simulation: {0}")]
     Plant(#[from] PlantSpecError),
-    /// A fault of the network is impossible.
+    /// A fault of the section `[network]` is not valid.
     #[error(transparent)]
     Fault(#[from] FaultError),
-    /// The user's own protocol can't be mapped so.
+    /// The user protocol of the section `[wire]` can't be mapped.
     #[error(transparent)]
     Wire(Box<WireError>),
-    /// A load that is to be steered acts on nothing.
+    /// A steered load acts on a degree of freedom that the structure does not have.
     #[error(
         "the load has `{name}` = {got}: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or \
          place the exciter elsewhere", got = short(.got)
     )]
     IdleLoad {
-        /// The load.
+        /// Key of the load.
         name: &'static str,
         /// Its amplitude, N or N·m.
         got: f64,
     },
-    /// The structure is impossible, or the rig doesn't fit it.
+    /// The section `[structure]` makes no structure, or the rig does not fit it.
     #[error(transparent)]
     Structure(#[from] StructureSectionError),
-    /// The base identifier or the node ids are impossible.
+    /// The base identifier or the node ids are not valid.
     #[error("network: {0}")]
     Network(#[from] NetworkError),
-    /// The sample rate can't be put on the wire.
+    /// The protocol can't state the sample rate.
     #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535", got_hz = short(.got_hz))]
     Rate {
-        /// What was given, Hz.
+        /// Sample rate that was given, Hz.
         got_hz: f64,
     },
     /// The bus can't carry the samples.
@@ -106,13 +106,13 @@ pub enum ScenarioError {
          lower the rate to {most_hz}{}", carried(*.rates), raised(*.enough)
     )]
     Overload {
-        /// Samples a second.
+        /// Sample rate that the scenario states, Hz.
         rate_hz: u16,
-        /// Bits a second with the most stuff bits that there can be.
+        /// Bits sent in a second, with the largest possible number of stuff bits.
         bits_per_second: u64,
         /// The bit rates of the bus.
         rates: BitRates,
-        /// The load, %.
+        /// Share of the bus that the load takes, %.
         percent: f64,
         /// The largest sample rate that fits, Hz.
         most_hz: f64,
@@ -125,17 +125,17 @@ pub enum ScenarioError {
         resonarm_protocol::timing::REAL_TIME_RATE_MIN_HZ
     )]
     RealTimeRate {
-        /// What was given, Hz.
+        /// Sample rate that was given, Hz.
         got_hz: u16,
     },
-    /// The excitation is more than the exciter can produce or the wire can carry.
+    /// The load exceeds what the exciter can produce or the protocol can state.
     #[error("{name} is {got}, beyond {limit_name}, {limit} {unit}: {fix}", got = short(.got), limit = short(.limit))]
     BeyondLimit {
-        /// The key.
+        /// Key of the load.
         name: String,
         /// What was given, in the unit of the key.
         got: f64,
-        /// What limits it.
+        /// What sets the limit.
         limit_name: &'static str,
         /// The limit, in the same unit.
         limit: f64,
@@ -144,39 +144,39 @@ pub enum ScenarioError {
         /// How to fix it.
         fix: &'static str,
     },
-    /// A load that does not point along the shaker.
+    /// The load does not point along the shaker.
     #[error(
         "{section}.amplitude does not point along the shaker, at {direction_deg}° to the x axis: give `exciter_x` and `exciter_y` in \
          that direction alone, turn the shaker (`rig.shaker.direction_deg`), or leave `[rig.shaker]` out for an ideal exciter, which \
          takes torques, too", direction_deg = short(.direction_deg)
     )]
     AcrossShaker {
-        /// The section.
+        /// Section of the load, `excitation` or `control`.
         section: String,
         /// Where the shaker points, degrees.
         direction_deg: f64,
     },
-    /// A number is impossible.
+    /// A number is outside its valid range.
     #[error("{name} is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The key.
+        /// Key of the number.
         name: &'static str,
-        /// What was given.
+        /// Value that was given.
         got: f64,
-        /// What would do.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// The run would be longer than can be counted.
+    /// The run has more samples than can be counted.
     #[error(
         "simulation.duration_s is {}, which is {} samples: at most {most} are simulated; leave it out for a run until it is stopped",
         short(.duration_s), short(.samples)
     )]
     TooLong {
-        /// What was given, s.
+        /// Duration that was given, s.
         duration_s: f64,
-        /// The samples that this is.
+        /// Number of samples in that duration.
         samples: f64,
-        /// The most samples that do.
+        /// Largest number of samples.
         most: u64,
     },
     /// An exciter was asked for, and the scenario has nothing to play.
@@ -184,7 +184,7 @@ pub enum ScenarioError {
         "the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show"
     )]
     NoExcitation,
-    /// The recording says nothing of a scenario.
+    /// The recording's configuration holds no scenario.
     #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
     NotInRecording,
 }

@@ -1,4 +1,4 @@
-//! How a structure is called in headers and figures.
+//! Names of structures in headers and figures, and the parameters that a scenario changes.
 
 use core::fmt;
 
@@ -6,15 +6,15 @@ use super::{ScenarioError, StructureKind, StructureSection};
 use resonarm_dynamics::structure::{Assembly, BodySpec};
 use resonarm_numeric::number::short;
 
-/// The most characters of a name: as many as stand in a figure's width beside the angles.
+/// Largest number of characters of a name: as many as fit a figure's width beside the angles.
 const MOST_CHARACTERS: usize = 60;
 
-/// A parameter that a scenario sets to another value than the structure has without it.
+/// A parameter to which a scenario gives another value than the structure's own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// The name of the parameter, as `link2.mass_kg`.
     pub name: String,
-    /// Its value.
+    /// Value in the scenario.
     pub value: f64,
     /// The value in the preset, if the structure is one that has it.
     pub preset: Option<f64>,
@@ -55,7 +55,7 @@ impl StructureSection {
             .collect()
     }
 
-    /// Checks that the name can be shown in a line.
+    /// Rejects a name that can't be shown in one line.
     pub(super) fn check_name(&self) -> Result<(), ScenarioError> {
         match &self.name {
             Some(name)

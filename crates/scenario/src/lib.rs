@@ -38,10 +38,10 @@ use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
 use resonarm_dynamics::integrate::Scheme;
 
-/// The most samples of a run that has an end: 31 years at 1 kHz.
+/// Largest number of samples of a run that has an end: 31 years at 1 kHz.
 pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
 
-/// Everything about a run.
+/// A complete description of a run, as one TOML file states it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scenario {
@@ -49,12 +49,12 @@ pub struct Scenario {
     pub structure: StructureSection,
     /// The simulation: rate, scheme, seed, length.
     pub simulation: SimulationSection,
-    /// The CAN network.
+    /// The CAN network: identifiers, profile, bit rates, timeouts, faults.
     pub network: NetworkSection,
-    /// The user's own protocol, in place of Resonarm's.
+    /// The user protocol that replaces Resonarm's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wire: Option<WireSection>,
-    /// The instruments.
+    /// The instruments and the exciter: ranges, noise, converter, faults.
     pub rig: RigSpec,
     /// What a recording holds.
     pub recording: RecordingSection,
@@ -64,7 +64,7 @@ pub struct Scenario {
     /// How the exciter controller closes a loop, in place of an excitation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlSpec>,
-    /// Beyond which limits the exciter controller gives up, whatever it does.
+    /// Limits at which the exciter's controller ends the run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
 }
@@ -90,13 +90,14 @@ impl Default for Scenario {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimulationSection {
-    /// Samples a second, whole Hz from 1 to 65535: the wire states it so. At least 100 in real time.
+    /// Sample rate, an integer from 1 to 65535 Hz, since the protocol states it so. At least 100 Hz in real
+    /// time.
     pub rate_hz: f64,
     /// Integration steps a sample, even, from 2 to [`MOST_STEPS_PER_SAMPLE`](plant::MOST_STEPS_PER_SAMPLE); without it
     /// [`Scheme::steps_per_sample`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps_per_sample: Option<u32>,
-    /// Integration scheme.
+    /// Integration scheme of the equations of motion.
     pub scheme: Scheme,
     /// Seed of all noise.
     #[serde(with = "resonarm_numeric::seed")]
@@ -115,12 +116,12 @@ impl Default for SimulationSection {
 }
 
 impl SimulationSection {
-    /// Integration steps a sample, stated or the scheme's own.
+    /// Returns the integration steps per sample, as given or the scheme's own.
     pub fn steps_per_sample(&self) -> u32 {
         self.steps_per_sample.unwrap_or(self.scheme.steps_per_sample())
     }
 
-    /// Integration steps a second, Hz.
+    /// Returns the integration step rate, Hz.
     pub fn step_rate_hz(&self) -> f64 {
         self.rate_hz * f64::from(self.steps_per_sample())
     }
@@ -130,18 +131,19 @@ impl SimulationSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingSection {
-    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, 0 none.
+    /// Decimation of the plotting topics: every how many samples they hold a message, at most 1000; 1 is every
+    /// sample, 0 none.
     pub plot_every_samples: u64,
 }
 
 impl Default for RecordingSection {
-    /// Every tenth sample.
+    /// Plots every tenth sample.
     fn default() -> RecordingSection {
         RecordingSection { plot_every_samples: 10 }
     }
 }
 
-/// What is wrong with readings of [`Scenario::reads_images`].
+/// Warning about readings of [`Scenario::reads_images`].
 pub const READS_IMAGES: &str = "rig.converter is `instant`: the head reads images of the shaker's held command as well, by \
     up to 10 % near a resonance; take a converter with a filter (`sinc5`)";
 
@@ -155,6 +157,8 @@ impl Scenario {
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
         let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
         let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
+        // Paths in a scenario count from its own folder, not from the working directory, so that a scenario can
+        // be moved together with its files.
         scenario.read_files(path.parent().unwrap_or(Path::new("")))?;
         Ok(scenario)
     }
@@ -163,6 +167,8 @@ impl Scenario {
     pub fn files(path: &Path) -> Vec<PathBuf> {
         let mut files = vec![path.to_path_buf()];
         let text = text_file::read(path).ok();
+        // A scenario that does not pass its checks still names files. Callers watch these files, and need them
+        // most while the user repairs one.
         let Some(scenario) = text.and_then(|text| Scenario::parse_unchecked(&text, "the scenario").ok()) else {
             return files;
         };
@@ -228,9 +234,9 @@ impl Scenario {
         Ok(Scenario { structure: scenario.structure.with_defaults(), ..scenario })
     }
 
-    /// Checks what no run can use, whatever its mode: the structure's name, the steps a sample, the timeouts, and the
-    /// excitation against its exciter's limits. What flags of the command line may still replace is checked where it is
-    /// used.
+    /// Checks everything that no run can use, whatever its mode: the structure's name, the steps per sample,
+    /// the timeouts, and the excitation against the exciter's limits. Values that command-line options may
+    /// still replace are checked where they are used.
     ///
     /// The limits that end a run are checked against the load and the instruments.
     ///
@@ -247,6 +253,8 @@ impl Scenario {
         match (&self.excitation, &self.control) {
             (Some(_), Some(_)) => Err(ScenarioError::TwoControllers),
             (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile),
+            // The controller answers each sample with a command. With two samples in a frame, the first one
+            // would be answered a sample late.
             (None, Some(_)) if self.network.samples_per_frame != 1 => Err(ScenarioError::Value {
                 name: "network.samples_per_frame",
                 got: self.network.samples_per_frame.into(),
@@ -263,11 +271,13 @@ impl Scenario {
     /// [`ScenarioError::Write`] if a value can't be written.
     pub fn to_toml(&self) -> Result<String, ScenarioError> {
         let mut whole = self.clone();
+        // The scheme's own number of steps may change in a later version. A recording states the number that
+        // was used.
         whole.simulation.steps_per_sample = Some(self.simulation.steps_per_sample());
         toml::to_string(&whole).map_err(|error| ScenarioError::Write { reason: error.to_string() })
     }
 
-    /// The structure under test as an assembly, with its initial state, and where the rig is on it.
+    /// Builds the structure under test as an assembly, with its initial state and the places of the rig.
     ///
     /// # Errors
     /// [`ScenarioError::Structure`] if the section makes none, or the rig does not fit it; of an FMU, and of a structure
@@ -276,19 +286,20 @@ impl Scenario {
         Ok(self.structure.tested(&self.rig)?)
     }
 
-    /// Leaves the structure to the program that runs the scenario, which calls it `name`, if the scenario states none.
+    /// Hands the structure over to the program that runs the scenario, under this name, unless the scenario
+    /// states one itself.
     pub fn leave_structure_to_program(&mut self, name: Option<String>) {
         if self.states_no_structure() {
             self.structure = StructureSection::own(name);
         }
     }
 
-    /// Whether the scenario leaves the section `[structure]` out, or all its values are the defaults.
+    /// Returns whether the section `[structure]` is left out or holds only defaults.
     fn states_no_structure(&self) -> bool {
         self.structure == Scenario::default().structure
     }
 
-    /// Everything that makes the plant but for its structure.
+    /// Returns the specification of the plant, without its structure.
     pub fn plant_spec(&self) -> PlantSpec {
         PlantSpec {
             scheme: self.simulation.scheme,
@@ -299,7 +310,7 @@ impl Scenario {
         }
     }
 
-    /// Everything that makes the plant of a structure that the program makes, but for this structure.
+    /// Returns the specification of the plant for a structure that the program itself makes.
     ///
     /// # Errors
     /// [`ScenarioError::Structure`] if the scenario has another structure, or the rig does not fit the program's.
@@ -310,7 +321,7 @@ impl Scenario {
         Ok(self.plant_spec())
     }
 
-    /// The plant at its start; an FMU is loaded.
+    /// Builds the plant at its start; an FMU is loaded.
     ///
     /// # Errors
     /// [`ScenarioError`] as [`Scenario::under_test`], [`ScenarioError::Plant`] if it is impossible, and
@@ -327,17 +338,20 @@ impl Scenario {
         self.structure.kind == StructureKind::Fmu
     }
 
-    /// The structure under test if its equations are somebody else's: a program makes it, or it is an FMU.
+    /// Returns the structure section if the equations are external: a program makes the structure, or it is an
+    /// FMU.
     pub fn foreign_structure(&self) -> Option<&StructureSection> {
         self.structure.kind.is_foreign().then_some(&self.structure)
     }
 
-    /// The sample rate as the wire states it.
+    /// Returns the sample rate as the protocol states it, an integer in hertz.
     ///
     /// # Errors
     /// [`ScenarioError::Rate`] if it is not a whole number of hertz from 1 to 65535.
     pub fn wire_rate_hz(&self) -> Result<u16, ScenarioError> {
         let got_hz = self.simulation.rate_hz;
+        // The cast saturates and truncates, so comparing back finds fractions, numbers beyond 65535, negative
+        // ones and NaN at once.
         let rate_hz = got_hz as u16;
         if f64::from(rate_hz) == got_hz && rate_hz > 0 { Ok(rate_hz) } else { Err(ScenarioError::Rate { got_hz }) }
     }
@@ -350,6 +364,7 @@ impl Scenario {
     pub fn duration_samples(&self) -> Result<Option<u64>, ScenarioError> {
         let samples = |duration_s| {
             let seconds = positive("simulation.duration_s", duration_s)?;
+            // Rounded up: the run covers the whole duration. libm keeps the result independent of the platform.
             let samples = libm::ceil(seconds * self.simulation.rate_hz);
             if samples <= MOST_SAMPLES as f64 {
                 Ok(samples as u64)
@@ -360,13 +375,13 @@ impl Scenario {
         self.simulation.duration_s.map(samples).transpose()
     }
 
-    /// Whether readings have images of the held command in them, at its own frequency: a shaker's force is not held,
-    /// and converters without a filter fold them there.
+    /// Returns whether readings contain images of the held command at its own frequency: a shaker's force is
+    /// not held, and converters without a filter alias the images there.
     pub fn reads_images(&self) -> bool {
         self.rig.shaker.is_some() && self.rig.converter == Converter::Instant
     }
 
-    /// How the instruments of the simulated plant sample.
+    /// Returns the sample rate and the converter of the simulated plant's instruments.
     pub fn sampling(&self) -> Sampling {
         Sampling { rate_hz: self.simulation.rate_hz, converter: self.rig.converter }
     }
@@ -380,7 +395,8 @@ impl Scenario {
         self.controller_reading(self.rig.converter)
     }
 
-    /// The same controller for a plant whose instruments have this converter, for which it corrects readings.
+    /// Returns the same controller for a plant whose instruments have this converter, whose effect on the
+    /// readings it corrects.
     ///
     /// # Errors
     /// As [`Scenario::controller`].
@@ -389,7 +405,7 @@ impl Scenario {
         Ok(self.limited(self.unlimited_controller(converter)?))
     }
 
-    /// The same controller with the limits, if the scenario has some.
+    /// Wraps a controller with the scenario's limits, if it states some.
     pub fn limited(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
         match self.limits {
             Some(limits) => Box::new(Limited::new(controller, limits, self.simulation.rate_hz)),
@@ -410,7 +426,7 @@ impl Scenario {
         }
     }
 
-    /// Amplitude and direction of the load of the control or of the excitation, if there is one.
+    /// Returns amplitude and direction of the load of the control or of the excitation, if there is one.
     pub fn amplitude(&self) -> Option<&Amplitude> {
         let control = self.control.as_ref().map(ControlSpec::amplitude);
         control.or(self.excitation.as_ref().map(|excitation| &excitation.amplitude))
@@ -427,17 +443,20 @@ impl Scenario {
         let amplitude = self.amplitude().ok_or(ScenarioError::NoExcitation)?;
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
         let load = amplitude.load();
+        // The direction is the load at unit size. An amplitude is either forces or torques, so the norm of both
+        // parts is that of the one that is there.
         let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
         let tested = self.under_test()?;
         if let Some((name, got)) = tested.idle_load(amplitude) {
             return Err(ScenarioError::IdleLoad { name, got });
         }
         let first_hz = tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz);
-        // Away from the resonance, where the structure would ring.
+        // The controller starts at 0.8 of the first natural frequency. At the resonance the structure would
+        // respond strongly before anyone has steered it.
         Ok(Steered::new(direction, limit, Sampling { converter, ..self.sampling() }, 0.8 * first_hz))
     }
 
-    /// What the exciter plays.
+    /// Returns the load that the exciter plays over time.
     ///
     /// # Errors
     /// [`ScenarioError::NoExcitation`] if the scenario has none, [`ScenarioError::Excitation`] if it can't be played,

@@ -1,4 +1,4 @@
-//! Checks the load asked for against what the exciter can produce and the wire can carry.
+//! Checks a load against what the exciter can produce and the protocol can state.
 
 use super::ScenarioError;
 use resonarm_bench::excitation::Amplitude;
@@ -6,8 +6,8 @@ use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
 use resonarm_protocol::Profile;
 use resonarm_protocol::scaling::{FORCE, Scale, TORQUE};
 
-/// Checks the peak of the load that a section asks for, exact and as the wire rounds it: a command beyond the limit
-/// would be refused sample by sample.
+/// Checks the peak of a section's load, exact and rounded as the protocol sends it. The plant would reject a
+/// command beyond the limit in every sample.
 pub(super) fn check(
     section: &str,
     amplitude: &Amplitude,
@@ -36,7 +36,8 @@ fn check_ideal(
     check_axis("joint2", amplitude.torque2_nm, torque)
 }
 
-/// A shaker takes forces along itself; its limit is that of the force's size, the wire's that of each axis.
+/// Checks a load for a shaker, which takes forces along its axis only. The exciter limits the size of the
+/// force, the protocol each of its components.
 fn check_shaker(
     section: &str,
     amplitude: &Amplitude,
@@ -65,6 +66,8 @@ fn check_axis(
     profile: Profile,
 ) -> Result<(), ScenarioError> {
     let name = || format!("{section}.amplitude.{key}");
+    // The rounded value is checked as well: half a count above the limit is enough for the plant to reject the
+    // command.
     let sent = match profile {
         Profile::Classic => {
             let counts = f64::from(scale.counts_per_unit());
@@ -91,7 +94,8 @@ fn check_axis(
     Ok(())
 }
 
-/// The largest load along `amplitude` that the exciter can produce and the wire can carry, N or N·m.
+/// Returns the largest load along `amplitude` that the exciter can produce and the protocol can state, N or
+/// N·m.
 pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter, profile: Profile) -> f64 {
     let (force_limit_n, torque_limit_nm) = exciter.limits();
     let (limit, scale) = if amplitude.is_torque() { (torque_limit_nm, TORQUE) } else { (force_limit_n, FORCE) };
@@ -99,7 +103,9 @@ pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter, profile: Profile
     let (size, peak) =
         (libm::hypot(load.force_n.norm(), load.torque_nm.norm()), load.force_n.amax().max(load.torque_nm.amax()));
     match exciter {
-        // Each axis has its own limit.
+        // An ideal exciter limits each axis by itself, so the largest component reaches the limit first and the
+        // size may be larger by the ratio size/peak. A shaker limits the size; only the range of the protocol
+        // is per axis.
         Exciter::Ideal(_) => limit.min(range) * size / peak,
         Exciter::Shaker(_) => limit.min(range * size / peak),
     }

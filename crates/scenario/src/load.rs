@@ -1,15 +1,15 @@
-//! The load of the network against the bit rate that a scenario names.
+//! Bus load of Resonarm's own protocol at the bit rate that a scenario states.
 
 use super::{NetworkSection, Scenario, ScenarioError};
 use resonarm_bus::timed;
 use resonarm_protocol::bits::{BitRates, Bits, Stuffing};
 use resonarm_protocol::load::{Stream, bits_per_second, share, streams};
 
-/// The range of ISO 11898-2: high-speed transceivers for arbitration, and those for FD.
+/// Bit rates of the arbitration phase, Hz: the range of high-speed transceivers (ISO 11898-2).
 const BIT_RATE_HZ: core::ops::RangeInclusive<u32> = 10_000..=1_000_000;
-/// Largest bit rate of the data phase of an FD frame.
+/// Largest bit rate of the data phase of a CAN FD frame, Hz.
 const DATA_BIT_RATE_MAX_HZ: u32 = 8_000_000;
-/// At one bit in a hundred two of three frames are destroyed.
+/// Largest bit error rate: at one wrong bit in a hundred, two of three frames are destroyed.
 const BIT_ERROR_RATE_MAX: f64 = 0.01;
 
 impl Scenario {
@@ -22,14 +22,14 @@ impl Scenario {
         let Some(spec) = self.bus_of_bit_rate()? else { return Ok(None) };
         let samples = self.network.samples_per_frame()?;
         let sent = |rate_hz| streams(self.network.profile, rate_hz, samples);
-        // What a user's own messages take is checked with their mapping.
+        // The messages of a user protocol are counted with their mapping, in `wire::load`.
         if self.wire.is_none() {
             check(sent, self.wire_rate_hz()?, spec.rates)?;
         }
         Ok(Some(spec))
     }
 
-    /// The bus of the bit rate that the scenario names, if it does, whatever its load.
+    /// Returns the bus at the stated bit rates, if any, without checking its load.
     pub(super) fn bus_of_bit_rate(&self) -> Result<Option<timed::Spec>, ScenarioError> {
         let rates = bit_rates(&self.network)?;
         let bit_error_rate = bit_error_rate(&self.network)?;
@@ -38,7 +38,7 @@ impl Scenario {
     }
 }
 
-/// The bit rates, if the scenario names them.
+/// Returns the bit rates, if the scenario states them.
 fn bit_rates(network: &NetworkSection) -> Result<Option<BitRates>, ScenarioError> {
     let refused = |name, got: u32, expected| Err(ScenarioError::Value { name, got: f64::from(got), expected });
     match (network.bit_rate_hz, network.data_bit_rate_hz) {
@@ -60,7 +60,7 @@ fn bit_rates(network: &NetworkSection) -> Result<Option<BitRates>, ScenarioError
     }
 }
 
-/// The probability that a bit is not what was sent.
+/// Returns the probability that a bit arrives inverted.
 fn bit_error_rate(network: &NetworkSection) -> Result<f64, ScenarioError> {
     let name = "network.bit_error_rate";
     match (network.bit_error_rate, network.bit_rate_hz) {
@@ -76,8 +76,9 @@ fn bit_error_rate(network: &NetworkSection) -> Result<f64, ScenarioError> {
     }
 }
 
-/// Refuses what can't all be sent with the most stuff bits: how many there are depends on the readings, and a bus that
-/// carries the most carries every sample. `sent` gives what is sent at a sample rate.
+/// Rejects a sample rate whose frames do not fit the bus with the largest possible number of stuff bits: how
+/// many there are depends on the readings, and a bus that carries the worst case carries every sample. `sent`
+/// returns the messages sent at a sample rate.
 ///
 /// The load is a + b · rate, with a of heartbeats and hellos: so the rate that fits is (1 − a)/b.
 fn check<S: Iterator<Item = Stream>>(
@@ -103,10 +104,12 @@ fn check<S: Iterator<Item = Stream>>(
     })
 }
 
-/// The bit rate that, raised alone, carries so many bits a second, if one within its range does: that of the data
-/// beside what arbitration leaves, else that of arbitration.
+/// Returns the one bit rate that, raised alone, would suffice, if one within its range does: that of the data
+/// phase next to what arbitration leaves, else that of arbitration.
 fn enough(per_second: Bits, rates: BitRates) -> Option<(&'static str, f64)> {
     let (nominal, data) = (per_second.nominal as f64, per_second.data as f64);
+    // Both phases share the time of one second: data/r_data + nominal/r_nominal ≤ 1, solved for the rate of one
+    // phase with the other fixed.
     let beside = |bits: f64, other: f64, other_hz: u32| {
         let left = 1.0 - other / f64::from(other_hz);
         if left > 0.0 { libm::ceil(bits / left) } else { f64::INFINITY }
@@ -116,6 +119,7 @@ fn enough(per_second: Bits, rates: BitRates) -> Option<(&'static str, f64)> {
         return Some(("network.data_bit_rate_hz", data_hz));
     }
     let nominal_hz = beside(nominal, data, rates.data_hz);
+    // A data phase slower than arbitration does not exist, so the nominal rate can't rise above the data rate.
     let most_hz = f64::from(if data > 0.0 { rates.data_hz } else { *BIT_RATE_HZ.end() }.min(*BIT_RATE_HZ.end()));
     (nominal_hz <= most_hz).then_some(("network.bit_rate_hz", nominal_hz))
 }

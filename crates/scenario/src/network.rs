@@ -8,7 +8,7 @@ use resonarm_bench::rig::Converter;
 use resonarm_bus::fault::{self, FaultSpec};
 use resonarm_protocol::{Network, Node, Profile, SamplesPerFrame, timing};
 
-/// The longest timeout, s.
+/// Longest timeout that a scenario may state, s.
 const TIMEOUT_MAX_S: f64 = 3600.0;
 
 /// The CAN network and its deadlines.
@@ -21,39 +21,40 @@ pub struct NetworkSection {
     pub plant_id: u8,
     /// Node id of the exciter, 1 to 127, another than the plant's.
     pub exciter_id: u8,
-    /// The frames of commands and samples.
+    /// Profile of the protocol, that is, whether commands and samples are classical or CAN FD frames.
     #[serde(with = "profile_name")]
     pub profile: Profile,
-    /// The most samples in a sensor frame of the FD profile, 1 or 2. Two are for logging, with an open loop.
+    /// Largest number of samples in a sensor frame of the FD profile, 1 or 2. Two are for logging in open loop.
     pub samples_per_frame: u8,
     /// Longest time without a valid command while armed, s; at least two samples, at most an hour.
     pub command_timeout_s: f64,
     /// Longest time without a sign of life of the partner while armed, s; at most an hour.
     pub partner_timeout_s: f64,
-    /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
+    /// How long each node waits for the other in lockstep, s of wall-clock time; at most an hour.
     pub lockstep_timeout_s: f64,
-    /// The converter of the instruments of the plant at the other end of the bus, for which an exciter on a bus corrects
-    /// the readings, and `import` those of a log. `None` corrects nothing: `rig.converter` is that of the simulated plant,
-    /// and says nothing of another.
+    /// Converter of the instruments of the plant at the other end of the bus. An exciter on a bus corrects the
+    /// readings for it, and `import` those of a log. `None` corrects nothing: `rig.converter` describes the
+    /// simulated plant and no other one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant_converter: Option<Converter>,
-    /// Bits a second of the bus, from 10000 to 1000000: what it can't carry is refused, and frames of a free run
-    /// take their time, as those of both nodes of one process in lockstep. `None` is a bus without limits.
+    /// Bit rate of the bus, 10000 to 1000000 Hz. Sample rates that exceed it are rejected, and frames take
+    /// their time in free runs and in lockstep with both nodes in one process. `None` is a bus without limits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bit_rate_hz: Option<u32>,
-    /// Bits a second of the data phase of FD frames, from `bit_rate_hz`, the default, to 8000000.
+    /// Bit rate of the data phase of FD frames, from `bit_rate_hz`, the default, to 8000000 Hz.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data_bit_rate_hz: Option<u32>,
     /// Free runs: probability that a bit on the bus is not what was sent, 0 to 0.01; needs `bit_rate_hz`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bit_error_rate: Option<f64>,
-    /// Faults of the ends of the bus at stated times, at most [`MOST_FAULTS`](resonarm_bus::fault::MOST_FAULTS).
+    /// Faults of the nodes on the bus at stated times, at most
+    /// [`MOST_FAULTS`](resonarm_bus::fault::MOST_FAULTS).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultSpec>,
 }
 
 impl Default for NetworkSection {
-    /// The protocol's specification.
+    /// The values that the protocol's specification recommends.
     fn default() -> NetworkSection {
         let network = Network::default();
         NetworkSection {
@@ -89,7 +90,7 @@ impl NetworkSection {
         })
     }
 
-    /// Refuses timeouts, faults and frames that no run can use.
+    /// Rejects timeouts, faults and frame settings that no run can use.
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
         self.samples_per_frame()?;
         timeout("network.command_timeout_s", self.command_timeout_s)?;
@@ -100,7 +101,8 @@ impl NetworkSection {
 }
 
 impl Scenario {
-    /// The converter of a plant that need not be the simulated one: what `network.plant_converter` states, else unknown.
+    /// Returns the converter of the plant on the bus, which need not be the simulated one:
+    /// `network.plant_converter`, else unknown.
     pub fn partner_converter(&self) -> Converter {
         self.network.plant_converter.unwrap_or(Converter::Unknown)
     }
@@ -114,7 +116,7 @@ impl Scenario {
         Ok(Network::new(base_id)?.with_node_ids(plant_id, exciter_id)?.with_profile(profile))
     }
 
-    /// The deadlines of a run in real time.
+    /// Returns the deadlines of a run in real time.
     ///
     /// # Errors
     /// [`ScenarioError::Rate`] and [`ScenarioError::RealTimeRate`] if the rate is none for real time,
@@ -127,6 +129,7 @@ impl Scenario {
         }
         let command_timeout_s = timeout("network.command_timeout_s", self.network.command_timeout_s)?;
         let samples = f64::from(self.network.samples_per_frame);
+        // A timeout of less than two sample periods would trip on the normal jitter of one late command.
         if command_timeout_s * self.simulation.rate_hz < 2.0 * samples {
             let expected = "at least two samples long (2 / simulation.rate_hz), or four with two samples a frame";
             return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
@@ -140,7 +143,7 @@ impl Scenario {
         })
     }
 
-    /// The deadlines of a run in lockstep.
+    /// Returns the deadlines of a run in lockstep.
     ///
     /// # Errors
     /// [`ScenarioError::Value`] if the timeout is not positive, or longer than an hour.
@@ -150,7 +153,7 @@ impl Scenario {
     }
 }
 
-/// A profile by its name.
+/// Serialises a profile by its name.
 mod profile_name {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
@@ -166,8 +169,9 @@ mod profile_name {
     }
 }
 
-/// A positive time up to an hour, s.
+/// Checks that a timeout is positive and at most an hour, s.
 fn timeout(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
+    // NaN fails both comparisons and is rejected with the rest.
     if got > 0.0 && got <= TIMEOUT_MAX_S {
         Ok(got)
     } else {

@@ -1,22 +1,24 @@
-//! A scenario's way into a recording and back.
+//! Stores a scenario in a recording and restores it.
 
 use super::{Scenario, ScenarioError};
 use crate::configuration::Configuration;
 use crate::structure::StructureKind;
 use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 
-/// The key of the scenario in a recording's configuration.
+/// Key of the scenario in a recording's configuration.
 const SCENARIO: &str = "scenario";
-/// The key of the DBC of the scenario's own protocol.
+/// Key of the DBC text of the user protocol in a recording's configuration.
 const DBC: &str = "wire_dbc";
 
 impl Scenario {
-    /// What a recording says about the run: the whole scenario, the run loop, the protocol.
+    /// Returns what a recording states about its run: the whole scenario, the run loop, the protocol.
     ///
     /// # Errors
     /// As [`Scenario::to_toml`].
     pub fn configuration(&self, run_loop: &str) -> Result<Configuration, ScenarioError> {
         let mut configuration = Configuration::new().with(SCENARIO, self.to_toml()?);
+        // The text of the DBC goes along, since the file may have changed or be gone when the recording is
+        // replayed.
         if let Some(text) = self.wire.as_ref().and_then(|wire| wire.text.clone()) {
             configuration = configuration.with(DBC, text);
         }
@@ -26,14 +28,16 @@ impl Scenario {
             .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(self.network.profile))))
     }
 
-    /// The scenario that a recording was made with. An FMU that it names is not loaded: a recording is data.
+    /// Restores the scenario that a recording was made with. An FMU that it names is not loaded: a recording is
+    /// data.
     ///
     /// # Errors
     /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read
     /// it.
     pub fn from_configuration(configuration: &Configuration) -> Result<Scenario, ScenarioError> {
         let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
-        // What was run is not judged again.
+        // Checks are skipped: the run has taken place, and a check that was added since must not make its
+        // recording unreadable.
         let mut scenario = Scenario::parse_unchecked(text, "the recording's scenario")?;
         if let Some(wire) = &mut scenario.wire {
             wire.text = configuration.get(DBC).map(str::to_string);

@@ -1,4 +1,4 @@
-//! What is wrong with a TOML text.
+//! Errors of TOML texts, with suggestions for unknown keys.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -7,26 +7,27 @@ use thiserror::Error;
 
 use crate::nearest::nearest;
 
-/// Why a TOML text is not what it should be.
+/// Reason why a TOML text can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{origin}: {message}{}", suggestion.as_ref().map_or(String::new(), |s| format!("\nDid you mean `{s}`?")))]
 pub struct TomlError {
-    /// Where the text is from.
+    /// Path or name of the text.
     pub origin: String,
-    /// What the TOML reader says, with the place.
+    /// Message of the TOML parser, with the position.
     pub message: String,
-    /// The known key or variant that is nearest to an unknown one.
+    /// Known key or variant closest to the unknown one.
     pub suggestion: Option<String>,
 }
 
 impl TomlError {
-    /// What the TOML reader says of a text from `origin`.
+    /// Converts an error of the TOML parser about a text from `origin`.
     pub fn new(origin: &str, error: &toml::de::Error) -> TomlError {
         let whole = error.to_string();
         let message = if whole.lines().all(|line| line.len() <= LONGEST_LINE) && whole.len() <= LONGEST {
             whole.trim_end().to_string()
         } else {
-            // Without the line of the text: a file may be a single one.
+            // The message quotes the line of the text. It is left out here, since the whole file may be a
+            // single line.
             let place = whole.lines().next().filter(|line| line.starts_with("TOML parse error at "));
             let place = place.map_or(String::new(), |place| format!("{place}\n"));
             place + &shortened(error.message())
@@ -35,11 +36,11 @@ impl TomlError {
     }
 }
 
-/// The longest line of a message, and the longest message, bytes.
+/// Longest line that a message may have, bytes; the next constant is the longest message.
 const LONGEST_LINE: usize = 300;
 const LONGEST: usize = 2000;
 
-/// The beginning of a text that is too long.
+/// Shortens a text to its beginning if it is too long.
 fn shortened(text: &str) -> String {
     match text.char_indices().nth(LONGEST_LINE) {
         Some((end, _)) => format!("{}…", &text[..end]),
@@ -47,13 +48,14 @@ fn shortened(text: &str) -> String {
     }
 }
 
-/// Reads serde's ``unknown field `x`, expected one of `a`, `b` `` and finds the name nearest to x.
+/// Finds the name closest to x in serde's message ``unknown field `x`, expected one of `a`, `b` ``.
 fn suggestion(message: &str) -> Option<String> {
     let (unknown, expected) = message.split_once(", expected ")?;
     let got = unknown.strip_prefix("unknown field ").or(unknown.strip_prefix("unknown variant "))?.trim_matches('`');
     if got.len() > LONGEST_LINE {
         return None;
     }
+    // Names stand between backquotes, so every second piece of the split is a name.
     let known = expected.split('`').skip(1).step_by(2);
     nearest(got, known)
 }

@@ -1,4 +1,4 @@
-//! What the attributes of a DBC mean.
+//! Meaning of the DBC attributes that affect frames: format, cycle time, and long names.
 
 use std::collections::HashMap;
 
@@ -7,20 +7,21 @@ use resonarm_protocol::FrameFormat;
 use super::Problem;
 use super::syntax::{AttributeOwner, AttributeValue, Statements};
 
-/// The words of `VFrameFormat` by their index, as the makers of the format list them.
+/// Values of `VFrameFormat` as the vendors of the format list them: the index and its word.
 const FORMATS: [(u64, &str); 5] =
     [(0, "StandardCAN"), (1, "ExtendedCAN"), (3, "J1939PG"), (14, "StandardCAN_FD"), (15, "ExtendedCAN_FD")];
 
-/// Most bytes of a classical frame.
+/// Largest payload of a classical CAN frame, bytes.
 const CLASSIC_MAX_BYTES: u64 = 8;
 
-/// The attributes of a file, to look up. Identifiers are those of the file, with bit 31 of those with 29 bits.
+/// Lookup tables of the attributes in a file. Message identifiers are those written in the file, with bit 31
+/// set for 29-bit identifiers.
 pub(super) struct Attributes<'a> {
     messages: HashMap<(u64, &'a str), &'a AttributeValue>,
     signals: HashMap<(u64, &'a str, &'a str), &'a AttributeValue>,
     nodes: HashMap<(&'a str, &'a str), &'a AttributeValue>,
     defaults: HashMap<&'a str, &'a AttributeValue>,
-    /// The words of those that are one of a list.
+    /// The words of enumerated attributes, by the name of the attribute.
     words: HashMap<&'a str, &'a [String]>,
 }
 
@@ -79,6 +80,8 @@ impl<'a> Attributes<'a> {
 
     /// The index of a `VFrameFormat`. Some files have a list of other words in another order: the word counts.
     fn format_index(&self, value: &AttributeValue) -> Option<u64> {
+        // The word is looked up before the index is compared: in a file with its own list, index 1 may well
+        // stand for another word than `ExtendedCAN`.
         let word = self.word(value, "VFrameFormat");
         let known = FORMATS.iter().find(|(index, name)| *name == word || index.to_string() == word);
         known.map(|(index, _)| *index)
@@ -95,23 +98,23 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// The long name of a message.
+    /// Returns the long name of a message, or its symbol if it has none.
     pub(super) fn message_name(&self, id: u64, symbol: &str) -> String {
         long(self.messages.get(&(id, "SystemMessageLongSymbol")), symbol)
     }
 
-    /// The long name of a signal.
+    /// Returns the long name of a signal, or its symbol if it has none.
     pub(super) fn signal_name(&self, id: u64, symbol: &str) -> String {
         long(self.signals.get(&(id, symbol, "SystemSignalLongSymbol")), symbol)
     }
 
-    /// The long name of a node.
+    /// Returns the long name of a node, or its symbol if it has none.
     pub(super) fn node_name(&self, symbol: &str) -> String {
         long(self.nodes.get(&(symbol, "SystemNodeLongSymbol")), symbol)
     }
 }
 
-/// A number as such, or as the text that some tools write.
+/// Returns an attribute as a number. Some tools write numbers in quotes.
 fn number(value: &AttributeValue) -> Option<f64> {
     match value {
         AttributeValue::Number(number) => Some(*number),

@@ -1,4 +1,4 @@
-//! From the parsed file to messages and signals that are checked.
+//! Builds checked messages and signals from the statements of a DBC.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use super::multiplexing::{self, Switches};
 use super::syntax::{MessageStatement, OfSignal, SignalStatement, Statements};
 use super::{Database, DbcError, Found, Message, Named, Problem, Signal};
 
-/// The largest 29-bit identifier, and the bit that marks one.
+/// Largest 29-bit identifier; the next constant is the bit by which a DBC marks one.
 const EXTENDED_MAX: u64 = 0x1FFF_FFFF;
 const EXTENDED: u64 = 1 << 31;
 
@@ -36,6 +36,8 @@ pub(super) fn database(text: &str, origin: &str) -> Result<Database, DbcError> {
         senders: statements.senders.iter().map(|(id, nodes)| (*id, nodes.as_slice())).collect(),
     };
     let mut messages: Vec<Named<Message>> = statements.messages.iter().map(|message| file.message(message)).collect();
+    // Twins come first: a message whose identifier is ambiguous has no value, and `restrict` then leaves it
+    // with that error.
     refuse_twins(&mut messages, &statements.messages);
     restrict_names(&mut messages);
     let mut nodes: Vec<String> = Vec::new();
@@ -51,14 +53,14 @@ pub(super) fn database(text: &str, origin: &str) -> Result<Database, DbcError> {
     Ok(Database { strays: strays(&statements), origin, nodes, messages })
 }
 
-/// What statements say, by the identifier as it is written, and the signal.
+/// Indexes statements by message, with the identifier as written, and by signal.
 fn by_signal<T>(statements: &[OfSignal<T>]) -> HashMap<Key<'_>, &T> {
     statements.iter().map(|of| ((of.message, of.signal.as_str()), &of.value)).collect()
 }
 
 type Key<'a> = (u64, &'a str);
 
-/// Statements about signals that aren't there.
+/// Finds statements about signals or messages that the file does not define.
 fn strays(statements: &Statements) -> Vec<Found> {
     fn of<'a, T>(
         keyword: &'static str,
@@ -86,7 +88,7 @@ fn strays(statements: &Statements) -> Vec<Found> {
     strays.collect()
 }
 
-/// What is known of the whole file.
+/// Everything in the file that messages and signals refer to.
 struct File<'a> {
     origin: Arc<str>,
     attributes: Attributes<'a>,
@@ -108,7 +110,7 @@ impl<'a> File<'a> {
         Named { name, symbol: symbol.clone(), line: *line, value, restriction }
     }
 
-    /// The message, and why it can only be read.
+    /// Returns the message, with the reason if it can be decoded but not used by its name.
     fn checked(&self, statement: &'a MessageStatement, name: &str) -> Result<(Message, Option<Problem>), Problem> {
         let id = match statement.id {
             id @ 0..=0x7FF => Id::Standard(id as u16),
@@ -116,6 +118,8 @@ impl<'a> File<'a> {
             got => return Err(Problem::Id { got }),
         };
         let (stated, unknown) = match self.attributes.format(statement.id, statement.bytes) {
+            // An unknown format is no reason to lose the message. It is read as a classical frame and marked,
+            // so that it can be decoded but not used by its name.
             Ok(format) => (format, None),
             Err(problem) => (FrameFormat::Classic, Some(problem)),
         };
@@ -163,6 +167,8 @@ impl<'a> File<'a> {
             let inexact = value.as_ref().ok().and_then(|of| of.wire.check_exact().err()).map(Problem::Value);
             signals.push(Named { name, symbol: signal.name.clone(), line: signal.line, value, restriction: inexact });
         }
+        // Overlaps need the presences of all signals, since signals selected by different values of a switch
+        // may share bits.
         restrict_overlaps(&mut signals, &layouts, &presences);
         restrict_names(&mut signals);
         signals
@@ -207,13 +213,15 @@ impl<'a> File<'a> {
     }
 }
 
-/// Signals that share bits, and may be in the same payload, can be read, and can't both be written.
+/// Marks signals that share bits in the same payload. They can be decoded, but writing one of them would change
+/// the other.
 fn restrict_overlaps(
     signals: &mut [Named<Signal>],
     layouts: &[Result<Layout, Problem>],
     presences: &[Result<Presence, Problem>],
 ) {
     let bits: Vec<_> = layouts.iter().map(|layout| layout.as_ref().ok().map(Layout::occupied)).collect();
+    // All pairs: a message has at most a few hundred signals, and `first_common` compares bit sets.
     for one in 0..signals.len() {
         for other in 0..one {
             let (Some(mine), Some(others)) = (&bits[one], &bits[other]) else { continue };
@@ -233,7 +241,8 @@ fn restrict_overlaps(
     }
 }
 
-/// Messages or signals of the same name can be read, and not be asked for by it.
+/// Marks messages or signals with the same name. They can be decoded, but the name does not identify one of
+/// them.
 fn restrict_names<T>(of: &mut [Named<T>]) {
     let mut lines: HashMap<String, (usize, usize)> = HashMap::new();
     for position in 0..of.len() {
@@ -248,7 +257,8 @@ fn restrict_names<T>(of: &mut [Named<T>]) {
     }
 }
 
-/// Messages with the same identifier are all wrong: what the file says of the identifier can be of either.
+/// Rejects all messages that share an identifier: attributes and further senders in the file could belong to
+/// either.
 fn refuse_twins(messages: &mut [Named<Message>], statements: &[MessageStatement]) {
     let mut first: HashMap<u64, usize> = HashMap::new();
     for (position, statement) in statements.iter().enumerate() {
@@ -273,7 +283,7 @@ fn restrict<T>(named: &mut Named<T>, problem: Problem) {
 }
 
 impl Message {
-    /// Whether frames of it are of CAN FD.
+    /// Returns whether the message is sent in CAN FD frames.
     pub const fn is_fd(&self) -> bool {
         matches!(self.format, FrameFormat::Fd { .. })
     }

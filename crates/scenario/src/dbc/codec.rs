@@ -1,4 +1,4 @@
-//! All signals of a message at once.
+//! Encodes and decodes all signals of a message at once.
 
 use resonarm_protocol::{Frame, FrameError};
 use resonarm_wire::signal::EncodeError;
@@ -6,53 +6,53 @@ use thiserror::Error;
 
 use super::{DbcError, Message, Signal};
 
-/// Why a message can't be made of these values.
+/// Reason why values can't be encoded as a message.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CodecError {
     /// A signal is not in the message, or can't be used.
     #[error(transparent)]
     Dbc(#[from] DbcError),
-    /// A value that the signal can't be.
+    /// The value lies outside what the signal can represent.
     #[error("signal {signal} of {message}: {source}")]
     Value {
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// The signal.
+        /// Name of the signal.
         signal: String,
-        /// Why.
+        /// Reason that the signal gives for rejecting the value.
         source: EncodeError,
     },
-    /// A signal that the message has with these switches has no value.
+    /// A signal that is present with these values of the switches has no value.
     #[error("message {message} has a signal {signal}, which has no value")]
     Missing {
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// The signal.
+        /// Name of the signal that needs a value.
         signal: String,
     },
-    /// A value for a signal that the message does not have with these switches.
+    /// A value is given for a signal that is absent with these values of the switches.
     #[error("message {message} has no signal {signal} with these switches, and it has a value")]
     NotSelected {
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// The signal.
+        /// Name of the signal that has a value and is absent.
         signal: String,
     },
-    /// Two values for one signal.
+    /// One signal has two values.
     #[error("signal {signal} of {message} has two values")]
     Twice {
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// The signal.
+        /// Name of the signal that is given twice.
         signal: String,
     },
-    /// The frame is impossible.
+    /// The payload can't be sent in a frame of this message.
     #[error("message {message}: {source}")]
     Frame {
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// Why.
+        /// Reason that the frame gives.
         source: FrameError,
     },
 }
@@ -81,6 +81,8 @@ impl<'a> Codec<'a> {
     pub fn encode(&self, values: &[(&str, f64)]) -> Result<Frame, CodecError> {
         let mut buffer = [0; resonarm_wire::PAYLOAD_MAX_BYTES];
         let payload = &mut buffer[..self.message.length];
+        // Values are written before they are checked for completeness, since which signals are present follows
+        // from the switches in the payload.
         self.encode_into(values, payload)?;
         let (message, payload) = (self.message.name(), &*payload);
         let given = self.resolve(values)?;
@@ -101,7 +103,8 @@ impl<'a> Codec<'a> {
             .map_err(|source| CodecError::Frame { message: message.to_string(), source })
     }
 
-    /// Writes these values into a payload, whatever its switches are, and leaves all other bits as they are.
+    /// Writes these values into a payload, even where its switches do not select the signal, and leaves all
+    /// other bits unchanged.
     ///
     /// # Errors
     /// [`CodecError`] if a value is beyond its signal or comes twice, or a signal has a problem; the payload may then
@@ -117,7 +120,7 @@ impl<'a> Codec<'a> {
         Ok(())
     }
 
-    /// The signals of these names, each at most once.
+    /// Looks up the signals by name and rejects a name that is given twice.
     fn resolve(&self, values: &[(&str, f64)]) -> Result<Vec<(&'a Signal, f64)>, CodecError> {
         let mut found: Vec<(&Signal, f64)> = Vec::new();
         for (name, value) in values {

@@ -1,4 +1,4 @@
-//! What is wrong with a DBC, or with what is asked of it.
+//! Errors of a DBC file and of requests for its messages and signals.
 
 use std::io;
 use std::path::PathBuf;
@@ -10,19 +10,19 @@ use resonarm_wire::multiplex::MultiplexError;
 use resonarm_wire::signal::SignalError;
 use thiserror::Error;
 
-/// Why a DBC, a message or a signal of it can't be used.
+/// Reason why a DBC file, or a message or signal of it, can't be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DbcError {
     /// The file can't be read.
     #[error("can't read the DBC {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the DBC file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The text is no DBC.
+    /// The text does not follow the grammar of a DBC.
     #[error("{origin}, line {line}, column {column}: expected {expected}, got {}", shown(.got))]
     Syntax {
         /// Where the text is from.
@@ -31,7 +31,7 @@ pub enum DbcError {
         line: usize,
         /// The character in the line, from 1 on.
         column: usize,
-        /// What belongs there.
+        /// Token that the grammar allows at this place.
         expected: &'static str,
         /// The text that is there; empty at the end of a line or of the file.
         got: String,
@@ -41,9 +41,9 @@ pub enum DbcError {
     NoMessage {
         /// Where the text is from.
         origin: Arc<str>,
-        /// The name.
+        /// Requested name of the message.
         name: String,
-        /// The nearest name that there is.
+        /// Existing name that is closest to the requested one.
         suggestion: Option<String>,
     },
     /// There is no such signal in the message.
@@ -53,46 +53,47 @@ pub enum DbcError {
         origin: Arc<str>,
         /// The line of the message, from 1 on.
         line: usize,
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// The name.
+        /// Requested name of the signal.
         name: String,
-        /// The nearest name that there is.
+        /// Existing name that is closest to the requested one.
         suggestion: Option<String>,
     },
-    /// The message is there, and can't be used.
+    /// The message exists, but it breaks a rule and can't be used.
     #[error("{origin}, line {line}: message {message}: {problem}")]
     Message {
         /// Where the text is from.
         origin: Arc<str>,
         /// The line of the message, from 1 on.
         line: usize,
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// What is wrong.
+        /// Rule that the message breaks.
         problem: Problem,
     },
-    /// The signal is there, and can't be used.
+    /// The signal exists, but it breaks a rule and can't be used.
     #[error("{origin}, line {line}: signal {signal} of {message}: {problem}")]
     Signal {
         /// Where the text is from.
         origin: Arc<str>,
         /// The line of the signal, from 1 on.
         line: usize,
-        /// The message.
+        /// Name of the message.
         message: String,
-        /// The signal.
+        /// Name of the signal.
         signal: String,
-        /// What is wrong.
+        /// Rule that the signal breaks.
         problem: Problem,
     },
 }
 
-/// What breaks the rules of DBC in a message or signal: an error if it is asked for by its name.
+/// Rule that a message or signal breaks. It is an error only for those who ask for just this message or signal
+/// by name.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// An identifier that is too large.
+    /// The identifier has more bits than CAN allows.
     #[error("identifier {got} does not fit {}", id_rule(*.got))]
     Id {
         /// The number in the file, with bit 31 of 29-bit identifiers.
@@ -101,7 +102,7 @@ pub enum Problem {
     /// Another message has the identifier.
     #[error("its identifier is also that of {other} in line {line}")]
     IdTwice {
-        /// The other message.
+        /// Name of the other message with the same identifier.
         other: String,
         /// Its line, from 1 on.
         line: usize,
@@ -112,39 +113,39 @@ pub enum Problem {
         /// The line of the other, from 1 on.
         line: usize,
     },
-    /// A length that its format doesn't have.
+    /// The payload length does not exist in this frame format.
     #[error("its length is {got} bytes: {}", length_rule(.format))]
     Length {
-        /// The length, bytes.
+        /// Payload length stated in the file, bytes.
         got: u64,
-        /// The format.
+        /// Frame format that does not have this length.
         format: FrameFormat,
     },
-    /// A format that isn't known.
+    /// The frame format is none of the known ones.
     #[error(
         "its VFrameFormat is {got}: StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) and ExtendedCAN_FD (15) are known"
     )]
     Format {
-        /// The attribute's value.
+        /// Value of the attribute `VFrameFormat` as written in the file.
         got: String,
     },
-    /// Bits that can't lie so.
+    /// The bits of the signal do not fit into the payload.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// A factor, an offset or a size that gives no value.
+    /// Factor, offset or width do not yield exact values.
     #[error(transparent)]
     Value(#[from] SignalError),
-    /// Its bits are also those of another signal.
+    /// The signal shares bits with another signal in the same payload.
     #[error("bit {bit} is also of {other}, in line {line}")]
     Overlap {
-        /// The other signal.
+        /// Name of the other signal.
         other: String,
         /// The line of it, from 1 on.
         line: usize,
         /// The first bit that both have.
         bit: u16,
     },
-    /// A floating-point type of another size than the signal's.
+    /// `SIG_VALTYPE_` states a floating-point type of another width than the signal's.
     #[error("SIG_VALTYPE_ says that it has {expected} bits, and it has {got}")]
     ValueTypeBits {
         /// The bits of the signal.
@@ -181,7 +182,7 @@ pub enum Problem {
     /// A switch that can't be used.
     #[error("its switch {switch} can't be used: {problem}")]
     Switch {
-        /// The switch.
+        /// Name of the switch signal.
         switch: String,
         /// What is wrong with it.
         problem: Box<Problem>,

@@ -11,16 +11,16 @@ pub(super) struct SyntaxError {
     pub line: usize,
     /// Its first character in the line, from 1 on.
     pub column: usize,
-    /// What belongs there.
+    /// Token that the parser expected.
     pub expected: &'static str,
     /// The text from there to the end of the line, at most [`SHOWN_CHARS`] characters.
     pub got: String,
 }
 
-/// Most characters of a text that are shown in an error.
+/// Largest number of characters of the source that an error shows.
 const SHOWN_CHARS: usize = 60;
 
-/// A place in a text, between two tokens.
+/// Position in the text, between two tokens.
 #[derive(Clone, Debug)]
 pub(super) struct Lexer<'a> {
     text: &'a str,
@@ -55,7 +55,7 @@ impl<'a> Lexer<'a> {
         &self.text[self.at..]
     }
 
-    /// Passes `bytes` bytes, which are a token, and the blanks behind it.
+    /// Consumes a token of `bytes` bytes and the blanks behind it.
     fn take(&mut self, bytes: usize) -> &'a str {
         let token = &self.rest()[..bytes];
         self.pass(bytes);
@@ -81,7 +81,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// The error that the next token is not what is expected.
+    /// Returns the error that the next token is not the expected one.
     pub fn error<T>(&self, expected: &'static str) -> Result<T, SyntaxError> {
         let before = &self.text[..self.at];
         let column = 1 + before[before.rfind('\n').map_or(0, |end| end + 1)..].chars().count();
@@ -96,7 +96,7 @@ impl<'a> Lexer<'a> {
         (end > 0).then(|| &rest[..end])
     }
 
-    /// A word.
+    /// Consumes a word and returns it.
     pub fn word(&mut self, expected: &'static str) -> Result<&'a str, SyntaxError> {
         match self.peek_word() {
             Some(word) => Ok(self.take(word.len())),
@@ -104,7 +104,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// Passes a character if it is next.
+    /// Consumes a character if it comes next, and returns whether it did.
     pub fn has(&mut self, symbol: char) -> bool {
         let is_next = self.next_char() == Some(symbol);
         if is_next {
@@ -167,6 +167,8 @@ impl<'a> Lexer<'a> {
         let Some(token) = self.peek_number() else { return self.error(expected) };
         let exact = token.parse::<i128>().ok();
         let integer = exact.or_else(|| {
+            // The exact parse comes first, since f64 skips integers beyond 2^53. The fallback is for integers
+            // written as `3.0` or `1E3`.
             let number = token.parse::<f64>().ok()?;
             (number.fract() == 0.0 && number.abs() < 1e18).then_some(number as i128)
         });
@@ -184,6 +186,7 @@ impl<'a> Lexer<'a> {
         let Some(inside) = self.rest().strip_prefix('"') else { return self.error(expected) };
         let mut last = ' ';
         for (at, c) in inside.char_indices() {
+            // A backslash escapes a quote, but never another backslash: only the preceding character counts.
             if c == '"' && last != '\\' {
                 let text = inside[..at].replace("\\\"", "\"");
                 self.take(at + 2);

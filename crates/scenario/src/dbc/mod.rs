@@ -1,4 +1,4 @@
-//! DBC files: messages and signals of a user's own network.
+//! Reads DBC files: the messages and signals of a user's own CAN network.
 //!
 //! A third of the public files break some rule of the format. What is wrong with a message or a signal is an error only
 //! if just that one is asked for; [`Database::problems`] lists it all. Some can still be read, as a payload has one value
@@ -36,42 +36,42 @@ pub use error::{DbcError, Problem};
 pub(crate) use syntax::NO_NODE;
 pub use text::decode;
 
-/// A DBC file.
+/// Contents of a DBC file: nodes, messages and signals, with the problems found in them.
 #[derive(Clone, Debug)]
 pub struct Database {
     origin: Arc<str>,
     nodes: Vec<String>,
     messages: Vec<Named<Message>>,
-    /// Problems of what isn't there.
+    /// Statements about messages or signals that the file does not define.
     strays: Vec<Found>,
 }
 
-/// A message, or why it can't be used.
+/// A message or signal with its names and line, or the reason why it can't be used.
 #[derive(Clone, Debug)]
 struct Named<T> {
     name: String,
-    /// The name in its BO_ or SG_, if that is another one.
+    /// Name in `BO_` or `SG_`, which differs from `name` if the file states a long name.
     symbol: String,
     line: usize,
     value: Result<T, Problem>,
-    /// Why it can be read, and not be asked for by its name.
+    /// Reason why it can be decoded, but not requested by name.
     restriction: Option<Problem>,
 }
 
 impl<T> Named<T> {
-    /// What is wrong with it.
+    /// Returns the rule that it breaks, if it breaks one.
     fn problem(&self) -> Option<&Problem> {
         self.value.as_ref().err().or(self.restriction.as_ref())
     }
 
-    /// It, if nothing is wrong with it.
+    /// Returns the value, or the problem that keeps it from being requested by name.
     fn usable(&self) -> Result<&T, &Problem> {
         let value = self.value.as_ref()?;
         self.restriction.as_ref().map_or(Ok(value), Err)
     }
 }
 
-/// A message of a DBC.
+/// A message of a DBC: identifier, frame format, length, and signals.
 #[derive(Clone, Debug)]
 pub struct Message {
     origin: Arc<str>,
@@ -85,7 +85,7 @@ pub struct Message {
     signals: Vec<Named<Signal>>,
 }
 
-/// A signal of a DBC.
+/// A signal of a DBC: bits, scaling, unit, and when it is present.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
     name: String,
@@ -98,21 +98,21 @@ pub struct Signal {
     receivers: Vec<String>,
 }
 
-/// A problem, and where it is.
+/// A problem and its place in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// The line of the message or signal, from 1 on.
     pub line: usize,
-    /// The message.
+    /// Name of the message; empty if the file has no message with the identifier.
     pub message: String,
-    /// The signal, if it is one of a signal.
+    /// Name of the signal, if the problem is about a signal.
     pub signal: Option<String>,
-    /// What is wrong.
+    /// Rule that the message or signal breaks.
     pub problem: Problem,
 }
 
 impl Database {
-    /// Reads a file.
+    /// Reads a DBC file.
     ///
     /// # Errors
     /// [`DbcError::Read`] if it can't be read or has more than 16 MiB; else as [`Database::parse`].
@@ -130,7 +130,7 @@ impl Database {
         build::database(&text::decode(text), origin)
     }
 
-    /// Where it is from.
+    /// Returns the path or name of the source, for messages.
     pub fn origin(&self) -> &str {
         &self.origin
     }
@@ -167,7 +167,7 @@ impl Database {
         self.messages().find(|message| message.id == id)
     }
 
-    /// All that is wrong, in the order of the file.
+    /// Returns all problems of the file, in the order of its lines.
     pub fn problems(&self) -> Vec<Found> {
         let mut found = self.strays.clone();
         for named in &self.messages {
@@ -199,7 +199,7 @@ impl Message {
         self.line
     }
 
-    /// Its identifier.
+    /// Identifier of the frame, of 11 or 29 bits.
     pub const fn id(&self) -> Id {
         self.id
     }
@@ -324,6 +324,7 @@ impl Signal {
             Number::Unsigned => layout.extract_u64(payload).map(i128::from),
             Number::Signed => layout.extract_i64(payload).map(i128::from),
             // The integers that every floating-point number of 64 bits near them can tell apart.
+            // Below 9e15, less than 2^53, every integer is a distinct f64.
             Number::Float => {
                 layout.extract_f64(payload).filter(|raw| raw.fract() == 0.0 && raw.abs() < 9e15).map(|raw| raw as i128)
             }
@@ -349,7 +350,7 @@ impl Signal {
     }
 }
 
-/// The one of this name, or else of this symbol.
+/// Finds an entry by its long name, or else by its symbol: a long name wins over the symbol of another entry.
 fn find<'a, T>(of: &'a [Named<T>], name: &str) -> Option<&'a Named<T>> {
     of.iter().find(|named| named.name == name).or_else(|| of.iter().find(|named| named.symbol == name))
 }

@@ -10,10 +10,11 @@ use resonarm_wire::multiplex::{Condition, Presence};
 use super::Problem;
 use super::syntax::{MessageStatement, SignalStatement, Statements};
 
-/// What the `SG_MUL_VAL_` of one message say, by the selected signal: its switch, and the values that select.
+/// `SG_MUL_VAL_` statements of one message: the selected signal, with its switch and the values of the switch
+/// that select it.
 pub(super) type Switches<'a> = HashMap<&'a str, (&'a str, Vec<RangeInclusive<u64>>)>;
 
-/// What the `SG_MUL_VAL_` of all messages say, by the identifier as it is written.
+/// Collects the `SG_MUL_VAL_` statements of all messages by identifier, as written.
 pub(super) fn switches(statements: &Statements) -> HashMap<u64, Switches<'_>> {
     let mut found: HashMap<u64, Switches<'_>> = HashMap::new();
     for of in &statements.switches {
@@ -37,6 +38,9 @@ pub(super) fn presences(
     switches: Option<&Switches<'_>>,
 ) -> Vec<Result<Presence, Problem>> {
     let selected: Vec<_> = message.signals.iter().map(|signal| selected_by(message, signal, switches)).collect();
+    // A switch may itself be selected by a switch. The loop climbs to the outermost one and collects a
+    // condition for every step. With n signals, more than n steps mean that the switches select each other in a
+    // circle.
     let chain = |start: usize| {
         let (mut at, mut conditions) = (start, Vec::new());
         while let Some((switch, values)) = selected[at].clone()? {
@@ -50,16 +54,18 @@ pub(super) fn presences(
             conditions.push(Condition::new(layout, values)?);
             at = switch;
         }
+        // Outermost switch first, as a payload is read: an inner switch means nothing before the outer one
+        // selects it.
         conditions.reverse();
         Ok(Presence::new(conditions))
     };
     (0..selected.len()).map(chain).collect()
 }
 
-/// The position of a switch, and its values that select.
+/// Position of a switch in its message, and its values that select a signal.
 type Selection = (usize, Vec<RangeInclusive<u64>>);
 
-/// What selects a signal; None if it is in every payload.
+/// Returns the switch and values that select a signal; `None` if it is in every payload.
 fn selected_by(
     message: &MessageStatement,
     signal: &SignalStatement,
@@ -73,6 +79,8 @@ fn selected_by(
     let Some(value) = signal.selected_by else {
         return Ok(None);
     };
+    // Without `SG_MUL_VAL_` the mark `m0` names a value but no switch. It is the one switch that is always
+    // present, if there is exactly one.
     let is_outermost = |other: &SignalStatement| other.is_switch && other.selected_by.is_none();
     let mut all = (0..).zip(&message.signals).filter(|(_, other)| is_outermost(other)).map(|(position, _)| position);
     match (all.next(), all.next()) {

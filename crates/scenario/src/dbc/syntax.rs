@@ -1,12 +1,12 @@
-//! The statements of a DBC, as they are written.
+//! Parses a DBC into its statements, as they are written.
 
 use std::ops::RangeInclusive;
 
 use super::lexer::{Lexer, SyntaxError};
 
-/// The name of the message that holds signals of no message.
+/// Name of the pseudo message by which tools keep signals that belong to no message.
 const NO_MESSAGE: &str = "VECTOR__INDEPENDENT_SIG_MSG";
-/// The name that stands for no node.
+/// Name by which a DBC says "no node".
 pub(crate) const NO_NODE: &str = "Vector__XXX";
 
 /// Every word that begins a statement, in the order of the format's description.
@@ -47,11 +47,11 @@ const KEYWORDS: [&str; 34] = [
     "BU_BO_REL_",
 ];
 
-/// The statements of a file that say something about frames, each kind in the order of the file.
+/// Statements of a file that concern frames, each kind in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Statements {
     pub nodes: Vec<String>,
-    /// Without that of the signals of no message.
+    /// Messages, without the pseudo message of unassigned signals.
     pub messages: Vec<MessageStatement>,
     /// Further nodes that send a message.
     pub senders: Vec<(u64, Vec<String>)>,
@@ -63,35 +63,35 @@ pub(super) struct Statements {
     pub switches: Vec<OfSignal<(String, Vec<RangeInclusive<u64>>)>>,
     /// Comments on signals, without their text.
     pub comments: Vec<OfSignal<()>>,
-    /// The words of attributes of messages that are one of a list.
+    /// Words of enumerated message attributes, by attribute.
     pub attribute_words: Vec<(String, Vec<String>)>,
     pub attribute_defaults: Vec<(String, AttributeValue)>,
     pub attributes: Vec<Attribute>,
 }
 
-/// `BO_` with its `SG_`.
+/// A message, `BO_`, with its signals, `SG_`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MessageStatement {
-    /// From 1 on.
+    /// Line in the file, from 1 on.
     pub line: usize,
-    /// With bit 31 of 29-bit identifiers.
+    /// Identifier with bit 31 set if it has 29 bits.
     pub id: u64,
     pub name: String,
     pub bytes: u64,
-    /// None for `Vector__XXX`.
+    /// Node that sends the message; `None` for `Vector__XXX`.
     pub sender: Option<String>,
     pub signals: Vec<SignalStatement>,
 }
 
-/// `SG_`.
+/// A signal statement, `SG_`, with the fields as written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SignalStatement {
-    /// From 1 on.
+    /// Line in the file, from 1 on.
     pub line: usize,
     pub name: String,
-    /// Marked `M`.
+    /// Whether the signal is marked `M`, as a switch.
     pub is_switch: bool,
-    /// The value of the switch, marked `m`.
+    /// Value of the switch that selects the signal, from the mark `m`.
     pub selected_by: Option<u64>,
     pub start_bit: u64,
     pub bits: u64,
@@ -101,16 +101,16 @@ pub(super) struct SignalStatement {
     pub offset: f64,
     pub limits: [f64; 2],
     pub unit: String,
-    /// Without `Vector__XXX`.
+    /// Nodes that receive the signal, without `Vector__XXX`.
     pub receivers: Vec<String>,
 }
 
-/// What a statement says about a signal.
+/// A statement about a signal: its place, the signal, and the stated value.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OfSignal<T> {
-    /// From 1 on.
+    /// Line in the file, from 1 on.
     pub line: usize,
-    /// With bit 31 of 29-bit identifiers.
+    /// Identifier with bit 31 set if it has 29 bits.
     pub message: u64,
     pub signal: String,
     pub value: T,
@@ -124,7 +124,7 @@ pub(super) struct Attribute {
     pub value: AttributeValue,
 }
 
-/// What has an attribute.
+/// Object that an attribute belongs to.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum AttributeOwner {
     Node(String),
@@ -134,7 +134,7 @@ pub(super) enum AttributeOwner {
     Other,
 }
 
-/// The value of an attribute.
+/// Value of an attribute, a number or a text.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum AttributeValue {
     Number(f64),
@@ -161,7 +161,7 @@ impl Statements {
 struct Parser<'a> {
     lexer: Lexer<'a>,
     found: Statements,
-    /// The message of the signals of no message, once the last `BO_` is that.
+    /// The pseudo message of unassigned signals while the parser is inside it.
     lost: Option<MessageStatement>,
 }
 
@@ -181,6 +181,7 @@ impl<'a> Parser<'a> {
             "BO_" => self.message(start.line())?,
             "SG_" => {
                 let signal = self.signal(start.line())?;
+                // Signals of the pseudo message are collected apart and dropped with it.
                 match self.lost.as_mut().or(self.found.messages.last_mut()) {
                     Some(message) => message.signals.push(signal),
                     None => return start.error("a message, BO_, before its signals"),
@@ -210,6 +211,9 @@ impl<'a> Parser<'a> {
     fn new_symbols(&mut self) -> Result<(), SyntaxError> {
         self.lexer.symbol(':', "`:`")?;
         loop {
+            // The list of `NS_` has no end mark, and its keywords are those that begin statements. A keyword
+            // followed by another word is a list entry; one followed by `:`, a quote or a number begins a
+            // statement.
             let mut ahead = self.lexer.clone();
             let Ok(_) = ahead.word("a keyword") else { return Ok(()) };
             let is_listed =
@@ -491,7 +495,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// Whether a mark says that a signal is a switch, and the value of the switch that selects it.
+/// Parses a multiplexing mark: whether the signal is a switch, and the value of the switch that selects it.
 fn multiplexing(mark: &str) -> Option<(bool, Option<u64>)> {
     let (selected_by, is_switch) = match mark.strip_suffix('M') {
         Some(selected_by) => (selected_by, true),

@@ -1,4 +1,4 @@
-//! The encoding of the text of a DBC.
+//! Character encoding of DBC files.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,8 @@ const FROM_0X80: [char; 32] = [
     '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9D}', 'ž', 'Ÿ',
 ];
 
-/// The text: UTF-8, with or without a byte order mark, or else code page 1252.
+/// Decodes the text as UTF-8, with or without a byte order mark, or else as Windows code page 1252, which many
+/// tools write.
 pub fn decode(bytes: &[u8]) -> Cow<'_, str> {
     match str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text.strip_prefix('\u{FEFF}').unwrap_or(text)),

@@ -1,4 +1,4 @@
-//! Elements of a structure as a scenario states them.
+//! Nonlinear and linear point elements of a structure, as a scenario states them.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::StructureSectionError;
 use crate::nearest::nearest;
 use resonarm_dynamics::structure::{Axis, ElementSpec, Law, Place, Side};
 
-/// What an element is.
+/// Law of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ElementKind {
@@ -18,18 +18,18 @@ pub enum ElementKind {
     Gap,
     /// A contact on one side: of Kelvin and Voigt, or, with `dissipation_s_m`, of Hunt and Crossley.
     Contact,
-    /// Elastic Coulomb friction.
+    /// Elastic Coulomb friction (Jenkins element): a spring in series with a slider.
     Friction,
     /// Friction of the LuGre model.
     Lugre,
     /// A spring, a damper, or both.
     Linear,
-    /// Coulomb friction, smoothed.
+    /// Coulomb friction smoothed by a hyperbolic tangent of the velocity.
     Tanh,
 }
 
 impl ElementKind {
-    /// Its name in a scenario.
+    /// Returns the name of the law in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
             ElementKind::Cubic => "cubic",
@@ -47,7 +47,7 @@ impl ElementKind {
 /// joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ElementSection {
-    /// What it is.
+    /// Law of the element.
     pub kind: ElementKind,
     /// Point and axis that it acts at against the ground, such as `tip.x`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,12 +61,12 @@ pub struct ElementSection {
     /// Which way along its axis a contact is; positive without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<Side>,
-    /// Its values.
+    /// Parameters of the law, by keys that end in their unit.
     #[serde(flatten)]
     pub values: BTreeMap<String, f64>,
 }
 
-/// The unit of a value: at an axis, and at a joint.
+/// Suffix of a key by its unit: for an element along an axis, and for one at a joint.
 #[derive(Clone, Copy)]
 struct Unit(&'static str, &'static str);
 
@@ -80,7 +80,7 @@ const FORCE: Unit = Unit("n", "nm");
 const HERTZ: Unit = Unit("n_m1_5", "nm_rad1_5");
 const DISSIPATION: Unit = Unit("s_m", "s_rad");
 
-/// Takes the values of an element one by one.
+/// Reads the parameters of an element one by one and remembers which keys the law knows.
 struct Values<'a> {
     number: usize,
     is_joint: bool,
@@ -106,6 +106,8 @@ impl Values<'_> {
             return Ok(*value);
         }
         let (element, is_joint) = (self.number, self.is_joint);
+        // A value in the unit of the other kind of place is the usual mistake. The error then names the key to
+        // use, not only the missing one.
         let got = format!("{name}_{}", if is_joint { unit.0 } else { unit.1 });
         Err(if self.given.contains_key(&got) {
             StructureSectionError::ElementUnit { element, got, key, is_joint }
@@ -114,7 +116,7 @@ impl Values<'_> {
         })
     }
 
-    /// Refuses keys that nothing has asked for.
+    /// Rejects keys that the law does not know.
     fn finish(self) -> Result<(), StructureSectionError> {
         let Some(key) = self.given.keys().find(|key| !self.known.contains(key)) else { return Ok(()) };
         let stem = |key: &str| key.split('_').next().unwrap_or_default().to_owned();
@@ -127,7 +129,7 @@ impl Values<'_> {
 }
 
 impl ElementSection {
-    /// Where it is, in words: `at tip.x`, `at joint 2`, `between tip.x and mid.x`.
+    /// Returns the place in words: `at tip.x`, `at joint 2`, `between tip.x and mid.x`.
     pub fn place(&self) -> String {
         match (&self.at, self.joint, &self.between) {
             (Some(at), _, _) => format!("at {at}"),
@@ -137,11 +139,12 @@ impl ElementSection {
         }
     }
 
-    /// The element; `number` counts from 1.
+    /// Converts the section to the element of the dynamics; `number` counts from 1.
     pub(super) fn spec(&self, number: usize) -> Result<ElementSpec, StructureSectionError> {
         let (at, to) = self.ends(number)?;
         let is_joint = matches!(at, Place::Joint(_));
         let mut values = Values { number, is_joint, given: &self.values, known: Vec::new() };
+        // The law comes first: it asks for its keys and so tells `finish` which ones are known.
         let law = self.law(&mut values)?;
         values.finish()?;
         match (self.side, &law) {
@@ -169,6 +172,8 @@ impl ElementSection {
             ElementKind::Gap => {
                 Law::Gap { stiffness: values.required("stiffness", STIFFNESS)?, gap: values.required("gap", LENGTH)? }
             }
+            // The presence of `dissipation` chooses the model, since a Hunt–Crossley stiffness has another unit
+            // (N/m^1.5) than a Kelvin–Voigt one.
             ElementKind::Contact => match values.optional("dissipation", DISSIPATION) {
                 Some(damping) => Law::HuntCrossley {
                     stiffness: values.required("stiffness", HERTZ)?,
@@ -201,7 +206,8 @@ impl ElementSection {
             ElementKind::Linear => {
                 let [stiffness, damping] =
                     [("stiffness", STIFFNESS), ("damping", DAMPING)].map(|(name, unit)| values.optional(name, unit));
-                // Neither is needed where the other is; a value in the wrong unit is what `finish` refuses.
+                // Either value may be missing, but not both. An element with a value in the wrong unit is not
+                // empty and gets the error of `finish`, which names the right key.
                 if self.values.is_empty() {
                     values.required("stiffness", STIFFNESS)?;
                 }
@@ -212,13 +218,13 @@ impl ElementSection {
     }
 }
 
-/// `slip_force_n` or `slip_torque_nm`.
+/// Reads `slip_force_n` along an axis, or `slip_torque_nm` at a joint.
 fn slip(values: &mut Values<'_>) -> Result<f64, StructureSectionError> {
     let name = if values.is_joint { "slip_torque" } else { "slip_force" };
     values.required(name, FORCE)
 }
 
-/// The place that a text names: `tip.x`, or, in a chain, `joint2`.
+/// Parses a place: `tip.x`, or, in a chain, `joint2`.
 pub(super) fn place(text: &str) -> Result<Place, StructureSectionError> {
     let unknown = || StructureSectionError::Place { got: text.to_owned() };
     match text.split_once('.') {

@@ -1,4 +1,4 @@
-//! What is wrong with a structure of a scenario.
+//! Errors of a scenario's section `[structure]`.
 
 use std::path::PathBuf;
 
@@ -12,67 +12,67 @@ use resonarm_bench::plant::ShakerAcross;
 use resonarm_dynamics::structure::StructureError;
 use resonarm_numeric::number::short;
 
-/// Why the section `[structure]` of a scenario, or a file that it names, makes no structure.
+/// Reason why the section `[structure]`, or a file that it names, makes no structure.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StructureSectionError {
-    /// It is no structure.
+    /// The dynamics reject the structure.
     #[error("structure: {0}")]
     Structure(#[from] StructureError),
-    /// A key that is needed is missing.
+    /// A required key is missing.
     #[error("structure: {missing} missing: {fix}")]
     Missing {
-        /// The key, with `is` or `are`.
+        /// Missing key, with the verb `is` or `are`.
         missing: &'static str,
         /// How to fix it.
         fix: &'static str,
     },
-    /// A structure that a program makes is asked for where there is no such program.
+    /// The structure comes from the program that runs the scenario, and no such program is running it.
     #[error(
         "structure: `kind` is own: the program that runs the scenario makes the structure, as resonarm.run(…, structure=…) \
          in Python; the scenario alone has none"
     )]
     Own,
-    /// A program's own structure in place of one that the scenario has.
+    /// The program supplies a structure, and the scenario states another one.
     #[error(
         "structure: `kind` is {kind}, and the program has a structure of its own: leave [structure] out, or make `kind` own"
     )]
     NotOwn {
-        /// The kind.
+        /// Kind of structure that the scenario states.
         kind: &'static str,
     },
-    /// A key that means nothing for the kind of structure.
+    /// The key has no meaning for this kind of structure.
     #[error("structure: `{key}` says nothing about a structure of kind `{kind}`: leave it out")]
     Idle {
-        /// The key.
+        /// Key that has no meaning there.
         key: &'static str,
-        /// The kind.
+        /// Kind of the structure.
         kind: &'static str,
     },
-    /// A key of a kind of structure beside a preset.
+    /// A preset is combined with another kind of structure.
     #[error("structure: `preset` is {preset}, a structure of its own, and `kind` is {kind}: leave one of them out")]
     PresetKind {
-        /// The preset.
+        /// Name of the preset.
         preset: String,
-        /// The kind.
+        /// Kind of structure that is stated beside it.
         kind: &'static str,
     },
-    /// Links beside a preset.
+    /// Links or modes are given, but the kind that uses them is not.
     #[error("structure: `{key}` is given, and not the kind of structure: add `kind = \"{kind}\"`")]
     KindMissing {
-        /// The key.
+        /// Key that is given.
         key: &'static str,
-        /// The kind that has it.
+        /// Kind of structure that has the key.
         kind: &'static str,
     },
-    /// Angles for another number of links.
+    /// The number of angles differs from the number of links.
     #[error("structure.angles_deg has {got} numbers: give {expected}, one for each link of {preset}")]
     Angles {
-        /// How many were given.
+        /// Number of angles that were given.
         got: usize,
-        /// How many links there are.
+        /// Number of links of the preset.
         expected: usize,
-        /// The preset.
+        /// Name of the preset.
         preset: String,
     },
     /// A parameter of `set` is unknown.
@@ -80,20 +80,20 @@ pub enum StructureSectionError {
     Set {
         /// The name of the parameter.
         name: String,
-        /// The value.
+        /// Value that was given.
         value: f64,
-        /// What is wrong with it.
+        /// Reason why it is rejected.
         source: StructureError,
     },
-    /// An element lacks a key.
+    /// A required key of an element is missing.
     #[error("structure.elements, number {element}: `{key}` is missing")]
     ElementKeyMissing {
         /// The number of the element, from 1.
         element: usize,
-        /// The key.
+        /// Key that is missing.
         key: String,
     },
-    /// An element has the key of the other kind of place.
+    /// The key of an element has the unit of the other kind of place, axis or joint.
     #[error(
         "structure.elements, number {element}: `{got}` has the unit of {}, and the element is {}: give `{key}`",
         if *.is_joint { "an axis" } else { "a joint" }, if *.is_joint { "at a joint" } else { "at an axis" }
@@ -101,14 +101,14 @@ pub enum StructureSectionError {
     ElementUnit {
         /// The number of the element, from 1.
         element: usize,
-        /// The key that is given.
+        /// Key that was given.
         got: String,
-        /// The key that it needs.
+        /// Key that the element needs.
         key: String,
         /// Whether the element is at a joint.
         is_joint: bool,
     },
-    /// An element has a key that it doesn't know.
+    /// A key is unknown for the law of the element.
     #[error(
         "structure.elements, number {element}: there is no `{key}` here{}: the keys are {known}",
         nearest.as_ref().map(|nearest| format!(", did you mean `{nearest}`?")).unwrap_or_default()
@@ -116,67 +116,67 @@ pub enum StructureSectionError {
     ElementKeyUnknown {
         /// The number of the element, from 1.
         element: usize,
-        /// The key.
+        /// Key that is unknown.
         key: String,
-        /// The nearest known key.
+        /// Known key closest to it.
         nearest: Option<String>,
-        /// The known keys.
+        /// All known keys, separated by commas.
         known: String,
     },
-    /// An element with no place, or several.
+    /// The element has no place, or several.
     #[error("structure.elements, number {element}: give one of `at`, `joint` and `between`")]
     ElementPlace {
         /// The number of the element, from 1.
         element: usize,
     },
-    /// An element without sides has one.
+    /// `side` is given for an element that is not a contact.
     #[error("structure.elements, number {element}: `side` is of contacts alone: leave it out")]
     SideIdle {
         /// The number of the element, from 1.
         element: usize,
     },
-    /// A text that names no place.
+    /// The text does not name a place.
     #[error("structure: `{got}` names no place: write point and axis, as in \"tip.x\"")]
     Place {
-        /// The text.
+        /// Text that was given.
         got: String,
     },
-    /// A mode without the displacement of a point that another mode has.
+    /// A mode lacks the displacement of a point that another mode has.
     #[error(
         "structure.modes, number {mode}: `{table}` lacks `{place}`: give it in every mode, 0 where it does not move"
     )]
     ShapeMissing {
-        /// `shape` or `participation`.
+        /// Table of the mode, `shape` or `participation`.
         table: &'static str,
         /// The number of the mode, from 1.
         mode: usize,
-        /// Point and axis.
+        /// Point and axis, such as `tip.x`.
         place: String,
     },
-    /// A shape of the base, or a participation factor of another point.
+    /// A shape names the base, or a participation factor names another point.
     #[error(
         "structure: `{got}`: `base` is what the structure stands on: its motion excites the modes by the key `participation`, as \
          \"base.z\" = 1.2, √kg, and no point of a shape is called so"
     )]
     Base {
-        /// Point and axis.
+        /// Point and axis, such as `base.z`.
         got: String,
     },
-    /// A line through a point that has no place.
+    /// A line passes through a point without a position.
     #[error(
         "structure.lines: nothing says where `{name}` is: give its place in [structure.points]{}",
         if known.is_empty() { String::new() } else { format!("; there are {known}") }
     )]
     Line {
-        /// The point.
+        /// Name of the point.
         name: String,
-        /// The points that have places.
+        /// Names of the points that have positions.
         known: String,
     },
-    /// The initial state has another length.
+    /// The initial state has the wrong length.
     #[error("structure.initial has {got} numbers: give {expected}, the coordinates and their rates")]
     Initial {
-        /// How many were given.
+        /// Length that was given.
         got: usize,
         /// Twice the number of coordinates.
         expected: usize,
@@ -184,139 +184,139 @@ pub enum StructureSectionError {
     /// A file can't be read.
     #[error("can't read {}: {reason}; paths count from the scenario's folder", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The kind of the refusal.
+        /// Kind of the operating system's error.
         kind: std::io::ErrorKind,
-        /// Why.
+        /// Message of the operating system.
         reason: String,
     },
-    /// A file has not what is needed.
+    /// A file can be read, but its contents make no structure.
     #[error("{}: {fault}", path.display())]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the contents.
         fault: Box<StructureFileError>,
     },
-    /// The files that it names have not been read.
+    /// The files that the section names have not been read.
     #[error(
         "structure: `{key}` names a file that has not been read: read the scenario from its file, or give `{makes}`"
     )]
     NotRead {
-        /// The key that names it.
+        /// Key that names the file.
         key: &'static str,
-        /// The key of what it makes.
+        /// Key that the contents of the file would fill.
         makes: &'static str,
     },
-    /// Two sources of one structure.
+    /// The section names two sources for one structure.
     #[error("structure: give `file` or `matrices`, not both: modes come from one of them")]
     TwoSources,
-    /// A key of structures from another source.
+    /// The key belongs to structures from another source.
     #[error("structure: `{key}` is of {of}: leave it out")]
     OfSource {
-        /// The key.
+        /// Key that does not apply.
         key: &'static str,
-        /// What has it.
+        /// Structures that have the key, in words.
         of: &'static str,
     },
-    /// How many modes to keep is impossible, or has to be stated.
+    /// The number of modes to keep is out of range, or must be stated.
     #[error(
         "structure.matrices: `modes` is {}: the matrices have {rows} rows, and 1 to {most} of the lowest modes are kept",
         got.map_or(String::from("missing"), |got| got.to_string())
     )]
     Kept {
-        /// What was given.
+        /// Number that was given.
         got: Option<usize>,
-        /// The rows of the matrices.
+        /// Number of rows of the matrices.
         rows: usize,
-        /// The most that are kept.
+        /// Largest number of modes that can be kept.
         most: usize,
     },
-    /// A row that the matrices don't have.
+    /// The row lies beyond the matrices.
     #[error("structure: `{name}` is row {got}: the matrices have rows 0 to {}", rows - 1)]
     Row {
-        /// The degree of freedom.
+        /// Name of the degree of freedom.
         name: String,
-        /// The row.
+        /// Row that was given, from 0.
         got: usize,
-        /// How many there are.
+        /// Number of rows of the matrices.
         rows: usize,
     },
-    /// Head and sensors have more channels than a rig.
+    /// Impedance head and sensors together have more channels than a rig supports.
     #[error(
         "[rig.sensors]: head and sensors have {got} channels: a rig has at most {MOST_CHANNELS}; leave some out, or read single axes (\"tip.z\")"
     )]
     TooManyChannels {
-        /// Their number.
+        /// Number of channels of head and sensors together.
         got: usize,
     },
-    /// Where an instrument or the exciter is can't be found.
+    /// The place of an instrument or of the exciter is not on the structure.
     #[error("rig.{instrument}: `at` {reason}")]
     Rig {
-        /// The instrument.
+        /// Name of the instrument.
         instrument: String,
-        /// Why.
+        /// Reason, as the end of a sentence that begins with the key.
         reason: String,
     },
-    /// A shaker that pushes where the structure does not move.
+    /// The shaker pushes in a direction in which the structure can't move.
     #[error(transparent)]
     Shaker(#[from] ShakerAcross),
-    /// A shaker on a structure that the program makes, or on an FMU.
+    /// A shaker is combined with a structure of the program or an FMU.
     #[error(
         "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure {what} \
          is driven by the ideal exciter of `rig.exciter`"
     )]
     OwnShaker {
-        /// Whose structure it is.
+        /// Origin of the structure, in words.
         what: &'static str,
     },
-    /// An FMU where equations are needed.
+    /// The command needs equations, and an FMU shows none.
     #[error(
         "structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are \
          computed of equations, which it does not show"
     )]
     OfFmu,
-    /// An FMU in real time.
+    /// An FMU can't run in real time, since nothing bounds the time of its steps.
     #[error(
         "structure: `kind` is fmu: an FMU is somebody's program, and nothing bounds the time of its steps: take the mode free or lockstep"
     )]
     FmuInRealTime,
-    /// The FMU can't be the structure.
+    /// The FMU can't be the structure under test.
     #[error("{}: {fault}", path.display())]
     Fmu {
-        /// The FMU.
+        /// Path of the FMU.
         path: PathBuf,
-        /// Why.
+        /// Reason that the import gives.
         fault: Box<ImportError>,
     },
-    /// The FMU of a recording, which is data: loading it would run code.
+    /// The scenario is from a recording, and its FMU has not been allowed: loading it would run code.
     #[error(
         "the recording was made with the FMU {}, {}: nothing that a recording names is loaded, since an FMU is code that runs \
          with your rights; if you trust it, name its file by --fmu FILE (in Python fmu=FILE), whose SHA-256 is compared",
         path.display(), of_hash(sha256)
     )]
     FmuNotAllowed {
-        /// The FMU that the recording names.
+        /// Path of the FMU that the recording names.
         path: PathBuf,
-        /// The SHA-256 that it notes, if it does.
+        /// SHA-256 that the recording states, if it does.
         sha256: Option<String>,
     },
-    /// Another file than the one that is noted.
+    /// The file is another FMU than the one whose hash is stated.
     #[error(
         "{}: its SHA-256 is {got}, and structure.sha256 is {expected}: it is another FMU than the one that was meant or recorded", path.display()
     )]
     FmuHash {
-        /// The FMU.
+        /// Path of the FMU.
         path: PathBuf,
-        /// Its hash.
+        /// SHA-256 of the file.
         got: String,
-        /// The one that is noted.
+        /// SHA-256 that the scenario states.
         expected: String,
     },
 }
 
-/// The SHA-256 of an FMU, for a message.
+/// Words an FMU's SHA-256 for a message.
 fn of_hash(sha256: &Option<String>) -> String {
     sha256.as_ref().map_or(String::from("whose SHA-256 it does not state"), |sha256| format!("SHA-256 {sha256}"))
 }

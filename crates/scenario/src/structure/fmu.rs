@@ -1,4 +1,4 @@
-//! Somebody's FMU in the place of the arm.
+//! A third-party FMU as the structure under test.
 
 use std::path::{Path, absolute};
 use std::sync::Arc;
@@ -11,8 +11,8 @@ use resonarm_bench::rig::{Converter, PlaceName};
 use resonarm_fmu_import::{Source, Spec, sha256};
 
 impl StructureSection {
-    /// Notes where the FMU is, and its SHA-256, so that a recording says which it was. What is noted already counts
-    /// when the FMU is loaded.
+    /// Notes the absolute path of the FMU and its SHA-256, so that a recording states which FMU was used. A
+    /// hash that is already stated is kept, and compared when the FMU is loaded.
     pub(super) fn read_fmu(&mut self, folder: &Path) -> Result<(), StructureSectionError> {
         let Some(file) = &self.file else { return Ok(()) };
         let path = folder.join(file);
@@ -24,14 +24,14 @@ impl StructureSection {
         Ok(())
     }
 
-    /// Allows the FMU of a recording to be loaded, from `file` and not from the path that the recording names. Its
-    /// SHA-256 must be the recorded one, if there is one.
+    /// Allows the FMU of a recording to be loaded, from `file` and not from the path that the recording names.
+    /// Its SHA-256 must be the recorded one, if there is one.
     pub fn allow_fmu(&mut self, file: &Path) {
         self.file = Some(absolute(file).unwrap_or_else(|_| file.to_path_buf()));
         self.is_recorded = false;
     }
 
-    /// Refuses the FMU of a recording before it is allowed.
+    /// Rejects the FMU of a recording until it is allowed.
     ///
     /// # Errors
     /// [`StructureSectionError::FmuNotAllowed`].
@@ -43,7 +43,7 @@ impl StructureSection {
         Err(StructureSectionError::FmuNotAllowed { path, sha256 })
     }
 
-    /// The plant of the FMU, which is loaded, with the rig, the rates and the seed of a specification.
+    /// Loads the FMU and builds its plant, with the rig, the rates and the seed of the specification.
     ///
     /// # Errors
     /// [`StructureSectionError`]: of keys, of the file, and of the FMU; else [`PlantSpecError`] of the rig.
@@ -54,6 +54,8 @@ impl StructureSection {
             return Err(StructureSectionError::OwnShaker { what: "of kind `fmu`" });
         }
         let path = self.file.clone().unwrap_or_default();
+        // The bytes that are hashed are the bytes that are loaded. Hashing the file and opening it again would
+        // leave time to exchange it.
         let bytes = text_file::read_archive(&path).map_err(unreadable(&path))?;
         let got = sha256(&bytes);
         if let Some(expected) = self.sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&got)) {
@@ -64,7 +66,7 @@ impl StructureSection {
         Arc::new(source).plant(spec).map_err(of)
     }
 
-    /// What is wanted of the FMU.
+    /// Returns what the rig requires of the FMU.
     fn fmu_spec(&self, spec: &PlantSpec) -> Spec {
         let rig = &spec.rig;
         let place = |at: &Option<PlaceName>| at.as_ref().map(|at| at.as_str().to_owned());

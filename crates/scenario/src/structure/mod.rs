@@ -1,5 +1,5 @@
-//! `[structure]`: what is under test, a chain of links, of a preset or of one's own, or vibration modes, and elements at
-//! its points.
+//! The section `[structure]`: the structure under test. It is a chain of links, of a preset or of the user's
+//! own, or a set of vibration modes, with elements at its points.
 
 mod element;
 mod error;
@@ -29,25 +29,25 @@ use resonarm_dynamics::structure::{
     StructureSpec,
 };
 
-/// What a structure is.
+/// Kind of structure, which decides what the other keys mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StructureKind {
-    /// A chain that comes with the program.
+    /// A chain that comes with the program, by the name of its preset.
     #[default]
     Preset,
     /// A planar chain of links with compliant joints.
     Chain,
-    /// Vibration modes.
+    /// Vibration modes with their shapes.
     Modal,
-    /// Made by the program that runs the scenario.
+    /// A structure that the program running the scenario makes.
     Own,
-    /// Somebody's FMU.
+    /// A third-party FMU, which is stepped and read.
     Fmu,
 }
 
 impl StructureKind {
-    /// Its name.
+    /// Returns the name of the kind in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
             StructureKind::Preset => "preset",
@@ -58,19 +58,20 @@ impl StructureKind {
         }
     }
 
-    /// Whether its equations are somebody else's: it can be stepped and read, and nothing is computed of it.
+    /// Returns whether the equations are external: the structure can be stepped and read, but has no modes or
+    /// branches to compute.
     pub const fn is_foreign(self) -> bool {
         matches!(self, StructureKind::Own | StructureKind::Fmu)
     }
 }
 
-/// A mode with its shape.
+/// A vibration mode with its shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModeSection {
     /// Undamped natural frequency, Hz.
     pub frequency_hz: f64,
-    /// Damping ratio.
+    /// Damping ratio ζ, dimensionless.
     pub damping_ratio: f64,
     /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg,
     /// 1/√kg.
@@ -81,41 +82,42 @@ pub struct ModeSection {
     pub participation: BTreeMap<String, f64>,
 }
 
-/// The structure under test.
+/// Everything that a scenario states about the structure under test.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StructureSection {
-    /// What it is.
+    /// Kind of structure; it decides which other keys apply.
     pub kind: StructureKind,
-    /// What it is called in headers and figures, from 1 to 60 characters; without it the preset and what differs from it,
-    /// or the kind of structure, say so.
+    /// Display name in headers and figures, 1 to 60 characters. Without it they show the preset and its changed
+    /// parameters, or the kind of structure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Name of the preset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
-    /// The angle of each link of the preset against the link before, of the first against the x axis, with the spring
-    /// relaxed, degrees; without them those of the preset.
+    /// Angle of each link of the preset against the link before it, of the first against the x axis, with
+    /// relaxed springs, degrees. Without them the angles of the preset.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub angles_deg: Vec<f64>,
-    /// The file that the structure is from: of a chain a robot, URDF, of modes UFF, which are read where `links` or
-    /// `modes` are not given; or the FMU.
+    /// File that the structure comes from: a URDF robot for a chain, a UFF file for modes, read where `links`
+    /// or `modes` are not given; or the FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
     /// The joints of the robot that become those of the chain, from the base out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<JointSection>,
-    /// The link of the robot whose frame ends the chain; without it the only one at the end.
+    /// Link of the robot whose frame ends the chain; without it the only link at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tip: Option<String>,
-    /// The nodes of the UFF file that are points, by their names; without them all, as `node12`.
+    /// Nodes of the UFF file that become points, by the points' names; without them all nodes, named like
+    /// `node12`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub nodes: BTreeMap<String, u32>,
-    /// Modal mass of those modes of the UFF file whose modal mass it leaves at 0, kg: the tool that wrote it knows how it
-    /// scales shapes.
+    /// Modal mass for modes whose modal mass the UFF file leaves at 0, kg. Only the tool that wrote the file
+    /// knows how it scales shapes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub modal_mass_kg: Option<f64>,
-    /// The matrices that the modes are from; they are read where `modes` are not given.
+    /// Matrices that the modes are computed from, where `modes` are not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub matrices: Option<MatricesSection>,
     /// Degrees of freedom, `tip.x`, by their rows in the matrices, from 0.
@@ -128,8 +130,8 @@ pub struct StructureSection {
     /// Acceleration of gravity along −y, m/s², of a chain; without it there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_m_s2: Option<f64>,
-    /// Parameters in place of the values that the structure has without them, by their names: `link2.mass_kg`,
-    /// `mode1.damping_ratio`, `element1.gap_m`, `gravity_m_s2`.
+    /// Parameters that replace the structure's own values, by name: `link2.mass_kg`, `mode1.damping_ratio`,
+    /// `element1.gap_m`, `gravity_m_s2`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub set: BTreeMap<String, f64>,
     /// Initial state: coordinates and their rates; at rest without it.
@@ -147,20 +149,20 @@ pub struct StructureSection {
     /// Where the points of a modal structure are, m, for pictures; one that no mode moves may be among them.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub points: BTreeMap<String, [f64; 3]>,
-    /// Elements at its points.
+    /// Point elements: springs, gaps, contacts, friction.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub elements: Vec<ElementSection>,
-    /// The SHA-256 of the FMU's file, in hexadecimal digits: a recording notes it.
+    /// SHA-256 of the FMU file, hexadecimal, as a recording states it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
-    /// Whether it is the FMU of a recording. A recording is data: the FMU that it names is not loaded before
+    /// Whether the FMU is named by a recording. A recording is data, so its FMU is not loaded until
     /// [`StructureSection::allow_fmu`] names the file.
     #[serde(skip)]
     pub is_recorded: bool,
-    /// What is doubtful about the file of a robot, known once it is read.
+    /// Doubtful statements of a robot's file, known once it has been read.
     #[serde(skip)]
     pub warnings: Vec<UrdfWarning>,
-    /// When within a hold the FMU is read.
+    /// When the FMU is read within a hold.
     #[serde(skip_serializing_if = "is_default")]
     pub read: ReadAt,
     /// The FMU's variables that take loads, by degree of freedom: forces at points, torques at joints.
@@ -174,7 +176,7 @@ pub struct StructureSection {
     pub parameters: BTreeMap<String, Numbers>,
 }
 
-/// Whether a key says what it says without being stated.
+/// Returns whether a value is the default and need not be written.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -194,7 +196,7 @@ impl StructureSection {
         self
     }
 
-    /// The structure.
+    /// Builds the structure.
     ///
     /// # Errors
     /// [`StructureSectionError`]: what of the section is missing, too much, or impossible.
@@ -212,6 +214,8 @@ impl StructureSection {
         };
         let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
         let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
+        // Parameters are set together and after assembly: one value alone may be impossible where the whole set
+        // is not, such as gravity on a preset without masses.
         let assembly = Assembly::new(&StructureSpec { body, elements })?;
         let mut values = Vec::new();
         // Gravity on a preset needs values of `set`, and is given with them.
@@ -236,7 +240,7 @@ impl StructureSection {
         Ok(chain.at_angles_deg(&self.angles_deg))
     }
 
-    /// The structure under test: with its initial state, and where the rig is on it.
+    /// Builds the structure under test, with its initial state and the places of the rig.
     ///
     /// # Errors
     /// [`StructureSectionError`]: as [`StructureSection::assembly`], and what of the rig or the initial state does not
@@ -256,12 +260,12 @@ impl StructureSection {
         Ok(TestedAssembly { assembly, initial, places })
     }
 
-    /// A structure that the program makes, with what it is called.
+    /// Returns the section for a structure that the program makes, with its display name.
     pub fn own(name: Option<String>) -> StructureSection {
         StructureSection { kind: StructureKind::Own, name, ..StructureSection::default() }
     }
 
-    /// Whether it is one that the program makes, which says itself where the rig is on it.
+    /// Checks that the section leaves the structure to the program, which states the places of the rig itself.
     ///
     /// # Errors
     /// [`StructureSectionError`]: it is another, has keys of others, or the rig has places or a shaker.
@@ -284,8 +288,10 @@ impl StructureSection {
         }
     }
 
-    /// Refuses keys that its kind does not have, and those that are missing.
+    /// Rejects keys that the kind does not have, and reports those that are missing.
     fn check_keys(&self) -> Result<(), StructureSectionError> {
+        // Keys of files come first. Once a file has been read, its `links` or `modes` stand in the section and
+        // pass as if they had been written there.
         self.check_source_keys()?;
         if let Some((key, makes, false)) = self.source() {
             return Err(StructureSectionError::NotRead { key, makes });
@@ -299,6 +305,7 @@ impl StructureSection {
         if let (Some(preset), true) = (&self.preset, self.kind != StructureKind::Preset) {
             return Err(StructureSectionError::PresetKind { preset: preset.clone(), kind: self.kind.name() });
         }
+        // One row per kind: the keys that mean nothing for it, and a key that it needs and that is missing.
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
             StructureKind::Own => (&[angles, links, modes, gravity, points, lines, elements, initial, set], None),
             StructureKind::Fmu => {
@@ -331,7 +338,7 @@ impl StructureSection {
         }
     }
 
-    /// Refuses lines through points whose place is unknown.
+    /// Rejects lines through points whose position is unknown.
     fn check_lines(&self) -> Result<(), StructureSectionError> {
         let known = || self.points.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
         match self.lines.iter().flatten().find(|name| !self.points.contains_key(*name)) {
@@ -347,13 +354,14 @@ impl StructureSection {
         Ok(ModalSpec { modes: self.modes.iter().map(of).collect(), shapes: [shapes, bases].concat() })
     }
 
-    /// The shapes that a table of the modes has, whose points must be allowed there.
+    /// Collects the shapes of one table of the modes, whose points must be allowed there.
     fn shapes(
         &self,
         key: &'static str,
         table: fn(&ModeSection) -> &BTreeMap<String, f64>,
         allowed: fn(&str) -> bool,
     ) -> Result<Vec<ShapeSpec>, StructureSectionError> {
+        // Every mode must state every name: a missing entry would silently mean a node of the shape.
         let names: std::collections::BTreeSet<&String> =
             self.modes.iter().flat_map(|mode| table(mode).keys()).collect();
         let shape = |name: &&String| {

@@ -1,4 +1,4 @@
-//! Where the exciter and the accelerometers of a rig are on a structure.
+//! Places of the exciter and of the sensors on a structure.
 
 use super::StructureSectionError;
 use resonarm_bench::plant::{Placed, PlacedSensor, Places};
@@ -6,12 +6,12 @@ use resonarm_bench::rig::{InstrumentName, MOST_CHANNELS, Measured, Measurement, 
 use resonarm_bench::structure::Axis;
 use resonarm_dynamics::structure::Assembly;
 
-/// The point at the end of a chain, where exciter and accelerometer C are unless the scenario says otherwise.
+/// Name of the point at the end of a chain, the default place of the exciter and of accelerometer C.
 const TIP: &str = "tip";
 
-/// Where the rig is: by `at` of the exciter and the accelerometers, each a point, or a degree of freedom for their x
-/// axis alone. Without it the exciter is at `tip`, the accelerometer C where the exciter is, and B at joint 2, or,
-/// where there is none that moves, where the exciter is.
+/// Resolves the places of the rig from `at` of the exciter and the accelerometers: a point, or a degree of
+/// freedom that becomes their x axis. By default the exciter is at `tip`, accelerometer C is with the exciter,
+/// and B is at joint 2 or, on a structure without it, with the exciter.
 pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, StructureSectionError> {
     let default = |wanted: &str| assembly.points().iter().any(|point| point == wanted);
     let exciter = match &rig.exciter.at {
@@ -40,11 +40,11 @@ pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, Struc
     })
 }
 
-/// The axes of a point, by name.
+/// Axes of a point, by name.
 const AXES: [(&str, Axis); 3] = [("x", Axis::X), ("y", Axis::Y), ("z", Axis::Z)];
 
-/// A sensor beside B and C: at a joint, whose angle it measures, at a degree of freedom, or at a point, of which it
-/// reads every axis along which the structure moves there.
+/// Resolves a sensor other than B and C: an angle sensor at a joint, or a sensor at one degree of freedom, or
+/// at a point, where it reads every axis along which the structure moves.
 fn placed_sensor(
     assembly: &Assembly,
     name: InstrumentName,
@@ -76,7 +76,8 @@ fn placed_sensor(
     Ok(PlacedSensor { name, measures: sensor.measures, along })
 }
 
-/// The degrees of freedom along x and y of a point, those that the structure has; or one for x.
+/// Resolves a place of the rig: a point, with its degrees of freedom along x and y as far as the structure has
+/// them, or one degree of freedom as x.
 fn placed(assembly: &Assembly, instrument: &str, at: &str) -> Result<Placed, StructureSectionError> {
     let points = assembly.points();
     if at.contains('.') {

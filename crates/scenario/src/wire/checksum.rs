@@ -1,4 +1,4 @@
-//! The checksum of a message in a scenario: one with a name, or one by its parameters.
+//! The checksum of a message in a scenario, either a named preset or an algorithm with its parameters.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,49 +8,49 @@ use crate::dbc::Message;
 use resonarm_wire::checksum::{Algorithm, Checksum, ChecksumError, Crc, DataId, Own, Part, Preset, Sum};
 use resonarm_wire::layout::{ByteOrder, Layout};
 
-/// A checksum: of a `preset`, or of an `algorithm`.
+/// A checksum as a scenario states it, by a `preset` or by an `algorithm`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChecksumSpec {
-    /// Its signal.
+    /// Name of the signal that holds the checksum.
     pub signal: String,
-    /// Its kind, by name.
+    /// Name of a preset, such as `autosar-p1`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
-    /// The data id of a preset, or of profile 2 the 16 that there are.
+    /// Data id of a preset, or the 16 data ids of AUTOSAR profile 2.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data_id: Option<DataIdSpec>,
-    /// What is computed, as wide as the signal.
+    /// Algorithm to compute, of the same width as the signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub algorithm: Option<AlgorithmSpec>,
-    /// Of a CRC: the polynomial without its highest power.
+    /// CRC: the polynomial without its highest power.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub polynomial: Option<u64>,
-    /// The value at the start; without it 0.
+    /// Initial value of the algorithm; without it 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<u64>,
-    /// By what the result is changed at the end, bit by bit; without it 0.
+    /// Value that is XORed to the result; without it 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub xor_out: Option<u64>,
-    /// Of a CRC: whether bytes and result are mirrored.
+    /// CRC: whether the bits of every byte and of the result are reflected.
     #[serde(skip_serializing_if = "is_false")]
     pub reflect: bool,
-    /// Of a sum: whether the bytes are subtracted from the start.
+    /// Sum: whether the bytes are subtracted from the initial value.
     #[serde(skip_serializing_if = "is_false")]
     pub subtract: bool,
-    /// Whether the bytes of the payload count from the last to the first.
+    /// Whether the bytes of the payload are taken from the last to the first.
     #[serde(skip_serializing_if = "is_false")]
     pub reversed: bool,
-    /// Whether the checksum's own bytes count as zeros; else they are left out.
+    /// Whether the checksum's own bytes enter as zeros; otherwise they are left out.
     #[serde(skip_serializing_if = "is_false")]
     pub own_as_zero: bool,
     /// Bytes of the payload that are left out, from 0.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub leave_out: Vec<usize>,
-    /// What stands before the payload.
+    /// Bytes that enter before the payload.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub before: Vec<PartSpec>,
-    /// What follows it.
+    /// Bytes that enter after the payload.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub after: Vec<PartSpec>,
 }
@@ -59,17 +59,17 @@ fn is_false(flag: &bool) -> bool {
     !flag
 }
 
-/// The data id of a preset.
+/// Data id of a preset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum DataIdSpec {
-    /// One number.
+    /// One number for all frames.
     One(u32),
-    /// One for each value of the counter.
+    /// One byte for each value of the counter.
     ByCounter([u8; 16]),
 }
 
-/// What is computed.
+/// Algorithm of a checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AlgorithmSpec {
@@ -83,37 +83,37 @@ pub enum AlgorithmSpec {
     Xor,
 }
 
-/// A part of what a checksum covers beside the payload: a byte, or one of these tables.
+/// Bytes that a checksum covers in addition to the payload: a constant byte, or one of these tables.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum PartSpec {
-    /// A constant.
+    /// A constant byte.
     Byte(u8),
     /// The low bytes of the identifier, the least significant first.
     Id {
-        /// How many, 1 to 4.
+        /// Number of bytes, 1 to 4.
         id_bytes: u8,
-        /// Whether the most significant is first.
+        /// Whether the most significant byte is first.
         #[serde(default, skip_serializing_if = "is_false")]
         motorola: bool,
     },
     /// The low bytes of the payload's length, the least significant first.
     Length {
-        /// How many, 1 to 8.
+        /// Number of bytes, 1 to 8.
         length_bytes: u8,
-        /// Whether the most significant is first.
+        /// Whether the most significant byte is first.
         #[serde(default, skip_serializing_if = "is_false")]
         motorola: bool,
     },
-    /// A byte by the counter of the message, modulo their number.
+    /// One byte of a table, selected by the counter of the message modulo the table's length.
     ByCounter {
-        /// The bytes.
+        /// Bytes of the table.
         by_counter: Vec<u8>,
     },
 }
 
 impl ChecksumSpec {
-    /// The preset, if it names one.
+    /// Parses the preset, if the section names one.
     ///
     /// # Errors
     /// [`WireError::Preset`] for an unknown one.
@@ -123,7 +123,7 @@ impl ChecksumSpec {
         self.preset.as_ref().map(parse).transpose()
     }
 
-    /// The checksum of a message with this counter.
+    /// Builds the checksum of a message with this counter.
     ///
     /// # Errors
     /// [`WireError`] if there is no such checksum.
@@ -168,6 +168,8 @@ impl ChecksumSpec {
     }
 
     fn has_no_parameters(&self) -> bool {
+        // Comparing with a section that has the preset's keys alone covers every parameter, including those
+        // added later.
         let bare = ChecksumSpec {
             signal: self.signal.clone(),
             preset: self.preset.clone(),
@@ -192,7 +194,8 @@ impl ChecksumSpec {
             }
             AlgorithmSpec::Sum => Algorithm::Sum(sum()?),
             AlgorithmSpec::NibbleSum => Algorithm::NibbleSum(sum()?),
-            // What the result is changed by at the end may as well be there at the start.
+            // The initial value and the final XOR of an XOR checksum commute, so both fold into the initial
+            // value.
             AlgorithmSpec::Xor => {
                 let both = start ^ xor_out;
                 let refused = ChecksumError::Parameter { name: "start", got: both, width: 8 };

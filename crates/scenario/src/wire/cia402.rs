@@ -1,4 +1,4 @@
-//! The plant as CANopen drives: what `preset = "cia402"` needs.
+//! CANopen drives as a user protocol, `preset = "cia402"`.
 
 use super::drives::{DriveSpec, PresetSpec, TIMEOUT_S};
 use super::error::WireError;
@@ -6,11 +6,11 @@ use super::{LockstepSpec, WireSection};
 use crate::Scenario;
 use resonarm_bench::node::cia402::{self, Cia402Spec, Joint};
 
-/// The longest timeout, s.
+/// Longest timeout that a scenario may state, s.
 const TIMEOUT_MAX_S: f64 = 3600.0;
 const PRESET: PresetSpec = PresetSpec::Cia402;
 
-/// The CANopen drives of a scenario.
+/// Builds the CANopen drives of a scenario.
 pub(super) fn spec(scenario: &Scenario, section: &WireSection) -> Result<Cia402Spec, WireError> {
     section.check_preset(scenario, PRESET)?;
     if section.lockstep == Some(LockstepSpec::Command) {
@@ -29,6 +29,8 @@ fn drive(place: usize, spec: &DriveSpec) -> Result<cia402::DriveSpec, WireError>
     let number = |name, got, expected| Err(WireError::Drive { place, name, got, expected });
     let rated_nm = spec.rated_torque_nm.ok_or_else(|| missing("rated_torque_nm"))?;
     let rated_mnm = libm::round(1e3 * rated_nm);
+    // Object 6076 holds the rated torque as an integer in mN·m. A rounded value would scale every torque on the
+    // bus by a wrong factor, so it is an error.
     let is_whole = (1e3 * rated_nm - rated_mnm).abs() <= 1e-9 * rated_mnm;
     if !(is_whole && (1.0..=f64::from(u32::MAX)).contains(&rated_mnm)) {
         let expected = "a whole number of mN·m from 0.001 to 4294967.295, as object 6076 says it so";

@@ -1,4 +1,5 @@
-//! From names of a DBC to what the plant's node works with.
+//! Compiles the section `[wire]`: resolves the names in the DBC into the mapping that the plant's node
+//! executes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ use resonarm_bench::rig::Exciter;
 use resonarm_bench::structure::{Channel, Quantity};
 use resonarm_protocol::Id;
 
-/// The mapping of a scenario's wire.
+/// Compiles the mapping of a scenario's user protocol.
 pub(super) fn mapping(scenario: &Scenario, section: &WireSection) -> Result<Mapping, WireError> {
     let database = section.database()?;
     let readings = quantity::readings(scenario)?;
@@ -30,6 +31,8 @@ pub(super) fn mapping(scenario: &Scenario, section: &WireSection) -> Result<Mapp
     if section.commands.is_empty() {
         return Err(WireError::NoCommands);
     }
+    // Commands come before events and SYNC, since these may add to a message that a command has already
+    // entered, and readings come last, since a message can't be received and sent.
     section.commands.iter().try_for_each(|spec| compiler.command(spec))?;
     section.events.iter().try_for_each(|spec| compiler.event(spec))?;
     compiler.sync()?;
@@ -64,9 +67,9 @@ struct Compiler<'a> {
     scenario: &'a Scenario,
     section: &'a WireSection,
     database: &'a Database,
-    /// The readings that a signal can carry.
+    /// Readings that a signal can carry.
     readings: Vec<Channel>,
-    /// By their identifiers, standard ones first.
+    /// Compiled messages by identifier, standard identifiers first.
     incoming: BTreeMap<Id, Incoming>,
 }
 
@@ -83,7 +86,7 @@ impl Compiler<'_> {
         Err(WireError::NoNode { got: node.clone(), suggestion })
     }
 
-    /// A message that comes from others, or `is_own` that the plant's node sends.
+    /// Looks up a message that others send, or, with `is_own`, that the plant's node sends.
     fn message(&self, key: &'static str, name: &str, is_own: bool) -> Result<&Message, WireError> {
         let message = self.database.message(name)?;
         let Some(node) = &self.section.node else { return Ok(message) };
@@ -109,6 +112,7 @@ impl Compiler<'_> {
             return Err(WireError::Number { place, name: "timeout_s", got: timeout_s, expected });
         }
         if let Some(period_s) = message.cycle_time_ms().map(|cycle_ms| 1e-3 * cycle_ms)
+            // With a timeout below two cycles, one lost frame would exceed it.
             && timeout_s < 2.0 * period_s
         {
             return Err(WireError::Timeout { place, timeout_s, period_s });
@@ -190,6 +194,7 @@ impl Compiler<'_> {
             ("reset", &spec.reset, Action::Reset),
             ("stop", &spec.stop, Action::Stop),
         ];
+        // A value that the signal can't represent exactly would never match, and the request never come.
         let exact = spec.signal.as_ref().map(|name| Exact::new(KEY, message, name)).transpose()?;
         let exactly = |name, value| exact.as_ref().map_or(Ok(value), |exact| exact.value(name, value));
         let mut actions: Vec<(f64, Action)> = Vec::new();
@@ -220,6 +225,7 @@ impl Compiler<'_> {
         let name = Arc::from(spec.signal.as_deref().unwrap_or_default());
         let event = EventSignal { name, signal, counts, actions, required };
         let empty = bare(message, spec.drive);
+        // A message with a load may carry requests as well. The event then joins the entry of the command.
         let incoming = self.incoming.entry(empty.id).or_insert(empty);
         if protection.counter.is_some() || protection.checksum.is_some() {
             if incoming.protection.counter.is_some() || incoming.protection.checksum.is_some() {
@@ -240,6 +246,7 @@ impl Compiler<'_> {
         match (&self.section.sync, is_needed) {
             (Some(name), true) => {
                 let empty = bare(self.message("wire.sync", name, false)?, 0);
+                // SYNC may be one of the messages that carry loads.
                 self.incoming.entry(empty.id).or_insert(empty).is_sync = true;
                 Ok(())
             }
@@ -265,6 +272,8 @@ impl Compiler<'_> {
             let place = Place::signal(KEY, &spec.message, name);
             used.take(&place, "a reading")?;
             let exact = Exact::new(KEY, message, name)?;
+            // A constant is part of the payload from the start. Only the other signals are written for every
+            // frame.
             match source.constant {
                 Some(value) if source_count(source) == 1 => {
                     let value = exact.value("constant", value)?;
@@ -307,7 +316,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// The cycle time of the DBC, in samples.
+    /// Converts the DBC's cycle time of a message into samples.
     fn cycle(&self, place: &Place, message: &Message) -> Result<Trigger, WireError> {
         let Some(cycle_ms) = message.cycle_time_ms().filter(|cycle_ms| *cycle_ms > 0.0) else {
             let problem = "the DBC has no cycle time of it: give `every`, `period_s` or `on`";
@@ -316,6 +325,8 @@ impl Compiler<'_> {
         let (period_s, rate_hz) = (1e-3 * cycle_ms, self.scenario.simulation.rate_hz);
         let samples = period_s * rate_hz;
         let whole = libm::round(samples);
+        // A cycle of 2.5 samples would drift against the samples. The tolerance allows for rounding of cycle
+        // times in ms.
         if whole < 1.0 || (samples - whole).abs() > 1e-6 * whole {
             return Err(WireError::Cycle { place: place.clone(), period_s, samples, rate_hz });
         }
@@ -343,6 +354,7 @@ impl Compiler<'_> {
     }
 }
 
+/// Counts the keys that say what a signal carries.
 fn source_count(spec: &SourceSpec) -> usize {
     let named = [spec.quantity.is_some(), spec.clipped.is_some(), spec.state.is_some(), spec.reason.is_some()];
     named.into_iter().chain([spec.constant.is_some(), spec.sample]).filter(|given| *given).count()
@@ -357,7 +369,7 @@ fn action(request: RequestSpec) -> Action {
     }
 }
 
-/// A message without a load, counter or checksum.
+/// Returns an incoming message without load, counter or checksum.
 fn bare(message: &Message, drive: usize) -> Incoming {
     Incoming {
         name: Arc::from(message.name()),
@@ -391,7 +403,7 @@ fn protection(
     Ok(Protection { counter, most_lost, checksum })
 }
 
-/// N or N·m for one unit of a signal, and at 0.
+/// Returns the load for one unit of a signal and at the value 0, N or N·m.
 fn input_scale(place: &Place, input: &InputSpec, signal: &Signal, quantity: Quantity) -> Result<(f64, f64), WireError> {
     let finite = |name, value: Option<f64>, default: f64, expected| match value.unwrap_or(default) {
         got if got.is_finite() && (got != 0.0 || default == 0.0) => Ok(got),
@@ -400,6 +412,7 @@ fn input_scale(place: &Place, input: &InputSpec, signal: &Signal, quantity: Quan
     let gear = finite("gear_ratio", input.gear_ratio, 1.0, "a number other than 0")?;
     let offset = finite("offset", input.offset, 0.0, "a finite number")?;
     let constant = finite("constant_per_a", input.constant_per_a, 1.0, "a number other than 0")?;
+    // With a motor or shaker constant the signal is a current, and its unit is converted as one.
     let of_signal = if input.constant_per_a.is_some() { Quantity::Current } else { quantity };
     let scale = match input.scale {
         Some(_) => finite("scale", input.scale, 1.0, "a number other than 0")?,

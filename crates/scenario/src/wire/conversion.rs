@@ -1,14 +1,14 @@
-//! Units of signals, as DBC files write them.
+//! Conversion of the units of signals, as DBC files write them.
 
 use resonarm_bench::structure::Quantity;
 
 /// Standard acceleration of free fall, m/s² (ISO 80000-3).
 const G_M_S2: f64 = 9.806_65;
-/// rad of a turn, of a degree.
+/// One turn and, in the next constant, one degree, in rad.
 const TURN_RAD: f64 = 2.0 * core::f64::consts::PI;
 const DEGREE_RAD: f64 = TURN_RAD / 360.0;
 
-/// A unit by its names, without blanks, and what one of it is in the quantity's own unit.
+/// Spellings of a unit, without blanks, and its size in the quantity's own unit.
 type Unit = (&'static [&'static str], f64);
 
 const FORCE: [Unit; 5] =
@@ -59,14 +59,15 @@ const fn units(quantity: Quantity) -> (&'static [Unit], &'static str) {
     }
 }
 
-/// What one of `unit` is in the quantity's own unit, if it is known.
+/// Returns the size of `unit` in the quantity's own unit, if the unit is known.
 pub(super) fn factor(quantity: Quantity, unit: &str) -> Option<f64> {
+    // Blanks are dropped, since DBC files write both `deg/s` and `deg / s`.
     let plain: String = unit.chars().filter(|letter| !letter.is_whitespace()).collect();
     let (units, _) = units(quantity);
     units.iter().find(|(names, _)| names.contains(&plain.as_str())).map(|(_, factor)| *factor)
 }
 
-/// The units of a quantity that are known, for messages.
+/// Returns the known units of a quantity, for messages.
 pub(super) const fn known(quantity: Quantity) -> &'static str {
     units(quantity).1
 }

@@ -1,4 +1,4 @@
-//! Motor drives, one a joint, by a protocol that comes with the program.
+//! Motor drives, one for each joint, whose protocol comes with the program.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,10 +6,10 @@ use super::WireSection;
 use super::error::WireError;
 use crate::Scenario;
 
-/// For how long a torque is valid if the scenario doesn't say, s.
+/// Time for which a torque stays valid unless the scenario states one, s.
 pub(super) const TIMEOUT_S: f64 = 0.5;
 
-/// A protocol of drives.
+/// Protocol of the drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PresetSpec {
@@ -20,7 +20,7 @@ pub enum PresetSpec {
 }
 
 impl PresetSpec {
-    /// Its name in a scenario.
+    /// Returns the name in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
             PresetSpec::Odrive => "odrive",
@@ -28,7 +28,7 @@ impl PresetSpec {
         }
     }
 
-    /// The node ids that it has.
+    /// Returns the range of node ids, with the words for an error.
     const fn node_ids(self) -> ([u8; 2], &'static str) {
         match self {
             PresetSpec::Odrive => ([0, 63], "from 0 to 63, and another than those before"),
@@ -37,30 +37,30 @@ impl PresetSpec {
     }
 }
 
-/// A drive.
+/// A motor drive at a joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSpec {
-    /// The number of its node: 0 to 63, of CANopen 1 to 127.
+    /// Node id: 0 to 63, with CANopen 1 to 127.
     pub node_id: u8,
-    /// The joint that it turns, 1 or 2.
+    /// Joint that the drive turns, 1 or 2.
     pub joint: u8,
-    /// Turns of the motor for one of the joint, not 0; without it 1.
+    /// Turns of the motor for one turn of the joint, not 0; without it 1.
     #[serde(default = "one")]
     pub gear_ratio: f64,
-    /// ODrive: the motor's torque for 1 A, N·m/A; without it currents are not sent.
+    /// ODrive: torque constant of the motor, N·m/A; without it currents are not sent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_constant_nm_a: Option<f64>,
-    /// CANopen: the rated torque of the motor, N·m, a whole number of mN·m.
+    /// CANopen: rated torque of the motor, N·m, an integer in mN·m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rated_torque_nm: Option<f64>,
-    /// CANopen: counts of the encoder for a turn of the motor.
+    /// CANopen: encoder counts for one turn of the motor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub encoder_counts_per_turn: Option<u32>,
 }
 
 impl DriveSpec {
-    /// A key that belongs to another preset.
+    /// Returns a given key that belongs to the other preset.
     fn foreign_key(&self, preset: PresetSpec) -> Option<&'static str> {
         let given = [
             ("torque_constant_nm_a", PresetSpec::Odrive, self.torque_constant_nm_a.is_some()),
@@ -76,7 +76,7 @@ fn one() -> f64 {
 }
 
 impl WireSection {
-    /// Refuses the keys of a preset where there is none.
+    /// Rejects keys of a preset where there is none.
     ///
     /// # Errors
     /// [`WireError::Drives`], [`WireError::NeitherDbcNorPreset`].
@@ -90,7 +90,7 @@ impl WireSection {
         if is_nothing { Err(WireError::NeitherDbcNorPreset) } else { Ok(()) }
     }
 
-    /// What all presets demand: no keys of a DBC, and drives that can be.
+    /// Checks what all presets require: no keys of a DBC, and valid drives.
     ///
     /// # Errors
     /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`].

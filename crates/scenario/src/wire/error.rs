@@ -1,4 +1,4 @@
-//! What is wrong with the mapping of a user's protocol.
+//! Errors in mapping a user protocol.
 
 use std::fmt;
 use std::ops::Deref;
@@ -12,18 +12,18 @@ use resonarm_numeric::number::{rounded, short};
 use resonarm_wire::checksum::{ChecksumError, PresetError, UnknownPreset};
 use resonarm_wire::counter::CounterError;
 
-/// A key of `[wire]`, with the message and the signal that it names.
+/// Place of an error: a key of `[wire]`, with the message and the signal that it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place(Box<Names>);
 
-/// What a [`Place`] names.
+/// Names that make up a [`Place`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names {
-    /// The key, such as `wire.commands`.
+    /// Key of the section, such as `wire.commands`.
     pub key: &'static str,
-    /// The message.
+    /// Name of the message.
     pub message: String,
-    /// The signal, if it is about one.
+    /// Name of the signal, if the error is about one.
     pub signal: Option<String>,
 }
 
@@ -36,17 +36,17 @@ impl Deref for Place {
 }
 
 impl Place {
-    /// A message.
+    /// Names a message.
     pub(super) fn message(key: &'static str, message: &str) -> Place {
         Place(Box::new(Names { key, message: message.to_string(), signal: None }))
     }
 
-    /// A signal of a message.
+    /// Names a signal of a message.
     pub(super) fn signal(key: &'static str, message: &str, signal: &str) -> Place {
         Place(Box::new(Names { key, message: message.to_string(), signal: Some(signal.to_string()) }))
     }
 
-    /// A signal of the same message.
+    /// Names a signal of the same message.
     pub(super) fn of(&self, signal: &str) -> Place {
         Place::signal(self.key, &self.message, signal)
     }
@@ -59,100 +59,99 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a protocol can't be mapped so.
+/// Reason why a user protocol can't be mapped.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WireError {
-    /// The structure that the sensors of `[rig.sensors]` read is impossible, so that it is not known which readings
-    /// signals can carry.
+    /// The structure is not valid, so that the readings of the sensors in `[rig.sensors]` are not known.
     #[error("[wire]: which readings of [rig.sensors] signals can carry follows from the structure: {reason}")]
     Structure {
-        /// Why.
+        /// Reason why the structure is rejected.
         reason: String,
     },
     /// The DBC can't be read.
     #[error("can't read the DBC {}: {source}; `wire.dbc` counts from the scenario's folder", path.display())]
     Read {
-        /// The file.
+        /// Path of the DBC file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The DBC has not been read.
     #[error("the DBC that `wire.dbc` names has not been read: a scenario of text alone has no folder to read it from")]
     NotRead,
-    /// The DBC, or what is asked of it.
+    /// The DBC, or a message or signal of it, can't be used.
     #[error(transparent)]
     Dbc(#[from] DbcError),
-    /// There is no such node.
+    /// The DBC has no node of this name.
     #[error("wire.node: the DBC has no node {got:?}{}", nearest(.suggestion))]
     NoNode {
-        /// The name.
+        /// Name that was given.
         got: String,
-        /// The nearest name that there is.
+        /// Existing name closest to it.
         suggestion: Option<String>,
     },
-    /// The name that stands for no node.
+    /// The name is the one by which a DBC says "no node".
     #[error(
         "wire.node is {got:?}, by which a DBC says that it names no node: leave `node` out, and any message can be a \
          command or a reading"
     )]
     NoNodeName {
-        /// The name.
+        /// Name that was given.
         got: String,
     },
-    /// A message that the wrong node sends.
+    /// The message is sent by a node that must not send it.
     #[error("{place}: it is sent by {senders}, and {expected}")]
     Sender {
-        /// Where.
+        /// Message that the error is about.
         place: Place,
-        /// The senders in the DBC.
+        /// Senders of the message according to the DBC.
         senders: String,
-        /// Who has to send it.
+        /// Required sender, in words.
         expected: String,
     },
-    /// A message without anything mapped, or mapped twice.
+    /// The keys of a message contradict each other or are incomplete.
     #[error("{place}: {problem}")]
     Message {
-        /// Where.
+        /// Message that the error is about.
         place: Place,
-        /// What is wrong.
+        /// Contradiction and remedy, in words.
         problem: &'static str,
     },
-    /// A signal that is used twice.
+    /// A signal is used for two purposes.
     #[error("{place}: it is mapped twice, as {one} and as {other}")]
     Twice {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// The first use.
+        /// First use of the signal.
         one: String,
-        /// The second.
+        /// Second use of the signal.
         other: String,
     },
-    /// A load that two signals command.
+    /// Two signals command the same load.
     #[error("{place}: it commands {input}, as signal {other} does already: leave one out")]
     InputTwice {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// The load.
+        /// Load that is commanded twice.
         input: ChannelName,
-        /// The other signal.
+        /// Message of the other signal.
         other: String,
     },
-    /// A load that the exciter of the scenario never takes.
+    /// The exciter of the scenario does not take this load.
     #[error("{place}: {input} {problem}")]
     Input {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// The load.
+        /// Load that is not taken.
         input: ChannelName,
-        /// What is wrong.
+        /// Reason and remedy, in words.
         problem: &'static str,
     },
-    /// A unit that does not go into the quantity's.
+    /// The unit of a signal can't be converted to that of the quantity.
     #[error("{place}: its unit {got:?} is none of {known}, which become {expected}: give `scale`, {}", scale_of(.place, .expected))]
     Unit {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
         /// The unit of the signal.
         got: String,
@@ -161,229 +160,229 @@ pub enum WireError {
         /// The units that are converted.
         known: &'static str,
     },
-    /// A number that can't be.
+    /// A number is outside its valid range.
     #[error("{place}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Number {
-        /// Where.
+        /// Message or signal that the error is about.
         place: Place,
-        /// The key.
+        /// Key of the number.
         name: &'static str,
-        /// What was given.
+        /// Value that was given.
         got: f64,
-        /// What would do.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// A number that the signal can't have.
+    /// The signal can't represent the number exactly.
     #[error(
         "{place}, line {line} of the DBC: `{name}` is {got}, and {}",
         ranged(.range, .step, .nearest), got = short(.got)
     )]
     Value {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
         /// The line of the signal in the DBC.
         line: usize,
-        /// The key.
+        /// Key of the number.
         name: String,
-        /// What was given.
+        /// Value that was given.
         got: f64,
-        /// The least and the largest value of the signal.
+        /// Least and largest value of the signal.
         range: [f64; 2],
-        /// The distance of its values; `None` of a floating-point signal.
+        /// Resolution of the signal; `None` if it is floating-point.
         step: Option<f64>,
-        /// The value of the signal next to it; `None` if it is no number.
+        /// Value of the signal closest to the number; `None` if it is not a number.
         nearest: Option<f64>,
     },
-    /// There is no such quantity.
+    /// The program has no quantity of this name.
     #[error("{place}: there is no quantity {got:?}{}; there are {known}", nearest(.suggestion))]
     Quantity {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// The name.
+        /// Name that was given.
         got: String,
-        /// The nearest name.
+        /// Existing name closest to it.
         suggestion: Option<String>,
-        /// All of them.
+        /// All known names, separated by commas.
         known: String,
     },
-    /// There is no such state or fault.
+    /// The program has no state or fault of this name.
     #[error("{place}: there is no {what} {got:?}{}; there are {known}", nearest(.suggestion))]
     Name {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// A state or a fault.
+        /// Kind of name, `state` or `fault`.
         what: &'static str,
-        /// The name.
+        /// Name that was given.
         got: String,
-        /// The nearest name.
+        /// Existing name closest to it.
         suggestion: Option<String>,
-        /// All of them.
+        /// All known names, separated by commas.
         known: String,
     },
-    /// A signal with a range too small for its quantity.
+    /// The range of a signal is too small for its quantity.
     #[error(
         "{place}: its range is {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
         least = short(.least), most = short(.most), from = rounded(.from, 6), to = rounded(.to, 6)
     )]
     Range {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// The least that it can represent, in its unit.
+        /// Least value that the signal can represent, in its unit.
         least: f64,
-        /// The largest.
+        /// Largest value that the signal can represent.
         most: f64,
-        /// Its unit.
+        /// Unit of the signal.
         unit: String,
-        /// What it has to say.
+        /// Quantity that the signal has to carry.
         what: String,
-        /// The least of that, in the same unit.
+        /// Least value of that quantity, in the signal's unit.
         from: f64,
-        /// The largest.
+        /// Largest value of that quantity, in the signal's unit.
         to: f64,
-        /// The key that limits it.
+        /// Key that limits the quantity.
         limit: String,
     },
-    /// Not one of the keys that say what a signal says.
+    /// A signal has none, or several, of the keys that say what it carries.
     #[error(
         "{place}: it has {got} of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give one"
     )]
     Sources {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// How many it has.
+        /// Number of such keys that were given.
         got: usize,
     },
-    /// A counter that can't be.
+    /// The counter is not possible.
     #[error("{place}: {source}")]
     Counter {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// Why.
+        /// Reason for the rejection.
         source: CounterError,
     },
-    /// A checksum that can't be.
+    /// The checksum of a preset is not possible.
     #[error("{place}: {source}")]
     Checksum {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// Why.
+        /// Reason for the rejection.
         source: PresetError,
     },
-    /// An algorithm that can't be.
+    /// The checksum of an algorithm is not possible.
     #[error("{place}: {source}")]
     Algorithm {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// Why.
+        /// Reason for the rejection.
         source: ChecksumError,
     },
-    /// The name of no checksum.
+    /// The program has no checksum preset of this name.
     #[error("{place}: {source}")]
     Preset {
-        /// Where.
+        /// Signal that the error is about.
         place: Place,
-        /// Why.
+        /// The unknown name, with the known ones.
         source: UnknownPreset,
     },
-    /// A time that is no whole number of samples.
+    /// The cycle time is not an integer number of samples.
     #[error(
         "{place}: its cycle time in the DBC, {period_s} s, is {samples} samples at {rate_hz} Hz: give `every`, or a rate of which it is a \
          whole number", period_s = short(.period_s), samples = short(.samples), rate_hz = short(.rate_hz)
     )]
     Cycle {
-        /// Where.
+        /// Message that the error is about.
         place: Place,
-        /// The cycle time, s.
+        /// Cycle time in the DBC, s.
         period_s: f64,
-        /// The same in samples.
+        /// Cycle time in samples.
         samples: f64,
-        /// Samples a second, Hz.
+        /// Sample rate of the scenario, Hz.
         rate_hz: f64,
     },
-    /// A timeout that every second frame would exceed.
+    /// The timeout is so short that one lost frame would exceed it.
     #[error(
         "{place}: `timeout_s` is {timeout_s}, and the DBC sends it every {period_s} s: give at least two of its cycles",
         timeout_s = short(.timeout_s), period_s = short(.period_s)
     )]
     Timeout {
-        /// Where.
+        /// Message that the error is about.
         place: Place,
-        /// The timeout, s.
+        /// Timeout that was given, s.
         timeout_s: f64,
-        /// The cycle time, s.
+        /// Cycle time in the DBC, s.
         period_s: f64,
     },
     /// Drives without a preset, a preset without drives, or keys of a DBC beside them.
     #[error("[wire]: {problem}")]
     Drives {
-        /// What is wrong.
+        /// Contradiction and remedy, in words.
         problem: &'static str,
     },
-    /// A number of a drive that can't be.
+    /// A number of a drive is outside its valid range.
     #[error("wire.drives, number {}: `{name}` is {got}: it must be {expected}", .place + 1, got = short(.got))]
     Drive {
-        /// Its place, from 0.
+        /// Index of the drive, from 0.
         place: usize,
-        /// The key.
+        /// Key of the number.
         name: &'static str,
-        /// What was given.
+        /// Value that was given.
         got: f64,
-        /// What would do.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// Nothing arms the plant.
+    /// The mapping has nothing that arms the plant.
     #[error(
         "[wire] has nothing that arms the plant: give an event with `arm`, or `arm = \"operator\"` (in the live view), or \
          `arm = \"zero-command\"` (by first commands near zero)"
     )]
     NoArming,
-    /// Nothing commands a load.
+    /// The mapping has no commands.
     #[error("[wire] has no commands: a plant without a load has nothing to do; give [[wire.commands]]")]
     NoCommands,
-    /// `sync` is needed, or of no use.
+    /// The key `sync` is missing, or nothing uses it.
     #[error("wire.sync: {problem}")]
     Sync {
-        /// What is wrong.
+        /// Reason and remedy, in words.
         problem: &'static str,
     },
-    /// Lockstep needs a wire that answers.
+    /// The run is in lockstep, and the mapping does not say what answers a sample.
     #[error(
         "[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
     )]
     NoLockstep,
-    /// Nothing says which protocol it is.
+    /// The section names neither a DBC nor a preset.
     #[error("[wire] names no protocol: give `dbc`, the file with the messages, or `preset`")]
     NeitherDbcNorPreset,
-    /// Only SYNC answers samples.
+    /// With this preset only SYNC can answer a sample in lockstep.
     #[error("wire.lockstep: with `preset = \"{preset}\"` a SYNC answers a sample: give `lockstep = \"sync\"`")]
     LockstepBySync {
-        /// The preset.
+        /// Name of the preset.
         preset: &'static str,
     },
-    /// A drive without something that its preset needs.
+    /// A drive lacks a key that its preset needs.
     #[error("wire.drives, number {}: it has no `{name}`, which `preset = \"{preset}\"` needs", .place + 1)]
     DriveWithout {
-        /// Its place, from 0.
+        /// Index of the drive, from 0.
         place: usize,
-        /// The key.
+        /// Key that is missing.
         name: &'static str,
-        /// The preset.
+        /// Name of the preset.
         preset: &'static str,
     },
-    /// A drive with something that its preset does not know.
+    /// A drive has a key that its preset does not know.
     #[error("wire.drives, number {}: `{name}` is not a key of `preset = \"{preset}\"`: leave it out", .place + 1)]
     DriveWith {
-        /// Its place, from 0.
+        /// Index of the drive, from 0.
         place: usize,
-        /// The key.
+        /// Key that does not apply.
         name: &'static str,
-        /// The preset.
+        /// Name of the preset.
         preset: &'static str,
     },
-    /// A timeout of drives that can't be.
+    /// The timeout of the drives is outside its valid range.
     #[error("wire.timeout_s is {got}: it must be a positive number of seconds, at most 3600", got = short(.got))]
     TimeoutOfDrives {
-        /// What was given, s.
+        /// Timeout that was given, s.
         got: f64,
     },
     /// The bus can't carry the messages.
@@ -392,7 +391,7 @@ pub enum WireError {
          most: send readings less often, or raise the bit rate"
     )]
     Overload {
-        /// The load, %.
+        /// Share of the bus that the messages take, %.
         percent: f64,
     },
     /// The bus can't carry the frames of CANopen drives.
@@ -401,7 +400,7 @@ pub enum WireError {
          network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate"
     )]
     OverloadByDrives {
-        /// The load, %.
+        /// Share of the bus that the frames take, %.
         percent: f64,
     },
 }
@@ -412,7 +411,8 @@ fn nearest(suggestion: &Option<String>) -> String {
 
 fn ranged(range: &[f64; 2], step: &Option<f64>, nearest: &Option<f64>) -> String {
     let steps = step.map_or_else(String::new, |step| format!(" in steps of {}", short(&step)));
-    // Scale times count leaves a last digit that nobody wrote.
+    // Scale times count leaves digits beyond those of the DBC, such as 0.30000000000000004, which nine decimals
+    // remove.
     let tidy = |value: f64| short(&format!("{value:.9}").parse().unwrap_or(value)).to_string();
     let next = nearest.map_or_else(String::new, |nearest| format!(", next to it {}", tidy(nearest)));
     let [least, most] = range.map(tidy);

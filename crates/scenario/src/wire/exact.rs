@@ -1,4 +1,5 @@
-//! Numbers that a signal must have exactly: what is another number on the wire never matches, or says something else.
+//! Numbers that a signal must represent exactly. A number that the bus changes would never match, or mean
+//! something else.
 
 use std::collections::BTreeMap;
 
@@ -7,11 +8,11 @@ use crate::dbc::{Message, Signal};
 use resonarm_bench::node::mapped::mapping::Source;
 use resonarm_wire::PAYLOAD_MAX_BYTES;
 
-/// The largest distance from a value of the signal that is rounding, in its steps; of a floating-point signal as a
-/// share of its value.
+/// Largest distance from a value of the signal that counts as rounding, relative to its resolution, or to the
+/// value of a floating-point signal.
 const ROUNDING: f64 = 1e-6;
 
-/// A signal of a message, with its line in the DBC.
+/// A signal of a message, for checks against its DBC entry.
 pub(super) struct Exact<'a> {
     place: Place,
     message: &'a Message,
@@ -19,7 +20,7 @@ pub(super) struct Exact<'a> {
 }
 
 impl<'a> Exact<'a> {
-    /// The signal of this name in a message that a key of the scenario names.
+    /// Looks up the signal of this name, in a message that a key of the scenario names.
     ///
     /// # Errors
     /// [`WireError::Dbc`] if the message has no such signal.
@@ -27,12 +28,12 @@ impl<'a> Exact<'a> {
         Ok(Exact { place: Place::signal(key, message.name(), name), message, signal: message.signal(name)? })
     }
 
-    /// The signal.
+    /// Returns the signal in the DBC.
     pub const fn signal(&self) -> &'a Signal {
         self.signal
     }
 
-    /// A value as the signal has it once it was sent.
+    /// Returns the value as the signal has it after encoding and decoding.
     ///
     /// # Errors
     /// [`WireError::Value`] if it would be another one.
@@ -58,7 +59,7 @@ impl<'a> Exact<'a> {
         })
     }
 
-    /// What comes of a value that is sent.
+    /// Encodes a value and decodes it again.
     fn sent(&self, value: f64) -> Option<f64> {
         let mut payload = [0; PAYLOAD_MAX_BYTES];
         let payload = payload.get_mut(..self.message.length())?;
@@ -66,7 +67,7 @@ impl<'a> Exact<'a> {
         self.signal.wire().decode(payload)
     }
 
-    /// The numbers of a source that the signal says, as the signal has them; `given` are those that the scenario has.
+    /// Returns the source with the numbers as the signal has them; `given` are those that the scenario states.
     ///
     /// # Errors
     /// [`WireError::Value`] names the first one that would be another.
@@ -74,7 +75,8 @@ impl<'a> Exact<'a> {
         match source {
             Source::State(mut numbers) => {
                 for (number, name) in numbers.iter_mut().zip(super::signals::STATES) {
-                    // A plant is never heard while it boots: its number matters only if it is given.
+                    // A plant is never heard while it boots. Its number for that state matters only if it is
+                    // given.
                     if name != super::signals::STATES[0] || given.contains_key(name) {
                         *number = self.value(&format!("state.{name}"), *number)?;
                     }

@@ -1,41 +1,41 @@
-//! What a user's protocol lacks, and what that costs.
+//! What a user protocol lacks, and the consequence.
 
 use thiserror::Error;
 
 use super::{ArmSpec, PresetSpec, WireSection};
 use resonarm_numeric::number::short;
 
-/// Something that a protocol lacks.
+/// A protection or function that a user protocol lacks.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum WireLack {
-    /// Commands that don't name the sample that they answer.
+    /// Commands don't name the sample that they answer.
     #[error("commands name no sample: how old one is, and how long a round trip takes, can't be measured")]
     Echo,
-    /// No counter in a message.
+    /// A message has no counter.
     #[error("message {message} has no counter: a repeated or an old frame counts as new")]
     Counter {
-        /// The message.
+        /// Name of the message.
         message: String,
     },
-    /// No checksum in a message.
+    /// A message has no checksum.
     #[error("message {message} has no checksum: damage that the controller's CRC misses acts as a load")]
     Checksum {
-        /// The message.
+        /// Name of the message.
         message: String,
     },
-    /// No message that arms.
+    /// No message arms the plant; the operator does.
     #[error("no message arms the plant: the operator does, in the live view (--live)")]
     ArmedByOperator,
-    /// No message that arms, nor an operator.
+    /// No message arms the plant; its first commands near zero do.
     #[error("no message arms the plant: its first commands near zero do, and after a fault nothing does")]
     ArmedByCommands,
-    /// No message that clears a fault.
+    /// No message clears a fault.
     #[error("no message clears a fault: the operator does, in the live view (--live), or a new run")]
     Reset,
 }
 
 impl WireSection {
-    /// What arms the plant, in words.
+    /// Returns in words what arms the plant.
     pub fn arming(&self) -> String {
         let of_event = |event: &super::EventSpec| match (&event.signal, event.on_frame) {
             (Some(signal), _) if !event.arm.is_empty() => {
@@ -57,14 +57,15 @@ impl WireSection {
         }
     }
 
-    /// What the protocol lacks.
+    /// Returns everything that the protocol lacks.
     pub fn lacks(&self) -> Vec<WireLack> {
+        // No user protocol here names the sample that a command answers.
         let mut lacks = vec![WireLack::Echo];
         if self.preset == Some(super::PresetSpec::Cia402) {
             return lacks;
         }
         for command in &self.commands {
-            // Counter and checksum of a message are given once, with its commands or its events.
+            // Counter and checksum of a message are stated once, with its command or with one of its events.
             let event = self.events.iter().filter(|event| event.message == command.message);
             let has = |of_event: fn(&super::EventSpec) -> bool, own: bool| own || event.clone().any(of_event);
             let message = command.message.clone();

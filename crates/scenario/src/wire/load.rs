@@ -1,4 +1,4 @@
-//! The load of a user's messages on the bus.
+//! Bus load of a user protocol.
 
 use super::{WireError, WireSection};
 use crate::dbc::Database;
@@ -11,12 +11,12 @@ use resonarm_protocol::{FrameFormat, Id};
 use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{EnabledPdo, enabled_pdos};
 
-/// The largest share of a bus for control that the messages may take: above, those of low priority wait for long.
+/// Largest share of a control bus that the messages may take. Above it, messages of low priority wait for long.
 const MOST: f64 = 0.8;
 
-/// Refuses messages that the bus, if the scenario names its bit rate, can't carry, each with the most stuff bits that
-/// there can be. A command whose cycle time the DBC doesn't say comes once a sample; what is sent on request counts as
-/// nothing.
+/// Rejects messages that don't fit the bus, if the scenario states its bit rate, each with the largest possible
+/// number of stuff bits. A command without a cycle time in the DBC counts once per sample; messages on request
+/// don't count.
 pub(super) fn check(scenario: &Scenario, section: &WireSection, mapping: &Mapping) -> Result<(), ScenarioError> {
     let Some(spec) = scenario.bus_of_bit_rate()? else { return Ok(()) };
     let (database, rate_hz) = (section.database()?, scenario.simulation.rate_hz);
@@ -29,6 +29,7 @@ pub(super) fn check(scenario: &Scenario, section: &WireSection, mapping: &Mappin
         };
         (message.id, per_second)
     });
+    // Requests are rare events and don't count.
     let received = mapping.incoming.iter().filter(|message| message.is_sync || !message.commands.is_empty());
     let received = received.map(|message| (message.id, received_per_second(&database, message.id, rate_hz)));
     let of_message = |(id, per_second): (Id, f64)| {
@@ -48,8 +49,9 @@ fn received_per_second(database: &Database, id: Id, rate_hz: f64) -> f64 {
     cycle_ms.filter(|cycle_ms| *cycle_ms > 0.0).map_or(rate_hz, |cycle_ms| 1e3 / cycle_ms)
 }
 
-/// The same of CANopen drives with the PDOs that they have after power-on. SYNC comes once a sample, and with it a
-/// target for each drive; what has an event timer is sent by that. A SYNC has no data, as its counter is optional.
+/// Rejects CANopen drives that don't fit the bus, with the PDOs that they have after power-on. SYNC and a
+/// target for each drive come once per sample; PDOs with an event timer follow their timer. A SYNC is counted
+/// without data, as its counter is optional.
 pub(super) fn check_drives(scenario: &Scenario, spec: &Cia402Spec) -> Result<(), ScenarioError> {
     let Some(bus) = scenario.bus_of_bit_rate()? else { return Ok(()) };
     let frames = |bytes: usize, per_second: f64| {

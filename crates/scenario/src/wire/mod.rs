@@ -1,4 +1,5 @@
-//! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings, or a preset.
+//! The section `[wire]`: a user protocol in place of Resonarm's. It maps the messages of a DBC to loads,
+//! requests and readings, or names a preset.
 
 mod checksum;
 mod cia402;
@@ -29,44 +30,44 @@ use crate::dbc::{self, Database};
 use crate::text_file;
 use resonarm_bench::node::WireSpec;
 
-/// The user's own protocol, in place of Resonarm's.
+/// The user protocol that replaces Resonarm's own.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WireSection {
-    /// A protocol of drives, in place of a DBC.
+    /// Protocol of drives that comes with the program, in place of a DBC.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<PresetSpec>,
-    /// Its drives.
+    /// Drives of the preset, one for each joint.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveSpec>,
-    /// For how long its torques are valid in real time, s; without it 0.5.
+    /// Time for which a torque of the drives stays valid in real time, s; without it 0.5.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timeout_s: Option<f64>,
-    /// The DBC file; its path counts from the scenario's folder.
+    /// Path of the DBC file, relative to the scenario's folder.
     #[serde(skip_serializing_if = "is_empty")]
     pub dbc: PathBuf,
-    /// The plant's node in it, the sender of all readings; without it senders are not checked.
+    /// Node of the plant in the DBC, the sender of all readings; without it senders are not checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub node: Option<String>,
-    /// How the plant is armed if no event does it.
+    /// How the plant is armed if no event arms it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm: Option<ArmSpec>,
-    /// What answers a sample in lockstep; without it there is no lockstep.
+    /// What answers a sample in lockstep; without it the protocol has no lockstep.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep: Option<LockstepSpec>,
-    /// The message that synchronises, for `lockstep = "sync"` and readings with `on = "sync"`.
+    /// Message that synchronises, for `lockstep = "sync"` and readings with `on = "sync"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sync: Option<String>,
-    /// The messages with loads.
+    /// Messages that carry loads.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<CommandSpec>,
-    /// The messages with requests.
+    /// Messages that carry requests.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub events: Vec<EventSpec>,
-    /// The messages with readings.
+    /// Messages that carry readings.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub readings: Vec<ReadingSpec>,
-    /// The text of the DBC, once it is read.
+    /// Text of the DBC, once it has been read.
     #[serde(skip)]
     pub text: Option<String>,
 }
@@ -75,17 +76,17 @@ fn is_empty(path: &Path) -> bool {
     path.as_os_str().is_empty()
 }
 
-/// How a plant is armed without a message for it.
+/// How a plant is armed when no message arms it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ArmSpec {
-    /// By the operator, in the live view.
+    /// The operator arms it in the live view.
     Operator,
-    /// By first commands below a hundredth of the exciter's limits.
+    /// Its first commands arm it, if they are below a hundredth of the exciter's limits.
     ZeroCommand,
 }
 
-/// What answers a sample in lockstep.
+/// Frames that answer a sample in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LockstepSpec {
@@ -95,31 +96,31 @@ pub enum LockstepSpec {
     Sync,
 }
 
-/// A message with loads.
+/// A message that carries loads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSpec {
-    /// Its name.
+    /// Name of the message in the DBC.
     pub message: String,
-    /// For how long a load is valid in real time, s; without it `network.command_timeout_s`.
+    /// Time for which a load stays valid in real time, s; without it `network.command_timeout_s`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timeout_s: Option<f64>,
-    /// Its alive counter.
+    /// Alive counter of the message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counter: Option<CounterSpec>,
-    /// Its checksum.
+    /// Checksum of the message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checksum: Option<ChecksumSpec>,
-    /// The number of the drive that it is for, from 0: each is armed by itself.
+    /// Index of the drive that the message is for, from 0. Each drive is armed separately.
     #[serde(default)]
     pub drive: usize,
-    /// Force at the tip along x.
+    /// Force at the exciter along x.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_x_n: Option<InputSpec>,
-    /// Force at the tip along y.
+    /// Force at the exciter along y.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_y_n: Option<InputSpec>,
-    /// Force at the tip along the shaker.
+    /// Force at the exciter along the shaker.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_n: Option<InputSpec>,
     /// Torque at joint 1.
@@ -130,142 +131,145 @@ pub struct CommandSpec {
     pub torque2_nm: Option<InputSpec>,
 }
 
-/// A signal that is a load: `scale · value + offset`, in N or N·m.
+/// A signal that commands a load of `scale · value + offset`, in N or N·m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputSpec {
-    /// Its name.
+    /// Name of the signal in the DBC.
     pub signal: String,
-    /// N or N·m for one unit of it; without it its unit says so.
+    /// Load for one unit of the signal, N or N·m; without it the signal's unit is converted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
-    /// N or N·m at 0; without it 0.
+    /// Load at the value 0, N or N·m; without it 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
-    /// Of a current: the torque of the motor for 1 A, N·m/A, or of a shaker N/A; the signal is then one of A or mA.
+    /// For a current: torque of the motor for 1 A, N·m/A, or force of a shaker, N/A. The signal's unit is then
+    /// A or mA.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant_per_a: Option<f64>,
-    /// Turns of the motor for one of the joint, by which its torque is multiplied; without it 1.
+    /// Turns of the motor for one turn of the joint, by which the torque is multiplied; without it 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gear_ratio: Option<f64>,
 }
 
-/// A message with a request.
+/// A message that carries a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EventSpec {
-    /// Its name.
+    /// Name of the message in the DBC.
     pub message: String,
-    /// The signal; without it every frame of the message asks for what `on_frame` says.
+    /// Signal that carries the request; without it every frame of the message is the request `on_frame`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub signal: Option<String>,
-    /// Values that arm.
+    /// Values of the signal that arm the plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub arm: Vec<f64>,
-    /// Values that disarm.
+    /// Values of the signal that disarm the plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub disarm: Vec<f64>,
-    /// Values that clear a fault.
+    /// Values of the signal that clear a fault.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reset: Vec<f64>,
-    /// Values that stop the plant: a fault.
+    /// Values of the signal that stop the plant with a fault.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stop: Vec<f64>,
-    /// Values of which it must have one before loads count.
+    /// Commands are ignored until the signal has one of these values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<f64>,
-    /// What a frame asks for if there is no signal.
+    /// Request that every frame makes if there is no signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on_frame: Option<RequestSpec>,
-    /// Whether a value counts in every frame, or, the default, when it changes.
+    /// Whether a value counts in every frame. By default it counts when it changes.
     #[serde(default)]
     pub every_frame: bool,
-    /// The alive counter of the message.
+    /// Alive counter of the message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counter: Option<CounterSpec>,
-    /// The checksum of the message.
+    /// Checksum of the message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checksum: Option<ChecksumSpec>,
-    /// The number of the drive that it is for.
+    /// Index of the drive that the message is for, from 0.
     #[serde(default)]
     pub drive: usize,
 }
 
-/// What a frame asks for.
+/// Request of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RequestSpec {
-    /// To arm.
+    /// Arms the plant.
     Arm,
-    /// To disarm.
+    /// Disarms the plant.
     Disarm,
-    /// To clear a fault.
+    /// Clears a fault.
     Reset,
-    /// To stop: a fault.
+    /// Stops the plant with a fault.
     Stop,
 }
 
-/// A message with readings.
+/// A message that carries readings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReadingSpec {
-    /// Its name.
+    /// Name of the message in the DBC.
     pub message: String,
-    /// Every how many samples it is sent; without it and the two keys below the DBC's cycle time says so.
+    /// Number of samples from one frame to the next; without it and the two keys below, the DBC's cycle time
+    /// decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub every: Option<u64>,
-    /// How often it is sent by the clock, s.
+    /// Period in time, s, in place of a number of samples.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period_s: Option<f64>,
-    /// What it is sent on.
+    /// Event that sends it, in place of a period.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<OnSpec>,
-    /// Whether it is sent on request as well: a remote frame, or one of its identifier without data.
+    /// Whether it is also sent on request: by a remote frame, or by a frame of its identifier without data.
     #[serde(default)]
     pub on_request: bool,
-    /// Its alive counter.
+    /// Alive counter of the message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub counter: Option<CounterSpec>,
-    /// Its checksum.
+    /// Checksum of the message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checksum: Option<ChecksumSpec>,
-    /// The number of the drive of whose state it says something.
+    /// Index of the drive whose state it reports, from 0.
     #[serde(default)]
     pub drive: usize,
-    /// What its signals say, by their names.
+    /// What each signal carries, by the signal's name.
     pub signals: BTreeMap<String, SourceSpec>,
 }
 
-/// What a reading is sent on.
+/// Event that sends a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnSpec {
-    /// On request alone.
+    /// A request: the message is sent for no other reason.
     Remote,
-    /// On the message named by `sync`.
+    /// The message named by `sync`.
     Sync,
 }
 
-/// What a signal says: one of the keys `quantity`, `clipped`, `state`, `reason`, `constant`, `sample`.
+/// What a signal carries: one of the keys `quantity`, `clipped`, `state`, `reason`, `constant`, `sample`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SourceSpec {
-    /// A reading, a state of the structure or a held load, by the name of its channel.
+    /// A reading, a state of the structure or a held load, by its channel name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quantity: Option<String>,
-    /// 1 if this reading is beyond the range of its sensor, else 0.
+    /// 1 while this reading is clipped at the range of its sensor, else 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clipped: Option<String>,
-    /// Units of the signal for one of the quantity's; without it the signal's unit says so.
+    /// Units of the signal for one unit of the quantity; without it the signal's unit is converted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
-    /// The signal at 0; without it 0.
+    /// Value of the signal at 0; without it 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
-    /// Of a current: the torque of the motor for 1 A, N·m/A; the quantity is then a torque.
+    /// For a current: torque of the motor for 1 A, N·m/A. The quantity is then a torque.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant_per_a: Option<f64>,
-    /// Turns of the motor for one of the joint, by which an angle or a rate is multiplied and a torque divided.
+    /// Turns of the motor for one turn of the joint, by which an angle or rate is multiplied and a torque
+    /// divided.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gear_ratio: Option<f64>,
     /// A number for each state: `boot-up`, `pre-operational`, `operational`, `fault`; 0 for those left out.
@@ -274,30 +278,30 @@ pub struct SourceSpec {
     /// A number for each fault, by its name, for `none` (0 if left out) and for `other` (1 if left out).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<BTreeMap<String, f64>>,
-    /// Always this.
+    /// Constant value of the signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant: Option<f64>,
-    /// Whether it is the index of the sample, modulo what the signal can represent.
+    /// Whether it is the index of the sample, modulo the signal's range.
     pub sample: bool,
 }
 
-/// An alive counter.
+/// An alive counter, which counts up with every frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CounterSpec {
-    /// Its signal.
+    /// Name of the signal that holds the counter.
     pub signal: String,
-    /// How many values it has; without it as many as its bits, or as the checksum's profile says.
+    /// Number of values; without it as many as its bits allow, or as the checksum's profile states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<u64>,
-    /// The most frames that may be lost in a row; without it 3, as with the largest step of 4 of AUTOSAR's profiles
-    /// here.
+    /// Largest number of consecutive frames that may be lost; without it 3, as with AUTOSAR's largest counter
+    /// step of 4.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub most_lost: Option<u64>,
 }
 
 impl WireSection {
-    /// Reads the DBC, if the messages are not those of a preset; its path counts from `folder`.
+    /// Reads the DBC, unless the messages are those of a preset; its path is relative to `folder`.
     ///
     /// # Errors
     /// [`WireError::Read`].
@@ -312,7 +316,7 @@ impl WireSection {
         Ok(())
     }
 
-    /// The section with the messages of its preset, if it has one.
+    /// Returns the section with the messages of its preset written out, if it has one.
     ///
     /// # Errors
     /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`], [`WireError::NeitherDbcNorPreset`].
@@ -326,7 +330,7 @@ impl WireSection {
         }
     }
 
-    /// The DBC.
+    /// Parses the DBC.
     ///
     /// # Errors
     /// [`WireError::Dbc`] if it is none, [`WireError::NotRead`] before [`WireSection::read`].
@@ -337,12 +341,14 @@ impl WireSection {
 }
 
 impl Scenario {
-    /// The scenario's own protocol, if it has one.
+    /// Compiles the scenario's user protocol, if it has one.
     ///
     /// # Errors
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
+        // CANopen drives have an object dictionary and a state machine, which a table of messages can't
+        // express.
         if section.preset == Some(PresetSpec::Cia402) {
             let spec = cia402::spec(self, section)?;
             load::check_drives(self, &spec)?;
@@ -355,7 +361,7 @@ impl Scenario {
         Ok(Some(WireSpec::Mapped(mapping)))
     }
 
-    /// The DBC of the scenario's own protocol, or of its preset, if it has one: CANopen drives have none.
+    /// Returns the DBC of the user protocol or of its preset, if there is one: CANopen drives have none.
     ///
     /// # Errors
     /// [`ScenarioError::Wire`] if it was not read, or is none.

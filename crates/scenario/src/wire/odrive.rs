@@ -1,4 +1,5 @@
-//! The plant as ODrive motor controllers, one a joint: the messages of CANSimple for torque control.
+//! ODrive motor controllers as a user protocol, one for each joint: the messages of CANSimple for torque
+//! control.
 //!
 //! An identifier is the node's number times 32 plus that of the command; numbers are little-endian (ODrive, CAN
 //! protocol, firmware 0.6: Heartbeat, Set_Axis_State, Set_Controller_Mode, Set_Input_Torque, Get_Encoder_Estimates and
@@ -13,15 +14,15 @@ use super::{
     CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
 
-/// The node of the plant, and that of its controller, in the DBC.
+/// Names of the plant's and the controller's nodes in the generated DBC.
 const NODES: [&str; 2] = ["Plant", "Controller"];
-/// `AXIS_STATE_IDLE`, `AXIS_STATE_CLOSED_LOOP_CONTROL`.
+/// Axis states `AXIS_STATE_IDLE` and `AXIS_STATE_CLOSED_LOOP_CONTROL` of the ODrive firmware.
 const IDLE: f64 = 1.0;
 const CLOSED_LOOP: f64 = 8.0;
-/// `CONTROL_MODE_TORQUE_CONTROL`, `INPUT_MODE_PASSTHROUGH`.
+/// Modes `CONTROL_MODE_TORQUE_CONTROL` and `INPUT_MODE_PASSTHROUGH`, the only ones in which torques act.
 const TORQUE_CONTROL: f64 = 1.0;
 const PASSTHROUGH: f64 = 1.0;
-/// The bits of `ODRIVE_ERROR` for our faults.
+/// Bits of `ODRIVE_ERROR` that report the faults of the plant.
 const ERRORS: [(&str, u32); 8] = [
     ("none", 0),
     ("command-timeout", 0x0100_0000), // WATCHDOG_TIMER_EXPIRED
@@ -32,16 +33,16 @@ const ERRORS: [(&str, u32); 8] = [
     ("simulation-failed", 0x0000_0002), // SYSTEM_LEVEL
     ("other", 0x0000_0002),
 ];
-/// How often heartbeats are sent, s.
+/// Period of the heartbeats, s.
 const HEARTBEAT_S: f64 = 0.1;
-/// What temperature sensors and the supply say: room temperature, °C, and a supply of 24 V without a load.
+/// Constant readings of temperature and supply: room temperature, °C, and the voltage of a supply without load.
 const TEMPERATURE_C: f64 = 25.0;
 const SUPPLY_V: f64 = 24.0;
 
-/// A signal of the DBC: name, first bit, bits, kind (`+`, or `f` for a float), unit.
+/// A signal of the DBC: name, start bit, width, kind (`+` unsigned, `f` float), unit.
 type Row = (&'static str, u8, u8, char, &'static str);
 
-/// A message: number of its command, name, sender's place in [`NODES`], signals.
+/// A message: command number, name, index of the sender in [`NODES`], signals.
 const MESSAGES: [(u32, &str, usize, &[Row]); 12] = [
     (
         0x01,
@@ -72,15 +73,17 @@ const MESSAGES: [(u32, &str, usize, &[Row]); 12] = [
     (0x1C, "Get_Torques", 0, &[("Torque_Target", 0, 32, 'f', "Nm"), ("Torque_Estimate", 32, 32, 'f', "Nm")]),
 ];
 
-/// The DBC of these drives.
+/// Returns the DBC of these drives.
 pub(super) fn dbc(drives: &[DriveSpec]) -> String {
     let mut text = format!("VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: {}\n", NODES.join(" "));
     let mut types = String::new();
     for drive in drives {
         for (command, name, sender, signals) in MESSAGES {
+            // CANSimple identifiers have the node id above 5 bits of command.
             let (id, length) = (u32::from(drive.node_id) << 5 | command, if signals.is_empty() { 0 } else { 8 });
             _ = writeln!(text, "\nBO_ {id} Axis{}_{name}: {length} {}", drive.node_id, NODES[sender]);
             for (signal, start, bits, kind, unit) in signals {
+                // A DBC marks floating-point signals as signed; `SIG_VALTYPE_` states the type.
                 let sign = if *kind == 'f' { '-' } else { *kind };
                 let receiver = NODES[1 - sender];
                 _ = writeln!(text, " SG_ {signal} : {start}|{bits}@1{sign} (1,0) [0|0] \"{unit}\" {receiver}");
@@ -93,7 +96,7 @@ pub(super) fn dbc(drives: &[DriveSpec]) -> String {
     text + "\n" + &types
 }
 
-/// What the messages of these drives mean, at `rate_hz` samples a second.
+/// Returns the mapping of these drives' messages, at `rate_hz` samples per second.
 pub(super) fn section(section: &WireSection, rate_hz: f64) -> WireSection {
     let mut whole = WireSection {
         node: Some(NODES[0].to_string()),
@@ -101,7 +104,8 @@ pub(super) fn section(section: &WireSection, rate_hz: f64) -> WireSection {
         text: Some(dbc(&section.drives)),
         ..WireSection::default()
     };
-    // Every sample in lockstep, where the controller answers them.
+    // In lockstep the controller answers every sample and so needs its readings every sample. In real time it
+    // gets them every 10 ms, or every sample if samples are further apart.
     let every = match section.lockstep {
         Some(LockstepSpec::Command | LockstepSpec::Sync) => 1,
         None => (libm::round(0.01 * rate_hz) as u64).max(1),
@@ -115,7 +119,7 @@ pub(super) fn section(section: &WireSection, rate_hz: f64) -> WireSection {
     whole
 }
 
-/// One axis.
+/// One axis of the drives, with the settings that its messages share.
 struct Axis<'a> {
     number: usize,
     drive: &'a DriveSpec,

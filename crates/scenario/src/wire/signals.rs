@@ -1,4 +1,4 @@
-//! Signals of a mapping: what is used for what, counters and checksums, numbers for states and faults.
+//! Signals of a mapping: their uses, counters and checksums, and the numbers for states and faults.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -13,9 +13,9 @@ use resonarm_wire::counter::Counter;
 
 pub(super) mod quantity;
 
-/// The names of the states, in the order of their numbers.
+/// Names of the states, in the order of their numbers.
 pub const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
-/// Every fault that a mapped plant can have, by name.
+/// Faults of a mapped plant, by their names in a scenario.
 pub const REASONS: [(&str, EmergencyCode); 7] = [
     ("command-timeout", EmergencyCode::CommandTimeout),
     ("stop", EmergencyCode::StopRequested),
@@ -26,12 +26,12 @@ pub const REASONS: [(&str, EmergencyCode); 7] = [
     ("simulation-failed", EmergencyCode::SimulationFailed),
 ];
 
-/// What each signal of a message is used for.
+/// Use of each signal of a message, to find signals that are used twice.
 #[derive(Default)]
 pub(super) struct Used(HashMap<String, String>);
 
 impl Used {
-    /// The signal of `place` is used as `what`.
+    /// Notes that the signal of `place` is used as `what`.
     pub fn take(&mut self, place: &Place, what: &str) -> Result<(), WireError> {
         let signal = place.signal.clone().unwrap_or_default();
         match self.0.insert(signal, what.to_string()) {
@@ -41,7 +41,7 @@ impl Used {
     }
 }
 
-/// The alive counter of a message.
+/// Builds the alive counter of a message.
 pub(super) fn counter(
     place: &Place,
     spec: &CounterSpec,
@@ -52,18 +52,20 @@ pub(super) fn counter(
     let place = place.of(&spec.signal);
     used.take(&place, "the counter")?;
     let layout = *message.signal(&spec.signal)?.wire().layout();
+    // A counter of 64 bits would have 2^64 values, which does not fit u64; one less is close enough.
     let all = 1_u64.checked_shl(layout.bits().into()).unwrap_or(u64::MAX);
+    // What the scenario states wins; a profile such as AUTOSAR 1 leaves out the value 15 of its 4 bits.
     let values = spec.values.or(preset.and_then(Preset::counter_values)).unwrap_or(all);
     Counter::new(layout, values).map_err(|source| WireError::Counter { place, source })
 }
 
-/// A number for each state.
+/// Returns a source with one number for each state.
 pub(super) fn states(place: &Place, numbers: &BTreeMap<String, f64>) -> Result<Source, WireError> {
     check_names(place, "state", numbers, &STATES)?;
     Ok(Source::State(STATES.map(|name| numbers.get(name).copied().unwrap_or(0.0))))
 }
 
-/// A number for each fault.
+/// Returns a source with one number for each fault.
 pub(super) fn reasons(place: &Place, numbers: &BTreeMap<String, f64>) -> Result<Source, WireError> {
     let known: Vec<&str> = REASONS.iter().map(|(name, _)| *name).chain(["none", "other"]).collect();
     check_names(place, "fault", numbers, &known)?;

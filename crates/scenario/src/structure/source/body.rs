@@ -1,8 +1,8 @@
-//! Rigid bodies: frames, and what several bodies are together.
+//! Rigid-body geometry: frames, inertia, and the union of several bodies.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// A frame: where its origin is, m, and how it is turned.
+/// A frame: the position of its origin, m, and its rotation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub at: Vector3<f64>,
@@ -10,42 +10,43 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The frame that others count from.
+    /// Returns the reference frame itself.
     pub fn identity() -> Frame {
         Frame { at: Vector3::zeros(), turn: Matrix3::identity() }
     }
 
-    /// An origin with roll, pitch and yaw about the fixed axes x, y, z: Rz(yaw) Ry(pitch) Rx(roll).
+    /// Returns the frame at an origin with roll, pitch and yaw about the fixed axes x, y, z: Rz(yaw) Ry(pitch)
+    /// Rx(roll), as in URDF.
     pub fn new(at: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Frame {
         Frame { at: Vector3::from(at), turn: *Rotation3::from_euler_angles(roll, pitch, yaw).matrix() }
     }
 
-    /// A frame stated in this one, in the frame that this one is stated in.
+    /// Returns the inner frame, stated relative to this one, relative to this one's reference.
     pub fn then(&self, inner: &Frame) -> Frame {
         Frame { at: self.at + self.turn * inner.at, turn: self.turn * inner.turn }
     }
 }
 
-/// The mass and inertia of a body.
+/// Mass and inertia of one body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inertial {
-    /// Where the centre of mass is, and how the axes of the inertia are turned.
+    /// Centre of mass and orientation of the inertia tensor's axes.
     pub frame: Frame,
-    /// kg, as the file states it.
+    /// Mass as the file states it, kg; not checked.
     pub mass_kg: f64,
-    /// About the centre of mass, kg·m², as the file states it.
+    /// Inertia tensor about the centre of mass as the file states it, kg·m²; not checked.
     pub inertia_kg_m2: Matrix3<f64>,
 }
 
 impl Inertial {
-    /// The moment about an axis of unit length in the frame that `frame` is stated in, through the centre of mass,
-    /// kg·m².
+    /// Moment of inertia about a unit axis through the centre of mass, kg·m²; the axis is stated in the
+    /// reference of `frame`.
     pub fn about(&self, axis: &Vector3<f64>) -> f64 {
         let own = self.frame.turn.transpose() * axis;
         own.dot(&(self.inertia_kg_m2 * own))
     }
 
-    /// The principal moments, the least first, kg·m².
+    /// Returns the principal moments of inertia, ascending, kg·m².
     pub fn principal_kg_m2(&self) -> [f64; 3] {
         let moments = self.inertia_kg_m2.symmetric_eigenvalues();
         let mut moments = [moments[0], moments[1], moments[2]];
@@ -54,18 +55,18 @@ impl Inertial {
     }
 }
 
-/// Bodies that are rigidly one.
+/// Several bodies combined into one rigid body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Whole {
-    /// kg.
+    /// Sum of the masses, kg.
     pub mass_kg: f64,
-    /// m.
+    /// Common centre of mass, m.
     pub centre: Vector3<f64>,
-    /// About the axis through the centre, kg·m².
+    /// Moment of inertia about the given axis through the centre of mass, kg·m².
     pub inertia_kg_m2: f64,
 }
 
-/// What bodies in one frame are together, about an axis n of unit length; `None` of none.
+/// Combines bodies given in one frame, about a unit axis n; `None` if there are no bodies.
 ///
 /// m = Σ m_b, c = Σ m_b c_b / m, and by the theorem of parallel axes (J. Steiner, 1840) I = Σ nᵀR_b I_b R_bᵀn + m_b
 /// |n × (c_b − c)|².

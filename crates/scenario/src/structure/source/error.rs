@@ -1,32 +1,32 @@
-//! What is wrong with a file that a structure is made from.
+//! Errors of the files that a structure is made from.
 
 use thiserror::Error;
 
 use resonarm_numeric::number::short;
 
-/// Why a file makes no structure.
+/// Reason why a file makes no structure.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StructureFileError {
-    /// Of a robot.
+    /// The URDF file makes no chain.
     #[error(transparent)]
     Urdf(#[from] UrdfError),
-    /// Of modes.
+    /// The UFF file gives no modes.
     #[error(transparent)]
     Uff(#[from] UffError),
-    /// Of a matrix.
+    /// The matrix can't be used.
     #[error(transparent)]
     Matrix(#[from] MatrixError),
 }
 
-/// Why a URDF file makes no chain.
+/// Reason why a URDF file makes no chain.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum UrdfError {
-    /// It is no XML.
+    /// The file is not XML.
     #[error("it is no XML: {reason}")]
     Xml {
-        /// Why, and where.
+        /// Message of the XML parser, with the position.
         reason: String,
     },
     /// The file is a xacro, from which a URDF is made.
@@ -36,86 +36,86 @@ pub enum UrdfError {
     Xacro {
         /// The line, from 1.
         line: u32,
-        /// The tag or attribute.
+        /// Tag or attribute that belongs to xacro.
         got: String,
     },
-    /// The XML is of something else.
+    /// The XML describes something other than a robot.
     #[error("it is no robot: its root is <{got}>, not <robot>")]
     NotARobot {
-        /// The root's tag.
+        /// Tag of the root element.
         got: String,
     },
-    /// An attribute is missing.
+    /// An element lacks an attribute.
     #[error("line {line}: <{element}> lacks `{name}`")]
     Attribute {
         /// The line, from 1.
         line: u32,
-        /// The tag.
+        /// Tag of the element.
         element: String,
-        /// The attribute.
+        /// Name of the missing attribute.
         name: &'static str,
     },
-    /// An attribute is no number.
+    /// An attribute is not a number.
     #[error("line {line}: `{name}` is {got:?}: it must be {expected}")]
     Number {
         /// The line, from 1.
         line: u32,
-        /// The attribute.
+        /// Name of the attribute.
         name: &'static str,
-        /// Its text.
+        /// Text of the attribute.
         got: String,
-        /// What would do.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// An element is missing.
+    /// An element lacks a child element.
     #[error("{element} lacks <{what}>")]
     Missing {
-        /// Where it is missing.
+        /// Element that lacks the child, in words.
         element: String,
-        /// The tag.
+        /// Tag of the missing child.
         what: &'static str,
     },
-    /// Two parts have one name.
+    /// Two parts have the same name.
     #[error("there are two of the {what} `{name}`")]
     Twice {
-        /// `link` or `joint`.
+        /// Kind of part, `link` or `joint`.
         what: &'static str,
-        /// The name.
+        /// Name that occurs twice.
         name: String,
     },
-    /// A joint of a link that the file does not have.
+    /// A joint names a link that the file does not have.
     #[error("joint `{joint}`: there is no link `{link}`")]
     NoLink {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
         /// Name of the link.
         link: String,
     },
-    /// A link at the end of two joints.
+    /// A link is the child of two joints.
     #[error("link `{link}` is the child of two joints, `{}` and `{}`: a robot is a tree", joints[0], joints[1])]
     TwoParents {
         /// Name of the link.
         link: String,
-        /// The joints.
+        /// Names of the two joints.
         joints: [String; 2],
     },
-    /// A joint beyond itself.
+    /// The joints form a closed loop.
     #[error("joint `{joint}` is beyond itself: a robot is a tree")]
     Cycle {
-        /// The joint.
+        /// Name of a joint in the loop.
         joint: String,
     },
-    /// A link with moments of inertia, and without a positive mass.
+    /// A link has moments of inertia but no positive mass.
     #[error(
         "link `{link}`: its mass is {} kg: it must be positive, or, with all moments of inertia, 0, as that of a frame", short(.mass_kg)
     )]
     Mass {
         /// Name of the link.
         link: String,
-        /// kg.
+        /// Mass as the file states it, kg.
         mass_kg: f64,
     },
-    /// A link with a negative moment of inertia.
+    /// A link has a negative moment of inertia about the joints' axis.
     #[error("link `{link}`: its moment of inertia about the joints' axis is {} kg·m²: no body has a negative one", short(.got_kg_m2))]
     Moment {
         /// Name of the link.
@@ -123,7 +123,7 @@ pub enum UrdfError {
         /// About the axis through its centre of mass, kg·m².
         got_kg_m2: f64,
     },
-    /// A joint that follows the angle of another.
+    /// A joint of the chain mimics the angle of another, or would have to move with the chain.
     #[error(
         "joint `{joint}` mimics `{followed}`, {}",
         if *is_of_chain {
@@ -134,83 +134,83 @@ pub enum UrdfError {
         }
     )]
     Mimic {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
         /// The joint that it follows.
         followed: String,
         /// Whether it is named as a joint of the chain.
         is_of_chain: bool,
     },
-    /// No joints are named.
+    /// The scenario names no joints.
     #[error("name the chain's joints, from the base out, in tables [[structure.joints]]: those that turn are {known}")]
     NoJoints {
         /// The joints that turn.
         known: String,
     },
-    /// There is no such joint.
+    /// The file has no joint of this name.
     #[error(
         "there is no joint `{got}`{}: those that turn are {known}",
         nearest.as_ref().map(|nearest| format!(", did you mean `{nearest}`?")).unwrap_or_default()
     )]
     NoJoint {
-        /// The name.
+        /// Name that the scenario gives.
         got: String,
-        /// The nearest name.
+        /// Existing name closest to it.
         nearest: Option<String>,
         /// The joints that turn.
         known: String,
     },
-    /// A joint that does not turn.
+    /// A named joint does not turn.
     #[error("joint `{joint}` is {kind}: a chain has revolute joints; what is not named is rigid")]
     NotRevolute {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// Its type.
+        /// Type of the joint in the file.
         kind: String,
     },
-    /// A joint that turns about nothing.
+    /// A joint has the axis 0 0 0.
     #[error("joint `{joint}`: its axis is 0 0 0")]
     NoAxis {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
     },
-    /// A joint that is not beyond the one before.
+    /// A joint is not further out than the one named before it.
     #[error(
         "joint `{joint}` is not beyond `{before}`: {}",
         if *reversed { "name the joints from the base out" } else { "a chain has joints of one branch" }
     )]
     NotBeyond {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The one that is named before it.
+        /// Name of the joint before it in the scenario.
         before: String,
-        /// Whether it is the other way round.
+        /// Whether the two joints are named in reverse order.
         reversed: bool,
     },
-    /// Axes that are not parallel.
+    /// The axes of two joints are not parallel.
     #[error(
         "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: those of a planar chain are parallel{}",
         if *axis_is_default { "; the joint has no <axis>, so that its axis is the default, x" } else { "" }
     )]
     NotParallel {
-        /// The joint.
+        /// Name of the joint.
         joint: String,
-        /// The first joint.
+        /// Name of the first joint of the chain.
         first: String,
         /// The angle between them, degrees.
         off_deg: f64,
         /// Whether the file states no axis of the joint.
         axis_is_default: bool,
     },
-    /// Gravity across the plane.
+    /// Gravity does not act in the plane of motion.
     #[error(
         "`gravity_m_s2` acts in the plane of motion: here the axes are {tilt_deg:.3}° from horizontal; leave it out"
     )]
     Gravity {
-        /// How far the axes are from horizontal, degrees.
+        /// Angle of the axes to the horizontal, degrees.
         tilt_deg: f64,
     },
-    /// Two joints, or a joint and the tip, at one place.
+    /// A link of the chain has no length in the plane of motion.
     #[error(
         "from joint `{joint}` to `{end}` there is no length in the plane of motion: {}",
         if *axis_is_default {
@@ -220,56 +220,56 @@ pub enum UrdfError {
         }
     )]
     NoLength {
-        /// The joint.
+        /// Name of the joint at the start of the link.
         joint: String,
-        /// The link that ends it.
+        /// Name of the URDF link whose frame ends it.
         end: String,
         /// Whether the file states no axis of the joint.
         axis_is_default: bool,
     },
-    /// Nothing has a mass.
+    /// No body of a link of the chain has a mass.
     #[error(
         "nothing beyond joint `{joint}`, up to the next of the chain, has a mass: give link `{link}` an <inertial>"
     )]
     NoInertial {
-        /// The joint.
+        /// Name of the joint at the start of the link.
         joint: String,
-        /// Its link.
+        /// Name of the child link of that joint.
         link: String,
     },
-    /// An impossible inertia.
+    /// The combined moment of inertia of a link is not positive.
     #[error("the moment of inertia beyond joint `{joint}` comes out as {} kg·m²: it must be positive", short(.got_kg_m2))]
     Inertia {
-        /// The joint.
+        /// Name of the joint at the start of the link.
         joint: String,
         /// About the axis through the centre of mass, kg·m².
         got_kg_m2: f64,
     },
-    /// The link that ends the chain does not ride on its last joint.
+    /// The link named as the tip does not move with the last joint.
     #[error("structure.tip: link `{got}` does not ride on joint `{joint}`: these do: {known}")]
     Tip {
         /// Name of the link.
         got: String,
-        /// The last joint.
+        /// Name of the last joint of the chain.
         joint: String,
-        /// The links that do.
+        /// Links that move with it, separated by commas.
         known: String,
     },
-    /// Where the chain ends is not clear.
+    /// The chain could end at several links.
     #[error("beyond joint `{joint}` there are several ends: say by `tip` which is the chain's: {ends}")]
     Ends {
-        /// The last joint.
+        /// Name of the last joint of the chain.
         joint: String,
-        /// The links at the ends.
+        /// Links at the ends, separated by commas.
         ends: String,
     },
 }
 
-/// What is doubtful about a URDF file that makes a chain.
+/// Doubtful statement of a URDF file that nevertheless makes a chain.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum UrdfWarning {
-    /// Moments of inertia that no body has.
+    /// The moments of inertia belong to no physical body.
     #[error(
         "link `{link}`: its principal moments of inertia are {}, {} and {} kg·m²: no body has a negative one, or one above the sum of \
          the other two; the chain takes the moment about the joints' axis as it is",
@@ -278,21 +278,21 @@ pub enum UrdfWarning {
     Moments {
         /// Name of the link.
         link: String,
-        /// The least first, kg·m².
+        /// Principal moments, ascending, kg·m².
         principal_kg_m2: [f64; 3],
     },
 }
 
-/// Why a file in the Universal File Format gives no modes.
+/// Reason why a file in the Universal File Format gives no modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum UffError {
-    /// A line is not what its dataset has there.
+    /// A line does not follow the layout of its dataset.
     #[error("line {line}: {fault}")]
     Line {
         /// The line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Fault of the line.
         fault: UffFault,
     },
     /// The file ends inside a dataset.
@@ -303,82 +303,82 @@ pub enum UffError {
         /// Its first line, from 1.
         line: usize,
     },
-    /// There are no modes.
+    /// The file has no dataset with modes.
     #[error("there are no modes: no dataset 55 or 2414 of normal modes; there are {known}")]
     NoModes {
-        /// The datasets.
+        /// Numbers of the datasets that it has.
         known: String,
     },
-    /// A node that no mode has.
+    /// The named node has no values in any mode.
     #[error("structure.nodes: `{name}` is node {node}: no mode has values there; nodes with values are {known}")]
     NoNode {
-        /// The point's name.
+        /// Name of the point.
         name: String,
-        /// The node's number.
+        /// Number of the node.
         node: u32,
-        /// The nodes with values.
+        /// Numbers of the nodes that have values.
         known: String,
     },
-    /// A stated modal mass that no mode has.
+    /// The modal mass that the scenario states is not positive.
     #[error("structure.modal_mass_kg is {}: it must be a positive number", short(.got))]
     StatedMass {
-        /// kg.
+        /// Modal mass that was given, kg.
         got: f64,
     },
-    /// A stated modal mass that no mode needs.
+    /// A modal mass is stated, but the file states that of every mode.
     #[error("structure.modal_mass_kg is of modes whose modal mass the file leaves at 0, and it has none: leave it out")]
     MassIdle,
-    /// Two names of one node.
+    /// Two points have the same node.
     #[error("structure.nodes: `{}` and `{}` are both node {node}", names[0], names[1])]
     NodeTwice {
-        /// The names.
+        /// Names of the two points.
         names: [String; 2],
-        /// The node's number.
+        /// Number of the node.
         node: u32,
     },
 }
 
-/// What is wrong with a line of a Universal File.
+/// Fault of a line of a Universal File.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum UffFault {
-    /// Text outside a dataset.
+    /// The line is outside every dataset.
     #[error("{got:?} is outside the datasets, which begin and end with a line -1")]
     Outside {
-        /// The line.
+        /// Text of the line.
         got: String,
     },
-    /// The type of a dataset is no number.
+    /// The type of a dataset is not a number.
     #[error("{got:?} is not the number of a dataset")]
     Dataset {
-        /// The text.
+        /// Text in the place of the number.
         got: String,
     },
-    /// A binary dataset.
+    /// The dataset is binary, and only ASCII is read.
     #[error("dataset {dataset} is binary: export the modes as ASCII")]
     Binary {
         /// Number of the dataset, as the file has it.
         dataset: String,
     },
-    /// Too few numbers.
+    /// The line has too few numbers.
     #[error("{what} needs {expected} numbers here: there are {got}")]
     Short {
-        /// The record.
+        /// Record that the line belongs to.
         what: &'static str,
-        /// How many are needed.
+        /// Numbers that the record needs.
         expected: usize,
-        /// How many there are.
+        /// Numbers that the line has.
         got: usize,
     },
-    /// A number that is none.
+    /// A field is not a finite number.
     #[error("{what}: {got:?} is not a finite number")]
     Number {
-        /// The record.
+        /// Record that the line belongs to.
         what: &'static str,
-        /// The text.
+        /// Text of the field.
         got: String,
     },
-    /// Units without a size.
+    /// The units of length or force are not positive.
     #[error("the file is in units of which {} make a metre and {} a newton: both must be positive", short(.length), short(.force))]
     Units {
         /// Units of length in a metre.
@@ -386,7 +386,7 @@ pub enum UffFault {
         /// Units of force in a newton.
         force: f64,
     },
-    /// A complex mode.
+    /// The mode is complex: no rotation makes its shape real.
     #[error(
         "mode {mode} is complex: turned so that it is as real as it can be, its shape has an imaginary part of {} of the \
          shape; a modal structure has normal modes, with {} at most. Identify normal modes, or write the structure as \
@@ -395,12 +395,12 @@ pub enum UffFault {
     ComplexShape {
         /// The number of the mode in the file.
         mode: i64,
-        /// The imaginary part over the shape.
+        /// Norm of the imaginary part over the norm of the shape.
         share: f64,
-        /// The most that a normal mode may have.
+        /// Largest ratio that counts as a normal mode.
         most: f64,
     },
-    /// Modal A of another mode.
+    /// Modal A does not yield a positive real modal mass.
     #[error(
         "mode {mode}: modal A, over twice its eigenvalue's imaginary part, is a modal mass of {} + {}j: that of a normal \
          mode is positive, with an imaginary part of {} of it at most", short(&got[0]), short(&got[1]), short(.most)
@@ -410,10 +410,10 @@ pub enum UffFault {
         mode: i64,
         /// Real and imaginary part of the modal mass, in the units of the file.
         got: [f64; 2],
-        /// The most of the imaginary part, over the real one.
+        /// Largest ratio of the imaginary to the real part.
         most: f64,
     },
-    /// An eigenvalue that is not of a vibration.
+    /// The eigenvalue does not oscillate, or is the conjugate of the expected one.
     #[error(
         "mode {mode}: its eigenvalue is {} + {}j rad/s: expected the one of its pair with a positive imaginary part",
         short(&got[0]), short(&got[1])
@@ -424,33 +424,33 @@ pub enum UffFault {
         /// Real and imaginary part, rad/s.
         got: [f64; 2],
     },
-    /// A dataset of something else.
+    /// The dataset is of another type of analysis.
     #[error(
         "dataset {dataset} of analysis type {got}: modes have 2, normal mode, or 3, complex eigenvalue of first order"
     )]
     Analysis {
         /// Number of the dataset, as the file has it.
         dataset: u32,
-        /// The analysis type.
+        /// Type of analysis in the file.
         got: i64,
     },
-    /// Not displacements.
+    /// The values at the nodes are not displacements.
     #[error("dataset {dataset} of specific data type {got}: shapes are displacements, 8")]
     Quantity {
         /// Number of the dataset, as the file has it.
         dataset: u32,
-        /// The specific data type.
+        /// Specific data type in the file.
         got: i64,
     },
-    /// Values of another kind at the nodes.
+    /// The number of values at a node is not that of a vector.
     #[error("dataset {dataset} has {got} values at a node: vectors have 3, or 6 with rotations")]
     Values {
         /// Number of the dataset, as the file has it.
         dataset: u32,
-        /// How many.
+        /// Number of values at a node.
         got: i64,
     },
-    /// A modal mass that nothing can be normalised with.
+    /// The modal mass is not positive, so that the shape can't be normalised.
     #[error(
         "mode {mode}: its modal mass is {}: shapes are normalised with it, so it must be positive{}", short(.got),
         if *got == 0.0 { "; state the one of modes that the file leaves at 0 by structure.modal_mass_kg" } else { "" }
@@ -458,108 +458,108 @@ pub enum UffFault {
     ModalMass {
         /// The number of the mode in the file.
         mode: i64,
-        /// kg.
+        /// Modal mass as the file states it.
         got: f64,
     },
-    /// Hysteretic damping.
+    /// The mode has hysteretic damping only.
     #[error("mode {mode} has hysteretic damping, {}, and no viscous: state it as viscous damping, half the loss factor", short(.got))]
     Hysteretic {
         /// The number of the mode in the file.
         mode: i64,
-        /// The ratio.
+        /// Hysteretic damping ratio in the file.
         got: f64,
     },
-    /// A node stands twice in one dataset.
+    /// A node occurs twice in one dataset.
     #[error("node {node} stands here for the second time")]
     NodeAgain {
-        /// The node's number.
+        /// Number of the node.
         node: u32,
     },
 }
 
-/// Why matrices make no modes.
+/// Reason why matrices give no modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MatrixError {
-    /// It is no file of NumPy.
+    /// The file is not in NumPy's format.
     #[error("it is no NumPy file: {what}")]
     NotNpy {
-        /// What is not as it should be.
+        /// Violated rule of the format.
         what: &'static str,
     },
-    /// It is no matrix of Matrix Market.
+    /// The file is not in the Matrix Market format.
     #[error("line {line} is not as Matrix Market has it: {what}")]
     NotMtx {
         /// The line, from 1.
         line: usize,
-        /// What is not as it should be.
+        /// Violated rule of the format.
         what: &'static str,
     },
     /// Too few or too many entries.
     #[error("it has {got} entries: its sizes say {expected}")]
     Entries {
-        /// How many, up to the first that is too much.
+        /// Entries in the file, up to the first that is too many.
         got: usize,
-        /// How many there must be.
+        /// Entries that the sizes require.
         expected: usize,
     },
-    /// Numbers of another type.
+    /// The numbers are of another type than float64.
     #[error("its numbers are of type {got:?}: save float64, numpy.save(path, matrix.astype(\"<f8\"))")]
     Type {
-        /// `descr` of the file.
+        /// Type as the key `descr` of the file states it.
         got: String,
     },
-    /// It is not square.
+    /// The matrix is not square, or too large.
     #[error("its shape is {got}: it must be square, with 1 to {most} rows")]
     Shape {
-        /// The shape.
+        /// Shape of the matrix, as text.
         got: String,
-        /// The most rows.
+        /// Largest number of rows.
         most: usize,
     },
-    /// Too few or too many bytes.
+    /// The number of bytes does not match the shape.
     #[error("it has {got} bytes of numbers: its shape needs {expected}")]
     Length {
-        /// How many.
+        /// Bytes of numbers in the file.
         got: usize,
-        /// How many are needed.
+        /// Bytes that the shape requires.
         expected: usize,
     },
-    /// A number that is not finite.
+    /// An entry is infinite or not a number.
     #[error("entry {row}, {column} is {got}: all must be finite")]
     NotFinite {
         /// The row, from 0.
         row: usize,
         /// The column, from 0.
         column: usize,
-        /// The number.
+        /// Value of the entry.
         got: f64,
     },
-    /// It is not symmetric.
+    /// The matrix is not symmetric.
     #[error("it is not symmetric: entry {row}, {column} is {}, and entry {column}, {row} is {}", short(&got[0]), short(&got[1]))]
     NotSymmetric {
         /// The row, from 0.
         row: usize,
         /// The column, from 0.
         column: usize,
-        /// Both entries.
+        /// Entry and its mirror image.
         got: [f64; 2],
     },
-    /// It is of another size than the mass matrix.
+    /// The matrix has another size than the mass matrix.
     #[error("it has {got} rows: the mass matrix has {expected}")]
     Size {
-        /// How many.
+        /// Number of rows of this matrix.
         got: usize,
-        /// The rows of the mass matrix.
+        /// Number of rows of the mass matrix.
         expected: usize,
     },
-    /// It is not positive definite.
+    /// The matrix is not positive definite.
     #[error("it is not positive definite: {fix}")]
     NotPositive {
-        /// What that means.
+        /// Consequence or remedy, in words.
         fix: &'static str,
     },
-    /// A degree of freedom without mass that nothing holds.
+    /// Degrees of freedom without mass are not held by stiffness, so that they can't be condensed.
     #[error(
         "degrees of freedom without mass, from row {row} on, are not held by stiffness: their displacement does not follow from the \
          others'; give them a stiffness, or leave them out"
@@ -568,7 +568,7 @@ pub enum MatrixError {
         /// The first such row, from 0.
         row: usize,
     },
-    /// Damping of a degree of freedom without mass.
+    /// Damping acts on a degree of freedom without mass other than by its stiffness.
     #[error(
         "row {row} has no mass, and its damping moves it against the stiffness: such a degree of freedom can't be condensed; take \
          damping that is Rayleigh's, C = aM + bK, or give it a mass"
@@ -577,7 +577,7 @@ pub enum MatrixError {
         /// The row, from 0.
         row: usize,
     },
-    /// Damping of a rigid mode.
+    /// Damping acts on a rigid-body mode.
     #[error(
         "its damping acts on mode {}, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode {} is {} 1/s, and no damping ratio states that; take it \
          out, as the part aM of Rayleigh's, and state what damps the whole structure as elements of kind linear", modes[0], modes[1], short(.got)
@@ -585,13 +585,13 @@ pub enum MatrixError {
     RigidDamped {
         /// The modes, from 1; the first is rigid.
         modes: [usize; 2],
-        /// φᵢᵀCφⱼ, 1/s.
+        /// Generalised damping coefficient φᵢᵀCφⱼ, 1/s.
         got: f64,
     },
-    /// The eigenproblem is not solved.
+    /// The eigenvalue solver did not converge.
     #[error("its modes can't be computed: the eigenvalues do not converge")]
     NotSolved,
-    /// Damping that is not modal.
+    /// The damping matrix couples the modes.
     #[error(
         "its damping couples modes {} and {}: φᵢᵀCφⱼ is {} of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most {}; take \
          damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear", modes[0], modes[1], short(.coupling), short(.most)
@@ -599,9 +599,9 @@ pub enum MatrixError {
     Coupled {
         /// The modes, from 1.
         modes: [usize; 2],
-        /// The coupling, dimensionless.
+        /// Coupling φᵢᵀCφⱼ over √(φᵢᵀCφᵢ φⱼᵀCφⱼ), dimensionless.
         coupling: f64,
-        /// The most that does.
+        /// Largest coupling that counts as modal damping.
         most: f64,
     },
 }

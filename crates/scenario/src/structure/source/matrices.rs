@@ -26,24 +26,26 @@ use super::{mtx, npy, of_file, unreadable};
 use crate::text_file;
 use resonarm_dynamics::structure::{BASE, MOST_MODES, Place};
 
-/// Pivots of a matrix over its diagonal, over the number of rows, below which it is singular: what rounding leaves.
+/// Relative size of a Cholesky pivot, per row of the matrix, below which rounding is all that is left and the
+/// matrix is singular.
 const SINGULAR: f64 = 1e-14;
-/// ω² over μ below which a mode is rigid.
+/// Ratio ω²/μ below which a mode is rigid.
 const RIGID: f64 = 1e-9;
-/// φᵢᵀCφⱼ of a rigid mode over the largest of all below which nothing damps it.
+/// Ratio of a rigid mode's φᵢᵀCφⱼ to the largest of all below which the mode is undamped.
 const RIGID_DAMPING: f64 = 1e-6;
-/// C_ba + C_bb G over what it is made of, below which damping follows condensed degrees of freedom.
+/// Ratio of C_ba + C_bb G to its summands below which the damping follows the condensed degrees of freedom.
 const MASSLESS_DAMPING: f64 = 1e-9;
-/// How far entries of a symmetric matrix may differ from their mirror images, over the largest.
+/// Largest difference between mirrored entries of a symmetric matrix, relative to its largest entry.
 const SYMMETRY_LIMIT: f64 = 1e-9;
-/// The most of φᵢᵀCφⱼ over √(φᵢᵀCφᵢ φⱼᵀCφⱼ) of damping that counts as modal: the square of it is what it changes.
+/// Largest φᵢᵀCφⱼ/√(φᵢᵀCφᵢ φⱼᵀCφⱼ) of damping that counts as modal. Its effect on the modes is the square of
+/// it.
 const COUPLING_LIMIT: f64 = 1e-3;
-/// Damping of modes below this, over 2ω, is rounding.
+/// Damping ratio below which damping is rounding.
 const NO_DAMPING: f64 = 1e-12;
-/// Iterations for an eigenvalue of a symmetric matrix, which takes two or three.
+/// Iterations allowed per eigenvalue of a symmetric matrix; two or three are usual.
 const MOST_ITERATIONS_A_ROW: usize = 50;
 
-/// The files of a structure's matrices.
+/// Files of a structure's matrices, as a scenario states them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MatricesSection {
@@ -54,12 +56,12 @@ pub struct MatricesSection {
     pub damping: Option<PathBuf>,
     /// Stiffness matrix, N/m, symmetric and positive semidefinite.
     pub stiffness: PathBuf,
-    /// How many modes to keep, the lowest, 1 to 32; without it all, if there are not more.
+    /// Number of lowest modes to keep, 1 to 32; without it all of them, if there are at most 32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modes: Option<usize>,
 }
 
-/// Square matrices, by rows.
+/// Square matrices in row-major order.
 #[derive(Clone, Copy, Debug)]
 pub struct Matrices<'a> {
     /// Mass matrix, kg, symmetric and positive definite but for rows of zeros.
@@ -70,14 +72,15 @@ pub struct Matrices<'a> {
     pub damping: Option<&'a [f64]>,
 }
 
-/// A matrix, and what messages call it: its file, or its name.
+/// A matrix with the name that messages use: its file, or the name of an argument.
 struct Named {
     matrix: DMatrix<f64>,
     path: PathBuf,
 }
 
 impl MatricesSection {
-    /// The modes, with shapes at these degrees of freedom: rows of the matrices, from 0.
+    /// Reads the files and computes the modes, with shapes at these degrees of freedom, which are rows of the
+    /// matrices, from 0.
     pub(super) fn read(
         &self,
         folder: &Path,
@@ -94,6 +97,8 @@ impl MatricesSection {
         let rows = mass.matrix.nrows();
         check_dofs(dofs, rows)?;
         check_base(base, rows)?;
+        // The number of modes follows from the mass matrix alone. It is checked before the other files, which
+        // may be large, are read.
         let keep = kept(self.modes, &mass.matrix)?;
         let stiffness = read(&self.stiffness, Some(rows))?;
         let damping = self.damping.as_deref().map(|path| read(path, Some(rows))).transpose()?;
@@ -133,13 +138,13 @@ impl StructureSection {
     }
 }
 
-/// The matrix of a file, of Matrix Market by its ending or first line, else of NumPy.
+/// Parses the matrix of a file, as Matrix Market by its extension or first line, else as NumPy.
 fn of_bytes(path: &Path, bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     let is_mtx = path.extension().is_some_and(|extension| extension == "mtx");
     if is_mtx || bytes.starts_with(mtx::BANNER.as_bytes()) { mtx::square(bytes) } else { npy::square(bytes) }
 }
 
-/// The matrix of numbers by rows.
+/// Returns the square matrix of numbers in row-major order.
 fn square(numbers: &[f64]) -> Result<DMatrix<f64>, MatrixError> {
     let rows = numbers.len().isqrt();
     if rows * rows == numbers.len() && (1..=npy::MOST_ROWS).contains(&rows) {
@@ -149,19 +154,19 @@ fn square(numbers: &[f64]) -> Result<DMatrix<f64>, MatrixError> {
     }
 }
 
-/// The rows of a mass matrix that have a mass, and those that have none.
+/// Splits the rows of a mass matrix into those with mass and those without.
 fn with_mass(mass: &DMatrix<f64>) -> [Vec<usize>; 2] {
     let (with, without) = (0..mass.nrows()).partition(|&row| mass.row(row).iter().any(|entry| *entry != 0.0));
     [with, without]
 }
 
-/// How many modes to keep.
+/// Returns how many modes to keep.
 fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSectionError> {
     let ([with_mass, _], rows) = (with_mass(mass), mass.nrows());
     let all = with_mass.len();
     let most = all.min(MOST_MODES);
     match modes {
-        // Of nothing there are no modes, as is said with the matrix.
+        // A mass matrix of zeros has no modes. `sections` reports that, where the error can name the matrix.
         _ if all == 0 => Ok(0),
         None if all <= MOST_MODES => Ok(all),
         Some(keep) if (1..=most).contains(&keep) => Ok(keep),
@@ -169,7 +174,7 @@ fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSec
     }
 }
 
-/// The lowest modes of M and K, and their damping ratios.
+/// Computes the lowest modes of M and K, and their damping ratios.
 fn sections(
     [mass, stiffness]: [Named; 2],
     damping: Option<Named>,
@@ -213,13 +218,13 @@ fn sections(
     Ok(modes.iter().zip(damping).map(section).collect())
 }
 
-/// The matrices of the degrees of freedom with a mass.
+/// Matrices of the degrees of freedom with mass, after Guyan condensation of those without.
 struct Condensed {
     with_mass: Vec<usize>,
     without: Vec<usize>,
     mass: DMatrix<f64>,
     stiffness: DMatrix<f64>,
-    /// G.
+    /// Matrix G, by which displacements without mass follow those with mass.
     follows: DMatrix<f64>,
 }
 
@@ -241,11 +246,13 @@ impl Condensed {
         let own = Cholesky::new(part(stiffness, b, b)).ok_or(MatrixError::MasslessFree { row: b[0] })?;
         condensed.follows = -own.solve(&part(stiffness, b, a));
         let reduced = &condensed.stiffness + part(stiffness, a, b) * &condensed.follows;
+        // K_aa + K_ab G is symmetric in exact arithmetic. Averaging with the transpose restores that after
+        // rounding, as the Cholesky factor reads one triangle only.
         condensed.stiffness = (&reduced + reduced.transpose()) * 0.5;
         Ok(condensed)
     }
 
-    /// C_aa + C_ab G.
+    /// Condenses a damping matrix to C_aa + C_ab G.
     fn damping(&self, damping: &DMatrix<f64>) -> Result<DMatrix<f64>, MatrixError> {
         let part = |rows: &[usize], columns: &[usize]| damping.select_rows(rows).select_columns(columns);
         let [a, b] = [&self.with_mass, &self.without];
@@ -253,6 +260,8 @@ impl Condensed {
             return Ok(damping.clone());
         }
         let (direct, by_own) = (part(b, a), part(b, b) * &self.follows);
+        // C_ba + C_bb G must vanish: otherwise the velocities of the massless degrees of freedom enter their
+        // own equilibrium, which then has dynamics of its own.
         let rest = &direct + &by_own;
         let most = MASSLESS_DAMPING * direct.amax().max(by_own.amax());
         if let Some(row) = (0..rest.nrows()).find(|&row| rest.row(row).amax() > most) {
@@ -262,7 +271,7 @@ impl Condensed {
         Ok((&reduced + reduced.transpose()) * 0.5)
     }
 
-    /// The displacements of all rows.
+    /// Expands displacements of the rows with mass to all rows.
     fn whole(&self, of_mass: &DVector<f64>) -> DVector<f64> {
         let mut whole = DVector::zeros(self.with_mass.len() + self.without.len());
         self.with_mass.iter().zip(of_mass).for_each(|(&row, value)| whole[row] = *value);
@@ -271,23 +280,28 @@ impl Condensed {
     }
 }
 
-/// A mode of unit modal mass.
+/// A mode normalised to unit modal mass.
 struct Mode {
     omega_rad_s: f64,
     shape: DVector<f64>,
 }
 
-/// The lowest modes, of a structure that is held, or of one that is not; `None` if the eigenvalues don't converge.
+/// Computes the lowest modes of a supported or an unsupported structure; `None` if the eigenvalues don't
+/// converge.
 fn all_modes(of: &Condensed, keep: usize) -> Result<Option<Vec<Mode>>, MatrixError> {
     let (mass, stiffness, rows) = (&of.mass, &of.stiffness, of.mass.nrows());
     if let Some(factor) = regular_factor(stiffness) {
         return Ok(modes(mass, &factor, keep, 0.0));
     }
     let ratio = |i: usize| stiffness[(i, i)] / mass[(i, i)];
+    // The first shift is a frequency that the structure is sure not to fall far below: the least ratio of
+    // diagonals. It only has to separate rigid modes from the others.
     let mut shift = (0..rows).map(ratio).filter(|ratio| *ratio > 0.0).fold(f64::INFINITY, f64::min);
-    // Nothing has a stiffness: all modes are rigid, whatever μ is.
+    // A structure without any stiffness has only rigid modes, whatever the shift is.
     shift = if shift.is_finite() { shift } else { 1.0 };
     let mut found = None;
+    // Two passes. The eigenvalues are 1/(ω² + μ), so a shift far above ω² costs digits of ω². The second pass
+    // uses the lowest ω² that the first has found.
     for _ in 0..2 {
         let negative = MatrixError::NotPositive { fix: "with a negative stiffness the structure is at no stable rest" };
         let factor = Cholesky::new(stiffness + mass * shift).ok_or(negative)?.unpack();
@@ -303,25 +317,29 @@ fn all_modes(of: &Condensed, keep: usize) -> Result<Option<Vec<Mode>>, MatrixErr
     let Some((mut modes, shift)) = found else { return Ok(None) };
     for mode in &mut modes {
         let is_rigid = mode.omega_rad_s * mode.omega_rad_s <= RIGID * shift;
+        // A rigid mode has exactly 0 Hz. The solver leaves rounding there, and an ω of rounding would give the
+        // mode a stiffness.
         mode.omega_rad_s = if is_rigid { 0.0 } else { mode.omega_rad_s };
     }
     modes.truncate(keep);
     Ok(Some(modes))
 }
 
-/// L of A = L Lᵀ, if A is positive definite beyond what rounding leaves.
+/// Returns L of A = L Lᵀ, if A is positive definite beyond rounding.
 fn regular_factor(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    // Without the test a singular A may pass: rounding turns a pivot of zero into a tiny positive one.
     let rows = a.nrows();
     let is_regular =
         |factor: &DMatrix<f64>| (0..rows).all(|i| factor[(i, i)] * factor[(i, i)] > SINGULAR * rows as f64 * a[(i, i)]);
     Cholesky::new(a.clone()).map(Cholesky::unpack).filter(is_regular)
 }
 
-/// The lowest modes, K + μM being L Lᵀ.
+/// Computes the lowest modes from the Cholesky factor L of K + μM.
 fn modes(mass: &DMatrix<f64>, factor: &DMatrix<f64>, keep: usize, shift: f64) -> Option<Vec<Mode>> {
     let rows = mass.nrows();
     let half = factor.solve_lower_triangular(mass)?;
     let s = factor.solve_lower_triangular(&half.transpose())?;
+    // Averaging restores the symmetry that the two triangular solves lose to rounding.
     let s = (&s + s.transpose()) * 0.5;
     let eigen = SymmetricEigen::try_new(s, f64::EPSILON, MOST_ITERATIONS_A_ROW * rows)?;
     let mut order: Vec<usize> = (0..rows).collect();
@@ -333,14 +351,15 @@ fn modes(mass: &DMatrix<f64>, factor: &DMatrix<f64>, keep: usize, shift: f64) ->
             false => libm::sqrt((shifted * shifted - shift).max(0.0)),
         };
         let shape = factor.tr_solve_lower_triangular(&eigen.eigenvectors.column(column))? * shifted;
-        // The sign of an eigenvector is open: the largest entry is positive.
+        // An eigenvector has no sign of its own. Making the largest entry positive fixes it, so that results
+        // are reproducible.
         let sign = if shape[shape.iamax()] < 0.0 { -1.0 } else { 1.0 };
         omega_rad_s.is_finite().then(|| Mode { omega_rad_s, shape: shape * sign })
     };
     order.iter().take(keep).map(mode).collect()
 }
 
-/// ζ of each mode.
+/// Returns the damping ratio ζ of each mode.
 fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, MatrixError> {
     let forces: Vec<DVector<f64>> = modes.iter().map(|mode| damping * &mode.shape).collect();
     let of = |i: usize, j: usize| modes[i].shape.dot(&forces[j]);
@@ -355,6 +374,7 @@ fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, Ma
     let mut worst = (0.0, [0, 0]);
     for i in (0..modes.len()).filter(|&mode| !is_rigid(mode)) {
         for j in (0..i).filter(|&mode| !is_rigid(mode)) {
+            // The floor keeps rounding of an undamped pair from looking like a coupling: 0/0 otherwise.
             let rounding = NO_DAMPING * 2.0 * libm::sqrt(modes[i].omega_rad_s * modes[j].omega_rad_s);
             let coupling = of(i, j).abs() / libm::sqrt((own[i] * own[j]).max(0.0)).max(rounding);
             if coupling > worst.0 {
@@ -375,7 +395,7 @@ fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, Ma
     }
 }
 
-/// The matrix, if it is symmetric, and of so many rows if that is known.
+/// Checks that the matrix is symmetric, and has the given number of rows if it is known.
 fn checked(matrix: DMatrix<f64>, rows: Option<usize>) -> Result<DMatrix<f64>, MatrixError> {
     let got = matrix.nrows();
     match rows {
@@ -388,6 +408,7 @@ fn check_symmetric(matrix: DMatrix<f64>) -> Result<DMatrix<f64>, MatrixError> {
     let rows = matrix.nrows();
     let at = |k: usize| (k / rows, k % rows);
     if let Some((row, column)) = (0..rows * rows).map(at).find(|&at| !matrix[at].is_finite()) {
+        // Finite first: a comparison with NaN is false, so a NaN would pass as symmetric.
         return Err(MatrixError::NotFinite { row, column, got: matrix[(row, column)] });
     }
     let most = SYMMETRY_LIMIT * matrix.amax();

@@ -1,8 +1,9 @@
-//! Structures from files of other tools: links from URDF, modes from the Universal File Format or from matrices.
+//! Structures from the files of other tools: chains from URDF, modes from the Universal File Format or from
+//! matrices.
 //!
-//! What a file says is resolved into `links` and `modes` when the scenario is read. Where these are given beside the
-//! file, they count and the file is a note of where they come from: so a recording holds the numbers, and is simulated
-//! again without the file.
+//! The contents of a file are resolved into `links` and `modes` when the scenario is read. Where these are
+//! given next to the file, they take precedence and the file is a note of their origin. So a recording holds
+//! the numbers, and its re-simulation does not need the file.
 
 mod body;
 mod error;
@@ -28,27 +29,27 @@ pub use of_modes::NotModal;
 use super::{ReadAt, StructureKind, StructureSection, StructureSectionError};
 use crate::text_file;
 
-/// What has keys of an FMU.
+/// Name of structures with keys of an FMU, for messages.
 const FMU: &str = "a structure of kind `fmu`";
 
-/// A joint of a URDF file that becomes one of the chain.
+/// A joint of a URDF file that becomes a joint of the chain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointSection {
     /// Its name in the file.
     pub name: String,
-    /// Stiffness, N·m/rad, positive.
+    /// Torsional stiffness, N·m/rad, positive.
     pub stiffness_nm_rad: f64,
     /// Viscous damping, N·m·s/rad, not negative.
     pub damping_nm_s_rad: f64,
-    /// The pose: its angle from the file's zero, about its own axis, degrees, −360 to 360.
+    /// Angle of the pose from the file's zero, about the joint's own axis, degrees, −360 to 360.
     #[serde(default)]
     pub angle_deg: f64,
 }
 
 impl StructureSection {
-    /// The structure of the key `configuration.structure` of a command's document. A chain is made of the links that the
-    /// document states, whichever preset and angles they are from.
+    /// Reads the structure from the key `configuration.structure` of a command's document. A chain is made from
+    /// the links in the document, whichever preset and angles they come from.
     ///
     /// # Errors
     /// If a key is unknown, or a value of another type than it must be.
@@ -60,7 +61,7 @@ impl StructureSection {
         serde_json::from_value::<StructureSection>(structure).map(|section| section.without_source())
     }
 
-    /// The same structure without the files that it is from.
+    /// Returns the same structure without the files that it comes from.
     #[must_use]
     pub fn without_source(&self) -> StructureSection {
         StructureSection {
@@ -76,7 +77,8 @@ impl StructureSection {
         }
     }
 
-    /// The key whose files make this structure, if one does: with the key of what they make, and whether that is there.
+    /// Returns the key of the files that make this structure, if there is one, with the key that they fill and
+    /// whether that is filled.
     pub(super) fn source(&self) -> Option<(&'static str, &'static str, bool)> {
         match (self.kind, &self.file, &self.matrices) {
             (StructureKind::Chain, Some(_), _) => Some(("file", "links", !self.links.is_empty())),
@@ -86,7 +88,8 @@ impl StructureSection {
         }
     }
 
-    /// Reads the files that it names, unless it has what they say, `links` or `modes`; their paths count from `folder`.
+    /// Reads the files that the section names, unless `links` or `modes` are already given; paths count from
+    /// `folder`.
     ///
     /// # Errors
     /// [`StructureSectionError::Read`] and [`StructureSectionError::File`]; of keys that contradict what
@@ -112,9 +115,11 @@ impl StructureSection {
             (_, Some(file), _) => {
                 let path = folder.join(file);
                 let bytes = text_file::read_bytes(&path).map_err(unreadable(&path))?;
-                // Lines of identification may be in any encoding; no number of theirs is read.
+                // Identification lines may be in any encoding, and no number is read from them. Invalid bytes
+                // can be replaced without harm.
                 let text = String::from_utf8_lossy(&bytes);
                 let read = uff::read(&text, &self.nodes, self.modal_mass_kg).map_err(of_file(&path))?;
+                // Points and lines of the scenario win over those of the file.
                 self.modes = read.modes;
                 for (name, at) in read.points {
                     self.points.entry(name).or_insert(at);
@@ -129,7 +134,7 @@ impl StructureSection {
         Ok(())
     }
 
-    /// Refuses keys about a file where there is none, or that the kind of structure does not have.
+    /// Rejects keys about a file where there is none, or that the kind of structure does not have.
     pub(super) fn check_source_keys(&self) -> Result<(), StructureSectionError> {
         let is_chain = self.kind == StructureKind::Chain && self.file.is_some();
         let is_uff = self.kind == StructureKind::Modal && self.file.is_some();

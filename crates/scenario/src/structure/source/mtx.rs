@@ -11,13 +11,14 @@ use nalgebra::DMatrix;
 use super::error::MatrixError;
 use super::npy::MOST_ROWS;
 
-/// How a file begins.
+/// First word of a Matrix Market file.
 pub(super) const BANNER: &str = "%%MatrixMarket";
 
 /// Reads a square matrix.
 pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     let text = str::from_utf8(bytes).map_err(|_| refused(1, "the file is no text"))?;
     let (is_array, is_symmetric) = banner(text.lines().next().unwrap_or_default())?;
+    // Matrix Market allows blank lines and comments between the entries. Line numbers are kept for messages.
     let is_data = |line: &str| !line.trim().is_empty() && !line.starts_with('%');
     let mut lines = text.lines().zip(1..).skip(1).filter(|(line, _)| is_data(line));
     let (sizes, number) = lines.next().ok_or(refused(1, "the line of sizes is missing"))?;
@@ -41,6 +42,8 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     let all = if is_symmetric { rows * (rows + 1) / 2 } else { rows * rows };
     let expected = entries.unwrap_or(all);
     let mut matrix = DMatrix::zeros(rows, rows);
+    // A second entry for the same place is an error, and not summed as some readers do. The bitmap also finds
+    // an `array` entry beyond the last place.
     let mut given = vec![false; rows * rows];
     let mut places =
         (0..rows).flat_map(|column| (if is_symmetric { column } else { 0 }..rows).map(move |row| (row, column)));
@@ -62,7 +65,7 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     if got == expected { Ok(matrix) } else { Err(MatrixError::Entries { got, expected }) }
 }
 
-/// Whether the entries are all, and whether the matrix is symmetric, by the first line.
+/// Reads the first line: whether all entries are listed, and whether the matrix is symmetric.
 fn banner(line: &str) -> Result<(bool, bool), MatrixError> {
     let words: Vec<String> = line.split_whitespace().map(str::to_lowercase).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
@@ -87,7 +90,7 @@ fn banner(line: &str) -> Result<(bool, bool), MatrixError> {
     }
 }
 
-/// Row and column, from 0, and the number of an entry.
+/// Reads an entry of the coordinate format: row and column, converted to count from 0, and the value.
 fn coordinate(
     line: &str,
     number: usize,

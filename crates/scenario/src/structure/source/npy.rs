@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use super::error::MatrixError;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// The most rows: the eigenproblem of so many takes seconds.
+/// Largest number of rows. The eigenvalue problem of this size takes seconds.
 pub(super) const MOST_ROWS: usize = 1000;
 
 /// Reads a square matrix.
@@ -26,6 +26,8 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     }
     .ok_or(not_npy("it ends inside the header"))?;
     let header = str::from_utf8(header).map_err(|_| not_npy("the header is no text"))?;
+    // The header is a Python dictionary. NumPy writes its keys in a fixed order and quoting, so a search for
+    // the key is enough and no parser of Python is needed.
     let of = |key| value(header, key).ok_or(not_npy("the header lacks `descr`, `fortran_order` or `shape`"));
     let (kind, order, shape) = (of("'descr':")?, of("'fortran_order':")?, of("'shape':")?);
     let kind = kind.trim_start_matches('\'').split('\'').next().unwrap_or_default();
@@ -38,6 +40,7 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
         _ => return Err(not_npy("`fortran_order` is neither True nor False")),
     };
     let rows = rows(shape)?;
+    // `rows` is at most 1000, so the product can't overflow.
     let expected = rows * rows * 8;
     if numbers.len() != expected {
         return Err(MatrixError::Length { got: numbers.len(), expected });
@@ -51,12 +54,12 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     Ok(matrix)
 }
 
-/// What stands behind a key.
+/// Returns the text behind a key of the header.
 fn value<'a>(header: &'a str, key: &str) -> Option<&'a str> {
     header.split_once(key).map(|(_, value)| value.trim_start())
 }
 
-/// The rows of a square shape, `(3, 3)`.
+/// Returns the number of rows of a square shape, `(3, 3)`.
 fn rows(shape: &str) -> Result<usize, MatrixError> {
     let inner = shape.strip_prefix('(').and_then(|shape| shape.split_once(')')).map_or("", |(inner, _)| inner);
     let sizes: Option<Vec<usize>> = inner.split(',').map(|size| size.trim().parse().ok()).collect();

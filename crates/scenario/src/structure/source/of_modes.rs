@@ -1,4 +1,4 @@
-//! The modes of a chain, or of the two-link arm, as a modal structure.
+//! Converts a chain, or the two-link arm, into a modal structure.
 //!
 //! With q = Φη, ΦᵀMΦ = 1 and ΦᵀKΦ = Ω², the motion about rest is η̈ + Cη̇ + Ω²η = Φᵀp with C = ΦᵀDΦ. A modal structure
 //! has the diagonal of C alone, 2ζᵢωᵢ = φᵢᵀDφᵢ. Where mode j moves at its frequency, what is left out moves mode i by
@@ -14,30 +14,30 @@ use super::super::{ModeSection, StructureKind, StructureSection};
 use resonarm_dynamics::structure::{Assembly, StructureMode};
 use resonarm_numeric::number::rounded;
 
-/// The most of the fraction by which damping may couple modes that are kept alone.
+/// Largest fraction by which damping may couple modes that are kept separate.
 const COUPLING_LIMIT: f64 = 1e-2;
 
-/// Why the modes of a structure make no modal structure.
+/// Reason why a structure can't be converted into modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum NotModal {
-    /// It has elements, which modes leave out.
+    /// The structure has elements, which modes leave out.
     #[error(
         "the structure has elements, {count}, and modes are of its linear part: leave them out, and add them to the modes"
     )]
     Elements {
-        /// How many.
+        /// Number of elements of the structure.
         count: usize,
     },
-    /// Other modes than it has are to be kept.
+    /// The number of modes to keep is out of range.
     #[error("{got} modes are to be kept: the structure has {most}")]
     Kept {
-        /// How many.
+        /// Number that was given.
         got: usize,
-        /// How many there are.
+        /// Number of modes of the structure.
         most: usize,
     },
-    /// Its damping couples two modes.
+    /// The damping couples two modes too strongly.
     #[error(
         "its damping couples modes {} and {}: one moves the other by {} of its motion, and modes alone may leave out at most \
          {most}; keep the structure as it is, or take less damping",
@@ -46,16 +46,17 @@ pub enum NotModal {
     Coupled {
         /// The modes, from 1.
         modes: [usize; 2],
-        /// The fraction.
+        /// Fraction of one mode's motion that appears in the other.
         coupling: f64,
-        /// The most that is left out.
+        /// Largest fraction that may be left out.
         most: f64,
     },
 }
 
 impl StructureSection {
-    /// The modal structure of the lowest `modes` of a structure without elements, all if it is `None`, about its rest.
-    /// Points are those of the structure, at their places, with a line along its links; joints are none.
+    /// Returns the modal structure of the lowest `modes` of a structure without elements about its rest, all
+    /// modes if it is `None`. Its points are those of the structure, at their positions, with a line along the
+    /// links; joints are left out.
     ///
     /// # Errors
     /// [`NotModal`]: elements, a number of modes that there are not, or damping that couples modes by more than 0.01.
@@ -84,7 +85,7 @@ impl StructureSection {
     }
 }
 
-/// The displacements of all points in a mode, 1/√kg.
+/// Returns the displacements of all points in a mode, 1/√kg.
 fn shape(of: &Assembly, mode: &StructureMode) -> BTreeMap<String, f64> {
     let (rest, mut direction) = (vec![0.0; of.coordinates()], vec![0.0; of.coordinates()]);
     let mut moved = BTreeMap::new();
@@ -97,7 +98,7 @@ fn shape(of: &Assembly, mode: &StructureMode) -> BTreeMap<String, f64> {
     moved
 }
 
-/// The diagonal of C, 1/s, if the rest of it may be left out.
+/// Returns the diagonal of C, 1/s, if the off-diagonal terms may be neglected.
 fn damping(of: &Assembly, modes: &[StructureMode]) -> Result<Vec<f64>, NotModal> {
     let (n, linear) = (of.coordinates(), of.linear());
     let entry = |i: usize, j: usize| {
@@ -106,6 +107,8 @@ fn damping(of: &Assembly, modes: &[StructureMode]) -> Result<Vec<f64>, NotModal>
     };
     for i in 1..modes.len() {
         for j in 0..i {
+            // The larger of the two fractions in the module documentation: the mode of higher frequency drives
+            // the other more strongly by its velocity.
             let [low, high] = [j, i].map(|mode| TAU * modes[mode].frequency_hz);
             let coupling = entry(i, j).abs() * high / (high * high - low * low);
             if coupling > COUPLING_LIMIT {

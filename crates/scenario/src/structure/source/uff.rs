@@ -24,36 +24,36 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::super::ModeSection;
 use super::error::{UffError, UffFault};
 
-/// Begins and ends a dataset.
+/// Line that begins and ends a dataset.
 const DELIMITER: &str = "-1";
-/// The largest imaginary part of a normal mode's shape, over the shape, and of its modal mass. Modes that are made of a
-/// structure leave out as much at most, by which damping makes one mode move another.
+/// Largest imaginary part of a normal mode's shape relative to the shape, and of its modal mass. `of_modes`
+/// neglects as much at most, where damping couples two modes.
 const MOST_IMAGINARY: f64 = 0.01;
-/// Axes of a node.
+/// Names of the axes at a node.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// What a file says.
+/// Modes, positions and lines of a file.
 pub(super) struct ModesRead {
     pub modes: Vec<ModeSection>,
     pub points: BTreeMap<String, [f64; 3]>,
-    /// Lines from point to point, of those with places.
+    /// Lines between points that have positions.
     pub lines: Vec<Vec<String>>,
 }
 
 /// A line with its number.
 type Line<'a> = (usize, &'a str);
 
-/// A normal mode.
+/// A normal mode, normalised and in SI units.
 struct Mode {
     frequency_hz: f64,
     damping_ratio: f64,
     /// Displacements of unit modal mass, 1/√kg.
     shape: BTreeMap<u32, [f64; 3]>,
-    /// Whether its modal mass is the one that the scenario states.
+    /// Whether the modal mass comes from the scenario, not from the file.
     has_stated_mass: bool,
 }
 
-/// How many units of a file make a metre, and a newton.
+/// Number of the file's units in a metre and in a newton.
 #[derive(Clone, Copy)]
 struct Units {
     length: f64,
@@ -66,7 +66,7 @@ impl Default for Units {
     }
 }
 
-/// What a dataset says about a mode before the values at the nodes.
+/// Header of a mode's dataset, before the values at the nodes.
 struct ModeHead {
     number: i64,
     frequency_hz: f64,
@@ -74,26 +74,28 @@ struct ModeHead {
     mass: HeadMass,
     /// Whether each value at a node is two numbers, real and imaginary part.
     is_complex: bool,
-    /// Values at a node.
+    /// Number of values at a node.
     values: usize,
-    /// What messages call a node, and the values at it.
+    /// Names of a node's record and of the values' record, for messages.
     names: [&'static str; 2],
 }
 
-/// What a head says about the modal mass, in the units of the file; 0 if it is not known.
+/// Modal mass in a header, in the units of the file; 0 if it is not known.
 #[derive(Clone, Copy)]
 enum HeadMass {
     Modal(f64),
-    /// Modal A, real and imaginary part, of a mode with this imaginary part of its eigenvalue, rad/s.
+    /// Real and imaginary part of modal A, and the imaginary part of the mode's eigenvalue, rad/s.
     ModalA([f64; 2], f64),
 }
 
 impl HeadMass {
-    /// Real and imaginary part of the modal mass of the shape turned back by θ, of which this is the angle 2θ.
+    /// Returns real and imaginary part of the modal mass after turning the shape back by θ; the argument is 2θ.
     fn turned(self, twice_rad: f64) -> [f64; 2] {
         match self {
             HeadMass::Modal(mass) => [mass, 0.0],
             HeadMass::ModalA([re, im], omega_rad_s) => {
+                // μ = a exp(−2jθ)/2jω, as the module documentation derives. Dividing by j swaps the parts and
+                // negates one.
                 let (sin, cos) = (libm::sin(twice_rad), libm::cos(twice_rad));
                 let (re, im) = (re * cos + im * sin, im * cos - re * sin);
                 [im / (2.0 * omega_rad_s), -re / (2.0 * omega_rad_s)]
@@ -107,14 +109,14 @@ struct Contents {
     modes: Vec<Mode>,
     units: Units,
     nodes: BTreeMap<u32, [f64; 3]>,
-    /// Lines from node to node.
+    /// Lines from node to node, by node numbers.
     lines: Vec<Vec<u32>>,
-    /// The numbers of all datasets.
+    /// Numbers of all datasets in the file.
     datasets: Vec<String>,
 }
 
-/// Reads modes; the points are the nodes of these names, or all, each called `node` with its number. Modes whose modal
-/// mass the file leaves at 0 have the one that is stated.
+/// Reads the modes of a file. Its points are the nodes with these names, or all nodes, each called `node` with
+/// its number. Modes whose modal mass the file leaves at 0 get the stated one.
 pub(super) fn read(
     text: &str,
     names: &BTreeMap<String, u32>,
@@ -155,7 +157,7 @@ pub(super) fn read(
     Ok(ModesRead { modes, points: places.collect(), lines: lines.filter(|line| line.len() > 1).collect() })
 }
 
-/// The names of the points with their nodes.
+/// Returns the points' names with their nodes.
 fn named(names: &BTreeMap<String, u32>, with_values: &BTreeSet<u32>) -> Result<BTreeMap<String, u32>, UffError> {
     if names.is_empty() {
         return Ok(with_values.iter().map(|node| (format!("node{node}"), *node)).collect());
@@ -189,7 +191,8 @@ fn contents(text: &str, modal_mass_kg: Option<f64>) -> Result<Contents, UffError
             if matches!(number, 55 | 2414) {
                 return Err(at(line, UffFault::Binary { dataset }));
             }
-            // Measurements, whose bytes say nothing about modes: the delimiter may follow them on their last line.
+            // Binary measurement data hold no modes. The closing delimiter may stand at the end of the last
+            // line of binary data.
             lines.by_ref().find(|(_, text)| text.trim_end().ends_with(DELIMITER));
             contents.datasets.push(dataset);
             continue;
@@ -219,6 +222,7 @@ fn contents(text: &str, modal_mass_kg: Option<f64>) -> Result<Contents, UffError
                     contents.modes.push(mode(&mut records, &head, contents.units, modal_mass_kg)?);
                 }
             }
+            // The units apply to the datasets that follow, so they are taken in the order of the file.
             "164" => contents.units = units(&mut records)?,
             _ => {}
         }
@@ -231,10 +235,10 @@ fn at(line: usize, fault: UffFault) -> UffError {
     UffError::Line { line, fault }
 }
 
-/// The lines of a dataset.
+/// Lines of one dataset.
 struct Records<'a> {
     lines: std::vec::IntoIter<Line<'a>>,
-    /// The last line that was read.
+    /// Number of the last line that was read.
     line: usize,
 }
 
@@ -253,10 +257,11 @@ impl<'a> Records<'a> {
         Err(at(self.line, fault))
     }
 
-    /// The numbers of the next line, at least so many.
+    /// Reads the numbers of the next line, which must be at least `expected`.
     fn numbers(&mut self, what: &'static str, expected: usize) -> Result<Vec<f64>, UffError> {
         let (line, text) = self.next().unwrap_or((self.line, ""));
         let number = |word: &str| {
+            // Fortran writes double precision exponents with a D.
             let parsed = word.replace(['D', 'd'], "E").parse().ok().filter(|value: &f64| value.is_finite());
             parsed.ok_or_else(|| at(line, UffFault::Number { what, got: word.to_owned() }))
         };
@@ -267,7 +272,7 @@ impl<'a> Records<'a> {
         }
     }
 
-    /// A number that counts or names something.
+    /// Converts a number that counts or names something to an integer.
     fn whole<T: TryFrom<i64>>(&self, what: &'static str, value: f64) -> Result<T, UffError> {
         let whole = value as i64;
         let exact = (whole as f64 == value).then_some(whole).and_then(|whole| T::try_from(whole).ok());
@@ -287,7 +292,7 @@ fn insert(
     }
 }
 
-/// Dataset 15: in each line number, two coordinate systems, colour, x, y, z.
+/// Dataset 15, a node per line: number, two coordinate systems, colour, x, y, z.
 fn nodes(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>, units: Units) -> Result<(), UffError> {
     let what = "dataset 15, a node";
     while !records.is_at_end() {
@@ -298,7 +303,7 @@ fn nodes(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>, units: U
     Ok(())
 }
 
-/// Dataset 2411: number, two coordinate systems, colour; in a line of their own x, y, z.
+/// Dataset 2411, two lines per node: number, two coordinate systems, colour; then x, y, z.
 fn nodes_of_two_lines(
     records: &mut Records<'_>,
     into: &mut BTreeMap<u32, [f64; 3]>,
@@ -327,12 +332,13 @@ fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result
             nodes.push(records.whole(what, value)?);
         }
     }
+    // The last line of eight may be padded.
     nodes.truncate(expected);
     into.extend(nodes.split(|node| *node == 0).filter(|line| line.len() > 1).map(<[u32]>::to_vec));
     Ok(())
 }
 
-/// Dataset 164: behind the code of the units, their numbers in a metre, a newton and a kelvin.
+/// Dataset 164: after the code of the units, the number of units in a metre, a newton and a kelvin.
 fn units(records: &mut Records<'_>) -> Result<Units, UffError> {
     records.next();
     let factors = records.numbers("dataset 164, the units", 2)?;
@@ -370,7 +376,7 @@ fn head_of_55(records: &mut Records<'_>) -> Result<ModeHead, UffError> {
     Ok(ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names })
 }
 
-/// The head of a mode with a complex eigenvalue, whose numbers are those of the eigenvalue and of modal A.
+/// Reads the header of a mode with a complex eigenvalue, from the numbers of the eigenvalue and of modal A.
 fn complex_head(
     records: &Records<'_>,
     number: i64,
@@ -395,7 +401,7 @@ fn complex_head(
     })
 }
 
-/// The viscous damping ratio. Refuses hysteretic damping alone.
+/// Returns the viscous damping ratio. Hysteretic damping alone is rejected.
 fn viscous_ratio(records: &Records<'_>, mode: i64, viscous: f64, hysteretic: f64) -> Result<f64, UffError> {
     if viscous == 0.0 && hysteretic != 0.0 {
         return records.refuse(UffFault::Hysteretic { mode, got: hysteretic });
@@ -441,15 +447,16 @@ fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError>
     Ok(Some(ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names }))
 }
 
-/// Codes of the analysis and of the quantity.
+/// Code of an analysis: a normal mode.
 const NORMAL_MODE: i64 = 2;
-/// With displacements. Type 7, with velocities, has another scale, and is not read.
+/// Code of an analysis: complex eigenvalues of first order, with displacements. Type 7, with velocities, has
+/// another scale and is not read.
 const COMPLEX_EIGENVALUE: i64 = 3;
 const UNKNOWN: i64 = 0;
 const GENERAL: i64 = 1;
 const DISPLACEMENT: i64 = 8;
 
-/// Model, analysis, characteristic, quantity, real or complex, values at a node.
+/// Reads the codes of a dataset: model, analysis, characteristic, quantity, real or complex, values at a node.
 fn kind(records: &mut Records<'_>, what: &'static str) -> Result<[i64; 6], UffError> {
     let numbers = records.numbers(what, 6)?;
     let mut kind = [0; 6];
@@ -464,7 +471,7 @@ const fn has_complex_values(kind: &[i64; 6]) -> bool {
     matches!(kind[4], 5 | 6)
 }
 
-/// How many values there are at a node, of displacements.
+/// Returns the number of values at a node, which must be displacements.
 fn values_at_a_node(records: &Records<'_>, dataset: u32, kind: &[i64; 6]) -> Result<usize, UffError> {
     if !matches!(kind[3], UNKNOWN | GENERAL | DISPLACEMENT) {
         return records.refuse(UffFault::Quantity { dataset, got: kind[3] });
@@ -475,7 +482,7 @@ fn values_at_a_node(records: &Records<'_>, dataset: u32, kind: &[i64; 6]) -> Res
     }
 }
 
-/// The mode of a head, and of the values at the nodes that follow it.
+/// Reads the values at the nodes and completes the mode of a header.
 fn mode(
     records: &mut Records<'_>,
     head: &ModeHead,
@@ -491,7 +498,7 @@ fn mode(
         let values = match is_complex {
             false => Vec::from_iter(records.numbers(names[1], values)?.into_iter().map(|value| [value, 0.0])),
             true => {
-                // Of six complex values there are two lines.
+                // Six complex values take two lines.
                 let mut numbers = Vec::new();
                 while numbers.len() < 2 * values {
                     numbers.extend(records.numbers(names[1], 1)?);
@@ -503,6 +510,8 @@ fn mode(
             return records.refuse(UffFault::NodeAgain { node });
         }
     }
+    // Σφᵢ² and Σ|φᵢ|² give the angle that makes the shape most nearly real, and the share that stays imaginary;
+    // see the module documentation.
     let (mut square, mut sum) = ([0.0, 0.0], 0.0);
     for &[re, im] in shape.values().flatten() {
         square = [square[0] + (re * re - im * im), square[1] + 2.0 * re * im];
@@ -516,6 +525,7 @@ fn mode(
     let is_known = !matches!(mass, HeadMass::Modal(0.0) | HeadMass::ModalA([0.0, 0.0], _));
     let mass_kg = match (modal_mass_kg, mass.turned(twice_rad)) {
         (Some(mass_kg), _) if !is_known => mass_kg,
+        // The mass of the file is in its own units. One of its units of mass is l/f kg.
         (_, [mass, left]) if mass > 0.0 && left.abs() <= MOST_IMAGINARY * mass => mass * units.length / units.force,
         (_, [got, 0.0]) => return Err(at(line, UffFault::ModalMass { mode: number, got })),
         (_, got) => return Err(at(line, UffFault::ModalA { mode: number, got, most: MOST_IMAGINARY })),

@@ -12,35 +12,35 @@ use roxmltree::{Document, Node};
 use super::body::{Frame, Inertial};
 use super::error::UrdfError;
 
-/// The axis of a joint that states none.
+/// Axis of a joint that states none, according to the specification.
 const DEFAULT_AXIS: [f64; 3] = [1.0, 0.0, 0.0];
 
-/// A joint.
+/// A joint of a robot: two links, a frame, and an axis.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
     pub name: String,
-    /// `revolute`, `continuous`, `fixed` and others.
+    /// Type of the joint: `revolute`, `continuous`, `fixed` or another.
     pub kind: String,
     pub parent: String,
     pub child: String,
-    /// Its frame in that of the parent link, which at the angle 0 is that of the child.
+    /// Frame of the joint relative to the parent link; at angle 0 the child's frame coincides with it.
     pub frame: Frame,
-    /// Its axis in its frame, of unit length.
+    /// Unit vector of the axis in the joint's frame.
     pub axis: Vector3<f64>,
-    /// Whether the file has no `axis`, so that it is x.
+    /// Whether the file states no `axis`, so that the default x applies.
     pub axis_is_default: bool,
-    /// The joint whose angle it follows.
+    /// Name of the joint whose angle this one follows.
     pub mimics: Option<String>,
 }
 
 /// A robot: a tree of links.
 #[derive(Clone, Debug)]
 pub(super) struct Robot {
-    /// The links by name; a link may have no mass.
+    /// Links by name, with their inertia; a link may have none.
     pub links: BTreeMap<String, Option<Inertial>>,
-    /// In the order of the file.
+    /// Joints in the order of the file.
     pub joints: Vec<Joint>,
-    /// The number in `joints` of the joint that leads to a link, by the link.
+    /// Index in `joints` of the joint that leads to a link, by the name of the link.
     above: BTreeMap<String, usize>,
 }
 
@@ -48,7 +48,7 @@ impl Robot {
     /// Reads a robot from its text.
     pub fn parse(text: &str) -> Result<Robot, UrdfError> {
         let document = Document::parse(text).map_err(|error| match text.contains("<xacro:") {
-            // The prefix is not declared.
+            // An undeclared prefix makes a xacro file invalid XML. The xacro error says what to do about it.
             true => UrdfError::Xacro { line: error.pos().row, got: String::from("a tag of xacro") },
             false => UrdfError::Xml { reason: error.to_string() },
         })?;
@@ -86,12 +86,13 @@ impl Robot {
         Ok(robot)
     }
 
-    /// The joint that leads to a link, if there is one.
+    /// Returns the joint that leads to a link, if there is one.
     pub fn above(&self, link: &str) -> Option<&Joint> {
         self.above.get(link).and_then(|&joint| self.joints.get(joint))
     }
 
-    /// Links exist, have one parent each, and none is beyond itself.
+    /// Connects joints and links to a tree, and rejects missing links, links with two parents, and closed
+    /// loops.
     fn connect(&mut self) -> Result<(), UrdfError> {
         for (number, joint) in self.joints.iter().enumerate() {
             for link in [&joint.parent, &joint.child] {
@@ -104,7 +105,9 @@ impl Robot {
                 return Err(UrdfError::TwoParents { link: joint.child.clone(), joints });
             }
         }
-        // A walk towards the base ends at a link that another walk has passed, or has met itself.
+        // Every walk goes towards the base and marks the links it passes with its own number. It ends at the
+        // base, or at a link that an earlier walk has passed. If it meets its own number, the joints form a
+        // loop. Each link is so visited only once.
         let mut walk_of: BTreeMap<&str, usize> = BTreeMap::new();
         for (walk, joint) in self.joints.iter().enumerate() {
             let mut at = Some(joint);
@@ -134,7 +137,7 @@ fn joint(element: &Node<'_, '_>) -> Result<Joint, UrdfError> {
         None => DEFAULT_AXIS,
     };
     let axis = Vector3::from(axis);
-    // A fixed joint may have the axis 0.
+    // A fixed joint may state the axis 0 0 0, which has no direction.
     let length = axis.norm();
     let axis = if length > 0.0 { axis / length } else { axis };
     let kind = attribute(element, "type")?.to_owned();
@@ -143,7 +146,7 @@ fn joint(element: &Node<'_, '_>) -> Result<Joint, UrdfError> {
     Ok(Joint { kind, parent, child: child_link, frame: origin(element)?, axis, axis_is_default, mimics, name })
 }
 
-/// The line and the text of a tag of xacro, or of an expression of it in an attribute, if a node is or has one.
+/// Returns line and text of a xacro tag, or of a xacro expression in an attribute, if the node has one.
 fn xacro(node: &Node<'_, '_>) -> Option<(u32, String)> {
     if !node.is_element() {
         return None;
@@ -152,7 +155,8 @@ fn xacro(node: &Node<'_, '_>) -> Option<(u32, String)> {
         return Some((line(node), format!("<xacro:{}>", node.tag_name().name())));
     }
     let is_expression = |value: &str| value.contains("${") || value.contains("$(");
-    // Plug-ins of simulators may have dollars of their own in what is not read.
+    // Only the elements that are read are searched: plug-ins of simulators may use dollar signs of their own
+    // elsewhere.
     let is_read = matches!(
         node.tag_name().name(),
         "link" | "joint" | "inertial" | "mass" | "inertia" | "origin" | "parent" | "child" | "axis" | "mimic"
@@ -196,7 +200,7 @@ fn number(element: &Node<'_, '_>, name: &'static str) -> Result<f64, UrdfError> 
     text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(not_one)
 }
 
-/// Three numbers, or what there is without them.
+/// Reads an attribute of three numbers, or returns `without` if it is missing.
 fn numbers(element: &Node<'_, '_>, name: &'static str, without: [f64; 3]) -> Result<[f64; 3], UrdfError> {
     let Some(text) = element.attribute(name) else { return Ok(without) };
     let values: Option<Vec<f64>> =

@@ -1,8 +1,8 @@
-//! The planar chain of some joints of a robot.
+//! Reduces some joints of a robot to a planar chain.
 //!
-//! All other joints are rigid at their zero. Then the links beyond a joint, up to the next of the chain, are one body,
-//! which is projected onto the plane normal to the axes. y of that plane is up, z of the robot, where the axes let it
-//! be; with vertical axes its x is that of the robot.
+//! All other joints are rigid at their zero. The links beyond a joint, up to the next joint of the chain, are
+//! then one body, which is projected onto the plane normal to the axes. The plane's y axis points up, along z
+//! of the robot, where the axes allow it; with vertical axes the plane's x axis is that of the robot.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -16,35 +16,38 @@ use super::urdf::{Joint, Robot};
 use crate::nearest::nearest;
 use resonarm_dynamics::structure::Link;
 
-/// How far axes may be from parallel, rad, and components of unit vectors from 0.
+/// Largest angle between axes that count as parallel, rad, and largest component of a unit vector that counts
+/// as 0.
 const PARALLEL_LIMIT: f64 = 1e-6;
-/// How far a centre of mass is off the line between the joints, over the length of the link, to be on it but for rounding.
+/// Largest distance of a centre of mass from the line between the joints, relative to the link's length, that
+/// counts as rounding.
 const ON_LINE: f64 = 1e-9;
-/// How far principal moments may be from the triangle's rule, over themselves: files round them.
+/// Relative tolerance of the triangle inequality of principal moments, since files round them.
 const TRIANGLE_LIMIT: f64 = 1e-3;
-/// The least length of a link, m.
+/// Shortest length of a link, m.
 const SHORTEST_M: f64 = 1e-6;
 
-/// What a scenario wants of a robot.
+/// What a scenario asks of a robot: the chain's joints, its tip, and gravity.
 pub(super) struct Wanted<'a> {
-    /// The joints, from the base out.
+    /// Joints of the chain, from the base out.
     pub joints: &'a [JointSection],
-    /// The link whose frame ends the chain.
+    /// Link whose frame ends the chain.
     pub tip: Option<&'a str>,
-    /// Whether there is gravity along −y.
+    /// Whether gravity acts along −y.
     pub has_gravity: bool,
 }
 
-/// The plane normal to the axes.
+/// Plane of motion, normal to the axes.
 struct Plane {
     x: Vector3<f64>,
     y: Vector3<f64>,
-    /// The axis of the first joint.
+    /// Axis of the first joint, a unit vector.
     normal: Vector3<f64>,
 }
 
 impl Plane {
-    /// y is z of the robot less its part along the axis n; where that is nothing, x is x of the robot.
+    /// Builds the plane: y is z of the robot less its component along the axis n; where nothing is left, x is x
+    /// of the robot.
     fn new(normal: Vector3<f64>, has_gravity: bool) -> Result<Plane, UrdfError> {
         let up = Vector3::z() - normal * normal.z;
         if has_gravity && normal.z.abs() > PARALLEL_LIMIT {
@@ -72,7 +75,7 @@ impl Plane {
     }
 }
 
-/// The links of the chain, and what is doubtful about the file.
+/// Builds the links of the chain, with warnings about the file.
 pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<(Vec<Link>, Vec<UrdfWarning>), UrdfError> {
     let joints = named(robot, wanted.joints)?;
     let frames = frames(robot);
@@ -104,7 +107,7 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<(Vec<Link>, Ve
         let whole = together(&bodies, &plane.normal).ok_or_else(no_mass)?;
         let [centre_of_mass_m, centre_of_mass_off_m] = centre(line, plane.project(&whole.centre) - place(&joint.child));
         let direction_rad = libm::atan2(line.y, line.x);
-        // An axis the other way round turns the other way.
+        // Parallel axes may point in opposite directions, and then turn in opposite senses.
         let turn_rad = section.angle_deg.to_radians() * axis(joint).dot(&plane.normal).signum();
         let joined = Joined { direction_rad, turn_rad };
         links.push(Link {
@@ -122,8 +125,9 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<(Vec<Link>, Ve
     Ok((links, warnings))
 }
 
-/// Refuses a body whose mass, or whose moment about the axis n, no body has; and warns of principal moments that none
-/// has: since each is an integral such as Ix = ∫ (y² + z²) dm, none is negative or more than the others together.
+/// Rejects a body with an impossible mass or moment about the axis n, and warns about impossible principal
+/// moments: each is an integral such as Ix = ∫ (y² + z²) dm, so none is negative or exceeds the sum of the
+/// others.
 fn check_body(link: &str, body: &Inertial, normal: &Vector3<f64>) -> Result<Option<UrdfWarning>, UrdfError> {
     if body.mass_kg <= 0.0 {
         return Err(UrdfError::Mass { link: link.to_owned(), mass_kg: body.mass_kg });
@@ -137,7 +141,8 @@ fn check_body(link: &str, body: &Inertial, normal: &Vector3<f64>) -> Result<Opti
     Ok((!is_possible).then(|| UrdfWarning::Moments { link: link.to_owned(), principal_kg_m2: [least, middle, most] }))
 }
 
-/// Refuses joints that follow the angle of another, if they are of the chain, or ride on it and follow one of it.
+/// Rejects joints that mimic another joint, if they belong to the chain, or move with it and follow one of its
+/// joints.
 fn check_mimics(robot: &Robot, joints: &[&Joint], groups: &BTreeMap<&str, Option<usize>>) -> Result<(), UrdfError> {
     let is_named = |name: &str| joints.iter().any(|joint| joint.name == name);
     for joint in &robot.joints {
@@ -151,21 +156,22 @@ fn check_mimics(robot: &Robot, joints: &[&Joint], groups: &BTreeMap<&str, Option
     Ok(())
 }
 
-/// Where a link points with all joints at zero, and how far its own joint is turned from there.
+/// Direction of a link with all joints at zero, and the turn of its own joint from there.
 struct Joined {
     direction_rad: f64,
     turn_rad: f64,
 }
 
 impl Joined {
-    /// The angle against the link before, within (−π, π] but for the turn of the joint.
+    /// Returns the angle against the link before; before the turn of the joint it lies within (−π, π].
     fn against(&self, before: &Joined) -> f64 {
+        // The turn is added after the wrap: a pose of 350° stays 350°, as the scenario states it.
         let angle = libm::remainder(self.direction_rad - before.direction_rad, 2.0 * PI);
         angle + self.turn_rad
     }
 }
 
-/// Where the centre of mass is: along the line, and off it to the left, m.
+/// Returns the centre of mass along the line and off it to the left, m.
 fn centre(line: Vector2<f64>, centre: Vector2<f64>) -> [f64; 2] {
     let along = line.normalize();
     let off_m = along.perp(&centre);
@@ -178,7 +184,7 @@ fn inertia(joint: &Joint, whole: &Whole) -> Result<f64, UrdfError> {
     if is_one { Ok(got_kg_m2) } else { Err(UrdfError::Inertia { joint: joint.name.clone(), got_kg_m2 }) }
 }
 
-/// The joints of these names: they turn, and each is beyond the one before.
+/// Looks up the named joints, each of which must turn and be further out than the one before.
 fn named<'a>(robot: &'a Robot, sections: &[JointSection]) -> Result<Vec<&'a Joint>, UrdfError> {
     let mut joints: Vec<&Joint> = Vec::with_capacity(sections.len());
     for JointSection { name, .. } in sections {
@@ -207,7 +213,7 @@ fn turns(joint: &Joint) -> bool {
     matches!(joint.kind.as_str(), "revolute" | "continuous")
 }
 
-/// The names of the joints that turn.
+/// Returns the names of the joints that turn, for messages.
 fn turning(robot: &Robot) -> String {
     let names: Vec<&str> = robot.joints.iter().filter(|joint| turns(joint)).map(|joint| joint.name.as_str()).collect();
     if names.is_empty() { String::from("none") } else { names.join(", ") }
@@ -224,10 +230,11 @@ fn is_beyond(robot: &Robot, joint: &Joint, before: &Joint) -> bool {
     false
 }
 
-/// The frames of all links with all joints at zero, in that of the link at the base of their tree.
+/// Returns the frames of all links with all joints at zero, relative to the link at the base of their tree.
 fn frames(robot: &Robot) -> BTreeMap<&str, Frame> {
     let mut frames: BTreeMap<&str, Frame> = BTreeMap::new();
     for link in robot.links.keys() {
+        // Iterative and memoised: a recursion over a file's links would be as deep as the file likes.
         let (mut way, mut at) = (vec![], link.as_str());
         while let (false, Some(joint)) = (frames.contains_key(at), robot.above(at)) {
             way.push(joint);
@@ -242,7 +249,7 @@ fn frames(robot: &Robot) -> BTreeMap<&str, Frame> {
     frames
 }
 
-/// The number of the last joint of the chain on the way to each link; none of those before the first.
+/// Returns the index of the last chain joint on the way to each link; `None` for links before the first.
 fn groups<'a>(robot: &'a Robot, joints: &[&Joint]) -> BTreeMap<&'a str, Option<usize>> {
     let mut groups: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     let own = |link: &str| joints.iter().position(|joint| joint.child == link);
@@ -264,7 +271,7 @@ fn groups<'a>(robot: &'a Robot, joints: &[&Joint]) -> BTreeMap<&'a str, Option<u
     groups
 }
 
-/// The masses of a group, in the frame of the base, with the names of the links.
+/// Returns the bodies of a group in the frame of the base, with the names of their links.
 fn bodies<'a>(
     robot: &'a Robot,
     frames: &BTreeMap<&str, Frame>,
@@ -279,7 +286,7 @@ fn bodies<'a>(
     placed.collect()
 }
 
-/// The link that ends the chain: the one that is named, or the only one at the end.
+/// Returns the link that ends the chain: the named one, or the only one at the end.
 fn tip<'a>(
     robot: &'a Robot,
     wanted: Option<&'a str>,

@@ -1,4 +1,4 @@
-//! Quantities of the plant that signals say.
+//! Quantities of the plant that signals carry.
 
 use crate::Scenario;
 use crate::dbc::Signal;
@@ -10,7 +10,8 @@ use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::rig::InstrumentName;
 use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Point, Quantity, STATES};
 
-/// The readings that a signal can carry: those of every rig, then those of the scenario's other sensors.
+/// Returns the readings that a signal can carry: those of every rig, then those of the scenario's other
+/// sensors.
 ///
 /// # Errors
 /// [`WireError::Structure`] if the scenario makes no structure that they could read.
@@ -23,7 +24,7 @@ pub fn readings(scenario: &Scenario) -> Result<Vec<Channel>, WireError> {
     Ok(channels)
 }
 
-/// The channels that a signal can carry, with their values: these readings, states and held loads.
+/// Returns the channels that a signal can carry, with their values: these readings, states and held loads.
 fn channels(readings: &[Channel]) -> impl Iterator<Item = (Channel, Value)> {
     let readings = readings.iter().copied().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
     let loads = LOADS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Load(place)));
@@ -31,7 +32,7 @@ fn channels(readings: &[Channel]) -> impl Iterator<Item = (Channel, Value)> {
     readings.chain(states.map(|(place, channel)| (channel, Value::State(place)))).chain(loads)
 }
 
-/// The channel of a value, with these [`readings`]; for [`Value::Clipped`] that of the reading.
+/// Returns the channel of a value, given these [`readings`]; for [`Value::Clipped`] that of the reading.
 pub fn channel(readings: &[Channel], value: Value) -> Option<Channel> {
     let of = match value {
         Value::Clipped(place) => Value::Reading(place),
@@ -46,13 +47,13 @@ fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> W
     WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
 }
 
-/// The place of a reading among these [`readings`].
+/// Returns the index of a reading among these [`readings`].
 pub(in crate::wire) fn reading(readings: &[Channel], place: &Place, name: &str) -> Result<usize, WireError> {
     let index = readings.iter().position(|channel| channel.name == name);
     index.ok_or_else(|| unknown(place, name, readings.iter().copied()))
 }
 
-/// A signal that says a quantity: one of these [`readings`], a state or a held load.
+/// Builds the source of a signal that carries a quantity: one of these [`readings`], a state or a held load.
 pub(in crate::wire) fn source(
     scenario: &Scenario,
     readings: &[Channel],
@@ -79,7 +80,7 @@ pub(in crate::wire) fn source(
     Ok(Source::Value { value, scale, offset })
 }
 
-/// Units of the signal for one of the quantity's.
+/// Returns the units of the signal for one unit of the quantity.
 ///
 /// Behind a gear of ratio n a motor turns n times as far and fast, and has 1/n of the torque.
 fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -> Result<f64, WireError> {
@@ -110,7 +111,7 @@ fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -
     Ok(units * of_motor / constant.unwrap_or(1.0))
 }
 
-/// The largest magnitude of a quantity that has a limit, and the key that limits it.
+/// Returns the largest magnitude of a quantity that has a limit, with the key that limits it.
 fn largest(scenario: &Scenario, channel: &Channel) -> Option<(f64, String)> {
     let rig = &scenario.rig;
     let (force_n, torque_nm) = rig.drive().limits();
@@ -138,6 +139,8 @@ fn check_range(
 ) -> Result<(), WireError> {
     let [least, largest] = signal.wire().range();
     let (from, to) = (offset - most.abs(), offset + most.abs());
+    // One count of slack: a range that ends at a round number in the DBC often misses the limit by the last
+    // count, and the signal saturates there.
     let count = signal.wire().resolution().unwrap_or(0.0);
     if from >= least - count && to <= largest + count {
         return Ok(());
