@@ -1,29 +1,29 @@
-//! Alive counters: a number that counts up by one with every frame, from 0 to one below the number of its values, then
-//! from 0 again.
+//! Alive counters, which count up by one with every frame, from 0 to one below the number of their values and
+//! then from 0 again.
 
 use thiserror::Error;
 
 use crate::layout::{InsertError, Layout, Number};
 
-/// Why a signal can't be a counter.
+/// Reason why a signal can't be a counter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum CounterError {
-    /// A floating-point number.
+    /// The signal is a floating-point number.
     #[error("it is a floating-point number: a counter is an integer")]
     Float,
-    /// Fewer than two values, or more than the bits can represent.
+    /// The number of values is below two, or more than the bits can represent.
     #[error("it has {got} values: with {bits} bits a counter has 2 to {most}")]
     Values {
-        /// The values given.
+        /// Number of values that was given.
         got: u64,
-        /// The bits of the signal.
+        /// Width of the signal, bits.
         bits: u8,
-        /// The most values that do.
+        /// Largest number of values.
         most: u64,
     },
 }
 
-/// Where a counter lies and how far it counts. Every value of this type is valid: the constructor checks.
+/// Layout and range of a counter. All values of this type are valid, since the constructor checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counter {
     layout: Layout,
@@ -31,7 +31,8 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// A counter from 0 to `values` − 1. Its bits count as an integer without sign, even if the layout has a sign.
+    /// Returns a counter from 0 to `values` − 1. Its bits count as an unsigned integer, even if the layout is
+    /// signed.
     ///
     /// # Errors
     /// [`CounterError`] if it is no integer, or can't have so many values. At most 2⁶⁴ − 1 are taken.
@@ -39,6 +40,7 @@ impl Counter {
         if layout.number() == Number::Float {
             return Err(CounterError::Float);
         }
+        // Saturating: a counter of 64 bits loses one of its 2⁶⁴ values, which no frame rate ever reaches.
         let most = layout.mask().saturating_add(1);
         if !(2..=most).contains(&values) {
             return Err(CounterError::Values { got: values, bits: layout.bits(), most });
@@ -46,22 +48,22 @@ impl Counter {
         Ok(Counter { layout, values })
     }
 
-    /// Where its bits lie.
+    /// Returns the layout of its bits.
     pub const fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// How many values it has.
+    /// Returns the number of its values.
     pub const fn values(&self) -> u64 {
         self.values
     }
 
-    /// The counter of a payload, which may be beyond its values; None if the payload ends before it.
+    /// Reads the counter of a payload, which may be beyond its values; `None` if the payload ends before it.
     pub fn read(&self, payload: &[u8]) -> Option<u64> {
         self.layout.extract_u64(payload)
     }
 
-    /// Writes a counter.
+    /// Writes the counter into a payload.
     ///
     /// # Errors
     /// [`InsertError`] if it doesn't fit the bits or the payload.
@@ -69,64 +71,65 @@ impl Counter {
         self.layout.insert_u64(value, payload)
     }
 
-    /// The counter after `value`.
+    /// Returns the counter that follows `value`.
     pub const fn after(&self, value: u64) -> u64 {
         if value >= self.values - 1 { 0 } else { value + 1 }
     }
 }
 
-/// How a counter follows the one before.
+/// How a counter follows the previous one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// There was none before.
+    /// No counter precedes it.
     First,
-    /// It is the next.
+    /// It is the next counter.
     Next,
-    /// Frames were lost, or an older one comes again: the counter can't tell which. How many are accepted is for the
-    /// receiver to say.
+    /// Frames were lost, or an old one was repeated: the counter can't tell which. The receiver decides how
+    /// many lost frames it accepts.
     Lost {
-        /// The frames lost, if they were: at least 1, at most two below the number of values.
+        /// Number of lost frames, if frames were lost: at least 1, at most the number of values less two.
         frames: u64,
     },
 }
 
-/// A counter that no frame in order has.
+/// A counter that can't belong to a frame in sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum CounterFault {
-    /// The counter of the frame before: a repetition, or exactly as many were lost as there are values, less one.
+    /// The counter equals the previous one: a repeated frame, or a loss of exactly one frame less than there
+    /// are values.
     #[error("counter {counter} comes again")]
     Repeated {
-        /// The counter.
+        /// Counter of the frame.
         counter: u64,
     },
     /// The counter is beyond its values.
     #[error("counter {counter} is beyond {}", values - 1)]
     Beyond {
-        /// The counter.
+        /// Counter of the frame.
         counter: u64,
-        /// How many values it has.
+        /// Number of values of the counter.
         values: u64,
     },
 }
 
-/// The check of the counters of one message.
+/// Checks the sequence of one message's counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CounterCheck {
     last: Option<u64>,
 }
 
 impl CounterCheck {
-    /// A check that has seen no counter.
+    /// Returns a check that has seen no counter.
     pub const fn new() -> CounterCheck {
         CounterCheck { last: None }
     }
 
-    /// The counter of the last frame, beyond its values or not seen before left out.
+    /// Returns the last valid counter, if there was one.
     pub const fn last(&self) -> Option<u64> {
         self.last
     }
 
-    /// Judges the counter of a frame.
+    /// Checks the counter of a frame.
     ///
     /// δ = (counter − last) mod n with the n values: 1 is the next, more means δ − 1 lost, 0 is a repetition. The
     /// counter is kept as the last one even if it is repeated.
@@ -142,8 +145,8 @@ impl CounterCheck {
             return Ok(Step::First);
         };
         self.last = Some(value);
-        // Without the sum value + n, which may be beyond u64. A last counter is below n, unless that of another
-        // message.
+        // The sum value + n is avoided, as it may exceed u64. The last counter is below n, unless it belongs to
+        // another message, hence the remainder.
         let delta = if value >= last { value - last } else { counter.values - last % counter.values + value };
         match delta {
             0 => Err(CounterFault::Repeated { counter: value }),

@@ -13,88 +13,88 @@ use thiserror::Error;
 
 use crate::PAYLOAD_MAX_BYTES;
 
-/// The order of the bytes of a signal.
+/// Byte order of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ByteOrder {
-    /// The least significant byte first; `@1` in a DBC.
+    /// Little-endian, the least significant byte first; `@1` in a DBC.
     Intel,
-    /// The most significant byte first; `@0` in a DBC.
+    /// Big-endian, the most significant byte first; `@0` in a DBC.
     Motorola,
 }
 
-/// What the bits of a signal are.
+/// Number format of a signal's bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Number {
     /// An integer without sign.
     Unsigned,
-    /// An integer in two's complement.
+    /// A signed integer in two's complement.
     Signed,
-    /// A number of IEEE 754, of 32 or 64 bits.
+    /// An IEEE 754 number of 32 or 64 bits.
     Float,
 }
 
-/// Why a signal can't lie so in a payload.
+/// Reason why a signal can't have this layout in a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LayoutError {
-    /// No bits, or too many.
+    /// The width is not 1 to 64 bits.
     #[error("it has {got} bits: 1 to 64 do")]
     Bits {
-        /// The bits given.
+        /// Width that was given, bits.
         got: u64,
     },
-    /// A floating-point number of an impossible size.
+    /// The width of a floating-point number is not 32 or 64 bits.
     #[error("it is a floating-point number of {got} bits: 32 or 64 do")]
     FloatBits {
-        /// The bits given.
+        /// Width that was given, bits.
         got: u64,
     },
-    /// A payload longer than any frame has.
+    /// The payload is longer than that of any frame.
     #[error("the payload has {got} bytes: at most {PAYLOAD_MAX_BYTES} do")]
     Payload {
-        /// The bytes given.
+        /// Length that was given, bytes.
         got: usize,
     },
-    /// Some bits lie behind the end of the payload.
+    /// Some bits lie beyond the end of the payload.
     #[error("from start bit {start_bit} its {bits} bits take {needed} bytes, and the payload has {payload_bytes}")]
     PastEnd {
-        /// The start bit.
+        /// Start bit of the signal.
         start_bit: u64,
-        /// The bits of the signal.
+        /// Width of the signal, bits.
         bits: u64,
-        /// The bytes that a payload with all of the signal has at least.
+        /// Least length of a payload that contains the signal, bytes.
         needed: u64,
-        /// The bytes of the payload.
+        /// Length of the payload, bytes.
         payload_bytes: usize,
     },
 }
 
-/// Why a number can't be put into a payload.
+/// Reason why a number can't be written into a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InsertError {
     /// The payload ends before the signal.
     #[error("the payload has {got} bytes, and the signal needs {needed}")]
     Short {
-        /// The bytes of the payload.
+        /// Length of the payload, bytes.
         got: usize,
-        /// The bytes that hold all of the signal.
+        /// Least length that contains the signal, bytes.
         needed: usize,
     },
-    /// The number does not fit the bits.
+    /// The number has more bits than the signal.
     #[error("{got} does not fit {bits} bits")]
     Bits {
-        /// The number.
+        /// Number that was given.
         got: i128,
-        /// The bits of the signal.
+        /// Width of the signal, bits.
         bits: u8,
     },
-    /// A fraction, NaN, an infinity or a number beyond the range of the bits.
+    /// The number is a fraction, NaN or infinity, or beyond the range of the bits.
     #[error("{got} can't be written as {number} of {bits} bits")]
     Number {
-        /// The number.
+        /// Number that was given.
         got: f64,
-        /// What the bits are.
+        /// Number format of the signal.
         number: Number,
-        /// The bits of the signal.
+        /// Width of the signal, bits.
         bits: u8,
     },
 }
@@ -109,21 +109,21 @@ impl fmt::Display for Number {
     }
 }
 
-/// Where the bits of a signal lie. Every value of this type is valid: the constructor checks.
+/// Place and format of a signal's bits. All values of this type are valid, since the constructor checks.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Layout {
     start_bit: u16,
     bits: u8,
     byte_order: ByteOrder,
     number: Number,
-    /// The first and the last byte with bits of it, and how many bits of lower significance are in those bytes.
+    /// First and last byte with bits of the signal, and the number of less significant foreign bits in them.
     first: u8,
     last: u8,
     shift: u8,
 }
 
 impl Layout {
-    /// A signal of `bits` bits from `start_bit`, in a payload of `payload_bytes` bytes.
+    /// Returns a signal of `bits` bits from `start_bit`, in a payload of `payload_bytes` bytes.
     ///
     /// # Errors
     /// [`LayoutError`] if there are not 1 to 64 bits, a floating-point number has not 32 or 64, or the payload does not
@@ -171,43 +171,45 @@ impl Layout {
         })
     }
 
-    /// The start bit: the least significant bit for Intel, the most significant one for Motorola.
+    /// Returns the start bit: the least significant bit for Intel, the most significant one for Motorola.
     pub const fn start_bit(&self) -> u16 {
         self.start_bit
     }
 
-    /// How many bits it has, 1 to 64.
+    /// Returns the width, 1 to 64 bits.
     pub const fn bits(&self) -> u8 {
         self.bits
     }
 
-    /// The order of its bytes.
+    /// Returns the byte order.
     pub const fn byte_order(&self) -> ByteOrder {
         self.byte_order
     }
 
-    /// What the bits are.
+    /// Returns the number format.
     pub const fn number(&self) -> Number {
         self.number
     }
 
-    /// The first byte that has bits of it.
+    /// Returns the first byte that has bits of the signal.
     pub const fn first_byte(&self) -> usize {
         self.first as usize
     }
 
-    /// The bytes that a payload has at least if it contains all of the signal.
+    /// Returns the least length of a payload that contains the signal, bytes.
     pub const fn needed_bytes(&self) -> usize {
         self.last as usize + 1
     }
 
-    /// The largest integer without sign that fits: 2ⁿ − 1.
+    /// Returns the largest unsigned integer that fits: 2ⁿ − 1.
     pub const fn mask(&self) -> u64 {
         u64::MAX >> (64 - self.bits as u32)
     }
 
-    /// Whether the same bits have the same significance in `other`: inside one byte the orders do not differ.
+    /// Returns whether `other` has the same bits with the same significance: within one byte the byte orders do
+    /// not differ.
     pub const fn is_same_place(&self, other: &Layout) -> bool {
+        // Comparing enums with `==` is not const.
         let same_order = matches!(self.byte_order, ByteOrder::Intel) == matches!(other.byte_order, ByteOrder::Intel);
         self.bits == other.bits
             && self.first == other.first
@@ -216,14 +218,15 @@ impl Layout {
             && (same_order || self.first == self.last)
     }
 
-    /// The bits it takes of a payload.
+    /// Returns the set of bits that the signal takes of a payload.
     pub fn occupied(&self) -> Bits {
         let mut payload = [0; PAYLOAD_MAX_BYTES];
         self.store(self.mask(), &mut payload);
         Bits(payload)
     }
 
-    /// The bits as an integer without sign, whatever the number is; None if the payload ends before the signal.
+    /// Reads the bits as an unsigned integer, whatever the number format is; `None` if the payload ends before
+    /// the signal.
     ///
     /// The bytes from the first to the last, at most 9, are one integer, in the byte order of the signal; it is
     /// shifted to the right by the bits that are less significant than the signal's, and masked.
@@ -232,15 +235,17 @@ impl Layout {
         Some((window >> self.shift) as u64 & self.mask())
     }
 
-    /// The bits as an integer in two's complement, whatever the number is; None if the payload ends before the signal.
+    /// Reads the bits as a two's complement integer, whatever the number format is; `None` if the payload ends
+    /// before the signal.
     pub fn extract_i64(&self, payload: &[u8]) -> Option<i64> {
         let unused = 64 - u32::from(self.bits);
-        // To the top and back: the shift to the right of a signed number repeats its sign.
+        // Shifting the sign bit to the top and back extends it, since a right shift of a signed integer repeats
+        // the sign.
         self.extract_u64(payload).map(|raw| (raw << unused) as i64 >> unused)
     }
 
-    /// The number that the bits are, of an integer of more than 53 bits the nearest f64; a floating-point number may be
-    /// NaN or infinite. None if the payload ends before the signal.
+    /// Reads the number in its own format: for an integer of more than 53 bits the closest f64; a
+    /// floating-point number may be NaN or infinite. `None` if the payload ends before the signal.
     pub fn extract_f64(&self, payload: &[u8]) -> Option<f64> {
         match self.number {
             Number::Unsigned => self.extract_u64(payload).map(|raw| raw as f64),
@@ -252,7 +257,7 @@ impl Layout {
         }
     }
 
-    /// Writes the bits of an integer without sign, whatever the number is, and leaves all others as they are.
+    /// Writes the bits of an unsigned integer, whatever the number format is, and leaves all others unchanged.
     ///
     /// # Errors
     /// [`InsertError`] if it needs more bits or more payload; the payload is then unchanged.
@@ -265,7 +270,8 @@ impl Layout {
         Ok(())
     }
 
-    /// Writes the bits of an integer in two's complement, whatever the number is, and leaves all others as they are.
+    /// Writes the bits of a two's complement integer, whatever the number format is, and leaves all others
+    /// unchanged.
     ///
     /// # Errors
     /// As [`Layout::insert_u64`].
@@ -277,8 +283,8 @@ impl Layout {
         self.insert_u64(raw as u64 & self.mask(), payload)
     }
 
-    /// Writes a number as what the bits are, and leaves all others as they are. A floating-point number of 32 bits is
-    /// the nearest to `value`; NaN and infinities are written as such.
+    /// Writes a number in its own format and leaves all other bits unchanged. A floating-point number of 32
+    /// bits becomes the one closest to `value`; NaN and infinities are written as such.
     ///
     /// # Errors
     /// [`InsertError`] if an integer can't be `value`, a finite number is beyond those of 32 bits, or the payload ends
@@ -287,6 +293,8 @@ impl Layout {
         let refused = InsertError::Number { got: value, number: self.number, bits: self.bits };
         match self.number {
             Number::Float if self.bits == 32 => {
+                // The cast rounds to nearest and overflows to infinity, which is how a number beyond f32 is
+                // found.
                 let single = value as f32;
                 if value.is_finite() && !single.is_finite() {
                     return Err(refused);
@@ -314,7 +322,8 @@ impl Layout {
         Ok(())
     }
 
-    /// The bytes as one integer, in the byte order of the signal.
+    /// Returns the bytes as one integer, in the byte order of the signal. A signal of 64 bits that starts
+    /// inside a byte spans 9 bytes, hence u128.
     fn window(&self, bytes: &[u8]) -> u128 {
         let append = |window: u128, byte: &u8| window << 8 | u128::from(*byte);
         match self.byte_order {
@@ -323,7 +332,7 @@ impl Layout {
         }
     }
 
-    /// Puts `raw`, which fits, into a payload that is long enough.
+    /// Writes `raw`, which fits, into a payload that is long enough.
     fn store(&self, raw: u64, payload: &mut [u8]) {
         let bytes = &mut payload[self.first as usize..=self.last as usize];
         let others = self.window(bytes) & !(u128::from(self.mask()) << self.shift);
@@ -355,20 +364,20 @@ impl fmt::Display for Layout {
     }
 }
 
-/// A set of bits of a payload.
+/// A set of bits of a payload, one bit for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Bits([u8; PAYLOAD_MAX_BYTES]);
 
 impl Bits {
-    /// No bits.
+    /// The set without any bit.
     pub const NONE: Bits = Bits([0; PAYLOAD_MAX_BYTES]);
 
-    /// The bits of the set in byte `byte`, as ones; zero beyond the longest payload.
+    /// Returns the bits of the set in byte `byte`; zero beyond the longest payload.
     pub fn in_byte(&self, byte: usize) -> u8 {
         self.0.get(byte).copied().unwrap_or(0)
     }
 
-    /// The bit of least number that is in both sets.
+    /// Returns the lowest bit that is in both sets.
     pub fn first_common(&self, other: &Bits) -> Option<u16> {
         let common = |byte: usize| self.0[byte] & other.0[byte];
         let byte = (0..PAYLOAD_MAX_BYTES).find(|byte| common(*byte) != 0)?;

@@ -1,4 +1,5 @@
-//! Frames of a user's own protocol: where a signal lies in a payload and what it stands for, alive counters, checksums.
+//! User protocols on CAN: the place of a signal in a payload and its physical value, alive counters, checksums,
+//! CANopen.
 //!
 //! `no_std`: no clock, no thread, no file, no socket. Memory is allocated where something is constructed; to decode, to
 //! encode and to check allocates nothing. A payload may be shorter or longer than its message: what is read are
@@ -24,5 +25,5 @@ pub mod layout;
 pub mod multiplex;
 pub mod signal;
 
-/// The most bytes that the payload of a frame has: those of CAN FD (ISO 11898-1).
+/// Longest payload of a frame, bytes: that of CAN FD (ISO 11898-1).
 pub const PAYLOAD_MAX_BYTES: usize = 64;

@@ -1,4 +1,5 @@
-//! Multiplexed signals: present in a payload only if a switch, another signal of it, has one of some values.
+//! Multiplexed signals, which a payload contains only if a switch, another of its signals, has one of certain
+//! values.
 //!
 //! A switch may be multiplexed itself (extended multiplexing), so that the presence of a signal is a chain of
 //! conditions.
@@ -10,34 +11,34 @@ use thiserror::Error;
 
 use crate::layout::{Layout, Number};
 
-/// Why a signal can't be multiplexed so.
+/// Reason why a signal can't be multiplexed by a switch.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum MultiplexError {
     /// The switch is a floating-point number.
     #[error("its switch is a floating-point number: a switch is an integer")]
     Float,
-    /// No values.
+    /// No value of the switch is given.
     #[error("no value of the switch selects it")]
     NoValues,
-    /// A range from a larger to a smaller value.
+    /// A range ends below its start.
     #[error("the range {least}-{most} of the switch has no values")]
     Reversed {
-        /// The lower end.
+        /// Start of the range.
         least: u64,
-        /// The upper end.
+        /// End of the range.
         most: u64,
     },
-    /// The switch can't have a value.
+    /// The switch can't represent the value.
     #[error("the switch can't be {got}: it goes up to {most}")]
     Beyond {
-        /// The value.
+        /// Value that was given.
         got: u64,
-        /// The largest value of the switch.
+        /// Largest value of the switch.
         most: u64,
     },
 }
 
-/// A switch, and the values of it that select.
+/// A switch, and its values that select a signal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Condition {
     switch: Layout,
@@ -53,6 +54,7 @@ impl Condition {
         let most = match switch.number() {
             Number::Float => return Err(MultiplexError::Float),
             Number::Unsigned => switch.mask(),
+            // Selecting values are unsigned, so a signed switch can match up to its largest positive number.
             Number::Signed => switch.mask() / 2,
         };
         if values.is_empty() {
@@ -62,7 +64,8 @@ impl Condition {
             if range.is_empty() {
                 return Err(MultiplexError::Reversed { least: *range.start(), most: *range.end() });
             }
-            // Of a range, the part that the switch can't have is never met: only a range of nothing else is a mistake.
+            // The part of a range that the switch can't represent is simply never met. Only a range that lies
+            // wholly beyond is a mistake.
             if *range.start() > most {
                 return Err(MultiplexError::Beyond { got: *range.start(), most });
             }
@@ -70,56 +73,57 @@ impl Condition {
         Ok(Condition { switch, values })
     }
 
-    /// The switch.
+    /// Returns the layout of the switch.
     pub const fn switch(&self) -> &Layout {
         &self.switch
     }
 
-    /// The values that select, inclusive ranges.
+    /// Returns the values that select, as inclusive ranges.
     pub fn values(&self) -> &[RangeInclusive<u64>] {
         &self.values
     }
 
-    /// Whether the payload's switch selects; None if the payload ends before it.
+    /// Returns whether the switch in a payload selects; `None` if the payload ends before it.
     pub fn holds(&self, payload: &[u8]) -> Option<bool> {
         let raw = match self.switch.number() {
-            // A negative number is in no range.
+            // A negative switch value lies in no range of unsigned values.
             Number::Signed => u64::try_from(self.switch.extract_i64(payload)?).ok(),
             _ => Some(self.switch.extract_u64(payload)?),
         };
         Some(raw.is_some_and(|raw| self.values.iter().any(|range| range.contains(&raw))))
     }
 
-    /// Whether no payload fulfils both: the same switch, and no value in common.
+    /// Returns whether no payload fulfils both conditions: the same switch, and no value in common.
     fn excludes(&self, other: &Condition) -> bool {
         let apart = |a: &RangeInclusive<u64>, b: &RangeInclusive<u64>| a.end() < b.start() || b.end() < a.start();
+        // Conditions on different switches never exclude each other: a payload can have any two values in them.
         self.switch.is_same_place(&other.switch)
             && self.values.iter().all(|mine| other.values.iter().all(|others| apart(mine, others)))
     }
 }
 
-/// In which payloads a signal is present: in those that fulfil every condition.
+/// Payloads that contain a signal: those that fulfil every condition.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Presence {
     conditions: Vec<Condition>,
 }
 
 impl Presence {
-    /// Present in every payload.
+    /// The presence of a signal that is in every payload.
     pub const ALWAYS: Presence = Presence { conditions: Vec::new() };
 
-    /// Present if all `conditions` hold, that of the outermost switch first.
+    /// Returns the presence if all `conditions` hold, the outermost switch first.
     pub const fn new(conditions: Vec<Condition>) -> Presence {
         Presence { conditions }
     }
 
-    /// The conditions, that of the outermost switch first.
+    /// Returns the conditions, the outermost switch first.
     pub fn conditions(&self) -> &[Condition] {
         &self.conditions
     }
 
-    /// Whether the signal is present in a payload. None if the payload ends before a switch that decides: an inner
-    /// switch does not if an outer one has said no.
+    /// Returns whether a payload contains the signal; `None` if it ends before a switch that decides. An inner
+    /// switch does not decide if an outer one excludes the signal.
     pub fn is_in(&self, payload: &[u8]) -> Option<bool> {
         for condition in &self.conditions {
             if !condition.holds(payload)? {
@@ -129,7 +133,7 @@ impl Presence {
         Some(true)
     }
 
-    /// Whether no payload has both signals, so that they may share bits.
+    /// Returns whether no payload contains both signals, so that they may share bits.
     pub fn excludes(&self, other: &Presence) -> bool {
         self.conditions.iter().any(|mine| other.conditions.iter().any(|others| mine.excludes(others)))
     }

@@ -4,65 +4,65 @@ use thiserror::Error;
 
 use crate::layout::{InsertError, Layout, Number};
 
-/// The most bits of an integer that an f64 holds exactly.
+/// Largest width of an integer that an f64 represents exactly, bits.
 pub const F64_INTEGER_BITS: u8 = 53;
 
-/// Why a signal can't have a physical value.
+/// Reason why a signal can't have a physical value.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum SignalError {
-    /// The scale is zero or no finite number.
+    /// The scale is zero or not finite.
     #[error("its factor is {got}: it must be a finite number other than 0")]
     Scale {
-        /// The scale given.
+        /// Scale that was given.
         got: f64,
     },
-    /// The offset is no finite number.
+    /// The offset is not finite.
     #[error("its offset is {got}: it must be a finite number")]
     Offset {
-        /// The offset given.
+        /// Offset that was given.
         got: f64,
     },
-    /// The integer has more bits than an f64 holds.
+    /// The integer has more bits than an f64 represents exactly.
     #[error("it is an integer of {bits} bits: up to {F64_INTEGER_BITS} keep every bit in a floating-point number")]
     BeyondF64 {
-        /// The bits of the integer.
+        /// Width of the integer, bits.
         bits: u8,
     },
-    /// The largest or the smallest value is no finite number.
+    /// The largest or the smallest value is not finite.
     #[error("with factor {scale} and offset {offset} its values go beyond the range of floating-point numbers")]
     Range {
-        /// The scale given.
+        /// Scale that was given.
         scale: f64,
-        /// The offset given.
+        /// Offset that was given.
         offset: f64,
     },
 }
 
-/// Why a value can't be put into a payload.
+/// Reason why a value can't be written into a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum EncodeError {
-    /// NaN or an infinity.
+    /// The value is NaN or infinite.
     #[error("{value} is no finite number")]
     NotFinite {
-        /// The value.
+        /// Value that was given.
         value: f64,
     },
-    /// The value is beyond what the bits can represent.
+    /// The value is outside the range of the bits.
     #[error("{value} is outside of {least} to {most}, the range of its bits")]
     OutOfRange {
-        /// The value.
+        /// Value that was given.
         value: f64,
-        /// The least value that the bits can represent.
+        /// Least value that the bits can represent.
         least: f64,
-        /// The largest value that the bits can represent.
+        /// Largest value that the bits can represent.
         most: f64,
     },
-    /// The payload can't take it.
+    /// The layout rejects the raw number.
     #[error(transparent)]
     Insert(#[from] InsertError),
 }
 
-/// A signal with a physical value. Every value of this type is valid: the constructor checks.
+/// A signal with a physical value. All values of this type are valid, since the constructor checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
     layout: Layout,
@@ -71,7 +71,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// A signal of the value scale · raw + offset, in the unit of both.
+    /// Returns a signal with the value scale · raw + offset, in the unit of both.
     ///
     /// # Errors
     /// [`SignalError`] if the scale is 0 or not finite, the offset is not finite, or an integer's largest value is not
@@ -84,13 +84,15 @@ impl Signal {
             return Err(SignalError::Offset { got: offset });
         }
         let signal = Signal { layout, scale, offset };
+        // Only the ends need a check, as the value is monotonic in the raw number. A floating-point signal may
+        // reach infinity.
         if layout.number() != Number::Float && !signal.ends().iter().all(|end| end.is_finite()) {
             return Err(SignalError::Range { scale, offset });
         }
         Ok(signal)
     }
 
-    /// Checks that an `f64` holds each raw number exactly: an integer of more bits is rounded.
+    /// Checks that an `f64` represents each raw number exactly; an integer of more bits is rounded.
     ///
     /// # Errors
     /// [`SignalError::BeyondF64`].
@@ -101,29 +103,29 @@ impl Signal {
         Ok(())
     }
 
-    /// Where its bits lie.
+    /// Returns the place and format of its bits.
     pub const fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// The value of one count, in the unit of the signal.
+    /// Returns the value of one count, in the unit of the signal.
     pub const fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// The value at raw 0, in the unit of the signal.
+    /// Returns the value at raw 0, in the unit of the signal.
     pub const fn offset(&self) -> f64 {
         self.offset
     }
 
-    /// The value in a payload, None if the payload ends before the signal. A floating-point signal may be NaN or
-    /// infinite: whoever uses the value refuses it.
+    /// Decodes the value in a payload; `None` if the payload ends before the signal. A floating-point signal
+    /// may be NaN or infinite, which its user must reject.
     pub fn decode(&self, payload: &[u8]) -> Option<f64> {
         self.layout.extract_f64(payload).map(|raw| self.value(raw))
     }
 
-    /// Writes the nearest value that the bits can represent, (value − offset) / scale rounded, halves to even counts,
-    /// and leaves all other bits as they are.
+    /// Encodes the closest value that the bits can represent, (value − offset)/scale rounded half to even, and
+    /// leaves all other bits unchanged.
     ///
     /// # Errors
     /// [`EncodeError`] if the value is not finite or outside of [`Signal::range`] by more than half a count, or the
@@ -134,7 +136,8 @@ impl Signal {
         }
         let raw = (value - self.offset) / self.scale;
         let raw = if self.layout.number() == Number::Float { raw } else { libm::rint(raw) };
-        // Written so that a raw number that is not finite, by an offset or a scale at the ends of f64, is out of range.
+        // Written as a negated range check, so that a raw number that overflows to infinity or NaN counts as
+        // out of range.
         if !(self.raw_ends()[0]..=self.raw_ends()[1]).contains(&raw) {
             let [least, most] = self.range();
             return Err(EncodeError::OutOfRange { value, least, most });
@@ -142,15 +145,16 @@ impl Signal {
         Ok(self.layout.insert_f64(raw, payload)?)
     }
 
-    /// The least and the largest value that the bits can represent, in the unit of the signal: what is beyond is
-    /// refused by [`Signal::encode`]. A floating-point signal with a large scale may have infinite ones.
+    /// Returns the least and the largest value that the bits can represent, in the unit of the signal;
+    /// [`Signal::encode`] rejects values beyond. They may be infinite for a floating-point signal with a large
+    /// scale.
     pub fn range(&self) -> [f64; 2] {
         let [one, other] = self.ends();
         [one.min(other), one.max(other)]
     }
 
-    /// The distance of neighbouring values, in the unit of the signal; None for a floating-point signal, where it
-    /// depends on the value.
+    /// Returns the distance between neighbouring values, in the unit of the signal; `None` for a floating-point
+    /// signal, where it depends on the value.
     pub fn resolution(&self) -> Option<f64> {
         (self.layout.number() != Number::Float).then_some(self.scale.abs())
     }
@@ -163,7 +167,7 @@ impl Signal {
         self.raw_ends().map(|raw| self.value(raw))
     }
 
-    /// The least and the largest raw number: of n bits 0 to 2ⁿ − 1, or −2ⁿ⁻¹ to 2ⁿ⁻¹ − 1.
+    /// Returns the least and the largest raw number: 0 to 2ⁿ − 1, or −2ⁿ⁻¹ to 2ⁿ⁻¹ − 1 for n bits.
     fn raw_ends(&self) -> [f64; 2] {
         let mask = self.layout.mask();
         match self.layout.number() {

@@ -10,55 +10,57 @@
 //! | | | operation enabled | quick stop active |
 //! | bit 7 rises | fault reset | fault | switch on disabled |
 
-/// A state of a drive.
+/// State of a drive (CiA 402).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
-    /// The drive initialises.
+    /// The drive initialises itself.
     NotReady,
-    /// Parameters may be set; no voltage.
+    /// Parameters may be set; the power stage has no voltage.
     SwitchOnDisabled,
     /// Voltage may be switched on.
     ReadyToSwitchOn,
-    /// Voltage is on; no torque.
+    /// The power stage has voltage but exerts no torque.
     SwitchedOn,
-    /// Targets act.
+    /// Targets act on the motor.
     OperationEnabled,
-    /// Stopped, and held so until it is disabled or enabled.
+    /// The drive has stopped and stays so until it is disabled or enabled.
     QuickStopActive,
-    /// A fault: the torque goes to zero.
+    /// A fault has occurred, and the torque goes to zero.
     FaultReactionActive,
-    /// A fault is latched.
+    /// A fault is latched until it is reset.
     Fault,
 }
 
-/// What a controlword asks for.
+/// Command of a controlword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Shutdown.
+    /// Shutdown: voltage may be switched on.
     Shutdown,
-    /// Switch on; of an enabled drive, disable operation.
+    /// Switch on; for an enabled drive, disable operation.
     SwitchOn,
-    /// Enable operation.
+    /// Enable operation: targets act from now on.
     EnableOperation,
-    /// Disable voltage.
+    /// Disable voltage: the torque is gone at once.
     DisableVoltage,
-    /// Quick stop.
+    /// Quick stop: an enabled drive stops and stays enabled.
     QuickStop,
-    /// Fault reset: bit 7 rises.
+    /// Fault reset, by the rising edge of bit 7.
     FaultReset,
 }
 
-/// The bit of a controlword that resets a fault when it rises.
+/// Bit of the controlword whose rising edge resets a fault.
 const RESET: u16 = 1 << 7;
-/// The bit of a controlword that halts.
+/// Bit of the controlword that halts the drive.
 const HALT: u16 = 1 << 8;
 
 impl Command {
-    /// What a controlword asks for after the one `before`.
+    /// Decodes the command of a controlword, given the controlword `before` it.
     pub const fn of(before: u16, controlword: u16) -> Command {
         if controlword & RESET != 0 && before & RESET == 0 {
             return Command::FaultReset;
         }
+        // The order of the tests is that of the masks in CiA 402: bit 1 low disables voltage whatever the other
+        // bits are, then bit 2 low is a quick stop. Only then do bits 0 and 3 count.
         match controlword & 0xF {
             low if low & 0x2 == 0 => Command::DisableVoltage,
             low if low & 0x4 == 0 => Command::QuickStop,
@@ -68,7 +70,7 @@ impl Command {
         }
     }
 
-    /// Its name in CiA 402.
+    /// Returns the name of the command in CiA 402.
     pub const fn name(self) -> &'static str {
         match self {
             Command::Shutdown => "shutdown",
@@ -81,12 +83,12 @@ impl Command {
     }
 }
 
-/// Whether a controlword halts: the drive stays enabled, without torque.
+/// Returns whether a controlword halts the drive, which then stays enabled without torque.
 pub const fn halts(controlword: u16) -> bool {
     controlword & HALT != 0
 }
 
-/// All transitions by commands; other pairs change nothing.
+/// All transitions by commands. A command in any other state changes nothing.
 const TRANSITIONS: [(DriveState, Command, DriveState); 16] = {
     use Command::{DisableVoltage, EnableOperation, FaultReset, QuickStop, Shutdown, SwitchOn};
     use DriveState::{Fault, OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
@@ -110,7 +112,7 @@ const TRANSITIONS: [(DriveState, Command, DriveState); 16] = {
     ]
 };
 impl DriveState {
-    /// Every state.
+    /// All states, in the order of the standard's state machine.
     pub const ALL: [DriveState; 8] = [
         DriveState::NotReady,
         DriveState::SwitchOnDisabled,
@@ -122,13 +124,14 @@ impl DriveState {
         DriveState::Fault,
     ];
 
-    /// The state after a command; the same if it changes nothing.
+    /// Returns the state after a command; the same state if the command has no effect there.
     pub fn after(self, command: Command) -> DriveState {
+        // Sixteen entries: a linear search is fast enough for the rate at which controlwords come.
         let transition = TRANSITIONS.iter().find(|(from, on, _)| *from == self && *on == command);
         transition.map_or(self, |(_, _, to)| *to)
     }
 
-    /// Its bits of the statusword: 0 to 3, 5 and 6.
+    /// Returns the bits of the statusword that code the state: 0 to 3, 5 and 6.
     pub const fn bits(self) -> u16 {
         match self {
             DriveState::NotReady => 0x00,
@@ -142,8 +145,8 @@ impl DriveState {
         }
     }
 
-    /// The state in a statusword; `None` if its bits are those of none. In quick stop active and in those that are
-    /// enabled bit 5 tells, in the others it has no meaning.
+    /// Decodes the state of a statusword; `None` if the bits code no state. Bit 5 distinguishes quick stop
+    /// active and the enabled states, and has no meaning in the others.
     pub fn of(statusword: u16) -> Option<DriveState> {
         DriveState::ALL.into_iter().find(|state| {
             let mask = match state {
@@ -157,7 +160,7 @@ impl DriveState {
         })
     }
 
-    /// Its name in CiA 402.
+    /// Returns the name of the state in CiA 402.
     pub const fn name(self) -> &'static str {
         match self {
             DriveState::NotReady => "not ready to switch on",
@@ -171,19 +174,19 @@ impl DriveState {
         }
     }
 
-    /// Whether it is a fault.
+    /// Returns whether the state is a fault.
     pub const fn is_fault(self) -> bool {
         matches!(self, DriveState::FaultReactionActive | DriveState::Fault)
     }
 }
 
-/// The bit of a statusword that says that voltage is there.
+/// Bit of the statusword: the power stage has voltage.
 pub const VOLTAGE: u16 = 1 << 4;
-/// The bit of a statusword that says that the drive takes commands from the bus.
+/// Bit of the statusword: the drive takes commands from the bus.
 pub const REMOTE: u16 = 1 << 9;
-/// The bit of a statusword that says that the target is not taken for a limit.
+/// Bit of the statusword: a limit keeps the drive from its target.
 pub const LIMITED: u16 = 1 << 11;
-/// The bit of a statusword that says, in a cyclic mode, that the drive follows its target.
+/// Bit of the statusword: the drive follows its target, in a cyclic mode.
 pub const FOLLOWS: u16 = 1 << 12;
 
 #[cfg(test)]

@@ -4,24 +4,24 @@ use alloc::vec::Vec;
 
 use super::Abort;
 
-/// The most bytes of a string.
+/// Longest string of a dictionary, bytes.
 pub const TEXT_MAX_BYTES: usize = 32;
 
-/// Index and subindex of an entry.
+/// Address of an entry: index and subindex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address {
-    /// The index of the object.
+    /// Index of the object.
     pub index: u16,
-    /// The entry in it; 0 of a variable.
+    /// Subindex of the entry; 0 for a variable.
     pub subindex: u8,
 }
 
-/// The address of a variable, or of the first entry of an object.
+/// Returns the address of an entry; a shorthand for tables.
 pub const fn at(index: u16, subindex: u8) -> Address {
     Address { index, subindex }
 }
 
-/// A string of at most [`TEXT_MAX_BYTES`].
+/// A string of at most [`TEXT_MAX_BYTES`], stored inline so that the server never allocates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Text {
     bytes: [u8; TEXT_MAX_BYTES],
@@ -29,40 +29,40 @@ pub struct Text {
 }
 
 impl Text {
-    /// The text; `None` if it is longer than [`TEXT_MAX_BYTES`].
+    /// Returns the text; `None` if it is longer than [`TEXT_MAX_BYTES`].
     pub fn new(bytes: &[u8]) -> Option<Text> {
         let mut text = Text { bytes: [0; TEXT_MAX_BYTES], len: u8::try_from(bytes.len()).ok()? };
         text.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
         Some(text)
     }
 
-    /// Its bytes.
+    /// Returns the bytes of the text.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.len.into()).unwrap_or(&[])
     }
 }
 
-/// A value with its type (CiA 301, section 7.4.7): little-endian on the wire.
+/// A typed value (CiA 301, section 7.4.7), little-endian on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// UNSIGNED8.
+    /// UNSIGNED8 of CiA 301.
     U8(u8),
-    /// UNSIGNED16.
+    /// UNSIGNED16 of CiA 301.
     U16(u16),
-    /// UNSIGNED32.
+    /// UNSIGNED32 of CiA 301.
     U32(u32),
-    /// INTEGER8.
+    /// INTEGER8 of CiA 301.
     I8(i8),
-    /// INTEGER16.
+    /// INTEGER16 of CiA 301.
     I16(i16),
-    /// INTEGER32.
+    /// INTEGER32 of CiA 301.
     I32(i32),
-    /// VISIBLE_STRING.
+    /// VISIBLE_STRING of CiA 301, at most [`TEXT_MAX_BYTES`].
     Text(Text),
 }
 
 impl Value {
-    /// The number of its type in an EDS (CiA 301, table 44).
+    /// Returns the number of the type in an EDS (CiA 301, table 44).
     pub const fn type_number(&self) -> u16 {
         match self {
             Value::I8(_) => 0x02,
@@ -75,7 +75,7 @@ impl Value {
         }
     }
 
-    /// Its bytes on the wire.
+    /// Returns the length on the bus, bytes.
     pub fn len(&self) -> usize {
         match self {
             Value::U8(_) | Value::I8(_) => 1,
@@ -85,12 +85,12 @@ impl Value {
         }
     }
 
-    /// Whether it is a string without characters.
+    /// Returns whether it is an empty string.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The value as a number; `None` of a string.
+    /// Returns the value as a number; `None` for a string.
     pub const fn number(&self) -> Option<i64> {
         Some(match *self {
             Value::U8(value) => value as i64,
@@ -103,7 +103,7 @@ impl Value {
         })
     }
 
-    /// Writes it; returns how many bytes, at most [`TEXT_MAX_BYTES`].
+    /// Writes the bytes of the value and returns their number, at most [`TEXT_MAX_BYTES`].
     pub fn encode(&self, bytes: &mut [u8; TEXT_MAX_BYTES]) -> usize {
         let len = self.len();
         match self {
@@ -114,7 +114,7 @@ impl Value {
         len
     }
 
-    /// A value of the same type from exactly its bytes.
+    /// Decodes a value of the same type, from exactly as many bytes as the type has.
     ///
     /// # Errors
     /// [`Abort::LengthTooLow`] or [`Abort::LengthTooHigh`].
@@ -127,6 +127,7 @@ impl Value {
             got if got > self.len() => return Err(Abort::LengthTooHigh),
             _ => {}
         }
+        // Padding with zeros is enough, as the cast to a signed type takes only its own low bits.
         let mut all = [0; 4];
         all[..bytes.len()].copy_from_slice(bytes);
         let word = u32::from_le_bytes(all);
@@ -140,8 +141,8 @@ impl Value {
         })
     }
 
-    /// The value of the same type nearest to a number, rounded, and whether it is another by more than rounding. What
-    /// is no number is 0 and counts as limited, and so does anything for a string.
+    /// Returns the value of the same type closest to a number, rounded, and whether the number was limited to
+    /// the type's range. NaN becomes 0 and counts as limited; a string stays as it is and counts as limited.
     pub fn nearest(&self, number: f64) -> (Value, bool) {
         let (least, most) = match self {
             Value::U8(_) => (0.0, f64::from(u8::MAX)),
@@ -153,6 +154,7 @@ impl Value {
             Value::Text(_) => return (*self, true),
         };
         let rounded = libm::round(number);
+        // Negated, so that NaN, which is in no order with the limits, counts as limited.
         let is_limited = !(rounded >= least && rounded <= most);
         let near = rounded.clamp(least, most);
         let value = match self {
@@ -167,67 +169,67 @@ impl Value {
     }
 }
 
-/// Who may do what with an entry.
+/// Access rights of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// It never changes.
+    /// Constant for the life of the node.
     Const,
-    /// The node changes it.
+    /// The node changes it, and the master reads it.
     ReadOnly,
-    /// The master writes it.
+    /// The master reads and writes it.
     ReadWrite,
-    /// The master writes it, and can't read it.
+    /// The master writes it, but can't read it.
     WriteOnly,
 }
 
 impl Access {
-    /// Whether the master may write it.
+    /// Returns whether the master may write the entry.
     pub const fn is_writable(self) -> bool {
         matches!(self, Access::ReadWrite | Access::WriteOnly)
     }
 
-    /// Whether the master may read it.
+    /// Returns whether the master may read the entry.
     pub const fn is_readable(self) -> bool {
         !matches!(self, Access::WriteOnly)
     }
 }
 
-/// Into which PDOs an entry may be mapped.
+/// PDOs that an entry may be mapped to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mappable {
-    /// None.
+    /// No PDO at all.
     No,
-    /// Those that the node receives.
+    /// PDOs that the node receives.
     Receive,
-    /// Those that the node sends.
+    /// PDOs that the node sends.
     Transmit,
 }
 
-/// A value of an object.
+/// An entry of an object: name, rights, value, limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Its subindex.
+    /// Subindex within the object.
     pub subindex: u8,
-    /// Its name.
+    /// Name of the entry in an EDS.
     pub name: &'static str,
-    /// Who may do what with it.
+    /// Access rights of the master.
     pub access: Access,
-    /// Into which PDOs it may be mapped.
+    /// PDOs that it may be mapped to.
     pub mappable: Mappable,
-    /// The value.
+    /// Present value of the entry.
     pub value: Value,
-    /// The value after a reset.
+    /// Value of the entry after a reset.
     pub initial: Value,
-    /// The least and the largest number that may be written.
+    /// Least and largest number that the master may write; `None` without limits.
     pub limits: Option<(i64, i64)>,
-    /// Whether the initial value is a constant plus the node id: an EDS says so.
+    /// Whether the initial value is a constant plus the node id, which an EDS states as `$NODEID+…`.
     pub is_by_node: bool,
-    /// Whether the value is not the one that was to be set, as that is beyond its type.
+    /// Whether the value was limited to the range of its type.
     pub is_limited: bool,
 }
 
 impl Entry {
-    /// An entry that can be mapped nowhere, without limits.
+    /// Returns an entry that can't be mapped and has no limits.
     pub const fn new(subindex: u8, name: &'static str, access: Access, value: Value) -> Entry {
         Entry {
             subindex,
@@ -242,38 +244,38 @@ impl Entry {
         }
     }
 
-    /// The same entry, mappable.
+    /// Returns the same entry, mappable to these PDOs.
     #[must_use]
     pub const fn mappable(self, mappable: Mappable) -> Entry {
         Entry { mappable, ..self }
     }
 
-    /// The same entry with limits of what may be written.
+    /// Returns the same entry, with limits for what the master may write.
     #[must_use]
     pub const fn within(self, least: i64, most: i64) -> Entry {
         Entry { limits: Some((least, most)), ..self }
     }
 
-    /// The same entry, with an initial value that depends on the node id.
+    /// Returns the same entry, marked as having an initial value that depends on the node id.
     #[must_use]
     pub const fn by_node(self) -> Entry {
         Entry { is_by_node: true, ..self }
     }
 }
 
-/// What an object is (CiA 301, table 42).
+/// Kind of object (CiA 301, table 42).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// One value.
+    /// A single value, at subindex 0.
     Variable,
     /// Values of one type, with their number at subindex 0.
     Array,
-    /// Values, with the largest subindex at subindex 0.
+    /// Values of several types, with the largest subindex at subindex 0.
     Record,
 }
 
 impl Kind {
-    /// Its number in an EDS.
+    /// Returns the object code in an EDS.
     pub const fn number(self) -> u8 {
         match self {
             Kind::Variable => 7,
@@ -283,32 +285,32 @@ impl Kind {
     }
 }
 
-/// An object.
+/// An object of the dictionary, with its entries.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// Its index.
+    /// Index of the object.
     pub index: u16,
-    /// Its name.
+    /// Name of the object in an EDS.
     pub name: &'static str,
-    /// What it is.
+    /// Kind of the object.
     pub kind: Kind,
-    /// Its entries, in the order of their subindices.
+    /// Entries in the order of their subindices.
     pub entries: Vec<Entry>,
 }
 
-/// An object dictionary.
+/// An object dictionary, sorted by index.
 #[derive(Clone, Debug, Default)]
 pub struct Dictionary {
     objects: Vec<Object>,
 }
 
 impl Dictionary {
-    /// A dictionary without objects.
+    /// Returns a dictionary without objects.
     pub fn new() -> Dictionary {
         Dictionary::default()
     }
 
-    /// Adds an object in place of the one of its index, if there is one.
+    /// Adds an object. It replaces the object of the same index, if there is one.
     pub fn add(&mut self, object: Object) {
         match self.objects.binary_search_by_key(&object.index, |other| other.index) {
             Ok(place) => self.objects[place] = object,
@@ -316,17 +318,17 @@ impl Dictionary {
         }
     }
 
-    /// Adds a variable.
+    /// Adds a variable, an object with a single entry.
     pub fn variable(&mut self, index: u16, entry: Entry) {
         self.add(Object { index, name: entry.name, kind: Kind::Variable, entries: alloc::vec![entry] });
     }
 
-    /// The objects, in the order of their indices.
+    /// Returns the objects in the order of their indices.
     pub fn objects(&self) -> &[Object] {
         &self.objects
     }
 
-    /// The entry at an address.
+    /// Returns the entry at an address.
     ///
     /// # Errors
     /// [`Abort::NoObject`] or [`Abort::NoSubindex`].
@@ -335,7 +337,7 @@ impl Dictionary {
         object.entries.iter().find(|entry| entry.subindex == address.subindex).ok_or(Abort::NoSubindex)
     }
 
-    /// The object of an index.
+    /// Returns the object of an index.
     pub fn object(&self, index: u16) -> Option<&Object> {
         let place = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
         self.objects.get(place)
@@ -346,25 +348,27 @@ impl Dictionary {
         self.objects.get_mut(place)?.entries.iter_mut().find(|entry| entry.subindex == address.subindex)
     }
 
-    /// The number at an address; 0 if there is none.
+    /// Returns the number at an address; 0 if it has none.
     pub fn number(&self, address: Address) -> i64 {
         self.entry(address).ok().and_then(|entry| entry.value.number()).unwrap_or(0)
     }
 
-    /// Sets a value of the node's own, the nearest that its type can represent; an address without an entry changes
-    /// nothing.
+    /// Sets a value on behalf of the node, the closest that its type can represent. An address without an entry
+    /// changes nothing.
     pub fn set(&mut self, address: Address, number: f64) {
         if let Some(entry) = self.entry_mut(address) {
             (entry.value, entry.is_limited) = entry.value.nearest(number);
         }
     }
 
-    /// The value that a master would write with these bytes.
+    /// Returns the value that a master would write with these bytes, without storing it.
     ///
     /// # Errors
     /// [`Abort`] says why it may not.
     pub fn judge(&self, address: Address, bytes: &[u8]) -> Result<Value, Abort> {
         let entry = self.entry(address)?;
+        // Rights are checked before the length: a master that writes to a read-only entry is told so, whatever
+        // it writes.
         if !entry.access.is_writable() {
             return Err(Abort::ReadOnly);
         }
@@ -376,14 +380,14 @@ impl Dictionary {
         }
     }
 
-    /// Stores a value of the entry's type.
+    /// Stores a value, which must be of the entry's type.
     pub(super) fn store(&mut self, address: Address, value: Value) {
         if let Some(entry) = self.entry_mut(address) {
             (entry.value, entry.is_limited) = (value, false);
         }
     }
 
-    /// Gives the objects of these indices their initial values.
+    /// Restores the initial values of the objects in a range of indices.
     pub(super) fn reset(&mut self, indices: core::ops::RangeInclusive<u16>) {
         let meant = self.objects.iter_mut().filter(|object| indices.contains(&object.index));
         for entry in meant.flat_map(|object| object.entries.iter_mut()) {

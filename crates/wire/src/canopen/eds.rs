@@ -1,23 +1,23 @@
-//! The electronic data sheet of a node (CiA 306-1), from its object dictionary.
+//! The electronic data sheet of a node (CiA 306-1), generated from its object dictionary.
 
 use core::fmt;
 
 use super::NODE_ID_MAX;
 use super::dictionary::{Access, Dictionary, Entry, Kind, Mappable, Value};
 
-/// An EDS; [`fmt::Display`] writes it. Values that depend on the node id are written as `$NODEID+0x…`, so that it holds
-/// for every node of this kind.
+/// An EDS, which [`fmt::Display`] writes. Values that depend on the node id are written as `$NODEID+0x…`, so
+/// that one file fits all nodes of the kind.
 #[derive(Clone, Copy, Debug)]
 pub struct Eds<'a> {
-    /// The object dictionary.
+    /// Object dictionary of the node.
     pub dictionary: &'a Dictionary,
-    /// The node id that is in its values.
+    /// Node id that the dictionary's values contain.
     pub node_id: u8,
-    /// The name of the file.
+    /// Name of the EDS file.
     pub file: &'a str,
-    /// The name of the product.
+    /// Name of the product.
     pub product: &'a str,
-    /// The version of the program that has made it.
+    /// Version of the program that generates the file.
     pub version: &'a str,
 }
 
@@ -39,6 +39,8 @@ impl fmt::Display for Eds<'_> {
             writeln!(f, "Dummy{index:04}=0")?;
         }
         writeln!(f, "\n[Comments]\nLines=0\n")?;
+        // CiA 306 requires three lists. Every object that is not mandatory is optional here, since there are no
+        // manufacturer-specific ones.
         const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
         self.list(f, "MandatoryObjects", |index| MANDATORY.contains(&index))?;
         self.list(f, "OptionalObjects", |index| !MANDATORY.contains(&index))?;
@@ -47,7 +49,7 @@ impl fmt::Display for Eds<'_> {
     }
 }
 
-/// The entry of the identity object.
+/// Returns an entry of the identity object, 1018.
 fn number(dictionary: &Dictionary, subindex: u8) -> i64 {
     dictionary.number(super::dictionary::at(0x1018, subindex))
 }
@@ -93,6 +95,8 @@ impl Eds<'_> {
         match entry.initial {
             Value::Text(text) => text.bytes().iter().try_for_each(|byte| write!(f, "{}", char::from(*byte)))?,
             value if entry.is_by_node => {
+                // The dictionary holds the sum. Taking the node id off again gives the constant, which is the
+                // same for all nodes.
                 let base = value.number().unwrap_or(0) - i64::from(self.node_id.min(NODE_ID_MAX));
                 write!(f, "$NODEID+0x{base:X}")?;
             }

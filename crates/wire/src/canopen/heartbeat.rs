@@ -1,22 +1,22 @@
-//! The heartbeats of other nodes that a node watches (CiA 301, section 7.2.8.2.2).
+//! Monitoring of other nodes' heartbeats (CiA 301, section 7.2.8.2.2).
 
 use super::dictionary::{Dictionary, at};
 use super::errors::{CONSUMER_HEARTBEAT, CONSUMERS, consumer};
 
-/// When each heartbeat that is watched was heard last, in time listened, ns; `None` before the first, from which on it
-/// is watched.
+/// Time of the last heartbeat of each monitored node, ns of time listened. `None` before the first one, with
+/// which monitoring begins.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Consumers {
     heard_ns: [Option<u64>; CONSUMERS as usize],
 }
 
 impl Consumers {
-    /// No heartbeat was heard.
+    /// Returns a state in which no heartbeat has been heard.
     pub const fn new() -> Consumers {
         Consumers { heard_ns: [None; CONSUMERS as usize] }
     }
 
-    /// The place of the entry that has the heartbeat of a node watched.
+    /// Returns the index of the entry that monitors a node.
     pub fn place_of(&self, dictionary: &Dictionary, node_id: u8) -> Option<usize> {
         (0..self.heard_ns.len()).find(|place| {
             let (node, time_ns) = entry(dictionary, *place);
@@ -24,32 +24,34 @@ impl Consumers {
         })
     }
 
-    /// The heartbeat of this place has come.
+    /// Notes the heartbeat of the entry with this index.
     pub fn hear(&mut self, place: usize, listened_ns: u64) {
         if let Some(heard_ns) = self.heard_ns.get_mut(place) {
             *heard_ns = Some(listened_ns);
         }
     }
 
-    /// The entry of this subindex was written: it is watched from the next heartbeat on.
+    /// Restarts the entry of this subindex, which was written: monitoring begins with the next heartbeat.
     pub fn forget(&mut self, subindex: u8) {
         if let Some(heard_ns) = usize::from(subindex).checked_sub(1).and_then(|place| self.heard_ns.get_mut(place)) {
             *heard_ns = None;
         }
     }
 
-    /// When each was heard last, and its time, ns.
+    /// Returns the last time and the time limit of every running entry, ns.
     pub fn watched(&self, dictionary: &Dictionary) -> impl Iterator<Item = (u64, u64)> {
         let all = self.heard_ns.iter().enumerate();
         all.filter_map(move |(place, heard_ns)| Some(((*heard_ns)?, entry(dictionary, place).1)))
     }
 
-    /// Whether one has not come for its time; it is watched again from the next one on.
+    /// Returns whether a heartbeat is overdue. Its monitoring stops and restarts with the next one.
     pub fn take_lost(&mut self, dictionary: &Dictionary, is_over: impl Fn(u64, u64) -> bool) -> bool {
         let mut is_lost = false;
         for (place, heard_ns) in self.heard_ns.iter_mut().enumerate() {
             let (_, time_ns) = entry(dictionary, place);
             if heard_ns.is_some_and(|heard_ns| is_over(heard_ns, time_ns)) {
+                // An overdue heartbeat is reported once. Without this reset the node would report it again at
+                // every call.
                 (*heard_ns, is_lost) = (None, true);
             }
         }
@@ -57,7 +59,7 @@ impl Consumers {
     }
 }
 
-/// The node and the time, ns, of an entry.
+/// Returns node id and time limit, ns, of an entry.
 fn entry(dictionary: &Dictionary, place: usize) -> (u8, u64) {
     let word = dictionary.number(at(CONSUMER_HEARTBEAT, place as u8 + 1)) as u32;
     let (node_id, time_ms) = consumer(word);

@@ -1,8 +1,9 @@
-//! What the frames of a node say, for one who only listens: a log's reader knows neither the node nor the master.
+//! Interprets the frames of a node for a listener that knows neither the node nor the master, such as a reader
+//! of logs.
 //!
-//! A [`Listener`] begins with the object dictionary after a reset, and follows what the frames say of it: values that
-//! the node confirms as written, those that it gives when it is asked, PDOs, resets. PDOs are read by the mapping that
-//! follows from that; one that the master has changed before the first frame is not known.
+//! A [`Listener`] starts from the object dictionary after a reset and tracks what the frames reveal: values
+//! that the node confirms as written, values that it returns, PDOs, and resets. PDOs are decoded by the mapping
+//! that follows. A mapping that the master changed before the first frame is not known.
 
 use alloc::vec::Vec;
 
@@ -16,135 +17,135 @@ use super::{
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use thiserror::Error;
 
-/// What a frame says.
+/// Meaning of a frame for the node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Heard {
-    /// Nothing to or of this node.
+    /// The frame is neither to nor from this node.
     Foreign,
     /// A command of network management.
     Nmt {
-        /// What it asks for.
+        /// Command that is given.
         command: NmtCommand,
-        /// The node that is meant; 0: all.
+        /// Node id that is addressed; 0 for all nodes.
         node: u8,
     },
-    /// SYNC, with its counter if it has one.
+    /// A SYNC, with its counter if it has one.
     Sync(Option<u8>),
-    /// The node's communication is in this state; initialising: the boot-up message.
+    /// State of the node's communication; for initialising, the boot-up message.
     Heartbeat(NmtState),
-    /// An emergency.
+    /// An emergency message of the node.
     Emergency {
-        /// The error code, 0 when the error is over.
+        /// Error code; 0 when the error is over.
         code: u16,
-        /// The error register, object 1001.
+        /// Error register, object 1001.
         register: u8,
-        /// The manufacturer's bytes.
+        /// Manufacturer-specific bytes of the message.
         more: [u8; 5],
     },
-    /// A PDO.
+    /// A PDO of the node.
     Pdo {
-        /// Its number, from 1.
+        /// Number of the PDO, from 1.
         number: u16,
-        /// Whether the node sends it.
+        /// Whether the node sends it; otherwise it receives it.
         is_sent: bool,
-        /// The mapped objects and their values.
+        /// Mapped objects with their values.
         values: Vec<(Address, Value)>,
-        /// The first mapped object that the frame ends before: the node refuses it.
+        /// First mapped object that the frame is too short for; the node rejects such a frame.
         missing: Option<Address>,
     },
-    /// A remote frame that asks for a PDO of the node.
+    /// A remote frame that requests a PDO of the node.
     PdoRequest {
-        /// Its number, from 1.
+        /// Number of the PDO, from 1.
         number: u16,
-        /// Whether the node answers when it is operational.
+        /// Whether the node answers while it is operational.
         is_answered: bool,
     },
-    /// A service data object.
+    /// A service data object (SDO).
     Sdo(Sdo),
-    /// A frame of the node's identifiers that breaks the rules.
+    /// A frame under one of the node's identifiers that breaks the protocol.
     Malformed {
-        /// Which.
+        /// Kind of frame by its identifier.
         of: Part,
-        /// What is wrong.
+        /// Rule that the frame breaks.
         fault: Malformed,
     },
 }
 
-/// The kinds of a node's frames.
+/// Kind of a node's frames, by identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Network management.
+    /// A command of network management.
     Nmt,
-    /// SYNC.
+    /// SYNC, the synchronisation object.
     Sync,
     /// A PDO that the node receives, by its number from 1.
     ReceivePdo(u16),
     /// A PDO that the node sends, by its number from 1.
     TransmitPdo(u16),
-    /// Emergencies.
+    /// An emergency message of the node.
     Emergency,
-    /// Boot-up and heartbeat.
+    /// The boot-up message or a heartbeat.
     Heartbeat,
-    /// SDO requests.
+    /// A request to the SDO server.
     Request,
-    /// SDO answers.
+    /// An answer of the SDO server.
     Answer,
 }
 
-/// Bytes of an object.
+/// Content of an object, as far as it can be decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Content {
     /// A value of the object's type.
     Value(Value),
-    /// Bytes of an object that is not known, or of another length than its type's.
+    /// Raw bytes of an unknown object, or of another length than its type's.
     Bytes(Vec<u8>),
 }
 
-/// What an SDO says (CiA 301, section 7.2.4).
+/// Message of an SDO transfer (CiA 301, section 7.2.4).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Sdo {
-    /// The master asks for a value.
+    /// The master requests a value.
     Read(Address),
-    /// The node gives it.
+    /// The node returns the value.
     Given(Address, Content),
     /// The master writes a value.
     Write(Address, Content),
-    /// The node has written it, or lets the segments come.
+    /// The node has written the value, or accepts segments.
     Confirmed(Address),
-    /// Segments follow.
+    /// A segmented transfer begins.
     Announced {
-        /// The object.
+        /// Object that is transferred.
         address: Address,
-        /// The bytes that it will have, if that is said.
+        /// Length that was announced, bytes, if one was.
         bytes: Option<u32>,
     },
-    /// A segment.
+    /// A segment of a transfer.
     Segment {
-        /// The object; `None` if no frame before says it.
+        /// Object that is transferred; `None` if no earlier frame states it.
         address: Option<Address>,
-        /// Bytes in it.
+        /// Number of bytes in the segment.
         bytes: usize,
-        /// With the last: the whole.
+        /// The whole content, with the last segment.
         whole: Option<Content>,
     },
-    /// The next segment is asked for.
+    /// The master requests the next segment.
     NextSegment(Option<Address>),
-    /// The segment has come.
+    /// The node confirms a segment.
     SegmentTaken(Option<Address>),
-    /// The transfer is aborted.
+    /// Either side aborts the transfer.
     Aborted {
-        /// The object.
+        /// Object that was transferred.
         address: Address,
-        /// Why, as on the wire.
+        /// SDO abort code of the reason.
         code: u32,
     },
 }
 
-/// What is wrong with a frame.
+/// Rule of the protocol that a frame breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Malformed {
-    /// Too few or too many bytes.
+    /// The frame has the wrong length.
     #[error("it has {got} bytes, and {expected} belong into it")]
     Length {
         /// The bytes that it has.
@@ -152,49 +153,49 @@ pub enum Malformed {
         /// The bytes that it must have.
         expected: usize,
     },
-    /// No command of network management.
+    /// The command of network management is unknown.
     #[error("{got:#04x} is no command of network management: 0x01, 0x02, 0x80, 0x81 and 0x82 are")]
     NmtCommand {
-        /// The first byte.
+        /// First byte of the frame.
         got: u8,
     },
-    /// A node id that none has.
+    /// The node id is above 127.
     #[error("{got} is no node id: 0 is all nodes, 1 to {NODE_ID_MAX} is one")]
     NodeId {
-        /// The second byte.
+        /// Second byte of the frame.
         got: u8,
     },
-    /// No state of a node.
+    /// The state in a heartbeat is unknown.
     #[error("{got:#04x} is no state of a node: 0x00, 0x04, 0x05 and 0x7f are")]
     NmtState {
-        /// The byte.
+        /// Byte of the frame.
         got: u8,
     },
-    /// A command that SDOs don't have, or that these nodes don't know: that of a block transfer.
+    /// The SDO command is unknown, or one of block transfers, which these nodes don't support.
     #[error("{got:#04x} is no command of a transfer, expedited or in segments")]
     SdoCommand {
-        /// The first byte.
+        /// First byte of the frame.
         got: u8,
     },
-    /// A remote frame: only PDOs are asked for.
+    /// The frame is a remote frame, and only PDOs can be requested.
     #[error("it is a remote frame, and a data frame belongs here")]
     Remote,
-    /// A CAN FD frame.
+    /// The frame is a CAN FD frame, and CANopen uses classical frames only.
     #[error("it is a CAN FD frame, and CANopen has classic frames alone")]
     Fd,
 }
 
-/// A transfer that is not over.
+/// A transfer that has not finished.
 #[derive(Clone, Debug)]
 struct Transfer {
     address: Address,
     is_write: bool,
     bytes: Vec<u8>,
-    /// All of them have come.
+    /// Whether all of its bytes have come.
     is_whole: bool,
 }
 
-/// Listens to one node and its master.
+/// Listens to the frames of one node and its master.
 #[derive(Clone, Debug)]
 pub struct Listener {
     node_id: u8,
@@ -203,22 +204,22 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// A listener to a node that has this dictionary after a reset.
+    /// Returns a listener to a node that has this dictionary after a reset.
     pub const fn new(node_id: u8, dictionary: Dictionary) -> Listener {
         Listener { node_id, dictionary, transfer: None }
     }
 
-    /// The node id.
+    /// Returns the id of the node that it listens to.
     pub const fn node_id(&self) -> u8 {
         self.node_id
     }
 
-    /// The object dictionary, as far as the frames have said what it holds.
+    /// Returns the object dictionary, as far as the frames have revealed it.
     pub const fn dictionary(&self) -> &Dictionary {
         &self.dictionary
     }
 
-    /// Takes in the next frame on the bus.
+    /// Interprets the next frame on the bus.
     pub fn hear(&mut self, frame: &Frame) -> Heard {
         let Id::Standard(id) = frame.id() else { return Heard::Foreign };
         let is_remote = frame.format() == FrameFormat::Remote;
@@ -236,6 +237,8 @@ impl Listener {
                 None => return Heard::Foreign,
             },
             id => return self.hear_pdo(id, is_remote, data),
+            // The fixed identifiers come first: a PDO can't be moved onto them, so only then are the PDO parameters
+            // searched.
         };
         let heard = match part {
             _ if is_remote => Err(Malformed::Remote),
@@ -264,6 +267,8 @@ impl Listener {
         let command = NmtCommand::of(byte).ok_or(Malformed::NmtCommand { got: byte })?;
         if node == 0 || node == self.node_id {
             match command {
+                // A reset of the node restores all objects, one of the communication only those below 2000 (CiA
+                // 301).
                 NmtCommand::ResetNode => self.reset(u16::MAX),
                 NmtCommand::ResetCommunication => self.reset(0x1FFF),
                 NmtCommand::Start | NmtCommand::Stop | NmtCommand::PreOperational => {}
@@ -272,7 +277,7 @@ impl Listener {
         Ok(Heard::Nmt { command, node })
     }
 
-    /// A node that boots has at least reset its communication.
+    /// Interprets a heartbeat. A node that boots has reset at least its communication.
     fn hear_heartbeat(&mut self, data: &[u8]) -> Result<Heard, Malformed> {
         let &[byte] = exactly::<1>(data)?;
         let state = NmtState::of(byte).ok_or(Malformed::NmtState { got: byte })?;
@@ -287,7 +292,7 @@ impl Listener {
         self.transfer = None;
     }
 
-    /// The PDO of an identifier.
+    /// Returns the PDO that has an identifier.
     fn pdo_of(&self, id: u16) -> Option<Part> {
         (0..PDOS).find_map(|number| {
             let is_of = |direction| Pdo { direction, number }.id(&self.dictionary) == Some(id);
@@ -312,6 +317,7 @@ impl Listener {
                     return Heard::PdoRequest { number: number + 1, is_answered };
                 }
                 let (values, missing) = self.mapped(pdo, data);
+                // The node discards a short PDO, so its values must not enter the tracked dictionary.
                 if missing.is_none() {
                     values.iter().for_each(|(address, value)| self.dictionary.store(*address, *value));
                 }
@@ -321,7 +327,7 @@ impl Listener {
         Heard::Foreign
     }
 
-    /// The values in a PDO, and the first object that it ends before.
+    /// Returns the values in a PDO, and the first mapped object that the frame is too short for.
     fn mapped(&self, pdo: Pdo, data: &[u8]) -> (Vec<(Address, Value)>, Option<Address>) {
         let (mut values, mut place) = (Vec::new(), 0);
         for address in pdo.mapped(&self.dictionary) {
@@ -341,6 +347,7 @@ impl Listener {
         Ok(match request[0] >> 5 {
             0 => self.hear_segment(request, true),
             1 => {
+                // A write is remembered but not yet believed: the node may still abort it. `confirm` stores it.
                 let is_expedited = request[0] & 2 != 0;
                 let bytes = if is_expedited { self.expedited(request, address) } else { Vec::new() };
                 self.transfer =
@@ -390,7 +397,7 @@ impl Listener {
         })
     }
 
-    /// A transfer that the node confirms: the value is written, or more segments come.
+    /// Handles a confirmation by the node: the value is written, or more segments follow.
     fn confirm(&mut self, transfer: Option<Transfer>) {
         match transfer {
             Some(Transfer { address, is_write: true, bytes, is_whole: true }) => {
@@ -406,7 +413,8 @@ impl Listener {
         let Some(transfer) = self.transfer.as_mut().filter(|transfer| transfer.is_write == is_write) else {
             return Sdo::Segment { address: None, bytes, whole: None };
         };
-        // More than the longest string is no value of such a node.
+        // A value longer than the longest string belongs to no such node. The bytes beyond are dropped, so that
+        // hostile frames can't grow memory.
         let room = TEXT_MAX_BYTES.saturating_sub(transfer.bytes.len()).min(bytes);
         transfer.bytes.extend(&data[1..=room]);
         transfer.is_whole = is_last;
@@ -424,7 +432,7 @@ impl Listener {
         Sdo::Aborted { address, code: word(data) }
     }
 
-    /// The bytes of an expedited transfer: as many as it says, or as the object's type has.
+    /// Returns the bytes of an expedited transfer: as many as the frame states, or as the object's type has.
     fn expedited(&self, data: &[u8; SDO_BYTES], address: Address) -> Vec<u8> {
         let unused = usize::from(data[0] >> 2 & 3);
         let of_type = || self.dictionary.entry(address).map_or(4, |entry| entry.value.len().min(4));

@@ -39,17 +39,17 @@ pub use nmt::{NmtCommand, NmtState};
 pub use pdo::{EVENT_TYPE, EnabledPdo, PDOS, PdoDefaults, add_pdos, enabled_pdos, mapping_word};
 pub use server::{Device, Handled, Server};
 
-/// The identifier of network management.
+/// Identifier of network management.
 pub const NMT_ID: u16 = 0x000;
-/// The identifier of SYNC.
+/// Identifier of SYNC, the synchronisation object.
 pub const SYNC_ID: u16 = 0x080;
-/// Plus the node id: emergencies.
+/// Base identifier of emergencies, to which the node id is added.
 pub const EMERGENCY_BASE: u16 = 0x080;
-/// Plus the node id: answers to SDO requests.
+/// Base identifier of SDO answers, to which the node id is added.
 pub const SDO_ANSWER_BASE: u16 = 0x580;
-/// Plus the node id: SDO requests.
+/// Base identifier of SDO requests, to which the node id is added.
 pub const SDO_REQUEST_BASE: u16 = 0x600;
-/// Plus the node id: boot-up and heartbeat.
+/// Base identifier of boot-up and heartbeat, to which the node id is added.
 pub const HEARTBEAT_BASE: u16 = 0x700;
-/// The largest node id; the least is 1.
+/// Largest node id; the least is 1.
 pub const NODE_ID_MAX: u8 = 127;

@@ -1,20 +1,20 @@
-//! Network management: what it commands, and the states of a node's communication.
+//! Network management (NMT): commands, and states of a node's communication.
 
 /// The state of a node's communication (CiA 301, section 7.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NmtState {
-    /// Before boot-up.
+    /// Before the boot-up message.
     Initialising,
-    /// SDOs, and no PDOs.
+    /// SDOs are served, PDOs are not.
     PreOperational,
-    /// SDOs and PDOs.
+    /// SDOs are served, and PDOs are sent and received.
     Operational,
-    /// Network management and heartbeat alone.
+    /// Only network management and heartbeat are active.
     Stopped,
 }
 
 impl NmtState {
-    /// Its byte in a heartbeat.
+    /// Returns the byte of the state in a heartbeat.
     pub const fn byte(self) -> u8 {
         match self {
             NmtState::Initialising => 0,
@@ -24,7 +24,7 @@ impl NmtState {
         }
     }
 
-    /// The state in a heartbeat; `None` if there is no such.
+    /// Decodes the state of a heartbeat; `None` for an unknown byte.
     pub(super) const fn of(byte: u8) -> Option<NmtState> {
         match byte {
             0 => Some(NmtState::Initialising),
@@ -35,7 +35,7 @@ impl NmtState {
         }
     }
 
-    /// Its name.
+    /// Returns the name of the state.
     pub const fn name(self) -> &'static str {
         match self {
             NmtState::Initialising => "initialising",
@@ -49,15 +49,15 @@ impl NmtState {
 /// A command of network management.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NmtCommand {
-    /// To operational.
+    /// Enters the state operational.
     Start,
-    /// To stopped.
+    /// Enters the state stopped.
     Stop,
-    /// To pre-operational.
+    /// Enters the state pre-operational.
     PreOperational,
-    /// All values as after power-on, and boot-up.
+    /// Restores all values as after power-on, and boots.
     ResetNode,
-    /// The values of communication as after power-on, and boot-up.
+    /// Restores the communication parameters as after power-on, and boots.
     ResetCommunication,
 }
 
@@ -73,7 +73,7 @@ impl NmtCommand {
         }
     }
 
-    /// Its byte on the wire.
+    /// Returns the byte of the command on the bus.
     pub const fn byte(self) -> u8 {
         match self {
             NmtCommand::Start => 0x01,
@@ -84,7 +84,7 @@ impl NmtCommand {
         }
     }
 
-    /// Its name.
+    /// Returns the name of the command.
     pub const fn name(self) -> &'static str {
         match self {
             NmtCommand::Start => "start",

@@ -1,19 +1,20 @@
-//! PDO parameters (CiA 301, section 7.5.2.35 to 7.5.2.38): what the master may write, and what a PDO holds.
+//! PDO parameters (CiA 301, sections 7.5.2.35 to 7.5.2.38): checks of what the master writes, and the content
+//! of a PDO.
 
 use alloc::vec::Vec;
 
 use super::Abort;
 use super::dictionary::{Access, Address, Dictionary, Entry, Kind, Mappable, Object, Value, at};
 
-/// PDOs in each direction.
+/// Number of PDOs in each direction.
 pub const PDOS: u16 = 4;
-/// The transmission type of PDOs that act, or are sent, without SYNC.
+/// Transmission type of PDOs that act, or are sent, without SYNC.
 pub const EVENT_TYPE: u8 = 255;
-/// Most entries of a PDO: each has at least one byte.
+/// Largest number of entries in a PDO: 8 bytes, and each entry has at least one.
 const MAPPED: u8 = 8;
-/// The bit of an identifier that disables its PDO.
+/// Bit of a COB-ID that disables the PDO.
 const DISABLED: u32 = 1 << 31;
-/// The bit of an identifier that forbids remote frames.
+/// Bit of a COB-ID that forbids remote frames.
 const NO_REMOTE: u32 = 1 << 30;
 
 /// Communication and mapping parameters of one direction.
@@ -21,7 +22,7 @@ const NO_REMOTE: u32 = 1 << 30;
 pub(super) struct Direction {
     pub communication: u16,
     pub mapping: u16,
-    /// The identifier of the first, without the node id.
+    /// Identifier of the first PDO, without the node id.
     base: u16,
     mappable: Mappable,
 }
@@ -31,18 +32,18 @@ pub(super) const RECEIVE: Direction =
 pub(super) const TRANSMIT: Direction =
     Direction { communication: 0x1800, mapping: 0x1A00, base: 0x180, mappable: Mappable::Transmit };
 
-/// A PDO after a reset; without mapped entries it is disabled.
+/// Parameters of a PDO after a reset; a PDO without mapped entries is disabled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PdoDefaults<'a> {
-    /// The mapped entries, as [`mapping_word`] gives them.
+    /// Mapped entries, in the form of [`mapping_word`].
     pub mapped: &'a [u32],
-    /// The transmission type.
+    /// Transmission type of the PDO.
     pub kind: u8,
-    /// Sent: the event timer, ms; 0: none.
+    /// Event timer of a sent PDO, ms; 0 for none.
     pub event_timer_ms: u16,
 }
 
-/// An entry as a mapping parameter names it.
+/// Returns the mapping parameter for an entry of `bits` bits.
 pub const fn mapping_word(address: Address, bits: u8) -> u32 {
     (address.index as u32) << 16 | (address.subindex as u32) << 8 | bits as u32
 }
@@ -57,7 +58,7 @@ const TRANSMIT_NAMES: [[&str; 4]; 2] = [
 ];
 const ENTRY_NAMES: [&str; 8] = ["Entry 1", "Entry 2", "Entry 3", "Entry 4", "Entry 5", "Entry 6", "Entry 7", "Entry 8"];
 
-/// Adds the parameters of all PDOs of a node: those that it receives, then those that it sends.
+/// Adds the parameters of all PDOs of a node: received ones first, then sent ones.
 pub fn add_pdos(dictionary: &mut Dictionary, node_id: u8, receive: &[PdoDefaults; 4], transmit: &[PdoDefaults; 4]) {
     for (direction, names, all) in [(RECEIVE, RECEIVE_NAMES, receive), (TRANSMIT, TRANSMIT_NAMES, transmit)] {
         for ((number, defaults), place) in (0..PDOS).zip(all).zip(0..) {
@@ -82,6 +83,7 @@ fn communication_object(
     entries.push(Entry::new(1, "COB-ID", Access::ReadWrite, Value::U32(id)).by_node());
     entries.push(Entry::new(2, "Transmission type", Access::ReadWrite, Value::U8(defaults.kind)));
     if is_sent {
+        // Subindex 4 is reserved in CiA 301, so 5 follows 3.
         entries.push(Entry::new(3, "Inhibit time", Access::ReadWrite, Value::U16(0)));
         entries.push(Entry::new(5, "Event timer", Access::ReadWrite, Value::U16(defaults.event_timer_ms)));
     }
@@ -99,11 +101,11 @@ fn mapping_object((direction, number): (Direction, u16), name: &'static str, def
     Object { index: direction.mapping + number, name, kind: Kind::Record, entries }
 }
 
-/// The parameters of one PDO.
+/// One PDO of a dictionary, whose parameters it reads.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pdo {
     pub direction: Direction,
-    /// From 0.
+    /// Number of the PDO, from 0.
     pub number: u16,
 }
 
@@ -112,7 +114,7 @@ impl Pdo {
         dictionary.number(at(self.direction.communication + self.number, subindex)) as u32
     }
 
-    /// Its identifier; `None` if it is disabled.
+    /// Returns the identifier; `None` if the PDO is disabled.
     pub fn id(self, dictionary: &Dictionary) -> Option<u16> {
         let word = self.communication(dictionary, 1);
         (word & DISABLED == 0).then_some((word & 0x7FF) as u16)
@@ -122,12 +124,13 @@ impl Pdo {
         self.communication(dictionary, 1) & NO_REMOTE == 0
     }
 
-    /// The transmission type.
+    /// Returns the transmission type.
     pub fn kind(self, dictionary: &Dictionary) -> u8 {
         self.communication(dictionary, 2) as u8
     }
 
     pub fn inhibit_ns(self, dictionary: &Dictionary) -> u64 {
+        // The inhibit time counts in steps of 100 µs (CiA 301).
         u64::from(self.communication(dictionary, 3)) * 100_000
     }
 
@@ -135,7 +138,7 @@ impl Pdo {
         u64::from(self.communication(dictionary, 5)) * 1_000_000
     }
 
-    /// The addresses mapped, in their order.
+    /// Returns the mapped addresses in order.
     pub fn mapped(self, dictionary: &Dictionary) -> impl Iterator<Item = Address> + '_ {
         let index = self.direction.mapping + self.number;
         let count = dictionary.number(at(index, 0)).clamp(0, MAPPED.into()) as u8;
@@ -143,20 +146,20 @@ impl Pdo {
     }
 }
 
-/// A PDO that is enabled.
+/// An enabled PDO, for the calculation of bus load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EnabledPdo {
-    /// Whether the node sends it, else it receives it.
+    /// Whether the node sends it; otherwise it receives it.
     pub is_sent: bool,
-    /// The transmission type.
+    /// Transmission type of the PDO.
     pub kind: u8,
-    /// Of one that is sent: the event timer, ms; 0: none.
+    /// Event timer of a sent PDO, ms; 0 for none.
     pub event_timer_ms: u16,
-    /// The bytes of the mapped entries.
+    /// Length of the mapped entries, bytes.
     pub bytes: usize,
 }
 
-/// The PDOs that are enabled in a dictionary: those that the node receives, then those that it sends.
+/// Returns the enabled PDOs of a dictionary: received ones first, then sent ones.
 pub fn enabled_pdos(dictionary: &Dictionary) -> impl Iterator<Item = EnabledPdo> + '_ {
     let all =
         [RECEIVE, TRANSMIT].into_iter().flat_map(|direction| (0..PDOS).map(move |number| Pdo { direction, number }));
@@ -172,7 +175,7 @@ fn address_of(word: u32) -> Address {
     at((word >> 16) as u16, (word >> 8) as u8)
 }
 
-/// Whether the master may write `value` to a PDO parameter; other addresses pass.
+/// Checks a master's write to a PDO parameter; other addresses pass.
 pub(super) fn check(dictionary: &Dictionary, address: Address, value: Value) -> Result<(), Abort> {
     let Some(number) = value.number() else { return Ok(()) };
     for direction in [RECEIVE, TRANSMIT] {
@@ -192,15 +195,18 @@ pub(super) fn check(dictionary: &Dictionary, address: Address, value: Value) -> 
 fn check_communication(dictionary: &Dictionary, pdo: Pdo, subindex: u8, number: i64) -> Result<(), Abort> {
     match subindex {
         1 => check_id(pdo.id(dictionary), number as u32),
+        // Type 252 would need samples kept from SYNC to request, which these nodes don't do. 253, on request,
+        // exists only for sent PDOs.
         2 if matches!(number, 0..=240 | 254 | 255) || (number == 253 && pdo.direction == TRANSMIT) => Ok(()),
         2 => Err(Abort::Value),
+        // CiA 301 allows a new inhibit time only while the PDO is disabled.
         3 if pdo.id(dictionary).is_some() => Err(Abort::DeviceState),
         _ => Ok(()),
     }
 }
 
-/// An identifier may not change while its PDO is enabled, and must not be one of those that CiA 301 restricts (table
-/// 38).
+/// Checks an identifier: it must not change while its PDO is enabled, and must not be one of the restricted
+/// ones (CiA 301, table 38).
 fn check_id(before: Option<u16>, word: u32) -> Result<(), Abort> {
     if word & !(DISABLED | NO_REMOTE | 0x7FF) != 0 {
         return Err(Abort::Value);
@@ -216,6 +222,8 @@ fn check_id(before: Option<u16>, word: u32) -> Result<(), Abort> {
 
 fn check_mapping(dictionary: &Dictionary, pdo: Pdo, subindex: u8, number: i64) -> Result<(), Abort> {
     let index = pdo.direction.mapping + pdo.number;
+    // CiA 301 prescribes the order in which a mapping is changed: disable the PDO, set the number of entries to
+    // 0, write the entries, set the number, enable. A mapping that is half written can so never act.
     if pdo.id(dictionary).is_some() {
         return Err(Abort::DeviceState);
     }
@@ -233,7 +241,7 @@ fn check_mapping(dictionary: &Dictionary, pdo: Pdo, subindex: u8, number: i64) -
     if sum > 8 { Err(Abort::MappingLength) } else { Ok(()) }
 }
 
-/// The bytes of an entry that may be mapped.
+/// Returns the length of an entry that may be mapped, bytes.
 fn mapped_bytes(dictionary: &Dictionary, direction: Direction, word: u32) -> Result<usize, Abort> {
     let entry = dictionary.entry(address_of(word))?;
     let bytes = entry.value.len();

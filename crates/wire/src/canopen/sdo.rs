@@ -1,17 +1,17 @@
-//! The SDO server (CiA 301, section 7.2.4): one transfer at a time, expedited or in segments.
+//! The SDO server (CiA 301, section 7.2.4) with one transfer at a time, expedited or segmented.
 
 use super::Abort;
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
 use super::errors;
 
-/// Bytes of every SDO.
+/// Length of every SDO, bytes.
 pub const SDO_BYTES: usize = 8;
 
-/// A transfer in segments.
+/// State of a segmented transfer.
 #[derive(Clone, Copy, Debug)]
 enum Transfer {
     None,
-    /// To the node: what came so far, and how much is announced.
+    /// Download to the node: the bytes so far, and the announced length.
     Down {
         address: Address,
         bytes: [u8; TEXT_MAX_BYTES],
@@ -19,7 +19,7 @@ enum Transfer {
         announced: Option<usize>,
         toggle: bool,
     },
-    /// To the master.
+    /// Upload to the master: the bytes, and how many have been sent.
     Up {
         address: Address,
         bytes: [u8; TEXT_MAX_BYTES],
@@ -29,18 +29,18 @@ enum Transfer {
     },
 }
 
-/// What a request leads to.
+/// Outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
-    /// An answer at once.
+    /// The server answers at once.
     Answer([u8; SDO_BYTES]),
-    /// The value is whole: the answer after it has been written.
+    /// A value is complete. The answer is sent once it has been written.
     Write { address: Address, bytes: [u8; TEXT_MAX_BYTES], len: usize, answer: [u8; SDO_BYTES] },
-    /// Nothing: the master has aborted.
+    /// The server does not answer, as the master has aborted.
     Nothing,
 }
 
-/// The server of one node.
+/// SDO server of one node.
 #[derive(Clone, Debug)]
 pub(super) struct SdoServer {
     transfer: Transfer,
@@ -51,7 +51,7 @@ impl SdoServer {
         SdoServer { transfer: Transfer::None }
     }
 
-    /// Handles a request.
+    /// Handles a request of the master.
     pub fn handle(&mut self, request: &[u8; SDO_BYTES], dictionary: &Dictionary) -> Step {
         let address = at(u16::from_le_bytes([request[1], request[2]]), request[3]);
         let outcome = match request[0] >> 5 {
@@ -68,7 +68,7 @@ impl SdoServer {
         outcome.unwrap_or_else(|(address, abort)| Step::Answer(self.abort(address, abort)))
     }
 
-    /// The answer that aborts; it ends the transfer.
+    /// Ends the transfer and returns the answer that aborts it.
     pub fn abort(&mut self, address: Address, abort: Abort) -> [u8; SDO_BYTES] {
         self.transfer = Transfer::None;
         let [low, high] = address.index.to_le_bytes();
@@ -77,6 +77,7 @@ impl SdoServer {
     }
 
     fn download(&mut self, request: &[u8; SDO_BYTES], address: Address, all: &Dictionary) -> Result<Step, Abort> {
+        // A new initiation ends a transfer in progress: the master has given it up, perhaps after a restart.
         self.transfer = Transfer::None;
         let entry = all.entry(address)?;
         if !entry.access.is_writable() {
@@ -87,6 +88,7 @@ impl SdoServer {
         if is_expedited {
             let unused = usize::from(request[0] >> 2 & 3);
             let len = match (has_size, entry.value) {
+                // Without a stated size the type tells the length. The length of a string is only in the frame.
                 (true, _) | (false, Value::Text(_)) => 4 - unused,
                 (false, value) => value.len(),
             };
@@ -97,6 +99,7 @@ impl SdoServer {
         let size = u32::from_le_bytes([request[4], request[5], request[6], request[7]]);
         let announced = has_size.then(|| usize::try_from(size).unwrap_or(usize::MAX));
         let most = if let Value::Text(_) = entry.value { TEXT_MAX_BYTES } else { entry.value.len() };
+        // Rejected at the announcement: after the segments the master would only learn the same, later.
         if announced.is_some_and(|announced| announced > most) {
             return Err(Abort::LengthTooHigh);
         }
@@ -115,6 +118,7 @@ impl SdoServer {
         }
         let count = 7 - usize::from(request[0] >> 1 & 7);
         let end = *len + count;
+        // The buffer has the length of the longest string, so a transfer without an announced length ends here.
         let place = bytes.get_mut(*len..end).ok_or((address, Abort::LengthTooHigh))?;
         place.copy_from_slice(&request[1..1 + count]);
         (*len, *toggle) = (end, !*toggle);
@@ -122,6 +126,8 @@ impl SdoServer {
         if request[0] & 1 == 0 {
             return Ok(Step::Answer(answer));
         }
+        // A master that sends another number of bytes than it has announced is faulty, and its value is not
+        // stored.
         if announced.is_some_and(|announced| announced != end) {
             return Err((address, Abort::Length));
         }
@@ -142,6 +148,8 @@ impl SdoServer {
         let mut bytes = [0; TEXT_MAX_BYTES];
         let len = entry.value.encode(&mut bytes);
         let mut answer = initiated(0x41, address);
+        // Values of up to 4 bytes fit an expedited answer. An empty string goes in segments, since an expedited
+        // answer can't state 0 bytes.
         if (1..=4).contains(&len) {
             answer[0] = 0x43 | ((4 - len) as u8) << 2;
             answer[4..4 + len].copy_from_slice(&bytes[..len]);

@@ -1,4 +1,4 @@
-//! A node: what it does with frames, and the frames that it sends.
+//! A CANopen node: handles frames, and queues the frames that it sends.
 
 use alloc::vec::Vec;
 
@@ -13,65 +13,66 @@ use super::{
 };
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-/// Frames that wait, beside PDOs.
+/// Capacity of the queue for frames other than PDOs.
 const WAITING: usize = 16;
-/// The address of the heartbeat's period, ms.
+/// Address of the heartbeat period, ms.
 const HEARTBEAT_PERIOD: Address = at(0x1017, 0);
-/// The bits of the error register for a PDO of a wrong length: a generic error, of communication.
+/// Bits of the error register for a PDO of the wrong length: generic error and communication error.
 const LENGTH_ERROR_REGISTER: u8 = 0x11;
 
-/// What the values of a node stand for.
+/// Meaning of a node's values, which its device supplies.
 pub trait Device {
-    /// A master writes a value, by SDO or PDO. It is stored after this.
+    /// Judges a value that a master writes by SDO or PDO. The server stores the value afterwards.
     ///
     /// # Errors
     /// [`Abort`]: the value is not stored.
     fn write(&mut self, address: Address, value: Value) -> Result<(), Abort>;
 
-    /// A number that changes whenever values received before must not act any more. PDO data that was received before
-    /// such a change and still waits for SYNC is dropped.
+    /// Returns a number that changes whenever values received earlier must no longer act. PDO data that was
+    /// received before such a change and still waits for SYNC is dropped.
     fn epoch(&self) -> u32;
 }
 
-/// What a frame was.
+/// What the server made of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handled {
-    /// Not for this node.
+    /// The frame is not for this node.
     Foreign,
-    /// An SDO, a PDO, a request for one.
+    /// The frame was an SDO, a PDO or a request for a PDO.
     Taken,
-    /// SYNC: PDOs that waited for it have acted. Call [`Server::release`] when those that it asks for may be sent.
+    /// The frame was SYNC, and PDOs that waited for it have acted. Call [`Server::release`] when the PDOs that
+    /// it requests may be sent.
     Sync,
-    /// Network management: the node's communication is in its new state.
+    /// The frame was a command of network management, and the node has entered its new state.
     Nmt(NmtCommand),
-    /// Of this node's identifiers, with a length that does not belong there: it is not used.
+    /// The frame has one of the node's identifiers and the wrong length; it was ignored.
     Length,
-    /// A PDO of this node that is shorter than its mapping: it is not used.
+    /// The frame was a PDO shorter than its mapping; it was ignored.
     ShortPdo {
-        /// Its number, from 1.
+        /// Number of the PDO, from 1.
         number: u16,
-        /// The bytes of its mapping.
+        /// Length of its mapping, bytes.
         mapped: usize,
     },
-    /// Of this node's identifiers, and a CAN FD frame: it is not used.
+    /// The frame has one of the node's identifiers and is a CAN FD frame; it was ignored.
     Format,
-    /// With an identifier that only this node sends.
+    /// The frame has an identifier that only this node may send.
     OtherSender,
 }
 
-/// What is sent of a PDO.
+/// State of a PDO that the node sends.
 #[derive(Clone, Copy, Debug, Default)]
 struct Transmit {
-    /// A frame waits.
+    /// A frame waits to be sent.
     waits: bool,
-    /// SYNC asked for it.
+    /// A SYNC has requested it.
     is_owed: bool,
-    /// SYNCs since it was asked for last.
+    /// Number of SYNCs since it was last requested.
     syncs: u8,
-    /// A sample came since it was asked for last.
+    /// A sample has come since it was last requested.
     has_event: bool,
     queued_ns: Option<u64>,
-    /// An event or a remote frame asked for it within the inhibit time.
+    /// It was requested during the inhibit time, and is sent at its end.
     is_deferred: bool,
     due_ns: u64,
 }
@@ -80,23 +81,23 @@ struct Transmit {
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     bytes: [u8; 8],
-    /// When it was received, in time listened.
+    /// Time of reception, ns of time listened.
     received_ns: u64,
-    /// The device's epoch when it was received.
+    /// Epoch of the device at reception.
     epoch: u32,
 }
 
-/// How the length of a received PDO differs from that of its mapping.
+/// Difference between the length of a received PDO and its mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LengthError {
-    /// Too short: the PDO is not processed.
+    /// Too short: the PDO is ignored.
     Short,
-    /// Too long: its first bytes are used.
+    /// Too long: the PDO's first bytes are used.
     Long,
 }
 
 impl LengthError {
-    /// The error code of the emergency (CiA 301, table 26).
+    /// Returns the emergency error code (CiA 301, table 26).
     const fn code(self) -> u16 {
         match self {
             LengthError::Short => 0x8210,
@@ -105,7 +106,7 @@ impl LengthError {
     }
 }
 
-/// A node with its object dictionary.
+/// A CANopen node with its object dictionary.
 #[derive(Clone, Debug)]
 pub struct Server {
     node_id: u8,
@@ -114,27 +115,27 @@ pub struct Server {
     sdo: SdoServer,
     /// Received PDOs that wait for SYNC.
     received: [Option<Waiting>; PDOS as usize],
-    /// The longest time listened for which they may wait, ns.
+    /// Longest time that they may wait, ns of time listened.
     wait_limit_ns: u64,
-    /// Those that were dropped as they were too old, or their PDO was set up anew.
+    /// Number of PDOs dropped because they were too old, or their parameters were written.
     dropped: u64,
-    /// The last error of the length of each received PDO, until one of the right length comes.
+    /// Last length error of each received PDO, until one of the right length comes.
     length_errors: [Option<LengthError>; PDOS as usize],
-    /// The bits of the error register that the device has set.
+    /// Bits of the error register that the device has set.
     device_register: u8,
     consumers: Consumers,
     transmit: [Transmit; PDOS as usize],
     waiting: Vec<Frame>,
     heartbeat_due_ns: u64,
-    /// The time of the last frame, and the time listened, ns.
+    /// Time of the last frame, ns; the next field is the time listened, ns.
     now_ns: u64,
     listened_ns: u64,
     unsent: u64,
 }
 
 impl Server {
-    /// A node of this id, 1 to 127, before its boot-up. PDO data that waits for SYNC is dropped once it is older than
-    /// `wait_limit_ns` of [`Server::look`].
+    /// Returns a node of this id, 1 to 127, before its boot-up. PDO data that waits for SYNC is dropped once it
+    /// is older than `wait_limit_ns`, on the clock of [`Server::look`].
     pub fn new(node_id: u8, dictionary: Dictionary, wait_limit_ns: u64) -> Server {
         Server {
             node_id,
@@ -156,56 +157,59 @@ impl Server {
         }
     }
 
-    /// Its node id.
+    /// Returns the node id.
     pub fn node_id(&self) -> u8 {
         self.node_id
     }
 
-    /// The state of its communication.
+    /// Returns the state of the communication.
     pub fn state(&self) -> NmtState {
         self.state
     }
 
-    /// Its object dictionary.
+    /// Returns the object dictionary.
     pub fn dictionary(&self) -> &Dictionary {
         &self.dictionary
     }
 
-    /// Sets a value of the node's own, the nearest that its type can represent.
+    /// Sets a value on behalf of the node, the closest that its type can represent.
     pub fn set(&mut self, address: Address, number: f64) {
         self.dictionary.set(address, number);
     }
 
-    /// States how long the node has listened, ns: the clock of the age of PDO data and of the heartbeats of others.
+    /// Sets the time for which the node has listened, ns. It is the clock for the age of PDO data and of other
+    /// nodes' heartbeats.
     pub fn look(&mut self, listened_ns: u64) {
         self.listened_ns = listened_ns;
     }
 
-    /// PDOs that waited for SYNC and were dropped since the last call, as they were too old or set up anew. Those of an
-    /// earlier state of the device are not counted: it takes nothing in such a state.
+    /// Returns the number of PDOs dropped since the last call while waiting for SYNC, too old or with new
+    /// parameters. PDOs from an earlier state of the device don't count: the device accepts nothing in such a
+    /// state.
     pub fn take_dropped(&mut self) -> u64 {
         core::mem::take(&mut self.dropped)
     }
 
-    /// Sets the bits of the error register (object 1001) that the device is the reason of.
+    /// Sets the bits of the error register (object 1001) that the device causes.
     pub fn set_register(&mut self, device: u8) {
         self.device_register = device;
         self.dictionary.set(ERROR_REGISTER, f64::from(self.register()));
     }
 
-    /// The error register.
+    /// Returns the error register.
     pub fn register(&self) -> u8 {
         let has_length_error = self.length_errors.iter().any(Option::is_some);
         self.device_register | if has_length_error { LENGTH_ERROR_REGISTER } else { 0 }
     }
 
-    /// The heartbeats that the node watches (object 1016): when each was heard last, in time listened, and its time, ns.
+    /// Returns the monitored heartbeats (object 1016): the time of the last one, ns of time listened, and its
+    /// limit, ns.
     pub fn watched_heartbeats(&self) -> impl Iterator<Item = (u64, u64)> {
         self.consumers.watched(&self.dictionary)
     }
 
-    /// Whether a heartbeat that the node watches has not come for its time. An operational node is pre-operational then
-    /// (object 1029 has its default), and the heartbeat is watched again from the next one on.
+    /// Returns whether a monitored heartbeat is overdue. An operational node then becomes pre-operational (the
+    /// default of object 1029), and monitoring restarts with the next heartbeat.
     pub fn takes_heartbeat_loss(&mut self, is_over: impl Fn(u64, u64) -> bool) -> bool {
         let is_lost = self.consumers.take_lost(&self.dictionary, is_over);
         if is_lost && self.state == NmtState::Operational {
@@ -214,12 +218,13 @@ impl Server {
         is_lost
     }
 
-    /// Frames never sent, as newer ones replaced them or too many waited.
+    /// Returns the number of frames that were never sent, because a newer one replaced them or the queue was
+    /// full.
     pub fn unsent(&self) -> u64 {
         self.unsent
     }
 
-    /// Sends the boot-up message, and is pre-operational.
+    /// Queues the boot-up message and enters pre-operational.
     pub fn boot(&mut self, now_ns: u64) {
         self.push(HEARTBEAT_BASE, &[NmtState::Initialising.byte()]);
         self.state = NmtState::Initialising;
@@ -230,10 +235,11 @@ impl Server {
         self.heartbeat_due_ns = now_ns.saturating_add(self.heartbeat_ns());
     }
 
-    /// Handles a frame.
+    /// Handles a frame from the bus.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame, device: &mut impl Device) -> Handled {
         let Id::Standard(id) = frame.id() else { return Handled::Foreign };
         let is_remote = frame.format() == FrameFormat::Remote;
+        // A node that has not booted is not on the network.
         if self.state == NmtState::Initialising {
             return Handled::Foreign;
         }
@@ -243,6 +249,7 @@ impl Server {
         self.now_ns = now_ns;
         let own = u16::from(self.node_id);
         match id {
+            // A stopped node serves no SYNC, SDO or PDO (CiA 301).
             NMT_ID if !is_remote => self.handle_nmt(now_ns, frame.data()),
             SYNC_ID if !is_remote && self.state == NmtState::Stopped => Handled::Foreign,
             SYNC_ID if !is_remote && frame.data().len() > 1 => Handled::Length,
@@ -258,7 +265,8 @@ impl Server {
         }
     }
 
-    /// CANopen has classic frames alone: a CAN FD frame under one of the node's identifiers is refused.
+    /// Handles a CAN FD frame. CANopen uses classical frames only, so one under the node's identifiers is
+    /// rejected.
     fn handle_fd(&self, id: u16) -> Handled {
         let own = u16::from(self.node_id);
         let is_own = [EMERGENCY_BASE, SDO_ANSWER_BASE, HEARTBEAT_BASE].iter().any(|base| base + own == id);
@@ -272,7 +280,7 @@ impl Server {
         }
     }
 
-    /// The heartbeat of another node.
+    /// Handles the heartbeat of another node.
     fn hear_heartbeat(&mut self, node_id: u8, data: &[u8]) -> Handled {
         match (self.consumers.place_of(&self.dictionary, node_id), data) {
             (None, _) => Handled::Foreign,
@@ -303,6 +311,8 @@ impl Server {
     }
 
     fn enter(&mut self, state: NmtState) {
+        // A change of state discards what waits: targets received before a stop must not act after the next
+        // start.
         if state != self.state {
             self.received = [None; PDOS as usize];
             self.transmit = [Transmit::default(); PDOS as usize];
@@ -329,7 +339,7 @@ impl Server {
         Handled::Taken
     }
 
-    /// A master's write: judged by the dictionary, as a PDO parameter, and by the device, in this order.
+    /// Handles a master's write: the dictionary judges it, then the rules for PDO parameters, then the device.
     fn write(&mut self, address: Address, bytes: &[u8], device: &mut impl Device) -> Result<(), Abort> {
         let value = self.dictionary.judge(address, bytes)?;
         pdo::check(&self.dictionary, address, value)?;
@@ -337,12 +347,13 @@ impl Server {
         check_consumer(&self.dictionary, address, value)?;
         device.write(address, value)?;
         self.dictionary.store(address, value);
-        // What waits of a PDO that is set up anew is not sent: it may be disabled.
+        // A PDO with new parameters may be disabled or have another mapping. A frame that waits under the old
+        // ones is not sent.
         let number = address.index.wrapping_sub(TRANSMIT.communication);
         if let Some(transmit) = self.transmit.get_mut(usize::from(number)) {
             *transmit = Transmit::default();
         }
-        // Nor does what was received by its earlier parameters act.
+        // Data received under the old parameters does not act either.
         for base in [RECEIVE.communication, RECEIVE.mapping] {
             let number = address.index.wrapping_sub(base);
             if let Some(received) = self.received.get_mut(usize::from(number)) {
@@ -360,6 +371,8 @@ impl Server {
 
     fn handle_pdo(&mut self, now_ns: u64, id: u16, frame: &Frame, device: &mut impl Device) -> Handled {
         for (number, place) in (0..PDOS).zip(0..) {
+            // Several received PDOs may share an identifier, so all of them are searched below. Sent ones are
+            // unique on the bus.
             let pdo = Pdo { direction: TRANSMIT, number };
             if pdo.id(&self.dictionary) != Some(id) {
                 continue;
@@ -399,6 +412,7 @@ impl Server {
         if whole.is_none() {
             return Handled::ShortPdo { number: number + 1, mapped: length };
         }
+        // Types 0 to 240 act at the next SYNC, the others at once (CiA 301, table 54).
         if pdo.kind(&self.dictionary) > 240 {
             self.act(number, &bytes, device);
         } else if let Some(received) = self.received.get_mut(usize::from(number)) {
@@ -425,14 +439,16 @@ impl Server {
         }
     }
 
-    /// Writes what a PDO holds; what may not be written is left out.
+    /// Writes the values of a PDO. Values that may not be written are skipped.
     fn act(&mut self, number: u16, bytes: &[u8; 8], device: &mut impl Device) {
         let mut place = 0;
+        // The mapping is read anew for every entry, since a borrow of the dictionary cannot last over the write.
         for entry in 0..usize::from(u8::MAX) {
             let address = Pdo { direction: RECEIVE, number }.mapped(&self.dictionary).nth(entry);
             let Some(address) = address else { return };
             let length = self.dictionary.entry(address).map_or(0, |entry| entry.value.len());
             let Some(value) = bytes.get(place..place + length) else { return };
+            // A PDO has no answer in which a refusal could be reported. The entries after it are still written.
             let _refused = self.write(address, value, device);
             place += length;
         }
@@ -444,7 +460,8 @@ impl Server {
         }
         for number in 0..PDOS {
             let Some(waiting) = self.received.get_mut(usize::from(number)).and_then(Option::take) else { continue };
-            // A PDO before may have changed the device's state.
+            // A PDO written before this one may have changed the device's state, so the epoch is compared for
+            // each.
             let age_ns = self.listened_ns.saturating_sub(waiting.received_ns);
             if age_ns > self.wait_limit_ns {
                 self.dropped += 1;
@@ -456,6 +473,7 @@ impl Server {
             let pdo = Pdo { direction: TRANSMIT, number };
             match pdo.kind(&self.dictionary) {
                 _ if pdo.id(&self.dictionary).is_none() => {}
+                // Type 0 is acyclic: it is sent at the SYNC after an event. Types 1 to 240 count SYNCs.
                 0 => transmit.is_owed |= core::mem::take(&mut transmit.has_event),
                 every @ 1..=240 => {
                     transmit.syncs = transmit.syncs.saturating_add(1);
@@ -469,7 +487,7 @@ impl Server {
         Handled::Sync
     }
 
-    /// Lets the PDOs that SYNC asked for be sent.
+    /// Queues the PDOs that SYNC has requested.
     pub fn release(&mut self, now_ns: u64) {
         for place in 0..self.transmit.len() {
             if core::mem::take(&mut self.transmit[place].is_owed) {
@@ -478,7 +496,7 @@ impl Server {
         }
     }
 
-    /// A sample has been published: an event for PDOs that wait for events.
+    /// Notes that a sample has been published, which is an event for event-driven PDOs.
     pub fn sampled(&mut self, now_ns: u64) {
         for (number, place) in (0..PDOS).zip(0..) {
             let pdo = Pdo { direction: TRANSMIT, number };
@@ -489,7 +507,7 @@ impl Server {
         }
     }
 
-    /// Does what is due.
+    /// Queues everything that is due at `now_ns`.
     pub fn handle_deadline(&mut self, now_ns: u64) {
         for (number, place) in (0..PDOS).zip(0..) {
             let pdo = Pdo { direction: TRANSMIT, number };
@@ -503,13 +521,15 @@ impl Server {
             }
         }
         let period_ns = self.heartbeat_ns();
+        // The frame is built when it is sent. A PDO that already waits is so replaced by its newer values.
         if self.state != NmtState::Initialising && period_ns > 0 && now_ns >= self.heartbeat_due_ns {
             self.heartbeat_due_ns = next(self.heartbeat_due_ns, period_ns, now_ns);
             self.push(HEARTBEAT_BASE, &[self.state.byte()]);
         }
     }
 
-    /// When [`Server::handle_deadline`] is to be called next, ns; `None` without anything that is due by the clock.
+    /// Returns the time at which [`Server::handle_deadline`] must be called next, ns; `None` if nothing is due
+    /// by the clock.
     pub fn next_deadline_ns(&self) -> Option<u64> {
         let is_timed = self.state != NmtState::Initialising && self.heartbeat_ns() > 0;
         let heartbeat = is_timed.then_some(self.heartbeat_due_ns);
@@ -532,15 +552,15 @@ impl Server {
         self.dictionary.number(HEARTBEAT_PERIOD).max(0) as u64 * 1_000_000
     }
 
-    /// When the inhibit time of a PDO ends, ns of the clock.
+    /// Returns the time at which the inhibit time of a PDO ends, ns of the clock.
     fn inhibited_until_ns(&self, place: usize) -> u64 {
         let inhibit_ns = Pdo { direction: TRANSMIT, number: place as u16 }.inhibit_ns(&self.dictionary);
         let last_ns = self.transmit.get(place).and_then(|transmit| transmit.queued_ns);
         last_ns.map_or(0, |last_ns| last_ns.saturating_add(inhibit_ns))
     }
 
-    /// An event, or a remote frame, asks for a PDO: it waits to be sent, or, while its inhibit time runs, for the end
-    /// of that.
+    /// Requests a PDO because of an event or a remote frame. It is queued at once, or at the end of its inhibit
+    /// time.
     fn request(&mut self, place: usize, now_ns: u64) {
         if now_ns >= self.inhibited_until_ns(place) {
             self.queue(place, now_ns);
@@ -549,7 +569,7 @@ impl Server {
         }
     }
 
-    /// Lets a PDO wait to be sent.
+    /// Queues a PDO, which is built when it is sent.
     fn queue(&mut self, place: usize, now_ns: u64) {
         let Some(transmit) = self.transmit.get_mut(place) else { return };
         (transmit.queued_ns, transmit.is_deferred) = (Some(now_ns), false);
@@ -558,8 +578,8 @@ impl Server {
         }
     }
 
-    /// Sends an emergency (CiA 301, section 7.2.7) with the manufacturer's bytes, unless the node is stopped, and writes
-    /// an error into the history (object 1003).
+    /// Sends an emergency (CiA 301, section 7.2.7) with manufacturer-specific bytes, unless the node is
+    /// stopped, and writes an error into the history (object 1003).
     pub fn emergency(&mut self, code: u16, register: u8, more: [u8; 5]) {
         if code != 0 {
             record_error(&mut self.dictionary, code, u16::from_le_bytes([more[0], more[1]]));
@@ -580,12 +600,12 @@ impl Server {
         }
     }
 
-    /// How many frames wait.
+    /// Returns the number of frames that wait.
     pub fn waiting(&self) -> usize {
         self.waiting.len() + self.transmit.iter().filter(|transmit| transmit.waits).count()
     }
 
-    /// Appends the frames that wait, in the order in which they are to be sent, until there are `most`.
+    /// Appends the frames that wait, in the order of sending, until `frames` has `most`.
     pub fn frames(&self, most: usize, frames: &mut Vec<Frame>) {
         let room = |frames: &Vec<Frame>| most.saturating_sub(frames.len());
         frames.extend(self.waiting.iter().take(room(frames)));
@@ -608,10 +628,11 @@ impl Server {
         Frame::classic(Id::Standard(pdo.id(&self.dictionary)?), &payload[..length]).ok()
     }
 
-    /// The bus has taken the first of the frames that wait. Returns how many of its values are not those that were set,
-    /// as they are beyond their types.
+    /// Notes that the bus has taken the first of the waiting frames. Returns how many of its values were
+    /// limited to the range of their types.
     pub fn sent(&mut self) -> u64 {
         if !self.waiting.is_empty() {
+            // The queue has at most 16 frames, so moving them costs less than a ring buffer would in code.
             self.waiting.remove(0);
             return 0;
         }
@@ -622,8 +643,9 @@ impl Server {
     }
 }
 
-/// When something is due again that was due at `due_ns`: on the beat, or, if that has passed, a period from now.
+/// Returns the next due time: one period after the last, or, if that has passed, one period from now.
 const fn next(due_ns: u64, period_ns: u64, now_ns: u64) -> u64 {
+    // After a pause, missed periods are skipped. Catching up would send them in a burst.
     let beat_ns = due_ns.saturating_add(period_ns);
     if beat_ns > now_ns { beat_ns } else { now_ns.saturating_add(period_ns) }
 }

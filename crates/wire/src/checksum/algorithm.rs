@@ -1,4 +1,4 @@
-//! What is computed over the bytes: a CRC, a sum, an exclusive or.
+//! Algorithms over the bytes: CRC, sum, exclusive or.
 
 use alloc::boxed::Box;
 use core::fmt;
@@ -38,7 +38,8 @@ impl Crc {
             }
         }
         let mut table = Box::new([0; 256]);
-        // The register lies at the right if reflected, else at the left, so that every width shifts alike.
+        // The register is right-aligned if reflected and left-aligned otherwise, so that one shift serves every
+        // width.
         let generator = if reflect { mirrored(polynomial, width) } else { polynomial << (64 - u32::from(width)) };
         for (byte, entry) in (0_u64..).zip(table.iter_mut()) {
             *entry = (0..8).fold(if reflect { byte } else { byte << 56 }, |register, _| match reflect {
@@ -74,7 +75,7 @@ impl fmt::Debug for Crc {
     }
 }
 
-/// A sum modulo 2ʷ: start ± Σ, then an exclusive or.
+/// A sum modulo 2ʷ: start ± Σ, then XORed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sum {
     width: u8,
@@ -84,8 +85,8 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// A sum of `width` bits, 1 to 64: `start` plus the sum, or with `subtract` minus it, modulo 2 to the width, then
-    /// `xor_out` added bit by bit, modulo 2.
+    /// Returns a sum of `width` bits, 1 to 64: `start` plus the sum, or minus it with `subtract`, modulo 2 to the
+    /// width, then XORed with `xor_out`.
     ///
     /// # Errors
     /// [`ChecksumError::Width`], [`ChecksumError::Parameter`] if a value has more bits than the sum.
@@ -107,16 +108,16 @@ impl Sum {
         if self.subtract { sum.wrapping_sub(number) } else { sum.wrapping_add(number) }
     }
 
-    /// 2⁶⁴ is a multiple of 2ʷ, so that the bits above may be dropped at the end.
+    /// Masks the sum to its width. 2⁶⁴ is a multiple of 2ʷ, so the upper bits may be dropped at the end.
     const fn end(&self, sum: u64) -> u64 {
         (sum & (u64::MAX >> (64 - self.width as u32))) ^ self.xor_out
     }
 }
 
-/// What is computed over the bytes.
+/// Algorithm of a checksum.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Algorithm {
-    /// A CRC.
+    /// A cyclic redundancy check.
     Crc(Crc),
     /// The sum of the bytes.
     Sum(Sum),
@@ -124,13 +125,13 @@ pub enum Algorithm {
     NibbleSum(Sum),
     /// The exclusive or of the bytes, 8 bits.
     Xor {
-        /// What the bytes are added to, bit by bit, modulo 2.
+        /// Initial value that the bytes are XORed into.
         start: u8,
     },
 }
 
 impl Algorithm {
-    /// The bits of the result.
+    /// Returns the width of the result, bits.
     pub const fn width(&self) -> u8 {
         match self {
             Algorithm::Crc(crc) => crc.width,
@@ -139,7 +140,7 @@ impl Algorithm {
         }
     }
 
-    /// The checksum of `bytes`.
+    /// Returns the checksum of `bytes`.
     pub fn of(&self, bytes: impl IntoIterator<Item = u8>) -> u64 {
         self.end(bytes.into_iter().fold(self.begin(), |state, byte| self.step(state, byte)))
     }
@@ -177,7 +178,7 @@ const fn mask(width: u8) -> Result<u64, ChecksumError> {
     }
 }
 
-/// The `width` bits in reverse order.
+/// Returns the lowest `width` bits in reverse order.
 const fn mirrored(bits: u64, width: u8) -> u64 {
     bits.reverse_bits() >> (64 - width as u32)
 }

@@ -1,8 +1,9 @@
-//! Checksums of frames in one parametric form: a CRC or a sum over the payload and what stands before and behind it.
+//! Checksums of frames in one parametric form: a CRC or a sum over the payload and the parts before and after
+//! it.
 //!
-//! The bytes that go in, in order: the parts `before`; the bytes of the payload without those left out, from the first
-//! to the last or reversed; the parts `after`. The checksum's own bits never go in: see [`Own`]. [`preset`] has the
-//! profiles of AUTOSAR and other common ones in this form.
+//! The input bytes are, in order, the parts `before`; the bytes of the payload without those left out, from the
+//! first to the last or reversed; the parts `after`. The checksum's own bits are never part of the input: see
+//! [`Own`]. [`preset`] has the profiles of AUTOSAR and other common ones in this form.
 
 mod algorithm;
 pub mod preset;
@@ -18,132 +19,132 @@ use resonarm_protocol::Id;
 pub use algorithm::{Algorithm, Crc, Sum};
 pub use preset::{DataId, Preset, PresetError, UnknownPreset};
 
-/// Why there can't be such a checksum.
+/// Reason why a checksum is not possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ChecksumError {
-    /// No bits, or too many.
+    /// The width is not 1 to 64 bits.
     #[error("a checksum of {got} bits: 1 to 64 do")]
     Width {
-        /// The bits given.
+        /// Width that was given, bits.
         got: u8,
     },
     /// A parameter has more bits than the checksum.
     #[error("{name} {got:#x} does not fit the {width} bits of the checksum")]
     Parameter {
-        /// Which.
+        /// Name of the parameter.
         name: &'static str,
-        /// Its value.
+        /// Value of the parameter.
         got: u64,
-        /// The bits of the checksum.
+        /// Width of the checksum, bits.
         width: u8,
     },
-    /// The signal has another number of bits than what is computed.
+    /// The signal has another width than the checksum.
     #[error("its signal has {got} bits, and the checksum {expected}")]
     PlaceBits {
-        /// The bits of the signal.
+        /// Width of the signal, bits.
         got: u8,
-        /// The bits of what is computed.
+        /// Width of the checksum, bits.
         expected: u8,
     },
     /// The signal is a floating-point number.
     #[error("its signal is a floating-point number: a checksum is an integer")]
     Float,
-    /// A byte left out that no payload has.
+    /// The payload can't have the byte that is left out.
     #[error("byte {got} is left out, and a payload has at most {PAYLOAD_MAX_BYTES}, counted from 0")]
     LeftOut {
-        /// The byte.
+        /// Index of the byte, from 0.
         got: usize,
     },
-    /// A table or a list of bytes with nothing in it.
+    /// A table is empty.
     #[error("a table without values")]
     EmptyTable,
-    /// An identifier or length of no bytes, or more than it can have.
+    /// An identifier or length enters with too few or too many bytes.
     #[error("{what} of {got} bytes: 1 to {most} do")]
     PartBytes {
-        /// Which.
+        /// Part that is meant, in words.
         what: &'static str,
-        /// The bytes given.
+        /// Number of bytes that was given.
         got: u8,
-        /// The most bytes.
+        /// Largest number of bytes.
         most: u8,
     },
 }
 
-/// Why a frame has no right checksum.
+/// Reason why the checksum of a frame is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ChecksumFault {
     /// The payload ends before the checksum, or before a signal that it depends on.
     #[error("the payload has {got} bytes, and its checksum needs {needed}")]
     Short {
-        /// The bytes of the payload.
+        /// Length of the payload, bytes.
         got: usize,
-        /// The bytes needed.
+        /// Least length of the payload, bytes.
         needed: usize,
     },
-    /// The checksum is wrong.
+    /// The checksum differs from the computed one.
     #[error("the checksum is {got:#x}, and {expected:#x} is right")]
     Wrong {
-        /// The checksum in the payload.
+        /// Checksum in the payload.
         got: u64,
-        /// What is computed.
+        /// Checksum that was computed.
         expected: u64,
     },
     /// A fixed field that belongs to the protection is wrong.
     #[error("the {field} in the payload is {got:#x}, and {expected:#x} is right")]
     Field {
-        /// Which.
+        /// Field that is wrong.
         field: FieldKind,
-        /// What the payload says.
+        /// Value in the payload.
         got: u64,
-        /// What is right.
+        /// Value that it must have.
         expected: u64,
     },
 }
 
-/// A part that stands before or behind the bytes of the payload.
+/// Bytes that enter the checksum before or after the payload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
     /// The low bytes of the frame's identifier, 1 to 4 of them.
     Id {
-        /// How many.
+        /// Number of bytes, 1 to 4.
         bytes: u8,
-        /// In which order.
+        /// Order of the bytes.
         order: ByteOrder,
     },
     /// The low bytes of the length of the payload, in bytes; 1 to 8 of them.
     Length {
-        /// How many.
+        /// Number of bytes, 1 to 8.
         bytes: u8,
-        /// In which order.
+        /// Order of the bytes.
         order: ByteOrder,
     },
-    /// Constants.
+    /// Constant bytes, the same in every frame.
     Bytes(Vec<u8>),
-    /// The byte of a table at the counter, modulo the length of the table.
+    /// One byte of a table, selected by the counter modulo the length of the table.
     ByCounter {
-        /// The counter in the payload.
+        /// Layout of the counter in the payload.
         counter: Layout,
-        /// The table, at least one byte.
+        /// Bytes of the table, at least one.
         table: Vec<u8>,
     },
 }
 
-/// How the bytes that belong to the checksum alone go in. Of a byte that it shares, its own bits are zero.
+/// How the bytes that belong only to the checksum enter it. In a byte that it shares, its own bits are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Own {
-    /// Not at all.
+    /// They are left out.
     #[default]
     LeftOut,
-    /// As zeros.
+    /// They enter as zeros.
     Zero,
 }
 
-/// A number that belongs to the protection and has a fixed place in the payload.
+/// A number of the protection that has a fixed place in the payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldKind {
-    /// The length of the payload, bytes.
+    /// Length of the payload, bytes.
     Length,
-    /// The data id, or a part of it.
+    /// Data id, or a part of it.
     DataId,
 }
 
@@ -156,18 +157,18 @@ impl core::fmt::Display for FieldKind {
     }
 }
 
-/// A fixed field: written before the checksum is computed, and checked with it.
+/// A fixed field, written before the checksum is computed, and checked with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// What it says.
+    /// Meaning of the field.
     pub kind: FieldKind,
-    /// Where it lies.
+    /// Place of the field in the payload.
     pub layout: Layout,
-    /// The data id, or the part of it; not used for the length.
+    /// Data id, or the part of it; not used for the length.
     value: u64,
 }
 
-/// The checksum of a message. Every value of this type is valid: the constructors check.
+/// The checksum of a message. All values of this type are valid, since the constructors check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checksum {
     algorithm: Algorithm,
@@ -178,13 +179,13 @@ pub struct Checksum {
     before: Vec<Part>,
     after: Vec<Part>,
     fields: Vec<Field>,
-    /// The checksum's own bits.
+    /// Bits of the checksum itself in the payload.
     own_bits: Bits,
 }
 
 impl Checksum {
-    /// A checksum at `place` over all other bytes of the payload, in their order, and nothing else. Its bits count as
-    /// an integer without sign, even if the layout has a sign.
+    /// Returns a checksum at `place` over all other bytes of the payload in order. Its bits count as an
+    /// unsigned integer, even if the layout is signed.
     ///
     /// # Errors
     /// [`ChecksumError`] if the place is no integer of the width of the algorithm.
@@ -201,19 +202,19 @@ impl Checksum {
         Ok(Checksum { algorithm, place, own, left_out, reversed, before, after, fields, own_bits })
     }
 
-    /// The same with the bytes that are its own in this way.
+    /// Returns the same checksum with its own bytes entering in this way.
     #[must_use]
     pub fn with_own(self, own: Own) -> Checksum {
         Checksum { own, ..self }
     }
 
-    /// The same with the bytes of the payload from the last to the first.
+    /// Returns the same checksum over the bytes of the payload from the last to the first.
     #[must_use]
     pub fn reversed(self) -> Checksum {
         Checksum { reversed: true, ..self }
     }
 
-    /// The same without these bytes of the payload, counted from 0.
+    /// Returns the same checksum without these bytes of the payload, counted from 0.
     ///
     /// # Errors
     /// [`ChecksumError::LeftOut`] if no payload has a byte.
@@ -223,12 +224,13 @@ impl Checksum {
             if *byte >= PAYLOAD_MAX_BYTES {
                 return Err(ChecksumError::LeftOut { got: *byte });
             }
+            // 64 bytes at most, so one bit of a u64 for each.
             left_out |= 1 << byte;
         }
         Ok(Checksum { left_out, ..self })
     }
 
-    /// The same with these parts, in their order, before and behind the bytes of the payload.
+    /// Returns the same checksum with these parts, in order, before and after the bytes of the payload.
     ///
     /// # Errors
     /// [`ChecksumError`] if a table is empty, its counter no integer, or an identifier or a length has no or too many
@@ -257,17 +259,18 @@ impl Checksum {
         Checksum { fields, ..self }
     }
 
-    /// Where the checksum lies.
+    /// Returns the place of the checksum in the payload.
     pub const fn place(&self) -> &Layout {
         &self.place
     }
 
-    /// The fields that are written and checked with the checksum.
+    /// Returns the fields that are written and checked with the checksum.
     pub fn fields(&self) -> &[Field] {
         &self.fields
     }
 
-    /// The bytes that a payload has at least: those of the checksum, its fields and the counters of its tables.
+    /// Returns the least length of a payload, bytes, that holds the checksum, its fields and the counters of
+    /// its tables.
     pub fn needed_bytes(&self) -> usize {
         let counters = self.before.iter().chain(&self.after).map(|part| match part {
             Part::ByCounter { counter, .. } => counter.needed_bytes(),
@@ -277,8 +280,8 @@ impl Checksum {
         counters.chain(fields).fold(self.place.needed_bytes(), usize::max)
     }
 
-    /// What the checksum of a frame with this identifier and payload has to be, whatever its own bits and the fields
-    /// are; None if the payload ends before something that it depends on.
+    /// Computes the checksum of a frame with this identifier and payload, whatever its own bits and fields
+    /// contain; `None` if the payload ends before something that it depends on.
     pub fn compute(&self, id: Id, payload: &[u8]) -> Option<u64> {
         if payload.len() < self.needed_bytes() {
             return None;
@@ -289,6 +292,8 @@ impl Checksum {
             let own = self.own_bits.in_byte(byte);
             let is_out = byte < PAYLOAD_MAX_BYTES && self.left_out >> byte & 1 == 1;
             if !(is_out || own == u8::MAX && self.own == Own::LeftOut) {
+                // The checksum's own bits are masked, so that the result does not depend on what the payload
+                // holds there.
                 state = self.algorithm.step(state, payload[byte] & !own);
             }
         }
@@ -318,7 +323,8 @@ impl Checksum {
         })
     }
 
-    /// Writes the fields, then the checksum. All other content, with the counter, is in the payload before.
+    /// Writes the fields, then the checksum. All other content, including the counter, must already be in the
+    /// payload.
     ///
     /// # Errors
     /// [`InsertError`] if the payload is too short, or too long for its length field; it may then have some of the
@@ -342,6 +348,7 @@ impl Checksum {
         let (Some(got), Some(expected)) = (self.place.extract_u64(payload), self.compute(id, payload)) else {
             return Err(short);
         };
+        // The checksum comes first: if it is wrong, any bit may be, and a wrong field would only be a symptom.
         if got != expected {
             return Err(ChecksumFault::Wrong { got, expected });
         }
@@ -357,7 +364,7 @@ impl Checksum {
 }
 
 impl Field {
-    /// What it has to say in this payload.
+    /// Returns the value that the field must have in this payload.
     const fn right(&self, payload: &[u8]) -> u64 {
         match self.kind {
             FieldKind::Length => payload.len() as u64,

@@ -1,4 +1,4 @@
-//! Checksums by name: the profiles of AUTOSAR FO PRS E2EProtocol, and common ones.
+//! Named checksums: the profiles of AUTOSAR FO PRS E2EProtocol, and common ones.
 //!
 //! Where a profile fixes the places of its numbers, they count from the checksum, so that a header may stand anywhere
 //! in the payload (`offset` in the standard). The checksum lies at the byte c:
@@ -31,7 +31,7 @@ use thiserror::Error;
 use super::{Algorithm, Checksum, ChecksumError, Crc, Field, FieldKind, Part, Sum};
 use crate::layout::{ByteOrder, Layout, Number};
 
-/// A checksum with a name.
+/// A checksum that is known by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Preset {
     /// AUTOSAR profile 1, variant A: CRC-8 of SAE J1850 over both bytes of the data id, then the payload.
@@ -66,109 +66,109 @@ pub enum Preset {
     Xor,
 }
 
-/// The data id of a message: what makes its checksum different from that of every other.
+/// Data id of a message, which distinguishes its checksum from that of every other message.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum DataId {
-    /// None: for presets that have none.
+    /// No data id, for presets without one.
     #[default]
     None,
-    /// One number.
+    /// One number for every frame.
     One(u32),
-    /// One byte for each value of the counter: for profile 2.
+    /// One byte for each value of the counter, for profile 2.
     ByCounter([u8; 16]),
 }
 
-/// The name of no preset.
+/// Error: a name that belongs to no preset.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no checksum {name:?}: there are {}", Preset::names())]
 pub struct UnknownPreset {
-    /// The name.
+    /// Name that was given.
     pub name: String,
 }
 
-/// Why a message can't have a checksum by a preset.
+/// Reason why a message can't have the checksum of a preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum PresetError {
-    /// The checksum itself is impossible.
+    /// The checksum itself is not possible.
     #[error("{preset}: {source}")]
     Checksum {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// Why.
+        /// Reason for the rejection.
         source: ChecksumError,
     },
-    /// The checksum does not begin with a byte, or is in the wrong byte order.
+    /// The checksum does not begin at a byte boundary, or has the wrong byte order.
     #[error("{preset}: its checksum lies at {got}: at this byte it has to be {expected}")]
     Place {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// Where it lies.
+        /// Layout of the checksum signal.
         got: Layout,
-        /// Where it may lie.
+        /// Layout that the preset requires.
         expected: Layout,
     },
-    /// A number of the profile would lie outside of the payload.
+    /// A number of the profile would lie outside the payload.
     #[error(
         "{preset} has its {what} {at:+} bytes from the checksum, which is outside of the {payload_bytes} bytes here"
     )]
     Outside {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// Which number.
+        /// Number of the profile, in words.
         what: &'static str,
-        /// The distance of its first byte from that of the checksum.
+        /// Distance of its first byte from that of the checksum.
         at: i8,
-        /// The bytes of the payload.
+        /// Length of the payload, bytes.
         payload_bytes: usize,
     },
-    /// The profile needs the counter.
+    /// The profile needs a counter.
     #[error("{preset} needs the message's counter")]
     NoCounter {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
     },
-    /// The counter is not where the profile has it.
+    /// The counter is not where the profile requires it.
     #[error("{preset}: its counter lies at {got}, and the profile has it at {expected}")]
     CounterPlace {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// Where it lies.
+        /// Layout of the counter signal.
         got: Layout,
-        /// Where the profile has it.
+        /// Layout that the profile requires.
         expected: Layout,
     },
-    /// The counter has the wrong size.
+    /// The counter has the wrong width.
     #[error("{preset}: its counter has {got} bits, and the profile's {expected}")]
     CounterBits {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// The bits it has.
+        /// Width of the counter signal, bits.
         got: u8,
-        /// The bits of the profile.
+        /// Width that the profile requires, bits.
         expected: u8,
     },
     /// The preset needs another kind of data id.
     #[error("{preset} takes {expected}")]
     DataIdKind {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// What it takes.
+        /// Kind of data id that it needs, in words.
         expected: &'static str,
     },
     /// The data id is too large.
     #[error("{preset}: data id {got:#x} is beyond {most:#x}")]
     DataId {
-        /// The preset.
+        /// Preset that was requested.
         preset: Preset,
-        /// The data id.
+        /// Data id that was given.
         got: u32,
-        /// The largest that does.
+        /// Largest data id of the preset.
         most: u32,
     },
 }
 
 impl Preset {
-    /// Every preset.
+    /// All presets, in the order of the module's table.
     pub const ALL: [Preset; 15] = [
         Preset::AutosarP1,
         Preset::AutosarP1Alternating,
@@ -187,7 +187,7 @@ impl Preset {
         Preset::Xor,
     ];
 
-    /// Its name.
+    /// Returns the name of the preset in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::AutosarP1 => "autosar-p1",
@@ -212,7 +212,7 @@ impl Preset {
         Preset::ALL.map(Preset::name).join(", ")
     }
 
-    /// How many values the counter of the profile has; None if the preset says nothing of a counter.
+    /// Returns the number of values of the profile's counter; `None` if the preset does not define one.
     pub const fn counter_values(self) -> Option<u64> {
         match self {
             Preset::AutosarP1 | Preset::AutosarP1Alternating | Preset::AutosarP1Low | Preset::AutosarP1Nibble => {
@@ -227,7 +227,8 @@ impl Preset {
         }
     }
 
-    /// Its checksum at `place`, in payloads of `payload_bytes`. The counter is that of the message, if it has one.
+    /// Builds the checksum at `place`, in payloads of `payload_bytes`, with the counter of the message if it
+    /// has one.
     ///
     /// # Errors
     /// [`PresetError`] if checksum or counter are not where the profile has them, a number of the profile would lie
@@ -251,7 +252,7 @@ impl Preset {
         Ok(checksum.map_err(|source| builder.impossible(source))?.with_fields(fields))
     }
 
-    /// What it computes.
+    /// Returns the algorithm of the preset.
     ///
     /// Profiles 1 and 11 call the CRC-8 with 0xFF as a *continued* start value, which the CRC library inverts to 0, and
     /// invert the result once more than it does: the plain remainder.
@@ -276,7 +277,8 @@ impl Preset {
         }
     }
 
-    /// Where the profile has its counter: first byte from that of the checksum, bits, byte order.
+    /// Returns where the profile has its counter: distance of its first byte from that of the checksum, width,
+    /// byte order.
     const fn counter_place(self) -> Option<(i8, u8, ByteOrder)> {
         match self {
             Preset::AutosarP2 => Some((1, 4, ByteOrder::Intel)),
@@ -304,7 +306,7 @@ impl Builder {
         PresetError::Checksum { preset: self.preset, source }
     }
 
-    /// A field from the byte `at` bytes from that of the checksum, its first bit number `first` there.
+    /// Returns the layout of a field that begins `at` bytes after the checksum, at bit `first` of that byte.
     fn field(
         &self,
         what: &'static str,
@@ -358,7 +360,7 @@ impl Builder {
         }
     }
 
-    /// What stands before and behind the payload.
+    /// Returns the parts before and after the payload.
     fn parts(&self, counter: Option<Layout>, data_id: &DataId) -> Result<(Vec<Part>, Vec<Part>), PresetError> {
         let preset = self.preset;
         let counter = || counter.ok_or(PresetError::NoCounter { preset });
@@ -373,6 +375,8 @@ impl Builder {
                 (vec![Part::ByCounter { counter: counter()?, table: vec![low, high] }], vec![])
             }
             Preset::AutosarP1Low => (vec![Part::Bytes(vec![id(0xFF)?[0]])], vec![]),
+            // The profile covers the low byte of the id and a zero byte; the upper four bits are in the
+            // payload.
             Preset::AutosarP1Nibble | Preset::AutosarP11Nibble => (vec![Part::Bytes(vec![id(0xFFF)?[0], 0])], vec![]),
             Preset::AutosarP2 => {
                 let DataId::ByCounter(table) = data_id else {
@@ -396,7 +400,7 @@ impl Builder {
         })
     }
 
-    /// What the profile has in the payload besides checksum and counter.
+    /// Returns the fields of the profile in the payload, apart from checksum and counter.
     fn fields(&self, data_id: &DataId) -> Result<Vec<Field>, PresetError> {
         let length = |at, bits| {
             let layout = self.field("length", (at, 0), bits, ByteOrder::Motorola)?;
