@@ -1,5 +1,5 @@
-//! The test bench: the arm with its exciter and instruments, its excitation and controllers, identification from its
-//! readings, and both ends as CAN nodes without IO.
+//! The test rig: the arm with its exciter and instruments, its excitation and controllers, identification from
+//! its readings, and both nodes of the CAN bus without IO.
 //!
 //! `no_std`: no clock, no thread, no file, no socket; time is an argument.
 #![cfg_attr(not(test), no_std)]

@@ -40,48 +40,49 @@ use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
 use resonarm_dynamics::structure::{Armature, Assembly, StructureMode};
 
-/// The orders that can be cancelled: those that are read beside the fundamental.
+/// Orders that can be cancelled, namely those that are read next to the fundamental.
 const ORDERS: [u8; 2] = [2, 3];
 
-/// Below this share of the fundamental a harmonic counts as cancelled; a larger change determines the transfer.
+/// Share of the fundamental below which a harmonic counts as cancelled. A larger change of the command is
+/// enough to determine the transfer.
 const CANCELLED: f64 = 2e-3;
-/// The share of a harmonic's change that the motion may contribute in a secant.
+/// Largest share that a changed motion may contribute to the change of a harmonic in a secant.
 const STRANGE: f64 = 0.2;
-/// Largest factor between the transfer and the derived one.
+/// Largest factor between the measured and the derived transfer.
 const LARGEST_RATIO: f64 = 4.0;
 
-/// The harmonics of the head's force that are cancelled, by their orders: 2 and 3, the fundamental being 1.
+/// Orders of the harmonics that are cancelled in the head's force: 2, 3 or both, the fundamental being 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "alloc::vec::Vec<i64>", into = "alloc::vec::Vec<u8>")]
 pub struct CancelHarmonics([bool; ORDERS.len()]);
 
-/// Why harmonics can't be cancelled.
+/// Reason why a list of harmonics is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum CancelHarmonicsError {
-    /// This order is not read.
+    /// The order is not one that is read.
     #[error(
         "`cancel_harmonics`: harmonic {got} can't be cancelled, only 2 and 3 can, which are read beside the fundamental"
     )]
     Order {
-        /// The given order.
+        /// Order that was given.
         got: i64,
     },
     /// An order is listed twice.
     #[error("`cancel_harmonics`: harmonic {got} is listed twice: list each once")]
     Repeated {
-        /// The order.
+        /// Order that is listed twice.
         got: i64,
     },
 }
 
 impl CancelHarmonics {
-    /// No harmonics.
+    /// No harmonics are cancelled.
     pub const NONE: CancelHarmonics = CancelHarmonics([false; ORDERS.len()]);
-    /// Harmonics 2 and 3.
+    /// Harmonics 2 and 3 are cancelled.
     pub const ALL: CancelHarmonics = CancelHarmonics([true; ORDERS.len()]);
 
-    /// Whether no harmonic is cancelled.
+    /// Returns whether no harmonic is cancelled.
     pub fn is_none(&self) -> bool {
         *self == CancelHarmonics::NONE
     }
@@ -109,21 +110,21 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// Transfer from the coil's force to that in the head, by way of an armature to the structure; an ideal exciter's force
-/// is all in the head.
+/// Transfer from the coil's force to the force in the head, with the armature between them. With an ideal
+/// exciter the whole force passes the head.
 #[derive(Clone, Debug)]
 struct HeadTransfer {
-    /// How far the structure alone moves along the shaker for each newton along it, by its modes: R = Σ (wᵀφ)²/(ω₀² − ω² +
-    /// 2iζω₀ω). Of each mode ω₀, rad/s, ζ, and (wᵀφ)², 1/kg.
+    /// Modes of the structure alone as seen along the shaker: ω₀, rad/s, ζ, and (wᵀφ)², 1/kg. Its receptance is
+    /// R = Σ (wᵀφ)²/(ω₀² − ω² + 2iζω₀ω).
     modes: Vec<[f64; 3]>,
-    /// m, kg; k, N/m; c, N·s/m of the armature.
+    /// Armature: m, kg; k, N/m; c, N·s/m.
     mass_kg: f64,
     stiffness_n_m: f64,
     damping_n_s_m: f64,
 }
 
 impl HeadTransfer {
-    /// `None` with an ideal exciter.
+    /// Returns the transfer; `None` with an ideal exciter.
     fn new(of: Modelled<'_>) -> Option<HeadTransfer> {
         let armature = of.armature?;
         let Armature { mass_kg, stiffness_n_m, damping_n_s_m, .. } = armature;
@@ -131,7 +132,7 @@ impl HeadTransfer {
         Some(HeadTransfer { modes, mass_kg, stiffness_n_m, damping_n_s_m })
     }
 
-    /// 1/(1 + R Z); `None` where the structure's response is infinite.
+    /// Returns 1/(1 + R Z); `None` where the structure's response is infinite.
     fn at(&self, frequency_hz: f64) -> Option<Phasor> {
         let one = Phasor::new(1.0, 0.0);
         let omega = TAU * frequency_hz;
@@ -140,7 +141,7 @@ impl HeadTransfer {
         Some(one / (one + receptance * stiffness))
     }
 
-    /// R, m/N; `None` where it is infinite.
+    /// Returns the receptance R, m/N; `None` where it is infinite.
     fn receptance(&self, omega_rad_s: f64) -> Option<Phasor> {
         let mode = |[own, zeta, square]: &[f64; 3]| {
             let denominator = Phasor::new(own * own - omega_rad_s * omega_rad_s, 2.0 * zeta * own * omega_rad_s);
@@ -151,7 +152,7 @@ impl HeadTransfer {
     }
 }
 
-/// ω₀, ζ and (wᵀφ)² of every mode that an armature moves with.
+/// Returns ω₀, ζ and (wᵀφ)² of every mode in which the armature moves.
 fn seen_modes(of: &Assembly, armature: &Armature) -> Vec<[f64; 3]> {
     let mut w = vec![0.0; of.coordinates()];
     armature.direction(&of.at(&vec![0.0; w.len()]), &mut w);
@@ -162,36 +163,36 @@ fn seen_modes(of: &Assembly, armature: &Armature) -> Vec<[f64; 3]> {
     of.modes().iter().map(seen).collect()
 }
 
-/// A harmonic of the command, and what was learned of its transfer.
+/// A harmonic of the command, with what is known of its transfer.
 #[derive(Clone, Copy, Debug)]
 struct Harmonic {
     order: i32,
     /// c_h, and its value before the last change, N.
     command_n: Phasor,
     before_n: Phasor,
-    /// c_h and H_h of the last try at this frequency, N, scaled to the changed fundamental.
+    /// c_h and H_h of the last try at this frequency, N, scaled to the fundamental as it was changed since.
     tried_n: Option<[Phasor; 2]>,
-    /// G_h over the derived one.
+    /// Measured G_h over the derived one.
     ratio: Phasor,
 }
 
-/// Cancels harmonics of the head's force.
+/// Cancels harmonics of the head's force by harmonics of the command.
 #[derive(Clone, Debug)]
 pub(super) struct Cancellation {
     harmonics: [Option<Harmonic>; ORDERS.len()],
     transfer: Option<HeadTransfer>,
-    /// Share of the coil's force that goes into the structure far above the natural frequencies.
+    /// Share of the coil's force that enters the structure far above its natural frequencies.
     share: f64,
     direction: Vector2<f64>,
     sampling: Sampling,
-    /// First sample and length of the reading, and its two halves.
+    /// First sample and length of the reading; the next field holds its two halves.
     first: u64,
     samples: u64,
     halves: [HarmonicFit<2, 7>; 2],
 }
 
 impl Cancellation {
-    /// Cancels `orders` of the force along `direction`; `None` if there are none.
+    /// Returns a cancellation of `orders` of the force along `direction`; `None` if there are none.
     pub fn new(
         orders: CancelHarmonics,
         of: Modelled<'_>,
@@ -216,7 +217,7 @@ impl Cancellation {
         })
     }
 
-    /// Resets to the initial state.
+    /// Resets to the initial state, keeping the allocations.
     pub fn forget(&mut self) {
         let zero = Phasor::new(0.0, 0.0);
         for harmonic in self.harmonics.iter_mut().flatten() {
@@ -225,8 +226,8 @@ impl Cancellation {
         }
     }
 
-    /// The harmonics to command beside the fundamental at the phase `phase_rad`, N, with `share` of the last change
-    /// made.
+    /// Returns the harmonics of the command at the phase `phase_rad`, N. `share` is the progress from the last
+    /// command to the present one, 0 to 1.
     pub fn command_n(&self, phase_rad: f64, share: f64) -> f64 {
         let at = |harmonic: &Harmonic| {
             let Harmonic { order, command_n, before_n, .. } = *harmonic;
@@ -235,14 +236,14 @@ impl Cancellation {
         self.harmonics.iter().flatten().map(at).sum()
     }
 
-    /// Begins a reading of `samples` samples at sample `first`.
+    /// Starts a reading of `samples` samples at sample `first`.
     pub fn begin(&mut self, first: u64, samples: u64) {
         let half = samples / 2;
         (self.first, self.samples) = (first, samples);
         self.halves = [HarmonicFit::new(half), HarmonicFit::new(samples - half)];
     }
 
-    /// Adds a sample of the reading with the phase at which it was read, cycles.
+    /// Adds a sample to the reading, with the phase at which it was read, cycles.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
         let Some(k) = sample.sample.checked_sub(self.first).filter(|k| *k < self.samples) else { return };
         let values = sample.head_force_n.map(|reading| reading.within_range());
@@ -253,8 +254,8 @@ impl Cancellation {
         }
     }
 
-    /// Ends the reading at `frequency_hz`: corrects the command, and returns whether every harmonic is below its bound
-    /// in both halves.
+    /// Ends the reading at `frequency_hz`, corrects the command, and returns whether every harmonic is below
+    /// its bound in both halves.
     ///
     /// `fundamental_n` is that of the head's force, `off` its relative deviation from the one that the last change was
     /// made for: the motion's contribution to a harmonic of order h then deviates by h times that.
@@ -264,6 +265,8 @@ impl Cancellation {
         for (index, harmonic) in self.harmonics.iter_mut().enumerate() {
             let Some(harmonic) = harmonic else { continue };
             let [first, second] = halves.map(|half| half[index]);
+            // Both halves must be below the bound. A mean over the whole would also be small for a harmonic
+            // that still turns.
             is_cancelled &= size(first).max(size(second)) < CANCELLED * fundamental_n;
             let order = f64::from(harmonic.order);
             let hold = self.sampling.hold(order * frequency_hz);
@@ -276,8 +279,8 @@ impl Cancellation {
         is_cancelled
     }
 
-    /// The acting harmonics of both halves, without the images of the command's harmonics that the converter folds onto
-    /// them.
+    /// Returns the acting harmonics of both halves, without the images of the command's harmonics that the
+    /// converter aliases onto them.
     fn read(&self, frequency_hz: f64) -> Option<[[Phasor; ORDERS.len()]; 2]> {
         let [first, second] = [self.halves[0].harmonics::<3>()?, self.halves[1].harmonics::<3>()?];
         let acting = |[x, y]: [[Phasor; 3]; 2]| {
@@ -292,7 +295,8 @@ impl Cancellation {
         Some([acting(first), acting(second)])
     }
 
-    /// Follows a change of the fundamental by `factor`: the motion's contribution to a harmonic scales with its power.
+    /// Follows a change of the fundamental by `factor`: the contribution of the motion to a harmonic scales
+    /// with its power.
     pub fn follow(&mut self, factor: Phasor) {
         for harmonic in self.harmonics.iter_mut().flatten() {
             let power = (1..harmonic.order).fold(factor, |power, _| power * factor);
@@ -301,12 +305,12 @@ impl Cancellation {
         }
     }
 
-    /// Forgets the last try, which does not apply to another frequency.
+    /// Forgets the last try, which tells nothing about another frequency.
     pub fn leave_frequency(&mut self) {
         self.harmonics.iter_mut().flatten().for_each(|harmonic| harmonic.tried_n = None);
     }
 
-    /// Ramps the command to zero.
+    /// Lets the command ramp to zero.
     pub fn end(&mut self) {
         for harmonic in self.harmonics.iter_mut().flatten() {
             (harmonic.before_n, harmonic.command_n) = (harmonic.command_n, Phasor::new(0.0, 0.0));
@@ -315,15 +319,19 @@ impl Cancellation {
 }
 
 impl Harmonic {
-    /// c_h − H_h/G_h, with `derived_transfer` times the ratio for G_h.
+    /// Subtracts H_h/G_h from c_h, with `derived_transfer` times the ratio for G_h.
     fn correct(&mut self, head_n: Phasor, derived_transfer: Phasor, fundamental_n: f64, off: f64) {
         if let Some([command_n, head_before_n]) = self.tried_n {
             let (change, effect) = (self.command_n - command_n, head_n - head_before_n);
             let expected = self.ratio * derived_transfer * change;
             let of_motion = head_n - self.ratio * derived_transfer * self.command_n;
+            // Two conditions: the change of the command must stand out from the noise, and a change of the
+            // motion between the tries must not explain the effect. Otherwise the secant would learn the wrong
+            // transfer.
             let is_conclusive =
                 size(expected) > CANCELLED * fundamental_n && off * size(of_motion) < STRANGE * size(expected);
             let ratio = effect / change / derived_transfer;
+            // A ratio far from 1 is more likely an error than a property of the exciter, so it is not accepted.
             if is_conclusive && (1.0 / LARGEST_RATIO..LARGEST_RATIO).contains(&size(ratio)) {
                 self.ratio = ratio;
             }

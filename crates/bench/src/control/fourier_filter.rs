@@ -1,14 +1,14 @@
-//! Adaptive Fourier filter: the harmonics of a signal whose phase is known, sample by sample.
+//! Adaptive Fourier filter: harmonics of a signal of known phase, updated sample by sample.
 
 use core::f64::consts::PI;
 
 use crate::excitation::Phasor;
 
-/// Harmonics of the drive in the model, from the constant up.
+/// Number of harmonics in the model, the constant included.
 const HARMONICS: usize = 4;
 
-/// Follows y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one more tone, Re(d e^{iψ}), that is not the drive's: the arm's
-/// other mode, which would otherwise leak into the fundamental.
+/// Tracks y ≈ Σ_h Re(c_h e^{ihθ}), h = 0 … 3, and one further tone, Re(d e^{iψ}), which the drive does not
+/// cause: the arm's other mode, which would otherwise leak into the fundamental.
 ///
 /// Least mean squares (B. Widrow, M. E. Hoff, "Adaptive Switching Circuits", IRE WESCON Conv. Rec. 4 (1960)): with the
 /// error e = y − Σ of a sample, c_h += 2µ e e^{−ihθ}, and d likewise; c_0 is real. A coefficient follows with the rate
@@ -18,7 +18,7 @@ const HARMONICS: usize = 4;
 #[derive(Clone, Copy, Debug)]
 pub struct FourierFilter {
     adaptation: f64,
-    /// Radians per sample of the other tone.
+    /// Rotation of the other tone per sample, rad.
     other_step_rad: f64,
     other_phase_rad: f64,
     coefficients: [Phasor; HARMONICS],
@@ -26,8 +26,8 @@ pub struct FourierFilter {
 }
 
 impl FourierFilter {
-    /// A filter that adapts with the rate `adaptation` per sample (µ, dimensionless, below 1/4), beside a tone that
-    /// rotates by `other_step_rad` radians per sample.
+    /// Returns a filter that adapts with the rate `adaptation` per sample (µ, dimensionless, below 1/4), with a
+    /// further tone that rotates by `other_step_rad` per sample.
     pub fn new(adaptation: f64, other_step_rad: f64) -> FourierFilter {
         let zero = Phasor::new(0.0, 0.0);
         FourierFilter { adaptation, other_step_rad, other_phase_rad: 0.0, coefficients: [zero; HARMONICS], other: zero }
@@ -44,6 +44,7 @@ impl FourierFilter {
         let model: f64 = self.coefficients.iter().zip(&turns).map(|(c, t)| real_product(c, t)).sum();
         let error = y - model - real_product(&self.other, &other_turn);
         let gain = 2.0 * self.adaptation * error;
+        // The constant is real, so its imaginary part is never updated.
         self.coefficients[0].re += gain;
         for (coefficient, t) in self.coefficients.iter_mut().zip(&turns).skip(1) {
             *coefficient += t.conj() * gain;
@@ -52,24 +53,24 @@ impl FourierFilter {
         self.other_phase_rad = wrapped(self.other_phase_rad + self.other_step_rad);
     }
 
-    /// The fundamental c_1: the signal contains Re(c_1 e^{iθ}), in its unit.
+    /// Returns the fundamental c_1: the signal contains Re(c_1 e^{iθ}), in its unit.
     pub fn fundamental(&self) -> Phasor {
         self.coefficients[1]
     }
 }
 
-/// e^{i angle}.
+/// Returns e^{i angle} for an angle in rad.
 pub(super) fn unit(angle_rad: f64) -> Phasor {
     let (sine, cosine) = libm::sincos(angle_rad);
     Phasor::new(cosine, sine)
 }
 
-/// Re(a b).
+/// Returns the real part of a product, Re(a b).
 pub(super) fn real_product(a: &Phasor, b: &Phasor) -> f64 {
     a.re * b.re - a.im * b.im
 }
 
-/// The same angle within ±π.
+/// Returns the same angle within ±π.
 pub(super) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::rint(angle_rad / (2.0 * PI))
 }

@@ -1,4 +1,4 @@
-//! Limits that end a run in order: the plant is disarmed, in any state of the controller.
+//! Limits that end a run in good order: the plant is disarmed, whatever state the controller is in.
 
 use alloc::boxed::Box;
 
@@ -10,7 +10,7 @@ use crate::rig::Measurement;
 
 const CHANNELS: usize = Measurement::CHANNELS;
 
-/// Limits as a scenario states them; a limit that isn't stated isn't checked.
+/// Limits as a scenario states them. Limits that are not stated are not checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsSpec {
@@ -23,14 +23,15 @@ pub struct LimitsSpec {
     /// Largest acceleration along an axis that an accelerometer reads, m/s², positive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration_m_s2: Option<f64>,
-    /// Largest share of harmonics 2 and 3 in the force of a response, relative to the fundamental, positive; checked
+    /// Largest distortion of the force of a response: harmonics 2 and 3 over the fundamental, positive; checked
     /// with a control law.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distortion: Option<f64>,
-    /// Number of samples in a row at which an axis counts as clipped for too long, at least 1.
+    /// Number of samples in a row after which a clipped axis ends the run, at least 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clipped_samples: Option<u32>,
-    /// Number of equal samples in a row under load at which an axis counts as stuck or dropped out, at least 2.
+    /// Number of equal samples in a row under load after which an axis counts as stuck or dropped out, at least
+    /// 2.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stuck_samples: Option<u32>,
     /// Commanded force, N, above which a sample counts as under load; `None` is 0.
@@ -41,7 +42,7 @@ pub struct LimitsSpec {
     pub stuck_above_nm: Option<f64>,
 }
 
-/// Names of an axis: instrument, direction, unit, and the key of its range.
+/// Words for the axes: instrument, direction, unit, and key of the range.
 const AXES: [[&str; 4]; CHANNELS] = [
     ["the impedance head", "x", "N", "rig.head.range_n"],
     ["the impedance head", "y", "N", "rig.head.range_n"],
@@ -51,20 +52,20 @@ const AXES: [[&str; 4]; CHANNELS] = [
     ["the accelerometer at C", "y", "m/s\u{b2}", "rig.sensors.c.range_m_s2"],
 ];
 
-/// The recent readings of an axis.
+/// Recent history of one axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Watched {
-    /// The last reading, and how many samples under load have repeated it.
+    /// Last reading; the next field is the number of samples under load that repeat it.
     last: Option<f64>,
     same: u32,
-    /// Samples in a row that were clipped.
+    /// Number of clipped samples in a row.
     clipped: u32,
 }
 
-/// A controller with limits: beyond one it aborts in place of the inner controller.
+/// A controller with limits, which aborts in place of the inner controller when one is exceeded.
 ///
-/// Readings are checked before the inner controller gets them, commands before they are given, and the distortion of a
-/// response when it is read.
+/// Readings are checked before the inner controller sees them, commands before they are sent, and the
+/// distortion of a response as soon as it has been read.
 #[derive(Debug)]
 pub struct Limited {
     inner: Box<dyn Controller>,
@@ -72,33 +73,36 @@ pub struct Limited {
     rate_hz: f64,
     axes: [Watched; CHANNELS],
     held: Load,
-    /// Time of the sample answered last, s.
+    /// Time of the last answered sample, s.
     time_s: f64,
     response: Option<ResponsePoint>,
     abort: Option<Abort>,
 }
 
 impl Limited {
-    /// `inner` with the limits of `spec`, at `rate_hz` samples a second.
+    /// Returns `inner` with the limits of `spec`, at `rate_hz` samples per second.
     pub fn new(inner: Box<dyn Controller>, spec: LimitsSpec, rate_hz: f64) -> Limited {
         let (axes, held) = ([Watched::default(); CHANNELS], Load::default());
         Limited { inner, spec, rate_hz, axes, held, time_s: 0.0, response: None, abort: None }
     }
 
-    /// Whether the acting load is large enough for every axis to move.
+    /// Returns whether the acting load is large enough for every axis to move.
     fn is_loaded(&self) -> bool {
         self.held.force_n.amax() > self.spec.stuck_above_n.unwrap_or(0.0)
             || self.held.torque_nm.amax() > self.spec.stuck_above_nm.unwrap_or(0.0)
     }
 
-    /// The first axis of a sample that is beyond a limit.
+    /// Checks the axes of a sample and returns the first violation.
     fn judge_readings(&mut self, sample: &Measurement) -> Option<Abort> {
         let (is_loaded, time_s) = (self.is_loaded(), self.time_s);
         let LimitsSpec { force_n, acceleration_m_s2, clipped_samples, stuck_samples, .. } = self.spec;
         for (index, reading) in sample.readings().iter().enumerate() {
             let ([who, axis, unit, range_key], watched) = (AXES[index], &mut self.axes[index]);
+            // A clipped reading repeats by nature, and counts as clipped and not as stuck.
             let is_new = reading.clipped || watched.last != Some(reading.value);
             watched.last = Some(reading.value);
+            // The count of equal readings stands still without load: then a constant reading is no sign of a
+            // defect.
             watched.same = if is_new { 0 } else { watched.same } + u32::from(is_loaded && !reading.clipped);
             watched.clipped = if reading.clipped { watched.clipped + 1 } else { 0 };
             let (key, limit) = if index < 2 { ("force_n", force_n) } else { ("acceleration_m_s2", acceleration_m_s2) };
@@ -115,7 +119,7 @@ impl Limited {
         None
     }
 
-    /// The limit that a load to be held exceeds, if one.
+    /// Returns the limit that a command would exceed, if there is one.
     fn judge_command(&self, load: &Load) -> Option<Abort> {
         let time_s = self.time_s;
         let beyond = |key, got: f64, limit: Option<f64>, unit| {
@@ -128,6 +132,7 @@ impl Limited {
 
     /// Takes the next response from the inner controller, if there is room, and checks it.
     fn fetch_response(&mut self) {
+        // One response is held here at a time, so none is lost while the caller has not fetched the last.
         if self.response.is_none() {
             self.response = self.inner.poll_response();
             let abort = self.response.as_ref().and_then(|response| self.judge_response(response));

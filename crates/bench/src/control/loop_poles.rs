@@ -1,7 +1,8 @@
-//! Poles of the control loop: filter, feedback and delay around all modes.
+//! Poles of the control loop, with filter, feedback and delay around all modes.
 //!
-//! The filter lets the structure's other modes through, a little and late, and the feedback can drive it. So the gain
-//! is computed: the largest one for which the loop is stable, also with the command two samples late.
+//! The filter passes the structure's other modes, weakly and late, so that the feedback can drive them. The
+//! gain is therefore computed: the largest one for which the loop is stable, even if the command is two samples
+//! late.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -15,28 +16,28 @@ use crate::rig::Sampling;
 use crate::rig::converter::MOST_ORDER;
 use resonarm_dynamics::structure::mode_transient;
 
-/// The loop of an envelope feedback at one frequency of the drive.
+/// The loop of an envelope feedback at one drive frequency.
 #[derive(Clone, Copy, Debug)]
 pub struct Loop {
-    /// The mode and the others.
+    /// Mode that is controlled, with the other modes.
     pub model: ModeModel,
-    /// How the accelerometers are sampled.
+    /// Sampling of the accelerometers.
     pub sampling: Sampling,
-    /// µ of the filter, per sample.
+    /// Adaptation µ of the filter, per sample.
     pub adaptation: f64,
-    /// g, 1/s.
+    /// Gain g of the feedback, 1/s.
     pub gain_1_s: f64,
     /// Angular frequency of the drive, rad/s.
     pub omega_rad_s: f64,
-    /// By how many samples a command acts late, beyond the one that it always takes.
+    /// Number of samples by which a command acts late, in addition to the one that it always takes.
     pub delay: usize,
 }
 
-/// States of the filter: the constant, three orders, the other mode's tone.
+/// Number of filter states: the constant, three orders, the tone of the other mode.
 const FILTER: usize = 9;
-/// The least size of the matrix: that of two modes under a delay of 18 samples with the longest filter of a converter.
+/// Least size of the matrix: that of two modes under a delay of 18 samples with the longest converter filter.
 const STATES: usize = 36;
-/// Nodes and weights of Gauss–Legendre quadrature of order 5 over a hold, from 0 to 1.
+/// Nodes and weights of Gauss–Legendre quadrature with five points, over a hold from 0 to 1.
 const GAUSS: [(f64, f64); 5] = [
     (0.046_910_077_030_668_01, 0.118_463_442_528_094_54),
     (0.230_765_344_947_158_44, 0.239_314_335_249_683_24),
@@ -46,9 +47,9 @@ const GAUSS: [(f64, f64); 5] = [
 ];
 
 impl SeenMode {
-    /// The share s(t) and ṡ(t) of a mode from s(0), ṡ(0) under a load u that is held for a time t: s − s∞ with s∞ =
-    /// u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²), or, with ζ ≥ 1, decays. The acceleration of a rigid mode, u/m, does
-    /// not depend on its share, so that no loop feels it: it is left at 0.
+    /// Returns s(t) and ṡ(t) of a mode from s(0), ṡ(0) under a load u held for a time t: s − s∞ with s∞ =
+    /// u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²), or decays for ζ ≥ 1. The acceleration of a rigid mode,
+    /// u/m, does not depend on its share, so that no loop feels it: the share is left at 0.
     fn advance(&self, [s, rate]: [f64; 2], u: f64, t_s: f64) -> [f64; 2] {
         let SeenMode { angular_frequency_rad_s: omega, damping_ratio: zeta, modal_mass: mass } = *self;
         if omega == 0.0 {
@@ -78,23 +79,23 @@ impl SeenMode {
 }
 
 impl Loop {
-    /// Partial sums of the converter's filter.
+    /// Number of partial sums of the converter's filter.
     fn sums(&self) -> usize {
         self.sampling.converter.order().saturating_sub(1)
     }
 
-    /// States of the structure: share and rate of each mode.
+    /// Number of states of the structure: share and rate of each mode.
     fn moving(&self) -> usize {
         2 * (1 + self.model.others().len())
     }
 
-    /// Number of states.
+    /// Number of states of the whole loop.
     fn size(&self) -> usize {
         self.moving() + self.sums() + FILTER + 1 + self.delay
     }
 
-    /// One sample of the linear loop: the structure under the load held, the reading of its acceleration, filter,
-    /// command.
+    /// Advances the linear loop by one sample: the structure under the held load, the reading of its
+    /// acceleration, filter, command.
     ///
     /// The filter's coefficients are taken as z = c e^{ihθ}, which rotate by a constant angle per sample, so the loop
     /// does not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/(ω² G), G the converter's gain, and
@@ -124,6 +125,8 @@ impl Loop {
                 let feedback = Phasor::new(0.0, 2.0 * model.mode.modal_mass * self.gain_1_s / (omega * droop));
                 command = (feedback * unit(ahead_rad) * z).re;
             }
+            // In these coordinates every coefficient rotates by a constant angle, so the loop is time-invariant
+            // and has eigenvalues.
             let turned = z * unit(step * period_s);
             next.extend([turned.re, turned.im]);
         }
@@ -132,8 +135,8 @@ impl Loop {
         next
     }
 
-    /// Advances the structure over a hold of the load `u`, and appends its states to `next`; returns the shares of its
-    /// acceleration in the readings after this hold and the following ones.
+    /// Advances the structure over a hold of the load `u` and appends its states to `next`. Returns the
+    /// contributions of its acceleration to the readings after this hold and the following ones.
     fn hold(&self, structure: &[f64], u: f64, next: &mut Vec<f64>) -> [f64; MOST_ORDER] {
         let (period_s, converter) = (1.0 / self.sampling.rate_hz, self.sampling.converter);
         let modes = core::iter::once(&self.model.mode).chain(self.model.others());
@@ -155,8 +158,8 @@ impl Loop {
         read
     }
 
-    /// The matrix of a sample: its columns are the unit states one sample later. States beyond those that the delay
-    /// takes stay zero.
+    /// Returns the matrix of one sample: its columns are the unit states one sample later. Unused states stay
+    /// zero.
     fn matrix(&self) -> DMatrix<f64> {
         let size = self.size();
         let whole = size.max(STATES);
@@ -172,7 +175,8 @@ impl Loop {
     }
 }
 
-/// Decay rate of the slowest motion of the loop, 1/s: −ln|λ|/T of the largest eigenvalue; negative if it grows.
+/// Returns the decay rate of the slowest motion of the loop, 1/s: −ln|λ|/T of the largest eigenvalue; negative
+/// if it grows.
 pub fn slowest_decay_1_s(control: &Loop) -> f64 {
     let largest = control.matrix().complex_eigenvalues().iter().map(|e| libm::hypot(e.re, e.im)).fold(0.0, f64::max);
     -libm::log(largest) * control.sampling.rate_hz

@@ -1,4 +1,5 @@
-//! How an exciter controller answers a sample: the [`Controller`] trait, and the controllers that implement it.
+//! Controllers of the exciter: the [`Controller`] trait, which answers samples with loads, and its
+//! implementations.
 //!
 //! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] brings the force in the head to its
 //! amplitude; [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is
@@ -39,71 +40,72 @@ pub use steered::Steered;
 use crate::rig::Load;
 use crate::rig::Measurement;
 
-/// The kind of load that a controller commands: a command on the wire carries one kind.
+/// Kind of load that a controller commands. A command of the protocol carries one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadKind {
-    /// Forces at C.
+    /// Forces of the exciter at C.
     Force,
     /// Torques at the joints.
     Torque,
 }
 
-/// How long a controller works.
+/// Duration of a controller's work, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// For a number of samples.
+    /// The work takes this number of samples.
     Samples(u64),
-    /// Until a number of responses is read.
+    /// The work takes until this number of responses has been read.
     Responses(u64),
-    /// Not known.
+    /// The duration is not known beforehand.
     Unknown,
 }
 
-/// A controller's answer to a sample.
+/// Answer of a controller to a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// The load to hold up to the next sample.
+    /// Hold this load until the next sample.
     Hold(Load),
-    /// The work is done: disarm the plant.
+    /// The work is done, and the plant can be disarmed.
     Finished,
-    /// The work can't be done: disarm the plant.
+    /// The work can't go on, and the plant must be disarmed.
     Aborted(Abort),
 }
 
-/// A controller: it takes in whole samples, and answers each with the load to hold.
+/// A controller of the exciter, which receives samples and answers each with the load to hold.
 ///
-/// It has no clock: time is the index of the sample, which jumps where samples were lost. Called in the real-time loop,
-/// it neither allocates nor blocks.
+/// It has no clock: time is the index of the sample, which jumps where samples were lost. It is called in the
+/// real-time loop and must neither allocate nor block.
 pub trait Controller: Debug + Send {
-    /// The kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
+    /// Returns the kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
     fn load_kind(&self) -> LoadKind;
 
-    /// The readings that it can't do without, in the order of [`OUTPUTS`](crate::structure::OUTPUTS): those on which it
-    /// closes a loop. A reading that the wire does not carry is NaN in the samples.
+    /// Returns which readings its feedback needs, in the order of [`OUTPUTS`](crate::structure::OUTPUTS). A
+    /// reading that the protocol does not carry is NaN in the samples.
     fn needs(&self) -> [bool; Measurement::CHANNELS] {
         [false; Measurement::CHANNELS]
     }
 
-    /// Restarts, at sample 0.
+    /// Restarts the work at sample 0.
     fn restart(&mut self);
 
     /// Answers a sample. `sample.sample` counts from 0, the first sample after the plant was armed; the readings are of
     /// the middle of the sample period before, and the answer is held from the sample to the next.
     fn answer(&mut self, sample: &Measurement) -> Answer;
 
-    /// The next response that was read, if there is one.
+    /// Returns the next response that has been read, if there is one.
     fn poll_response(&mut self) -> Option<ResponsePoint>;
 
-    /// Moves to `set_point` from now on; `false` if it can't, or takes no set-points: then it continues as before.
+    /// Moves to `set_point` from now on. Returns `false`, and continues as before, if it can't or takes no
+    /// set-points.
     fn steer(&mut self, _set_point: &SetPoint) -> bool {
         false
     }
 
-    /// The set-point that it moves to or holds; `None` if it takes none.
+    /// Returns the set-point that it approaches or holds; `None` if it takes none.
     fn set_point(&self) -> Option<SetPoint> {
         None
     }
 
-    /// How long it works, as far as that is known beforehand.
+    /// Returns the duration of the work, as far as it is known beforehand.
     fn length(&self) -> Length;
 }

@@ -1,4 +1,5 @@
-//! The controller's prior model of the structure: one mode, as seen by the drive and a pair of accelerometers.
+//! The controller's prior model of the structure: one mode, as seen by the drive and by a pair of
+//! accelerometers.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -13,26 +14,25 @@ use crate::rig::Load;
 use crate::rig::{Measurement, Reading, RigSpec, SensorSpec};
 use resonarm_dynamics::structure::{Armature, Dof, MOST_COORDINATES};
 
-/// The share of the motion of the other accelerometer below which an accelerometer is not followed.
+/// Ratio of the two accelerometers' motions below which the weaker one is not followed.
 const FAINT: f64 = 0.2;
 
-/// The share of an accelerometer's range for the fundamental of a motion; the rest is for its harmonics and for the other
-/// modes.
+/// Share of an accelerometer's range that the fundamental may use; the rest is for harmonics and other modes.
 const USABLE: f64 = 0.8;
 
 /// The structure as a controller models it.
 #[derive(Clone, Copy, Debug)]
 pub struct Modelled<'a> {
-    /// The structure under test, and where the rig is on it.
+    /// Structure under test with the places of the rig.
     pub tested: &'a TestedAssembly,
-    /// The armature of the shaker that drives it, if one does.
+    /// Armature of the shaker, if a shaker drives the structure.
     pub armature: Option<Armature>,
-    /// The largest accelerations that the accelerometers at B and C read, m/s².
+    /// Largest accelerations that the accelerometers at B and C can read, m/s².
     pub ranges_m_s2: [f64; 2],
 }
 
 impl<'a> Modelled<'a> {
-    /// The structure under a rig.
+    /// Returns the model of the structure under a rig.
     ///
     /// # Errors
     /// [`ShakerAcross`] if the rig's shaker pushes along an axis along which the structure can't move there.
@@ -42,25 +42,25 @@ impl<'a> Modelled<'a> {
         Ok(Modelled { tested, armature, ranges_m_s2 })
     }
 
-    /// Share of the exciter's force that goes into the structure far above the natural frequencies.
+    /// Returns the share of the exciter's force that enters the structure far above its natural frequencies.
     pub(super) fn high_frequency_force_share(&self) -> f64 {
         let assembly = &self.tested.assembly;
         self.armature.as_ref().map_or(1.0, |armature| armature.high_frequency_force_share(assembly))
     }
 }
 
-/// A mode of the structure, by its number: that of the lowest frequency is 1.
+/// Number of a mode, from 1, in the order of the natural frequencies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub struct ModeNumber(u8);
 
 impl ModeNumber {
-    /// Mode 1.
+    /// Mode 1, of the lowest frequency.
     pub const FIRST: ModeNumber = ModeNumber(1);
-    /// Mode 2.
+    /// Mode 2, of the second lowest frequency.
     pub const SECOND: ModeNumber = ModeNumber(2);
 
-    /// Its place among the modes, from 0.
+    /// Returns the index of the mode, from 0.
     pub fn index(self) -> usize {
         usize::from(self.0) - 1
     }
@@ -87,26 +87,26 @@ impl TryFrom<u8> for ModeNumber {
     }
 }
 
-/// The structure does not have this mode, or the mode has no resonance.
+/// Reason why a controller can't work on a mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NoSuchMode {
-    /// There are fewer modes.
+    /// The structure has fewer modes.
     #[error("mode {got}: modes are numbered from 1 to {modes}")]
     Number {
-        /// The mode that was given, counted from 1.
+        /// Number of the mode that was given.
         got: u8,
-        /// How many modes there are, or can be.
+        /// Number of modes that there are, or can be.
         modes: usize,
     },
-    /// It is rigid, at 0 Hz, or overdamped.
+    /// The mode is rigid, at 0 Hz, or overdamped.
     #[error("mode {got} does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance")]
     NoResonance {
-        /// The mode that was given, counted from 1.
+        /// Number of the mode that was given.
         got: u8,
     },
 }
 
-/// What a controller follows: the displacement of an accelerometer's point along one direction, m.
+/// Accelerometer whose displacement a controller follows, along one direction, m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Followed {
     /// The displacement of B.
@@ -116,12 +116,12 @@ pub enum Followed {
 }
 
 impl Followed {
-    /// Whether the readings of B and of C take part.
+    /// Returns whether the readings of B and of C are used.
     pub fn takes(self) -> [bool; 2] {
         [self == Followed::PointB, self == Followed::PointC]
     }
 
-    /// That of B and C which takes part.
+    /// Returns the element that belongs to the followed accelerometer.
     fn of<T>(self, [b, c]: [T; 2]) -> T {
         match self {
             Followed::PointB => b,
@@ -130,36 +130,37 @@ impl Followed {
     }
 }
 
-/// A mode as seen by the drive: with s the followed coordinate and u the load, m (s̈ + 2ζω₀ ṡ + ω₀² s) = u.
+/// A mode as seen by the drive: m (s̈ + 2ζω₀ ṡ + ω₀² s) = u with the followed coordinate s and the load u.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SeenMode {
-    /// ω₀, rad/s.
+    /// Undamped angular frequency ω₀, rad/s.
     pub angular_frequency_rad_s: f64,
-    /// ζ.
+    /// Damping ratio ζ, dimensionless.
     pub damping_ratio: f64,
-    /// m, in the load's unit over that of s̈; infinite if the load does not drive the mode, or s does not show it.
+    /// Modal mass m, in the load's unit over that of s̈; infinite if the load does not drive the mode, or s
+    /// does not show it.
     pub modal_mass: f64,
 }
 
-/// The most modes beside the followed one.
+/// Largest number of modes in addition to the followed one.
 const MOST_OTHERS: usize = MOST_COORDINATES - 1;
 
-/// One natural mode as seen by the drive, beside the others.
+/// The mode that is controlled as seen by the drive, together with the other modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModeModel {
-    /// The mode, with a positive modal mass: the sign of the followed coordinate is chosen so that it has the sign of
+    /// The controlled mode, with a positive modal mass: the followed coordinate is chosen to have the sign of
     /// the load.
     pub mode: SeenMode,
     others: [SeenMode; MOST_OTHERS],
     count: usize,
-    /// The followed coordinate.
+    /// Accelerometer that is followed.
     pub followed: Followed,
-    /// s̈ = direction · acceleration of the point.
+    /// Direction in s̈ = direction · acceleration of the point.
     direction: Vector2<f64>,
 }
 
 impl ModeModel {
-    /// The mode of this number of a structure, without an armature, as driven by multiples of `unit`.
+    /// Builds the model of the mode with this number, without an armature, as driven by multiples of `unit`.
     ///
     /// With the shape φ of unit modal mass and the directions w = ∂x/∂q of the loads and of the accelerometers' axes at
     /// rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. With e the unit direction of the
@@ -200,6 +201,7 @@ impl ModeModel {
         let [size_b, size_c] = [b.norm(), c.norm()];
         let [range_b, range_c] = of.ranges_m_s2;
         let acceleration_c = size_c * (driven(&this.shape) * largest / (2.0 * this.damping_ratio)).abs();
+        // Range decides only if C would clip. See the function's documentation for the reasons.
         let c_clips = acceleration_c > USABLE * range_c;
         let b_has_more_room = size_b >= FAINT * size_c && size_b / range_b < size_c / range_c;
         let follows_b = size_c < FAINT * size_b || (c_clips && b_has_more_room);
@@ -218,9 +220,10 @@ impl ModeModel {
         Ok(ModeModel::of(&seen, mode.index(), followed, e))
     }
 
-    /// The mode at `index` of all; the others begin with the one that the load accelerates most.
+    /// Builds the model from all modes; the others are sorted by how strongly the load accelerates them.
     fn of(seen: &[SeenMode], index: usize, followed: Followed, direction: Vector2<f64>) -> ModeModel {
-        // Load and coordinate of opposite sign: the sign of the coordinate is reversed.
+        // Load and coordinate of opposite sign make the modal mass negative. Reversing the coordinate makes it
+        // positive.
         let sign = seen[index].modal_mass.signum();
         let signed = |mode: &SeenMode| SeenMode { modal_mass: sign * mode.modal_mass, ..*mode };
         let (mut others, mut count) = ([SeenMode::default(); MOST_OTHERS], 0);
@@ -233,31 +236,34 @@ impl ModeModel {
         ModeModel { mode: signed(&seen[index]), others, count, followed, direction: direction * sign }
     }
 
-    /// The other modes that the load drives and the followed coordinate shows, the most prominent first.
+    /// Returns the other modes that the load drives and the followed coordinate shows, the most prominent
+    /// first.
     pub fn others(&self) -> &[SeenMode] {
         &self.others[..self.count]
     }
 
-    /// The angular frequency of the tone that is modelled beside the harmonics, rad/s: of the most prominent other
-    /// mode that is not rigid, or, of a structure without, four times the mode's.
+    /// Returns the angular frequency of the tone that is modelled in addition to the harmonics, rad/s: that of
+    /// the most prominent other mode that is not rigid, or four times the mode's own if there is none.
     pub fn tone_rad_s(&self) -> f64 {
+        // Four times the mode's frequency lies above the modelled harmonics, so that the tone takes nothing
+        // from them.
         let mut oscillating = self.others().iter().filter(|other| other.angular_frequency_rad_s > 0.0);
         oscillating.next().map_or(4.0 * self.mode.angular_frequency_rad_s, |other| other.angular_frequency_rad_s)
     }
 
-    /// s̈ of the followed displacement from its accelerometer, m/s².
+    /// Returns s̈ of the followed displacement from its accelerometer, m/s².
     pub fn acceleration(&self, sample: &Measurement) -> f64 {
         let pair = |readings: [Reading; 2]| Vector2::from(readings.map(|reading| reading.value));
         let points = [pair(sample.acceleration_b_m_s2), pair(sample.acceleration_c_m_s2)];
         self.direction.dot(&self.followed.of(points))
     }
 
-    /// The same s̈ from the phasors of the accelerations of B and C along x and y.
+    /// Returns s̈ from the phasors of the accelerations of B and C along x and y.
     pub fn across(&self, points: [[Phasor; 2]; 2]) -> Phasor {
         self.followed.of(points.map(|p| p[0] * self.direction.x + p[1] * self.direction.y))
     }
 
-    /// Whether a reading that the followed coordinate depends on was clipped.
+    /// Returns whether a reading was clipped that the followed coordinate depends on.
     pub fn is_clipped(&self, sample: &Measurement) -> bool {
         let clipped = [sample.acceleration_b_m_s2, sample.acceleration_c_m_s2]
             .map(|pair| pair.iter().any(|reading| reading.clipped));

@@ -1,4 +1,4 @@
-//! Open loop: plays a profile regardless of the response.
+//! Open loop: a profile is played regardless of the response.
 
 use super::response::ResponseReader;
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint};
@@ -15,7 +15,7 @@ pub struct OpenLoop {
 }
 
 impl OpenLoop {
-    /// A controller that plays `profile`, with readings by this converter.
+    /// Returns a controller that plays `profile`, with readings by this converter.
     pub fn new(profile: Profile, converter: Converter) -> OpenLoop {
         let sampling = Sampling { rate_hz: profile.rate_hz(), converter };
         OpenLoop { reader: ResponseReader::new(&profile, sampling), profile, sampling, response: None }
@@ -34,7 +34,8 @@ impl Controller for OpenLoop {
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
-        // Phase of the acting load at the time of the reading: a held sine lags by half a sample.
+        // The fit needs the phase of the acting load at the time of the reading. A held sine lags by half a
+        // sample, and the converter's filter delays the reading.
         let read_at = n as f64 - self.sampling.converter.delay_samples() - 0.5;
         let response = self.reader.add(sample, self.profile.phase_cycles(read_at));
         self.response = response.map(|point| ResponsePoint { load_kind: self.load_kind(), ..point });

@@ -1,14 +1,14 @@
-//! The exciter's reading of the response, window by window.
+//! The response as the exciter's controller reads it, window by window.
 
 use super::LoadKind;
 use crate::excitation::{HarmonicFit, Phasor, Profile, SineFit, Window};
 use crate::rig::{Measurement, Sampling};
 
-/// The channels: head x, y; B x, y; C x, y.
+/// Number of channels: head x, y; B x, y; C x, y.
 const CHANNELS: usize = Measurement::CHANNELS;
 
-/// The response at one frequency, as the controller reads it from the wire: of the continuous motion, corrected for the
-/// gain of the instruments' converters.
+/// The response at one frequency as the controller reads it: of the continuous motion, corrected for the gain
+/// of the instruments' converters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResponsePoint {
     /// Frequency of the drive, Hz.
@@ -17,35 +17,35 @@ pub struct ResponsePoint {
     pub load: f64,
     /// Whether `load` is a force at C or a torque.
     pub load_kind: LoadKind,
-    /// Standard deviation of `load` due to the noise of the readings, at the stated frequency and amplitude, N or N·m;
-    /// `None` where it is not computed.
+    /// Standard deviation of `load` due to the noise of the readings, at the stated frequency and amplitude, N
+    /// or N·m; `None` where it is not computed.
     pub load_deviation: Option<f64>,
-    /// Force in the impedance head along x and y, N, against the phase of the acting drive: that of the fundamental of
-    /// the held load.
+    /// Force in the impedance head along x and y, N. Its phase is relative to the acting drive, the fundamental
+    /// of the held load.
     pub head_force_n: [Phasor; 2],
     /// Acceleration of B along x and y, m/s².
     pub acceleration_b_m_s2: [Phasor; 2],
     /// Acceleration of C along x and y, m/s².
     pub acceleration_c_m_s2: [Phasor; 2],
-    /// Harmonics 2 and 3 of head x, y; B x, y; C x, y, against the same phase, where they are read.
+    /// Harmonics 2 and 3 of head x, y; B x, y; C x, y, relative to the same phase, where they are read.
     pub overtones: Option<[[Phasor; 2]; CHANNELS]>,
-    /// Lag of the response that a closed loop follows behind the load, rad; `None` in open loop.
+    /// Lag of the controlled displacement behind the load, rad; `None` in open loop.
     pub lag_rad: Option<f64>,
-    /// Relative change of the response while it was read: in open loop the change from the first to the second half of
-    /// the window in the channel with the largest acceleration, in closed loop the change of the followed displacement over
-    /// the reading.
+    /// Relative change of the response while it was read. In open loop it is the change from the first to the
+    /// second half of the window, in the channel with the largest acceleration; in closed loop the change of
+    /// the followed displacement over the reading.
     pub drift: f64,
-    /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. Clipped readings are left out of
-    /// the fit.
+    /// Channels with a clipped reading in the window: head x, y; B x, y; C x, y. Clipped readings are left out
+    /// of the fit.
     pub clipped: [bool; CHANNELS],
-    /// Number of tries of the point: 1 in open loop.
+    /// Number of tries of the point; 1 in open loop.
     pub tries: u32,
     /// Whether the controller considers the response settled.
     pub settled: bool,
 }
 
 impl ResponsePoint {
-    /// A settled response to a force, of these harmonics, 1 to 3 of head x, y; B x, y; C x, y.
+    /// Returns a settled response to a force, from harmonics 1 to 3 of head x, y; B x, y; C x, y.
     pub fn of_harmonics(frequency_hz: f64, load: f64, harmonics: &[[Phasor; 3]; CHANNELS]) -> ResponsePoint {
         let pair = |channel: usize| [harmonics[channel][0], harmonics[channel + 1][0]];
         ResponsePoint {
@@ -65,8 +65,8 @@ impl ResponsePoint {
         }
     }
 
-    /// Harmonics 2 and 3 of the head's force, each over its fundamental; `None` where they are not read, or where the
-    /// load is a torque: it does not go through the head, which then reads noise.
+    /// Returns harmonics 2 and 3 of the head's force over its fundamental. `None` where they are not read, or
+    /// where the load is a torque, which does not pass the head, so that the head reads noise.
     pub fn force_harmonics(&self) -> Option<[f64; 2]> {
         let overtones = self.overtones.as_ref()?;
         let size = |pair: [Phasor; 2]| libm::sqrt(pair.iter().map(Phasor::norm_sqr).sum());
@@ -75,18 +75,19 @@ impl ResponsePoint {
         (self.load_kind == LoadKind::Force && fundamental > 0.0).then(|| [over(0), over(1)])
     }
 
-    /// Harmonic distortion of the head's force: its harmonics 2 and 3 together over its fundamental; `None` in the
-    /// cases of [`ResponsePoint::force_harmonics`].
+    /// Returns the harmonic distortion of the head's force: harmonics 2 and 3 together over the fundamental;
+    /// `None` in the cases of [`ResponsePoint::force_harmonics`].
     pub fn distortion(&self) -> Option<f64> {
         self.force_harmonics().map(|[second, third]| libm::hypot(second, third))
     }
 
-    /// Whether a reading in the window was clipped.
+    /// Returns whether a reading in the window was clipped.
     pub fn is_clipped(&self) -> bool {
         self.clipped.contains(&true)
     }
 
-    /// The harmonic of order `order`, from 1 on, of a channel: head x, y; B x, y; C x, y. Zero if it was not read.
+    /// Returns the harmonic of order `order`, from 1 on, of a channel: head x, y; B x, y; C x, y. Zero if it
+    /// was not read.
     pub fn harmonic(&self, channel: usize, order: usize) -> Phasor {
         let pairs = [&self.head_force_n, &self.acceleration_b_m_s2, &self.acceleration_c_m_s2];
         match (order, &self.overtones) {
@@ -96,31 +97,31 @@ impl ResponsePoint {
         }
     }
 
-    /// The fundamental of the displacement of an accelerometer along an axis, by its channel, B x, y from 2 on and C x,
-    /// y from 4 on: −a/Ω² of the acceleration a, m.
+    /// Returns the fundamental of an accelerometer's displacement along an axis, −a/Ω² of the acceleration a,
+    /// m. Channels 2 and 3 are B along x and y, 4 and 5 are C.
     pub fn displacement_m(&self, channel: usize) -> Phasor {
         let omega_rad_s = core::f64::consts::TAU * self.frequency_hz;
         self.harmonic(channel, 1) / -(omega_rad_s * omega_rad_s)
     }
 
-    /// Above this drift a response counts as not settled.
+    /// Drift above which a response counts as not settled.
     pub const SETTLED_DRIFT: f64 = 0.02;
 }
 
-/// The orders that are read of a response.
+/// Orders that are read of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Orders {
-    /// The fundamental.
+    /// The fundamental and no harmonics.
     One,
-    /// Harmonics 1 to 3: there must be more than six samples per period.
+    /// Harmonics 1 to 3, for which there must be more than six samples per period.
     Three,
 }
 
 impl Orders {
-    /// Least number of samples per period for three harmonics.
+    /// Least number of samples per period at which three harmonics are read.
     pub const SAMPLES_A_PERIOD: f64 = 12.0;
 
-    /// As many orders as `rate_hz` samples a second resolve of a motion at `frequency_hz`.
+    /// Returns the orders that `rate_hz` samples per second resolve at `frequency_hz`.
     pub fn at(frequency_hz: f64, rate_hz: f64) -> Orders {
         if rate_hz >= Orders::SAMPLES_A_PERIOD * frequency_hz { Orders::Three } else { Orders::One }
     }
@@ -129,7 +130,7 @@ impl Orders {
 /// Reads the responses of a profile as its samples come in.
 #[derive(Clone, Debug)]
 pub(super) struct ResponseReader {
-    /// The windows, each with the amplitude of the load in it.
+    /// Windows that are still to come, each with the amplitude of the load in it.
     windows: alloc::vec::IntoIter<(Window, f64)>,
     sampling: Sampling,
     current: Option<Reading>,
@@ -148,7 +149,7 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// A reading of a window, with the load that is meant to act in it.
+    /// Returns a reading of a window, with the load that is meant to act in it.
     pub fn new((window, load): (Window, f64), orders: Orders, sampling: Sampling) -> Reading {
         let samples = window.end - window.first;
         let half = samples / 2;
@@ -157,12 +158,12 @@ impl Reading {
         Reading { sampling, window, load, whole: SineFit::new(samples), overtones, halves, clipped: [false; CHANNELS] }
     }
 
-    /// The first sample after its window.
+    /// Returns the first sample after the window.
     pub fn end(&self) -> u64 {
         self.window.end
     }
 
-    /// Adds a sample within the window with the phase of the drive at the time of the reading, cycles.
+    /// Adds a sample within the window, with the phase of the drive at the time of the reading, cycles.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
         let (n, readings) = (sample.sample, sample.readings());
         for (clipped, reading) in self.clipped.iter_mut().zip(&readings) {
@@ -180,11 +181,13 @@ impl Reading {
         }
     }
 
-    /// The response to a force; `None` if the samples do not determine it.
+    /// Returns the response to a force; `None` if the samples do not determine it.
     pub fn finish(&self) -> Option<ResponsePoint> {
         let whole = self.whole.finish()?;
         let [first, second] = [self.halves[0].finish()?, self.halves[1].finish()?];
         let (mut largest, mut drift) = (0.0, f64::INFINITY);
+        // The head is left out: near a resonance its force may be small and noisy while the structure moves
+        // steadily.
         for channel in 2..CHANNELS {
             let size = libm::hypot(whole[channel].re, whole[channel].im);
             if size > largest {
@@ -230,8 +233,8 @@ impl ResponseReader {
         self.current = self.windows.next().map(of);
     }
 
-    /// Adds a sample with the phase of the drive at the time of the reading, cycles; returns the response of a window
-    /// that ended before it, if one did.
+    /// Adds a sample with the phase of the drive at the time of the reading, cycles. Returns the response of a
+    /// window that ended before it, if one did.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) -> Option<ResponsePoint> {
         let n = sample.sample;
         let mut done = None;

@@ -1,6 +1,6 @@
-//! The target of a controller that is set while it runs.
+//! Target of a controller that can be set while it runs.
 
-/// A set-point of a steered controller.
+/// A target: load, frequency and phase of a sine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetPoint {
     /// Amplitude of the load, N or N·m depending on the scenario's kind of load, zero or positive.

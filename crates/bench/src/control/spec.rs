@@ -1,4 +1,4 @@
-//! A control law as a scenario states it.
+//! Control laws as a scenario states them.
 
 use alloc::boxed::Box;
 
@@ -12,33 +12,33 @@ use super::{
 use crate::excitation::Amplitude;
 use crate::rig::Sampling;
 
-/// The control law.
+/// Control law of the exciter, with its settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "law", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ControlSpec {
     /// Traces the response at constant load through a resonance, stable or not, or the backbone.
     PhaseWalk(PhaseWalkSpec),
-    /// Plays a dwell or a staircase of sines, and brings the fundamental of the force in the impedance head to its
-    /// amplitude.
+    /// Plays a dwell or a staircase of sines, and brings the fundamental of the force in the impedance head to
+    /// its amplitude.
     ForceControl(ForceControlSpec),
     /// Steps a sine, and finds the load that holds one amplitude of the response at every frequency.
     ResponseControl(ResponseControlSpec),
 }
 
-/// Why a controller can't be made.
+/// Reason why a controller can't be built.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ControlError {
-    /// An error of the phase walk.
+    /// The phase walk or the response control is not possible.
     #[error(transparent)]
     PhaseWalk(#[from] PhaseWalkError),
-    /// An error of the force control.
+    /// The force control is not possible.
     #[error(transparent)]
     ForceControl(#[from] ForceControlError),
 }
 
 impl ControlSpec {
-    /// Amplitude of the largest load that it is meant to hold.
+    /// Returns the amplitude of the largest load that the law is meant to hold.
     pub fn amplitude(&self) -> &Amplitude {
         match self {
             ControlSpec::PhaseWalk(spec) => &spec.amplitude,
@@ -47,8 +47,8 @@ impl ControlSpec {
         }
     }
 
-    /// The controller for a structure as it is modelled, with readings at this `sampling` and an exciter with the limit
-    /// `limit`, N or N·m.
+    /// Builds the controller for the modelled structure, with readings at this `sampling` and an exciter with
+    /// the limit `limit`, N or N·m.
     ///
     /// # Errors
     /// [`ControlError`] names the impossible setting.

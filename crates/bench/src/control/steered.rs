@@ -1,4 +1,4 @@
-//! A sine that is steered: load, frequency and phase are set while it plays.
+//! A sine whose load, frequency and phase are set while it plays.
 //!
 //! At sample n, with f the set frequency and r the sample rate,
 //!
@@ -18,29 +18,29 @@ use crate::excitation::Window;
 use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
 
-/// How long the set-point must be held before a response is read, s.
+/// Time for which the set-point must be held before a response is read, s.
 const SETTLE_S: f64 = 2.0;
-/// How long a response is read, s, or for eight periods.
+/// Duration of a reading, s; at least eight periods are read.
 const READ_S: f64 = 1.0;
 
 /// Plays a sine along one direction, following the set-point.
 #[derive(Clone, Debug)]
 pub struct Steered {
-    /// The load of size 1.
+    /// Load of size 1 in the direction of the sine.
     direction: Load,
     kind: LoadKind,
     limit: f64,
     sampling: Sampling,
     begin: SetPoint,
     set: SetPoint,
-    /// A, N or N·m.
+    /// Present load A, N or N·m.
     load: f64,
-    /// θ and p, cycles.
+    /// Phase θ of the sine and, in the next field, its shift p, cycles.
     cycles: f64,
     shift: f64,
-    /// The sample answered last.
+    /// Last sample that was answered.
     last: Option<u64>,
-    /// The first sample at which the set-point was held.
+    /// First sample at which the set-point was held.
     stands_since: Option<u64>,
     reading: Option<Reading>,
     is_read: bool,
@@ -48,8 +48,8 @@ pub struct Steered {
 }
 
 impl Steered {
-    /// A sine along `direction`, a load of size 1, of at most `limit`, N or N·m, with readings at this `sampling`; it
-    /// begins with no load at `frequency_hz`.
+    /// Returns a sine along `direction`, a load of size 1, of at most `limit`, N or N·m, with readings at this
+    /// `sampling`. It begins without load at `frequency_hz`.
     pub fn new(direction: Load, limit: f64, sampling: Sampling, frequency_hz: f64) -> Steered {
         let kind = if direction.torque_nm.amax() > 0.0 { LoadKind::Torque } else { LoadKind::Force };
         let begin = SetPoint { load: 0.0, frequency_hz, phase_deg: 0.0 };
@@ -71,26 +71,27 @@ impl Steered {
         }
     }
 
-    /// The largest load that can be set, N or N·m.
+    /// Returns the largest load that can be set, N or N·m.
     pub fn limit(&self) -> f64 {
         self.limit
     }
 
-    /// The present set-point.
+    /// Returns the present set-point.
     pub fn set_point(&self) -> SetPoint {
         self.set
     }
 
-    /// Moves the held values by `passed` samples towards the set-point; returns whether they have reached it.
+    /// Moves the held values by `passed` samples towards the set-point. Returns whether they have reached it.
     fn approach(&mut self, passed: f64) -> bool {
         let most = passed / self.sampling.rate_hz;
+        // The clamp lets the last step end exactly at the target, so that the comparison below can be exact.
         let near = |value: f64, wanted: f64, step: f64| value + (wanted - value).clamp(-step, step);
         self.load = near(self.load, self.set.load, most * self.limit);
         self.shift = near(self.shift, self.set.phase_deg / 360.0, most);
         self.load == self.set.load && self.shift == self.set.phase_deg / 360.0
     }
 
-    /// Reads the response, once the set-point has been held long enough.
+    /// Reads the response once the set-point has been held for long enough.
     fn read(&mut self, sample: &Measurement, stands: bool) {
         let n = sample.sample;
         if !stands || self.is_read || self.load == 0.0 {
@@ -98,7 +99,7 @@ impl Steered {
             return;
         }
         let since = *self.stands_since.get_or_insert(n);
-        // A held sine lags by half a sample, and the reading is late by the converter's delay.
+        // A held sine lags by half a sample, and the converter delays the reading.
         let late = self.sampling.converter.delay_samples() + 0.5;
         let phase_cycles = self.cycles + self.shift - late * self.set.frequency_hz / self.sampling.rate_hz;
         match &mut self.reading {
@@ -117,6 +118,7 @@ impl Steered {
             Some(reading) => {
                 let response = reading.finish();
                 self.response = response.map(|point| ResponsePoint { load_kind: self.kind, ..point });
+                // A response that has not settled is read again, until it has.
                 self.is_read = self.response.is_some_and(|response| response.settled);
                 self.reading = None;
             }
@@ -153,6 +155,7 @@ impl Controller for Steered {
 
     fn steer(&mut self, set_point: &SetPoint) -> bool {
         let SetPoint { load, frequency_hz, phase_deg } = *set_point;
+        // Limits are checked here and not corrected: the caller tells the user that the value is not possible.
         let is_possible = (0.0..=self.limit).contains(&load)
             && frequency_hz > 0.0
             && frequency_hz < 0.5 * self.sampling.rate_hz

@@ -1,4 +1,4 @@
-//! The response to a sine: harmonics of several channels at a known frequency.
+//! Fit of the response to a sine: harmonics of several channels at a known frequency.
 
 use core::f64::consts::{PI, TAU};
 
@@ -6,11 +6,11 @@ use nalgebra::{SMatrix, SVector};
 
 pub use resonarm_numeric::Phasor;
 
-/// A fit of the fundamental alone: the three-parameter sine fit of IEEE Std 1057, "IEEE Standard for Digitizing
+/// Fit of the fundamental alone: the three-parameter sine fit of IEEE Std 1057, "IEEE Standard for Digitizing
 /// Waveform Recorders", 2007.
 pub type SineFit<const N: usize> = HarmonicFit<N, 3>;
 
-/// Sine fit over a window, of N channels at once, as the samples come in; of the harmonics 1 … (P − 1)/2, so P is odd.
+/// Fit of harmonics 1 … (P − 1)/2 over a window, of N channels at once, as the samples come in; P is odd.
 ///
 /// Each channel is fitted by least squares with y = c + Σ_h (a_h sin hφ + b_h cos hφ), weighted by the Hann window, so
 /// that the arm's modes, ringing at other frequencies, hardly leak in: with w = sin² π(k+½)/n and the basis p = (1, sin
@@ -19,20 +19,20 @@ pub type SineFit<const N: usize> = HarmonicFit<N, 3>;
 #[derive(Clone, Debug)]
 pub struct HarmonicFit<const N: usize, const P: usize> {
     samples: u64,
-    /// Σ w p pᵀ of all samples.
+    /// Normal matrix Σ w p pᵀ over all samples.
     normal: SMatrix<f64, P, P>,
-    /// The sums of a channel that lacks samples.
+    /// Normal matrices of the channels that lack samples.
     own_normals: [Option<SMatrix<f64, P, P>>; N],
     moments: [SVector<f64, P>; N],
 }
 
 impl<const N: usize, const P: usize> HarmonicFit<N, P> {
-    /// A fit over a window of `samples` samples.
+    /// Returns a fit over a window of `samples` samples.
     pub fn new(samples: u64) -> HarmonicFit<N, P> {
         HarmonicFit { samples, normal: SMatrix::zeros(), own_normals: [None; N], moments: [SVector::zeros(); N] }
     }
 
-    /// Adds the sample number `k` of the window (0 is the first), at the phase `phase_cycles` of the drive. A channel
+    /// Adds sample `k` of the window, counted from 0, at the phase `phase_cycles` of the drive. A channel
     /// without a value has no sample.
     pub fn add(&mut self, k: u64, phase_cycles: f64, values: &[Option<f64>; N]) {
         let taper = libm::sin(PI * ((k as f64 + 0.5) / self.samples as f64));
@@ -47,6 +47,8 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         for (channel, value) in values.iter().enumerate() {
             let own_normal = &mut self.own_normals[channel];
             let Some(value) = value else {
+                // From its first missing sample on the channel has a normal matrix of its own, which starts
+                // from the shared one. Without clipping, all channels share one matrix.
                 own_normal.get_or_insert(self.normal);
                 continue;
             };
@@ -58,17 +60,18 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         self.normal += square;
     }
 
-    /// Σ w p pᵀ of a channel.
+    /// Returns the normal matrix Σ w p pᵀ of a channel.
     fn normal(&self, channel: usize) -> &SMatrix<f64, P, P> {
         self.own_normals[channel].as_ref().unwrap_or(&self.normal)
     }
 
-    /// The phasors of each channel's fundamental; `None` if the samples do not determine them.
+    /// Returns the phasor of each channel's fundamental; `None` if the samples do not determine it.
     pub fn finish(&self) -> Option<[Phasor; N]> {
         Some(self.harmonics::<1>()?.map(|[fundamental]| fundamental))
     }
 
-    /// The phasors of each channel's harmonics 1, 2, … `ORDERS`; `None` if the samples do not determine them.
+    /// Returns the phasors of each channel's harmonics 1, 2, … `ORDERS`; `None` if the samples do not determine
+    /// them.
     pub fn harmonics<const ORDERS: usize>(&self) -> Option<[[Phasor; ORDERS]; N]> {
         const { assert!(2 * ORDERS < P, "more harmonics than are fitted") };
         let mut all = [[Phasor::new(0.0, 0.0); ORDERS]; N];

@@ -9,54 +9,54 @@ use thiserror::Error;
 use super::ExcitationError;
 use resonarm_numeric::number::short;
 
-/// Loads of a file, in any unit: they are played with the amplitude as their peak.
+/// Loads of a file in any unit: they are scaled so that the amplitude is their peak.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LoadFile {
-    /// A load for every sample.
+    /// One load per sample.
     Sampled(Arc<[f64]>),
-    /// Time, s, which rises, and load.
+    /// Pairs of time, s, which increases, and load.
     Timed(Arc<[[f64; 2]]>),
 }
 
-/// Why a text is not a load file.
+/// Reason why a text is not a load file.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LoadFileError {
-    /// A cell is not a number.
+    /// A cell is not a finite number.
     #[error("line {line}: `{got}` is not a finite number")]
     NotANumber {
-        /// The line, from 1 on.
+        /// Line of the cell, from 1 on.
         line: usize,
-        /// The text there.
+        /// Text of the cell.
         got: String,
     },
-    /// A line with another number of columns.
+    /// A line has another number of columns than the others.
     #[error("line {line} has {got} columns: there must be {expected}")]
     Columns {
-        /// The line, from 1 on.
+        /// Line number, from 1 on.
         line: usize,
-        /// Columns in it.
+        /// Number of columns in the line.
         got: usize,
-        /// The valid number of columns.
+        /// Required number of columns, in words.
         expected: &'static str,
     },
-    /// Time that doesn't rise.
+    /// The time does not increase.
     #[error("line {line}: time goes from {before} to {got} s: it must rise", before = short(.before), got = short(.got))]
     Time {
-        /// The line, from 1 on.
+        /// Line number, from 1 on.
         line: usize,
-        /// Time in it, s.
+        /// Time in this line, s.
         got: f64,
-        /// Time before, s.
+        /// Time in the line before, s.
         before: f64,
     },
-    /// No load other than zero.
+    /// The file has no load other than zero.
     #[error("there is no load other than 0 in it: give a line with a load for each sample, or with time and load")]
     NoLoad,
 }
 
 impl LoadFile {
-    /// Reads CSV: a line with the load for every sample, or lines of time, s, and load, interpolated linearly. Commas
+    /// Reads CSV: lines with one load per sample, or with time, s, and load, which are interpolated linearly. Commas
     /// separate the columns; empty lines, text after a `#`, and a first line of names are ignored.
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl LoadFile {
         if file.peak() > 0.0 { Ok(file) } else { Err(LoadFileError::NoLoad) }
     }
 
-    /// The largest magnitude of a load in it.
+    /// Returns the largest magnitude of a load.
     fn peak(&self) -> f64 {
         let largest = |peak: f64, load: &f64| peak.max(libm::fabs(*load));
         match self {
@@ -81,7 +81,8 @@ impl LoadFile {
         }
     }
 
-    /// The loads at the samples of `rate_hz`, in the file's unit; those of a file with times start at its first time.
+    /// Returns the loads at the samples of `rate_hz`, in the file's unit; a file with times starts at its first
+    /// time.
     pub(super) fn samples(&self, rate_hz: f64) -> Result<Vec<f64>, ExcitationError> {
         const ROUNDING: f64 = 1e-6;
         let (rows, period_s) = match self {
@@ -90,11 +91,12 @@ impl LoadFile {
         };
         let steps_s = rows.windows(2).map(|pair| pair[1][0] - pair[0][0]);
         let step_s = steps_s.fold(f64::INFINITY, f64::min);
+        // Points closer than the samples would alias when they are interpolated at the samples.
         if step_s < period_s * (1.0 - ROUNDING) {
             return Err(ExcitationError::FileTooDense { step_s, period_s });
         }
         let (Some([start_s, first]), Some([end_s, _])) = (rows.first(), rows.last()) else { return Ok(Vec::new()) };
-        // The last sample is the last one not after the last point.
+        // The last sample is the last one that is not after the last point.
         let last = libm::floor((end_s - start_s) * rate_hz + ROUNDING);
         let count = super::synthesis::samples("path", (last + 0.5) / rate_hz, rate_hz)?;
         let at = |n: usize| {
@@ -130,7 +132,7 @@ fn timed_rows<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Arc<[
     Ok(Arc::from(rows))
 }
 
-/// The numbers of a line.
+/// Returns the numbers of a line.
 fn cells<const N: usize>(line: usize, text: &str, expected: &'static str) -> Result<[f64; N], LoadFileError> {
     let mut numbers = [0.0; N];
     let got = text.split(',').count();

@@ -1,4 +1,4 @@
-//! An excitation ready to be played, sample by sample.
+//! An excitation prepared for playing, sample by sample.
 
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -8,7 +8,7 @@ use super::synthesis::{self, Band};
 use super::{ExcitationError, ExcitationSpec, SweepLaw, Waveform};
 use crate::rig::Load;
 
-/// An excitation ready to be played: a pure function of the sample's index.
+/// An excitation that is ready to be played, as a pure function of the sample's index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     spec: ExcitationSpec,
@@ -17,18 +17,18 @@ pub struct Profile {
     duration_s: f64,
 }
 
-/// The shape in time, with a peak of 1.
+/// Shape of an excitation in time, with a peak of 1.
 #[derive(Clone, Debug, PartialEq)]
 enum Shape {
-    /// Stretches of sine, one after the other.
+    /// Pieces of sine, one after the other.
     Sines(Vec<Piece>),
     /// A half sine of this length, s.
     Pulse(f64),
-    /// Samples, repeated.
+    /// Samples, which are repeated.
     Samples(Arc<[f64]>),
 }
 
-/// A stretch of sine whose frequency runs from `from_hz` to `to_hz`.
+/// A piece of sine whose frequency runs from `from_hz` to `to_hz`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Piece {
     start_s: f64,
@@ -39,8 +39,8 @@ struct Piece {
 }
 
 impl Piece {
-    /// φ/2π at t, cycles: the integral of the frequency, f₀ τ + ½ (f₁ − f₀) τ²/T; with f = f₀ e^(λτ/T), λ = ln f₁/f₀,
-    /// f₀ T (e^(λτ/T) − 1)/λ.
+    /// Returns φ/2π at t, cycles: the integral of the frequency, f₀ τ + ½ (f₁ − f₀) τ²/T; for f = f₀ e^(λτ/T),
+    /// λ = ln f₁/f₀, it is f₀ T (e^(λτ/T) − 1)/λ.
     fn cycles(&self, t_s: f64) -> f64 {
         let elapsed_s = t_s - self.start_s;
         if self.law == SweepLaw::Logarithmic && self.from_hz != self.to_hz {
@@ -52,19 +52,19 @@ impl Piece {
     }
 }
 
-/// The window in which the response to one frequency is read.
+/// Window in which the response to one frequency is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// The frequency, Hz.
+    /// Frequency of the sine, Hz.
     pub frequency_hz: f64,
-    /// First sample that counts.
+    /// First sample of the window.
     pub first: u64,
-    /// First sample after it.
+    /// First sample after the window.
     pub end: u64,
 }
 
 impl Profile {
-    /// Checks the specification and prepares it for `rate_hz` samples a second.
+    /// Checks the specification and prepares it for `rate_hz` samples per second.
     ///
     /// # Errors
     /// [`ExcitationError`] says why it can't be played.
@@ -76,31 +76,31 @@ impl Profile {
         Ok(profile)
     }
 
-    /// The specification it was made of.
+    /// Returns the specification that it was made of.
     pub fn spec(&self) -> &ExcitationSpec {
         &self.spec
     }
 
-    /// Samples a second, Hz.
+    /// Returns the sample rate, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    /// Length, s.
+    /// Returns the duration, s.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Length in samples: the load is zero from this sample on.
+    /// Returns the length in samples; the load is zero from this sample on.
     pub fn samples(&self) -> u64 {
         match &self.shape {
-            // A length of whole samples counts as such despite rounding.
+            // A duration of whole samples would be one too long if rounding took it just above an integer.
             Shape::Samples(_) => libm::round(self.duration_s * self.rate_hz) as u64,
             Shape::Sines(_) | Shape::Pulse(_) => libm::ceil(self.duration_s * self.rate_hz) as u64,
         }
     }
 
-    /// The load to hold from sample `n` to the next.
+    /// Returns the load to hold from sample `n` to the next.
     pub fn load(&self, n: u64) -> Load {
         if n >= self.samples() {
             return Load::default();
@@ -118,21 +118,21 @@ impl Profile {
         self.spec.amplitude.load().scaled(value)
     }
 
-    /// Amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine that is held over each sample period T is
-    /// smaller than its samples by the factor sin x/x with x = πfT.
+    /// Returns the amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine held over each sample
+    /// period T is smaller than its samples by sin x/x with x = πfT.
     pub fn held_load(&self, frequency_hz: f64) -> f64 {
         let load = self.spec.amplitude.load();
         let x = PI * frequency_hz / self.rate_hz;
         libm::hypot(load.force_n.norm(), load.torque_nm.norm()) * libm::sin(x) / x
     }
 
-    /// φ/2π of the sine at `samples` sample periods from the start, in cycles, less whole cycles; 0 if the profile is
-    /// not a sine.
+    /// Returns φ/2π of the sine at `samples` sample periods from the start, in cycles without whole cycles; 0
+    /// if the profile is not a sine.
     pub fn phase_cycles(&self, samples: f64) -> f64 {
         fraction(self.cycles(samples / self.rate_hz))
     }
 
-    /// The stretches of sine, if there are any.
+    /// Returns the pieces of sine, if there are any.
     fn pieces(&self) -> &[Piece] {
         match &self.shape {
             Shape::Sines(pieces) => pieces,
@@ -146,9 +146,9 @@ impl Profile {
         pieces.get(after.saturating_sub(1)).map_or(0.0, |piece| piece.cycles(t_s))
     }
 
-    /// Raised cosine at both ends: ½ (1 − cos π t/r).
+    /// Envelope with raised cosines at both ends: ½ (1 − cos πt/r).
     fn envelope(&self, t_s: f64) -> f64 {
-        // Bursts have their own edges.
+        // Bursts have ramps of their own.
         if matches!(self.spec.profile, Waveform::BurstRandom { .. }) {
             return 1.0;
         }
@@ -156,7 +156,8 @@ impl Profile {
         if to_end_s >= self.spec.ramp_s { 1.0 } else { 0.5 * (1.0 - libm::cos(PI * (to_end_s / self.spec.ramp_s))) }
     }
 
-    /// The windows in which responses are read, in order: one for a dwell, one for each step of a stepped sine.
+    /// Returns the windows in which responses are read, in order: one for a dwell, one for each step of a
+    /// stepped sine.
     pub fn windows(&self) -> impl Iterator<Item = Window> + '_ {
         self.spec
             .profile
@@ -166,13 +167,14 @@ impl Profile {
     }
 
     fn window(&self, piece: &Piece, settle_s: f64) -> Window {
+        // The response inside the ramps of the whole profile is not that of the full load.
         let start_s = (piece.start_s + settle_s).max(self.spec.ramp_s);
         let end_s = (piece.start_s + piece.duration_s).min(self.duration_s - self.spec.ramp_s);
         let sample = |t_s: f64| libm::ceil(t_s.max(0.0) * self.rate_hz) as u64;
         Window { frequency_hz: piece.from_hz, first: sample(start_s), end: sample(end_s) }
     }
 
-    /// Every window holds at least one period, and eight samples to fit three numbers to.
+    /// Checks that every window holds at least one period, and eight samples for the three unknowns of the fit.
     fn check_windows(&self) -> Result<(), ExcitationError> {
         for (piece, window) in self.pieces().iter().zip(self.windows()) {
             let samples = window.end.saturating_sub(window.first) as f64;
@@ -189,7 +191,7 @@ impl Profile {
     }
 }
 
-/// The shape of a checked excitation, and its length, s.
+/// Returns the shape of a checked excitation, and its duration, s.
 fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), ExcitationError> {
     let one = |from_hz, to_hz, duration_s, law| {
         (Shape::Sines(alloc::vec![Piece { start_s: 0.0, duration_s, from_hz, to_hz, law }]), duration_s)
@@ -233,15 +235,16 @@ fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), Excitation
     })
 }
 
-/// The fractional part; keeps the argument of the sine small, and so its digits.
+/// Returns the fractional part, which keeps the argument of the sine small and its digits exact.
 fn fraction(cycles: f64) -> f64 {
     cycles - libm::floor(cycles)
 }
 
-/// Pieces of whole periods, at least `dwell_s` long each, and the length of all of them, s.
+/// Returns pieces of whole periods, each at least `dwell_s` long, and their total duration, s.
 fn staircase(frequencies_hz: impl Iterator<Item = f64>, dwell_s: f64) -> (Shape, f64) {
     let mut start_s = 0.0;
     let pieces = frequencies_hz
+        // Whole periods make the phase of the next step begin at 0, so that the load does not jump.
         .map(|hz| {
             let duration_s = libm::ceil(dwell_s * hz) / hz;
             let piece = Piece { start_s, duration_s, from_hz: hz, to_hz: hz, law: SweepLaw::Linear };

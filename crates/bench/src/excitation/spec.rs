@@ -1,4 +1,4 @@
-//! An excitation as a scenario states it.
+//! Excitations as a scenario states them.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -7,21 +7,21 @@ use super::Waveform;
 use crate::rig::Load;
 use resonarm_numeric::number::{rounded, short};
 
-/// What to play: a waveform, its strength, and the length of its soft start and end.
+/// An excitation: a waveform, its amplitude, and the length of its ramps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExcitationSpec {
-    /// The peak load, of noise and files too: no sample is larger.
+    /// Peak load, also of noise and files: no sample is larger.
     pub amplitude: Amplitude,
-    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; an impulse has
-    /// none. A sudden start rings the arm's modes, which take about a minute to die out.
+    /// Length of the raised-cosine ramps, s, not negative. With bursts each burst has them; an impulse has none. A
+    /// sudden start rings the arm's modes, which take about a minute to die out.
     #[serde(default)]
     pub ramp_s: f64,
-    /// The shape in time.
+    /// Shape of the excitation in time.
     pub profile: Waveform,
 }
 
-/// The peak load: forces of the exciter or torques at the joints, not both, since one command carries one kind.
+/// Peak load: forces of the exciter or torques at the joints, not both, since one command carries one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Amplitude {
@@ -44,37 +44,37 @@ fn is_zero(value: &f64) -> bool {
 }
 
 impl Amplitude {
-    /// As a load on the arm.
+    /// Returns the amplitude as a load on the arm.
     pub fn load(&self) -> Load {
         Load { torque_nm: [self.torque1_nm, self.torque2_nm].into(), force_n: [self.force_x_n, self.force_y_n].into() }
     }
 
-    /// The unit of the load.
+    /// Returns the unit of the load.
     pub fn unit(&self) -> &'static str {
         if self.is_torque() { "N·m" } else { "N" }
     }
 
-    /// Whether the load is torques at the joints, not forces at C.
+    /// Returns whether the load is a torque at the joints and not a force at C.
     pub fn is_torque(&self) -> bool {
         self.torque1_nm != 0.0 || self.torque2_nm != 0.0
     }
 }
 
-/// Why an excitation can't be played.
+/// Reason why an excitation can't be played.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ExcitationError {
-    /// A number is impossible.
+    /// A number is outside its valid range.
     #[error("excitation: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The name of the value in a scenario.
+        /// Key of the number.
         name: &'static str,
-        /// The given value.
+        /// Value that was given.
         got: f64,
-        /// The valid values.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// Nothing to play, or forces and torques at once.
+    /// The amplitude is zero, or has forces and torques at once.
     #[error("excitation: {0}")]
     Amplitude(&'static str),
     /// A step ends before its response can be read.
@@ -84,12 +84,12 @@ pub enum ExcitationError {
     NoWindow {
         /// Length of the step, s.
         dwell_s: f64,
-        /// Settling, s.
+        /// Time to wait before the response is read, s.
         settle_s: f64,
-        /// Ramp, s.
+        /// Length of the ramp, s.
         ramp_s: f64,
     },
-    /// A band in which there is no frequency to play.
+    /// The band contains no frequency that can be played.
     #[error(
         "excitation: no multiple of {spacing_hz} Hz is between {from_hz} and {to_hz} Hz: make the band wider, or `{length}` longer", spacing_hz = short(.spacing_hz), from_hz = short(.from_hz), to_hz = short(.to_hz))]
     NoLine {
@@ -99,28 +99,28 @@ pub enum ExcitationError {
         to_hz: f64,
         /// Spacing of the possible frequencies, Hz.
         spacing_hz: f64,
-        /// The length that sets this spacing, by its key in a scenario.
+        /// Key of the length that determines this spacing.
         length: &'static str,
     },
-    /// A table of a spectrum that is too short or too long.
+    /// The spectrum has too few or too many breakpoints.
     #[error(
         "excitation: the number of breakpoints of `spectrum` is {got}: it must be from 2 to {most}, each `[hz, level]`"
     )]
     Breakpoints {
-        /// Its breakpoints.
+        /// Number of breakpoints that was given.
         got: usize,
-        /// The most that do.
+        /// Largest number of breakpoints.
         most: usize,
     },
-    /// A level that is not positive.
+    /// A level of the spectrum is not positive.
     #[error("excitation: the level of `spectrum` at {hz} Hz is {level}: it must be a positive number", hz = short(.hz), level = short(.level))]
     Level {
-        /// The frequency of the breakpoint, Hz.
+        /// Frequency of the breakpoint, Hz.
         hz: f64,
-        /// Its level.
+        /// Level that was given.
         level: f64,
     },
-    /// Breakpoints out of order.
+    /// The frequencies of the breakpoints do not increase.
     #[error("excitation: `spectrum` goes from {before_hz} to {hz} Hz: its frequencies must rise", before_hz = short(.before_hz), hz = short(.hz))]
     BreakpointOrder {
         /// Frequency of a breakpoint, Hz.
@@ -128,43 +128,43 @@ pub enum ExcitationError {
         /// Frequency of the next, Hz.
         hz: f64,
     },
-    /// A spectrum whose end is not that of its band.
+    /// The spectrum does not end where its band ends.
     #[error("excitation: `{name}` is {band_hz}, and the breakpoint of `spectrum` there is at {hz} Hz: they must be the same", band_hz = short(.band_hz), hz = short(.hz))]
     BreakpointEnd {
-        /// The name of the end of the band in a scenario.
+        /// Key of the end of the band.
         name: &'static str,
-        /// Its frequency, Hz.
+        /// Frequency of that end, Hz.
         band_hz: f64,
         /// Frequency of the first or last breakpoint, Hz.
         hz: f64,
     },
-    /// More samples than are stored.
+    /// The excitation has more samples than can be stored.
     #[error("excitation: `{length}` is {samples} samples long: it must be from 1 to {most}", samples = rounded(.samples, 0))]
     Length {
-        /// The name of the length in a scenario.
+        /// Key of the length.
         length: &'static str,
-        /// Its samples.
+        /// Number of samples of that length.
         samples: f64,
-        /// The most that do.
+        /// Largest number of samples.
         most: u32,
     },
-    /// A load file whose text was not read.
+    /// The load file has not been read.
     #[error("excitation: the load file was not read: it is read with a scenario file, from that file's folder")]
     FileNotRead,
-    /// A load file with points closer than the samples, which would alias.
+    /// The load file has points closer than the samples, which would alias.
     #[error("excitation: the load file has points {step_s} s apart, closer than samples ({period_s} s): filter and thin it out to the sample rate before", step_s = short(.step_s), period_s = short(.period_s))]
     FileTooDense {
-        /// Time between two points, s.
+        /// Time between the two points, s.
         step_s: f64,
-        /// The sample period, s.
+        /// Sample period of the scenario, s.
         period_s: f64,
     },
-    /// A frequency too high for the sample rate.
+    /// A frequency is too high for the sample rate.
     #[error("excitation: {frequency_hz} Hz is too high for {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
     AboveNyquist {
-        /// The highest frequency asked for, Hz.
+        /// Highest frequency of the excitation, Hz.
         frequency_hz: f64,
-        /// The sample rate, Hz.
+        /// Sample rate of the scenario, Hz.
         rate_hz: f64,
     },
 }
@@ -186,7 +186,7 @@ pub(super) fn not_negative(name: &'static str, got: f64) -> Result<(), Excitatio
 }
 
 impl ExcitationSpec {
-    /// Checks every number; `rate_hz` is the sample rate at which it will be played.
+    /// Checks the numbers; `rate_hz` is the sample rate at which the excitation will be played.
     pub(super) fn check(&self, rate_hz: f64) -> Result<(), ExcitationError> {
         positive("rate_hz", rate_hz)?;
         not_negative("ramp_s", self.ramp_s)?;

@@ -1,4 +1,4 @@
-//! The shape of a power spectral density as in vibration tests.
+//! Shape of a power spectral density, as vibration tests specify it.
 
 use alloc::vec::Vec;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ExcitationError;
 
-/// Most breakpoints: the tables of test standards have at most some tens.
+/// Largest number of breakpoints; the tables of test standards have some tens at most.
 const MOST_BREAKPOINTS: usize = 1000;
 
 /// Breakpoints (frequency in Hz, level) of a power spectral density, with straight lines between them on logarithmic
@@ -16,7 +16,8 @@ const MOST_BREAKPOINTS: usize = 1000;
 pub struct Spectrum(pub Vec<[f64; 2]>);
 
 impl Spectrum {
-    /// Checks the breakpoints: from 2 to 1000, levels positive, frequencies rising from `from_hz` to `to_hz`.
+    /// Checks the breakpoints: 2 to 1000, with positive levels and frequencies that increase from `from_hz` to
+    /// `to_hz`.
     pub(super) fn check(&self, from_hz: f64, to_hz: f64) -> Result<(), ExcitationError> {
         let Spectrum(points) = self;
         let ([first_hz, _], [last_hz, _]) = match points.as_slice() {
@@ -28,7 +29,7 @@ impl Spectrum {
                 return Err(ExcitationError::Level { hz, level });
             }
         }
-        // NaN does not rise.
+        // Written with the comparison that must hold, so that NaN counts as a violation.
         let rises = |pair: &&[[f64; 2]]| pair[0][0] < pair[1][0];
         if let Some(pair) = points.windows(2).find(|pair| !rises(pair)) {
             return Err(ExcitationError::BreakpointOrder { before_hz: pair[0][0], hz: pair[1][0] });
@@ -41,7 +42,7 @@ impl Spectrum {
         Ok(())
     }
 
-    /// The level at a frequency of the band: ln L is linear in ln f between breakpoints.
+    /// Returns the level at a frequency of the band: ln L is linear in ln f between breakpoints.
     pub(super) fn level(&self, hz: f64) -> f64 {
         let Spectrum(points) = self;
         let last = points.len().saturating_sub(2);

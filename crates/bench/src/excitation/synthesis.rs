@@ -1,4 +1,4 @@
-//! Noise and multisines as samples, ready to be played.
+//! Synthesis of noise and multisines as samples.
 
 use alloc::vec::Vec;
 use core::f64::consts::PI;
@@ -9,12 +9,12 @@ use super::{ExcitationError, Phases, Spectrum};
 use resonarm_numeric::dft::{Fft, Lines};
 use resonarm_numeric::noise::Noise;
 
-/// Most samples that are stored: 70 minutes at 1 kHz.
+/// Largest number of samples that are stored: 70 minutes at 1 kHz.
 const MOST_SAMPLES: u32 = 1 << 22;
-/// The stream of the seed's numbers, far from those of the instruments and their faults.
+/// Stream of the random numbers, far from those of the instruments and their faults.
 const STREAM: u64 = 1 << 48;
 
-/// A band of frequencies, Hz.
+/// A frequency band, Hz.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Band {
     pub from_hz: f64,
@@ -22,9 +22,9 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// The multiples of `spacing_hz` in the band, first and number; the spacing follows from `length`.
+    /// Returns the multiples of `spacing_hz` in the band, first and count; the spacing follows from `length`.
     fn lines(&self, spacing_hz: f64, length: &'static str) -> Result<(usize, usize), ExcitationError> {
-        // A frequency that is a multiple but for rounding counts as one.
+        // A frequency that is a multiple up to rounding counts as one.
         const ROUNDING: f64 = 1e-9;
         let first = libm::ceil(self.from_hz / spacing_hz * (1.0 - ROUNDING)).max(1.0);
         let last = libm::floor(self.to_hz / spacing_hz * (1.0 + ROUNDING));
@@ -36,7 +36,7 @@ impl Band {
     }
 }
 
-/// The length `name` in samples, rounded up.
+/// Returns the length `name` in samples, rounded up.
 pub(super) fn samples(name: &'static str, length_s: f64, rate_hz: f64) -> Result<usize, ExcitationError> {
     let samples = libm::ceil(length_s * rate_hz);
     if samples >= 1.0 && samples <= f64::from(MOST_SAMPLES) {
@@ -46,17 +46,18 @@ pub(super) fn samples(name: &'static str, length_s: f64, rate_hz: f64) -> Result
     }
 }
 
-/// The length `name` in samples, which it has to be whole.
+/// Returns the length `name` in samples, which must be an integer.
 pub(super) fn whole_samples(name: &'static str, length_s: f64, rate_hz: f64) -> Result<usize, ExcitationError> {
     const ROUNDING: f64 = 1e-9;
     let samples = libm::round(length_s * rate_hz);
     if libm::fabs(length_s * rate_hz - samples) > ROUNDING * samples {
         return Err(ExcitationError::Value { name, got: length_s, expected: "a whole number of samples" });
     }
+    // Slightly shortened, as the rounding up in `samples` would otherwise add a sample for the last bit.
     self::samples(name, samples / rate_hz * (1.0 - ROUNDING), rate_hz)
 }
 
-/// The values divided by the largest magnitude, which is positive unless all are zero.
+/// Scales the values to a largest magnitude of 1, unless all are zero.
 pub(super) fn with_peak_1(mut values: Vec<f64>) -> Vec<f64> {
     let peak = values.iter().fold(0.0_f64, |peak, value| peak.max(libm::fabs(*value)));
     if peak > 0.0 {
@@ -65,9 +66,10 @@ pub(super) fn with_peak_1(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Gaussian noise: a stretch of Re Σ c_k e^(−2πi kn/N) over the lines k in the band, N a power of two. Real and
-/// imaginary parts of the c_k are independent and normal, so the values are jointly normal and stationary. Their
-/// variance is 1, so that each line has the same power, or with a spectrum its level at the line's frequency.
+/// Returns Gaussian noise: a stretch of Re Σ c_k e^(−2πi kn/N) over the lines k in the band, N a power of two.
+/// Real and imaginary parts of the c_k are independent and normal, so the values are jointly normal and
+/// stationary. Each part has variance 1, so that every line has the same power, or with a spectrum its level at
+/// the line's frequency.
 ///
 /// The band has to be wide enough for the length, called `length` in a scenario.
 pub(super) fn noise(
@@ -91,7 +93,8 @@ pub(super) fn noise(
     Ok(values.iter().take(samples).map(|value| value.re).collect())
 }
 
-/// Noise that is on for the first `burst` of every `period` samples, with raised-cosine edges of `ramp` samples.
+/// Gates noise: it is on for the first `burst` of every `period` samples, with raised-cosine edges of `ramp`
+/// samples.
 pub(super) fn gate(values: &mut [f64], burst: f64, period: usize, ramp: f64) {
     for (n, value) in values.iter_mut().enumerate() {
         let at = (n % period) as f64;
@@ -106,7 +109,7 @@ pub(super) fn gate(values: &mut [f64], burst: f64, period: usize, ramp: f64) {
     }
 }
 
-/// A period of Σ cos(2πkn/N + φ_k) over the multiples k of 1/`period_s` in the band.
+/// Returns one period of Σ cos(2πkn/N + φ_k) over the multiples k of 1/`period_s` in the band.
 pub(super) fn multisine(
     band: Band,
     samples: usize,

@@ -1,4 +1,4 @@
-//! The waveforms.
+//! Waveforms of an excitation, with their checks.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -8,22 +8,22 @@ use serde::{Deserialize, Serialize};
 use super::spec::{not_negative, positive};
 use super::{ExcitationError, LoadFile, Spectrum};
 
-/// Most frequencies of a stepped sine: each is stored.
+/// Largest number of frequencies of a stepped sine, since each is stored.
 const MOST_STEPS: f64 = 1e5;
-/// Most periods: they are not stored, but their samples are counted.
+/// Largest number of periods. They are not stored, but their samples are counted.
 const MOST_PERIODS: u32 = 1_000_000;
 
-/// A shape in time, with a peak of 1.
+/// Shape of an excitation in time, with a peak of 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "waveform", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Waveform {
-    /// One sine.
+    /// One sine of constant frequency.
     Dwell {
-        /// Frequency, Hz, positive.
+        /// Frequency of the sine, Hz, positive.
         frequency_hz: f64,
-        /// Length, s, positive.
+        /// Duration of the excitation, s, positive.
         duration_s: f64,
-        /// How long to wait before the response is read, s.
+        /// Time to wait before the response is read, s.
         settle_s: f64,
     },
     /// A staircase of sines; every step is whole periods long, so that the phase is continuous.
@@ -36,7 +36,7 @@ pub enum Waveform {
         steps: u32,
         /// Least length of a step, s, positive; rounded up to whole periods.
         dwell_s: f64,
-        /// How much of each step to wait before its response is read, s.
+        /// Part of each step to wait before its response is read, s.
         settle_s: f64,
     },
     /// A staircase of sines at listed frequencies; as in a stepped sine, every step is whole periods long.
@@ -45,7 +45,7 @@ pub enum Waveform {
         frequencies_hz: Vec<f64>,
         /// Least length of a step, s, positive; rounded up to whole periods.
         dwell_s: f64,
-        /// How much of each step to wait before its response is read, s.
+        /// Part of each step to wait before its response is read, s.
         settle_s: f64,
     },
     /// A sine whose frequency sweeps from one value to another.
@@ -54,9 +54,9 @@ pub enum Waveform {
         from_hz: f64,
         /// Frequency at the end, Hz, positive; below `from_hz` for a downward sweep.
         to_hz: f64,
-        /// Length, s, positive.
+        /// Duration of the excitation, s, positive.
         duration_s: f64,
-        /// The law of the sweep.
+        /// Law of the frequency over time.
         #[serde(default)]
         law: SweepLaw,
     },
@@ -74,7 +74,7 @@ pub enum Waveform {
         from_hz: f64,
         /// Highest frequency, Hz, at least `from_hz`.
         to_hz: f64,
-        /// Length, s, positive.
+        /// Duration of the excitation, s, positive.
         duration_s: f64,
         /// Shape of the power spectral density, from a breakpoint at `from_hz` to one at `to_hz`; flat without it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -99,7 +99,7 @@ pub enum Waveform {
         /// Shape of the power spectral density, as of `Random`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         spectrum: Option<Spectrum>,
-        /// Seed of the noise.
+        /// Seed of the noise, apart from that of the instruments' noise.
         #[serde(default, with = "resonarm_numeric::seed")]
         seed: u64,
     },
@@ -113,39 +113,39 @@ pub enum Waveform {
         period_s: f64,
         /// Number of periods, from 1 to 1000000.
         periods: u32,
-        /// The phases of the sines.
+        /// Phases of the sines.
         #[serde(default)]
         phases: Phases,
-        /// Seed of random phases.
+        /// Seed of the random phases.
         #[serde(default, with = "resonarm_numeric::seed")]
         seed: u64,
     },
     /// Loads from a CSV file: a line for every sample, or time and load.
     File {
-        /// The file, relative to the folder of the scenario.
+        /// Path of the file, relative to the folder of the scenario.
         path: String,
-        /// Its content. Scenario text has no such key: reading a scenario file also reads this file.
+        /// Contents of the file. Scenario text has no such key: reading a scenario file also reads this file.
         #[serde(skip)]
         load: Option<LoadFile>,
     },
 }
 
-/// The frequency of a swept sine from `from_hz`, f0, to `to_hz`, f1, over `duration_s`, T.
+/// Law of a swept sine's frequency from `from_hz`, f0, to `to_hz`, f1, over `duration_s`, T.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepLaw {
-    /// f = f0 + (f1 − f0) t/T.
+    /// Linear in time: f = f0 + (f1 − f0) t/T.
     #[default]
     Linear,
     /// f = f0 (f1/f0)^(t/T): an octave always takes the same time.
     Logarithmic,
 }
 
-/// The phases of a multisine.
+/// Phases of a multisine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phases {
-    /// Evenly distributed over the circle, from the seed: like noise, with a peak factor of about 3 to 4.
+    /// Uniform over the circle, from the seed: like noise, with a peak factor of about 3 to 4.
     #[default]
     Random,
     /// −π j (j − 1)/J of the j-th of J sines, like a sweep in each period, with a peak factor of about 1.7 (M. R.
@@ -155,7 +155,7 @@ pub enum Phases {
 }
 
 impl Waveform {
-    /// How much of each sine to wait before its response is read, s; `None` where none is read.
+    /// Returns the part of each sine to wait before its response is read, s; `None` where no response is read.
     pub fn settle_s(&self) -> Option<f64> {
         match self {
             Waveform::Dwell { settle_s, .. }
@@ -165,7 +165,7 @@ impl Waveform {
         }
     }
 
-    /// The least length of each sine, s; `None` where no response is read.
+    /// Returns the least length of each sine, s; `None` where no response is read.
     pub fn dwell_s(&self) -> Option<f64> {
         match self {
             Waveform::Dwell { duration_s: dwell_s, .. }
@@ -175,7 +175,7 @@ impl Waveform {
         }
     }
 
-    /// Checks the numbers; returns the highest frequency, Hz.
+    /// Checks the numbers and returns the highest frequency, Hz.
     pub(super) fn check(&self) -> Result<f64, ExcitationError> {
         match *self {
             Waveform::Dwell { frequency_hz, duration_s, settle_s } => {
@@ -210,6 +210,8 @@ impl Waveform {
             Waveform::Impulse { pulse_s, duration_s } => {
                 positive("pulse_s", pulse_s)?;
                 if duration_s.is_finite() && duration_s >= pulse_s {
+                    // A half sine of length τ is half a period of 1/(2τ), which must be below half the sample
+                    // rate.
                     Ok(0.5 / pulse_s)
                 } else {
                     Err(ExcitationError::Value { name: "duration_s", got: duration_s, expected: "at least `pulse_s`" })
@@ -241,7 +243,7 @@ impl Waveform {
     }
 }
 
-/// Checks a band; returns its highest frequency, Hz.
+/// Checks a band and returns its highest frequency, Hz.
 fn band(from_hz: f64, to_hz: f64) -> Result<f64, ExcitationError> {
     positive("from_hz", from_hz)?;
     positive("to_hz", to_hz)?;
@@ -251,7 +253,7 @@ fn band(from_hz: f64, to_hz: f64) -> Result<f64, ExcitationError> {
     Ok(to_hz)
 }
 
-/// The same, and the spectrum in it, if one is given.
+/// Checks a band with its spectrum, if one is given, and returns its highest frequency, Hz.
 fn shaped_band(from_hz: f64, to_hz: f64, spectrum: Option<&Spectrum>) -> Result<f64, ExcitationError> {
     let highest_hz = band(from_hz, to_hz)?;
     spectrum.map_or(Ok(()), |spectrum| spectrum.check(from_hz, to_hz))?;

@@ -1,4 +1,5 @@
-//! The joints' angles over time from the accelerometers' readings: double integration, then inverse kinematics.
+//! Angles of the joints over time from the accelerometers' readings, by double integration and inverse
+//! kinematics.
 //!
 //! The paper finds the angles of the measured motion in the same way: "the acceleration signals were integrated twice
 //! to obtain the point displacements, and then the angular displacements of the links were calculated using the
@@ -27,43 +28,45 @@ use super::droop::without_droop;
 use super::{CHANNELS, IdentifyError};
 use crate::rig::{Converter, RigSpec};
 
-/// Length of each end, in periods of the corner: by then about 1e-5 is left of the effects of the record's ends.
+/// Length of each end, in periods of the corner; the effects of the record's ends have then fallen to about
+/// 1e-5.
 const END_PERIODS: f64 = 4.0;
-/// Largest angle, rad: the rounds converge well below π/2.
+/// Largest angle, rad. The iteration converges well below π/2.
 const LARGEST_RAD: f64 = 1.0;
-/// Rounds end when no angle changes by more than this, rad, or after [`MOST_ROUNDS`], enough for a factor of 1/2.
+/// Change of an angle, rad, below which the iteration ends, at the latest after [`MOST_ROUNDS`], enough for a
+/// factor of 1/2.
 const CHANGE_RAD: f64 = 1e-13;
 const MOST_ROUNDS: usize = 40;
 
-/// Settings of the angles from accelerations.
+/// Settings for angles from accelerations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AngleSettings {
-    /// How the accelerations are integrated twice.
+    /// Method of double integration.
     pub integration: Integration,
-    /// The lower corner f0, Hz, above 0 and below half the sample rate. Vibration at f has the gain 1 − (1 +
+    /// Lower corner f0, Hz, above 0 and below half the sample rate. A vibration at f has the gain 1 − (1 +
     /// (f/f0)⁴)⁻³: 0.875 at f0, 0.9998 at twice f0.
     pub from_hz: f64,
-    /// Whether the arm was at rest before the first reading, and the accelerometers read no gravity. Then the beginning
-    /// has angles, too.
+    /// Whether the arm was at rest before the first reading, and the accelerometers read no gravity. Then the
+    /// beginning has angles, too.
     pub starts_at_rest: bool,
 }
 
-/// The joints' angles over a stretch of a record.
+/// Angles of the joints over a part of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AngleHistory {
-    /// The first reading that has angles. At its ends, four periods of the corner have none, as the motion before and
-    /// after the record is unknown; only a beginning from rest has them.
+    /// Index of the first reading with angles. The first and last four periods of the corner have none, as the
+    /// motion before and after the record is unknown; a beginning from rest has them.
     pub first: usize,
     /// α1 and α2 at each reading from there on, rad, without components below the corner: their means are zero.
     pub alpha_rad: Vec<[f64; 2]>,
-    /// Standard deviations of each, rad, by the instruments' white noise; 0 for ideal instruments.
+    /// Standard deviations of α1 and α2, rad, by the instruments' white noise; 0 for ideal instruments.
     pub deviation_rad: Vec<[f64; 2]>,
-    /// Displacements along the links that their turning does not explain, root mean square.
+    /// Displacements along the links that rigid links do not explain, root mean square.
     pub residual: Residual,
 }
 
 impl AngleHistory {
-    /// Leaves out the first `readings` readings that have angles.
+    /// Drops the first `readings` readings that have angles.
     pub fn leave_out(&mut self, readings: usize) {
         let readings = readings.min(self.alpha_rad.len());
         self.alpha_rad.drain(..readings);
@@ -72,20 +75,21 @@ impl AngleHistory {
     }
 }
 
-/// The residual of the displacements along rigid links, root mean square over both.
+/// Residual of the displacements along rigid links, root mean square over both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// Over the residual of the instruments' noise; `None` for ideal instruments. About 1 if the readings are those of
-    /// the arm and the vibration is weak.
+    /// Residual over that of the instruments' noise; `None` for ideal instruments. About 1 if the readings are
+    /// those of the arm and the vibration is small.
     pub over_noise: Option<f64>,
-    /// Over the displacements across the links. In strong vibration it is about as large as the mean angles, rad.
+    /// Residual over the displacements across the links. In large-amplitude vibration it is about as large as
+    /// the mean angles, rad.
     pub over_displacement: f64,
 }
 
-/// The angles behind the accelerations of B and C along x and y, m/s², read `rate_hz` times a second by the instruments
-/// of `rig`, whose converters' droop is corrected. B is at the end of the first and C at the end of the second of two
-/// links, which at rest lead `links_m` from their starts to their ends. None may be clipped. The rest of the instruments' chains is
-/// not corrected.
+/// Computes the angles behind the accelerations of B and C along x and y, m/s², read `rate_hz` times a second
+/// by the instruments of `rig`. B is at the end of the first and C at the end of the second of two links, which
+/// at rest lead by `links_m` from their starts to their ends. No reading may be clipped. The droop of the
+/// converters is corrected, the rest of the instruments' chains is not.
 ///
 /// # Errors
 /// [`IdentifyError`] if the corner is outside the record's band, the record consists only of its ends, a reading is not
@@ -119,7 +123,7 @@ pub fn joint_angles(
     })
 }
 
-/// First reading with angles, the first after the last, and the readings of an end.
+/// Returns the first reading with angles, the first after the last, and the number of readings of an end.
 fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) -> Result<[usize; 3], IdentifyError> {
     let AngleSettings { from_hz, starts_at_rest, .. } = settings;
     if !(from_hz > 0.0 && from_hz < 0.5 * rate_hz) {
@@ -138,8 +142,8 @@ fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) 
     Ok([first as usize, samples - end as usize, end as usize])
 }
 
-/// The accelerations of a point, without the droop of the converters. Unless there was rest before, their mean is
-/// removed: with the silence around the record it would be a step.
+/// Returns the accelerations of a point without the droop of the converters. Unless the record starts at rest,
+/// their mean is removed: next to the silence around the record it would be a step.
 fn accelerations(
     readings: &[[f64; CHANNELS]],
     channel: usize,
@@ -154,7 +158,7 @@ fn accelerations(
     without_droop(&values, converter)
 }
 
-/// The angles θ of both links behind g[sin θ], rad.
+/// Solves for the angles θ of both links behind g[sin θ], rad.
 fn turns(integrator: &Integrator, across: &[Pair]) -> Result<Vec<Pair>, IdentifyError> {
     let mut turns = across.to_vec();
     for _round in 0..MOST_ROUNDS {
@@ -176,23 +180,23 @@ fn turns(integrator: &Integrator, across: &[Pair]) -> Result<Vec<Pair>, Identify
     Ok(turns)
 }
 
-/// θ − sin θ; for small angles the rounding, 1e-16 θ, is below any noise.
+/// Returns θ − sin θ. For small angles its rounding, 1e-16 θ, is below any noise.
 fn less_sin(turn: f64) -> f64 {
     turn - libm::sin(turn)
 }
 
-/// 1 − cos θ = 2 sin² θ/2.
+/// Returns 1 − cos θ as 2 sin² θ/2, which keeps its digits for small angles.
 fn one_less_cos(turn: f64) -> f64 {
     let sine = libm::sin(0.5 * turn);
     2.0 * sine * sine
 }
 
-/// Both links at rest.
+/// The two links at rest.
 struct Links {
     length_m: [f64; 2],
-    /// Unit vectors along each, from its start to its end.
+    /// Unit vectors along the links, from start to end.
     along: [Vector2<f64>; 2],
-    /// Unit vectors across, in the direction of growing angles.
+    /// Unit vectors across the links, in the direction of growing angles.
     across: [Vector2<f64>; 2],
 }
 
@@ -206,7 +210,7 @@ impl Links {
         }
     }
 
-    /// Displacements of the ends of the links against their starts, over the lengths: across and along.
+    /// Returns the displacements of the links' ends against their starts, over the lengths: across and along.
     fn displacements(&self, d_b: &[Pair], d_c: &[Pair]) -> (Vec<Pair>, Vec<Pair>) {
         let part = |units: &[Vector2<f64>; 2]| {
             let dot = |link: usize, d: Pair| (units[link].x * d.re + units[link].y * d.im) / self.length_m[link];
@@ -215,8 +219,8 @@ impl Links {
         (part(&self.across), part(&self.along))
     }
 
-    /// Standard deviations of α1 and α2, rad, from those of the displacements of B and C, m, equal along x and y and
-    /// independent.
+    /// Returns the standard deviations of α1 and α2, rad, from those of the displacements of B and C, m, which
+    /// are equal along x and y and independent.
     ///
     /// From l sin θ = d·t follows δθ = t·δd/(l cos θ). With s = t/(l cos θ) of each link, δα1 = s1·δB and
     /// δα2 = s2·(δC − δB) − s1·δB, so that
@@ -231,8 +235,8 @@ impl Links {
         [b * s1.norm(), libm::hypot(c * s2.norm(), b * (s1 + s2).norm())]
     }
 
-    /// The residual along the links, over the lengths, given the displacements across. By noise it is σ_B² for link 1
-    /// and σ_B² + σ_C² for link 2.
+    /// Returns the residual along the links, over the lengths, given the displacements across. Noise alone
+    /// gives σ_B² for link 1 and σ_B² + σ_C² for link 2.
     fn residual(&self, left: &[Pair], across: &[Pair], noise_m: [f64; 2]) -> Residual {
         let [l1, l2] = self.length_m;
         let mean_square = |values: &[Pair]| {

@@ -28,10 +28,11 @@ use nalgebra::Complex;
 
 use resonarm_numeric::dft::Fft;
 
-/// Two signals, such as those along x and y, as one complex one; every operation here acts equally on both.
+/// Two signals, such as those along x and y, as one complex signal. Every operation here acts equally on both
+/// parts.
 pub(super) type Pair = Complex<f64>;
 
-/// The method of double integration.
+/// Method of double integration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Integration {
     /// In the frequency domain: the transform of the whole record, over −ω².
@@ -46,7 +47,7 @@ pub(super) struct Integrator {
     way: Way,
     rate_hz: f64,
     corner_hz: f64,
-    /// Lines of the transform of the record and the silence after it.
+    /// Number of lines of the transform, which covers the record and the silence after it.
     lines: usize,
 }
 
@@ -56,8 +57,8 @@ enum Way {
 }
 
 impl Integrator {
-    /// Prepares for `samples` samples with a corner above 0 and below half the rate; `silence` samples before and after
-    /// a record count as zero.
+    /// Prepares for records of `samples` samples, with a corner above 0 and below half the rate. `silence`
+    /// samples before and after a record count as zero.
     pub fn new(integration: Integration, samples: usize, silence: usize, rate_hz: f64, corner_hz: f64) -> Integrator {
         let fft = Fft::at_least(samples + silence);
         let lines = fft.length();
@@ -71,11 +72,13 @@ impl Integrator {
         Integrator { way, rate_hz, corner_hz, lines }
     }
 
-    /// The displacements, m, of accelerations, m/s², filtered by g.
+    /// Integrates accelerations, m/s², to displacements, m, filtered by g.
     pub fn displacements(&self, accelerations: &[Pair]) -> Vec<Pair> {
         match &self.way {
             Way::Frequency(fft) => self.weighted(fft, accelerations, |hz| -self.gain_s2(hz)),
             Way::Time { integrating, passing } => {
+                // (1 − H) of what is left is added again, twice: the sum 1 + (1 − H) + (1 − H)² times H is 1 −
+                // (1 − H)³.
                 let once = backward(*passing, forward(*integrating, accelerations));
                 let twice = sum(&once, &taken(*passing, &once));
                 sum(&once, &taken(*passing, &twice))
@@ -83,7 +86,7 @@ impl Integrator {
         }
     }
 
-    /// Any signals filtered by g.
+    /// Filters signals by g, without integration.
     pub fn passed(&self, values: &[Pair]) -> Vec<Pair> {
         match &self.way {
             Way::Frequency(fft) => self.weighted(fft, values, |hz| gain(fourth(hz / self.corner_hz))),
@@ -94,7 +97,7 @@ impl Integrator {
         }
     }
 
-    /// Standard deviation of a displacement over that of white noise in the accelerations, s².
+    /// Returns the standard deviation of a displacement over that of white noise in the accelerations, s².
     ///
     /// A filter of gain G multiplies the variance σ² of white noise by the mean of |G|² over all lines up to the sample
     /// rate. Here G is g/ω², or g times Numerov's formula: σ_x² = σ_a² mean(g²/ω⁴). The lines around the corner
@@ -106,7 +109,7 @@ impl Integrator {
         libm::sqrt((1..=half).map(power).sum::<f64>() / self.lines as f64)
     }
 
-    /// Displacement over acceleration, without the sign, s².
+    /// Returns the magnitude of displacement over acceleration at a frequency, s².
     fn gain_s2(&self, hz: f64) -> f64 {
         if hz == 0.0 {
             return 0.0;
@@ -122,7 +125,7 @@ impl Integrator {
         }
     }
 
-    /// The values with their transform multiplied by a weight of the frequency, Hz.
+    /// Multiplies the transform of the values by a weight, which depends on the frequency, Hz.
     fn weighted(&self, fft: &Fft, values: &[Pair], weight: impl Fn(f64) -> f64) -> Vec<Pair> {
         let mut work = values.to_vec();
         work.resize(self.lines, Pair::new(0.0, 0.0));
@@ -137,11 +140,11 @@ impl Integrator {
     }
 }
 
-/// g of (f/f0)⁴: with t = 1 − H = 1/(1 + (f/f0)⁴), 1 − t³ = (1 − t)(1 + t + t²), which keeps its digits where g is
-/// small.
+/// Returns g as a function of (f/f0)⁴: with t = 1 − H = 1/(1 + (f/f0)⁴) it is 1 − t³ = (1 − t)(1 + t + t²), a
+/// form that keeps its digits where g is small.
 fn gain(ratio4: f64) -> f64 {
     let t = 1.0 / (1.0 + ratio4);
-    // An infinite ratio passes unchanged.
+    // 1 − t loses no digits for small t, and also holds for an infinite ratio, where ratio4 · t would be NaN.
     let h = if t > 0.5 { ratio4 * t } else { 1.0 - t };
     h * (1.0 + t + t * t)
 }
@@ -154,7 +157,8 @@ fn fourth(value: f64) -> f64 {
     square(square(value))
 }
 
-/// A section of second order in the transposed direct form II: y = b0 x + s1, s1 ← b1 x − a1 y + s2, s2 ← b2 x − a2 y.
+/// Second-order section in the transposed direct form II: y = b0 x + s1, s1 ← b1 x − a1 y + s2, s2 ← b2 x − a2
+/// y.
 #[derive(Clone, Copy, Debug)]
 struct Section {
     b: [f64; 3],
@@ -162,8 +166,8 @@ struct Section {
 }
 
 impl Section {
-    /// Butterworth's high-pass s²/(s² + √2 ω0 s + ω0²) by the bilinear transform, with its corner where it is stated:
-    /// with k = tan(π f0/rate), (1 − z⁻¹)² / ((1 + √2 k + k²) + 2 (k² − 1) z⁻¹ + (1 − √2 k + k²) z⁻²).
+    /// Butterworth high-pass s²/(s² + √2 ω0 s + ω0²) by the bilinear transform, with the corner where it is
+    /// stated: with k = tan(π f0/rate), (1 − z⁻¹)² / ((1 + √2 k + k²) + 2 (k² − 1) z⁻¹ + (1 − √2 k + k²) z⁻²).
     fn highpass(corner_hz: f64, rate_hz: f64) -> Section {
         let k = libm::tan(PI * corner_hz / rate_hz);
         let a0 = 1.0 + SQRT_2 * k + k * k;
@@ -171,7 +175,7 @@ impl Section {
         Section { b: [b, -2.0 * b, b], a: [2.0 * (k * k - 1.0) * b, (1.0 - SQRT_2 * k + k * k) * b] }
     }
 
-    /// The same and Numerov's double integration: (1 + 10 z⁻¹ + z⁻²)/(12 rate²) in place of (1 − z⁻¹)².
+    /// High-pass with Numerov's double integration: (1 + 10 z⁻¹ + z⁻²)/(12 rate²) in place of (1 − z⁻¹)².
     fn integrating(corner_hz: f64, rate_hz: f64) -> Section {
         let highpass = Section::highpass(corner_hz, rate_hz);
         let b = highpass.b[0] / (12.0 * rate_hz * rate_hz);
@@ -202,7 +206,7 @@ fn backward(section: Section, mut values: Vec<Pair>) -> Vec<Pair> {
     values
 }
 
-/// The part that a high-pass run forward and backward removes.
+/// Returns the part that a high-pass removes when it is run forward and backward.
 fn taken(passing: Section, values: &[Pair]) -> Vec<Pair> {
     let mut taken = backward(passing, forward(passing, values));
     taken.iter_mut().zip(values).for_each(|(passed, all)| *passed = all - *passed);

@@ -1,4 +1,4 @@
-//! Readings corrected for the droop of their converters.
+//! Correction of readings for the droop of their converters.
 //!
 //! With y = ωT/2 and s = sin² y a converter of order N has the gain (sin y/y)ᴺ ([`Converter::gain`]). Its inverse is a
 //! power series in s,
@@ -16,10 +16,10 @@ use alloc::vec::Vec;
 use super::double_integration::Pair;
 use crate::rig::Converter;
 
-/// Terms of the series.
+/// Number of terms of the series.
 const TERMS: usize = 9;
 
-/// The readings divided by the converter's gain; before and after them is silence.
+/// Divides the readings by the converter's gain; silence is assumed before and after them.
 pub(super) fn without_droop(values: &[Pair], converter: Converter) -> Vec<Pair> {
     let [lower @ .., last] = inverse_gain(converter);
     let mut sum: Vec<Pair> = values.iter().map(|value| value * last).collect();
@@ -31,7 +31,7 @@ pub(super) fn without_droop(values: &[Pair], converter: Converter) -> Vec<Pair> 
     sum
 }
 
-/// a₀ … of the series for 1/gain.
+/// Returns the coefficients a₀ … of the series for 1/gain.
 fn inverse_gain(converter: Converter) -> [f64; TERMS] {
     let mut arcsine = [1.0; TERMS];
     let mut central = 1.0;

@@ -1,32 +1,32 @@
-//! Errors of identification.
+//! Errors of the identification from recorded readings.
 
 use thiserror::Error;
 
 use resonarm_numeric::number::{rounded, short};
 
-/// Why a record can't be identified.
+/// Reason why a record can't be identified.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IdentifyError {
-    /// The band is not within the record's.
+    /// The band is not within that of the record.
     #[error("the band from {from_hz} to {to_hz} Hz must rise, from above 0 to below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), to_hz = short(.to_hz), rate_hz = short(.rate_hz))]
     Band {
-        /// Its lowest frequency, Hz.
+        /// Lowest frequency of the band, Hz.
         from_hz: f64,
-        /// Its highest frequency, Hz.
+        /// Highest frequency of the band, Hz.
         to_hz: f64,
         /// The sample rate, Hz.
         rate_hz: f64,
     },
-    /// Too few samples for the request.
+    /// The record has too few samples for the request.
     #[error("the record has {samples} samples where {least} are needed: record for longer")]
     TooShort {
-        /// The samples of the record.
+        /// Number of samples of the record.
         samples: usize,
-        /// The samples needed.
+        /// Least number of samples.
         least: usize,
     },
-    /// The head reads nothing but its own noise.
+    /// The impedance head reads nothing but its own noise.
     #[error(
         "the impedance head reads no force beyond its own noise ({noise_n} N): drive by a force where the head is, and by a larger one than that", noise_n = rounded(.noise_n, 3))]
     NoForce {
@@ -49,52 +49,52 @@ pub enum IdentifyError {
         /// Highest frequency of the band, Hz.
         to_hz: f64,
     },
-    /// Readings beyond the range of their sensor.
+    /// Some readings are beyond the range of their sensor.
     #[error(
         "{samples} samples have a reading beyond the range of its sensor: lower the force, or give the sensor more range"
     )]
     Clipped {
-        /// Their number.
+        /// Number of samples with such a reading.
         samples: usize,
     },
-    /// A segment or period longer than the record, or too short.
+    /// A segment or period is longer than the record, or too short.
     #[error("a segment has {segment} samples: it must have from 16 to as many as the record, {samples}")]
     Segment {
-        /// Its samples.
+        /// Number of samples of the segment.
         segment: usize,
-        /// Samples of the record.
+        /// Number of samples of the record.
         samples: usize,
     },
-    /// An invalid lower corner of a double integration.
+    /// The lower corner of a double integration is not valid.
     #[error("the lower corner, {from_hz} Hz, must be above 0 and below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), rate_hz = short(.rate_hz))]
     Corner {
-        /// The corner, Hz.
+        /// Corner that was given, Hz.
         from_hz: f64,
         /// The sample rate, Hz.
         rate_hz: f64,
     },
-    /// A record that ends before a double integration has settled.
+    /// The record ends before a double integration has settled.
     #[error("the record has {samples} samples where {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
     NoMiddle {
-        /// The samples of the record.
+        /// Number of samples of the record.
         samples: usize,
-        /// The samples needed.
+        /// Least number of samples.
         least: f64,
-        /// The corner, Hz.
+        /// Corner that was given, Hz.
         from_hz: f64,
     },
-    /// A reading that is not a finite number.
+    /// A reading is not a finite number.
     #[error("reading {reading}, counted from 0, has an acceleration that is not a finite number")]
     NotFinite {
-        /// Its index.
+        /// Index of the reading, from 0.
         reading: usize,
     },
-    /// Angles too large for the inverse kinematics.
+    /// The angles are too large for the inverse kinematics.
     #[error("the displacements give angles of up to {angle_rad} rad, too large for a vibration of the arm (more than {most_rad} rad): check the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
     TooLarge {
         /// The largest angle, rad.
         angle_rad: f64,
-        /// The largest allowed, rad.
+        /// Largest angle that is allowed, rad.
         most_rad: f64,
     },
 }

@@ -8,45 +8,46 @@ use nalgebra::Complex;
 use super::{Band, CHANNELS, IdentifyError, Record};
 use resonarm_numeric::dft::Lines;
 
-/// The averaging of a record.
+/// Method of averaging a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Averaging {
-    /// Segments of this many samples with a Hann window, half overlapping (P. D. Welch, "The Use of Fast Fourier
-    /// Transform for the Estimation of Power Spectra", IEEE Trans. Audio Electroacoust. 15 (1967)): for noise and
-    /// sweeps. A resonance narrower than two lines comes out too low and too wide.
+    /// Averages segments of this many samples with a Hann window, half overlapping (P. D. Welch, "The Use of
+    /// Fast Fourier Transform for the Estimation of Power Spectra", IEEE Trans. Audio Electroacoust. 15
+    /// (1967)), for noise and sweeps. A resonance narrower than two lines comes out too low and too wide.
     Welch(usize),
-    /// Periods of this many samples without a window, from the first force on; without the first period, which has the
-    /// initial transient, if there are more than two.
+    /// Averages periods of this many samples without a window, from the first force on. The first period has
+    /// the initial transient and is left out if there are more than two.
     Periods(usize),
-    /// The whole record once, without a window: for an impact. The silence of the force is set to zero.
+    /// Takes the whole record once, without a window, for an impact. Where the force is silent it is set to
+    /// zero.
     Single,
 }
 
-/// Frequency responses of the accelerations over the force.
+/// Estimated frequency responses of the accelerations over the force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrequencyResponseEstimate {
-    /// The averaging.
+    /// Method of averaging that was used.
     pub averaging: Averaging,
-    /// The number of segments or periods.
+    /// Number of segments or periods that were averaged.
     pub averages: usize,
-    /// The frequencies, Hz.
+    /// Frequencies of the lines, Hz.
     pub frequency_hz: Vec<f64>,
-    /// The estimate H1 = S_fa/S_ff of each channel, (m/s²)/N: noise of the acceleration averages out.
+    /// Estimate H1 = S_fa/S_ff of each channel, (m/s²)/N, in which noise of the acceleration averages out.
     pub h1: [Vec<Complex<f64>>; CHANNELS],
-    /// The estimate H2 = S_aa/S_af: noise of the force averages out.
+    /// Estimate H2 = S_aa/S_af of each channel, in which noise of the force averages out.
     pub h2: [Vec<Complex<f64>>; CHANNELS],
-    /// The coherence γ² = |S_fa|²/(S_ff S_aa) from 0 to 1; `None` without averages, where it would always be 1.
+    /// Coherence γ² = |S_fa|²/(S_ff S_aa), 0 to 1; `None` without averages, where it would always be 1.
     pub coherence: Option<[Vec<f64>; CHANNELS]>,
 }
 
-/// Averages of spectra, line by line.
+/// Averages of the spectra, line by line.
 struct Spectra {
     ff: Vec<f64>,
     aa: [Vec<f64>; CHANNELS],
     fa: [Vec<Complex<f64>>; CHANNELS],
 }
 
-/// Frequency responses of the accelerations over the force in a band.
+/// Estimates the frequency responses of the accelerations over the force in a band.
 ///
 /// # Errors
 /// [`IdentifyError`] if the band or the segments don't fit the record, or the force has no energy at one of the lines.
@@ -97,7 +98,7 @@ pub fn frequency_response(
     Ok(spectra.estimate(averaging, starts.len(), frequency_hz))
 }
 
-/// The force; for a single record without the noise before and after it.
+/// Returns the force; for a single record without the noise before and after it.
 fn force(record: &Record, averaging: Averaging) -> Vec<f64> {
     let [start, end] = record.forced();
     let keep = |n: usize| averaging != Averaging::Single || (start..end).contains(&n);
@@ -108,7 +109,7 @@ fn check_segment(segment: usize, samples: usize) -> Result<(), IdentifyError> {
     if (16..=samples).contains(&segment) { Ok(()) } else { Err(IdentifyError::Segment { segment, samples }) }
 }
 
-/// The Hann window.
+/// Returns the value of the Hann window at a sample.
 fn squared_sine(n: usize, length: usize) -> f64 {
     let sine = libm::sin(PI * (n as f64 / length as f64));
     sine * sine

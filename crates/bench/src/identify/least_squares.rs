@@ -6,10 +6,10 @@ use nalgebra::Complex;
 
 type Column = Vec<Complex<f64>>;
 
-/// A column depends on those before it if less than this fraction is left after projecting them out.
+/// Fraction left after projection below which a column depends on those before it.
 const DEPENDENT: f64 = 1e-9;
 
-/// The residual of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
+/// Returns the residual of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
 ///
 /// Modified Gram–Schmidt, each column twice (Å. Björck, "Solving linear least squares problems by Gram-Schmidt
 /// orthogonalization", BIT 7 (1967)): column_j = Σ_i q_i r_ij with orthonormal q_i; the coefficients follow from r
@@ -23,6 +23,8 @@ pub(super) fn solve(mut columns: Vec<Column>, target: &[Complex<f64>]) -> (Colum
         let (before, rest) = columns.split_at_mut(j);
         let Some(column) = rest.first_mut() else { continue };
         let size = norm(column);
+        // A second pass removes the components that rounding leaves in the first. Twice is enough, as Björck
+        // shows.
         for _twice in 0..2 {
             for (i, q) in before.iter().enumerate().filter(|(i, _)| independent[*i]) {
                 let along = dot(q, column);
@@ -52,7 +54,7 @@ pub(super) fn solve(mut columns: Vec<Column>, target: &[Complex<f64>]) -> (Colum
     (residual, coefficients)
 }
 
-/// Σ |x|².
+/// Returns the sum of squares Σ |x|².
 pub(super) fn square(values: &[Complex<f64>]) -> f64 {
     values.iter().map(Complex::norm_sqr).sum()
 }
@@ -61,7 +63,7 @@ fn norm(values: &[Complex<f64>]) -> f64 {
     libm::sqrt(square(values))
 }
 
-/// q* · x.
+/// Returns the inner product q* · x.
 pub(super) fn dot(q: &[Complex<f64>], x: &[Complex<f64>]) -> Complex<f64> {
     q.iter().zip(x).map(|(q, x)| q.conj() * x).sum()
 }

@@ -1,4 +1,4 @@
-//! One mode fitted to the lines of a discrete Fourier transform in a narrow band around it.
+//! Fit of one mode to the lines of a discrete Fourier transform, in a narrow band around it.
 //!
 //! Force and accelerations go through the same filter before they are sampled, which removes everything above half the
 //! sample rate. The rest is related by the arm's response H like the continuous signals, and the transform of M samples
@@ -39,61 +39,64 @@ use nalgebra::{Complex, Matrix2, Vector2};
 
 use super::least_squares::{dot, solve, square};
 
-/// Degree of the polynomials.
+/// Degree of the polynomials B and C.
 const DEGREE: usize = 2;
-/// Rounds: the weights follow from the fit, and the fit from the weights.
+/// Number of rounds, since the weights follow from the fit and the fit from the weights.
 const ROUNDS: usize = 4;
-/// Most steps of a minimisation.
+/// Largest number of steps of a minimisation.
 const MOST_STEPS: usize = 60;
 /// Step of the central differences, lines.
 const DIFFERENCE: f64 = 1e-4;
 
-/// Lines around a mode, and their noise.
+/// Lines of a transform around a mode, with their noise.
 #[derive(Clone, Debug)]
 pub(super) struct Lines {
-    /// The number M of samples that were transformed.
+    /// Number M of samples that were transformed.
     pub samples: usize,
-    /// Number of the middle line, the origin of frequencies.
+    /// Number of the middle line, which is the origin of frequencies.
     pub centre: usize,
     /// Number of the first line.
     pub first: usize,
-    /// The response.
+    /// Lines of the response.
     pub response: Vec<Complex<f64>>,
-    /// The force, if any.
+    /// Lines of the force, if there is one.
     pub force: Option<Vec<Complex<f64>>>,
-    /// γM, if the samples went through an exponential window e^(−γn). Then T is not in the model.
+    /// γM, if the samples went through an exponential window e^(−γn). The model then has no T.
     pub taper: Option<f64>,
-    /// Standard deviations of a line's noise: of the response, and of the force.
+    /// Standard deviations of the noise of a line: of the response, and of the force.
     pub noise: [f64; 2],
 }
 
-/// A fitted pole.
+/// Pole of a fitted mode, with its statistics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pole {
-    /// Frequency over the centre's and decay rate, both in lines: p = e^((2πi x₀ − x₁)/M) e^(2πi centre/M).
+    /// Frequency relative to the centre and decay rate, both in lines: p = e^((2πi x₀ − x₁)/M) e^(2πi
+    /// centre/M).
     pub x: [f64; 2],
     /// Standard deviations of both, from the noise, or from the residual where that is larger.
     pub deviation: [f64; 2],
-    /// Root mean square of the residual over the noise: 1 where the model is right.
+    /// Root mean square of the residual over the noise; 1 where the model is right.
     pub residual: f64,
-    /// How many times as large the residual's square is without the pole, with the polynomials alone.
+    /// Ratio of the residual's square without the pole, with the polynomials alone, to that with it.
     pub gain: f64,
-    /// R/p of H = R/(z − p), in the response's unit over the force's; `None` without a force.
+    /// Residue R/p of H = R/(z − p), in the response's unit over the force's; `None` without a force.
     pub residue: Option<Complex<f64>>,
-    /// Share of the head's noise in the force's power in the pole's term; 0 without a force. Least squares bias R and
-    /// the pole by about this much.
+    /// Share of the head's noise in the power of the force, weighted by the pole's term; 0 without a force.
+    /// Least squares bias R and the pole by about this much.
     pub force_noise_share: f64,
 }
 
 impl Lines {
-    /// Fits the pole, beginning from the peak at the offset `peak` from the centre, lines. `None` if there are fewer
-    /// lines than unknowns.
+    /// Fits the pole, starting from the peak at the offset `peak` from the centre, lines. `None` if there are
+    /// fewer lines than unknowns.
     pub fn fit(&self, peak: f64) -> Option<Pole> {
         let parts = usize::from(self.force.is_some()) + usize::from(self.has_transient());
         let unknowns = (DEGREE + 2) * parts + 1;
         let freedom = self.response.len().checked_sub(unknowns).filter(|freedom| *freedom > 0)? as f64;
         let mut weights = alloc::vec![1.0 / self.noise[0]; self.response.len()];
         let shift = self.taper.unwrap_or(0.0);
+        // The minimisation is local, so several decay rates and offsets are tried and the best one starts the
+        // minimisation.
         let starts = [0.3, 3.0, 30.0]
             .map(|decay| decay + shift)
             .into_iter()
@@ -118,19 +121,20 @@ impl Lines {
         let deviation = [covariance.m11, covariance.m22].map(|variance| libm::sqrt(variance) * residual.max(1.0));
         let force_noise_share = self.force_noise_share(x, &weights);
         let residue = self.residue(x, &weights);
-        // The window adds its own decay to the pole's.
+        // The exponential window adds its own decay to that of the pole.
         let x = [x[0], x[1] - shift];
         Some(Pole { x, deviation, residual, gain, residue, force_noise_share })
     }
 
-    /// Whether T, the ends of the stretch, is in the model. A response that begins at rest and dies out has none, and T
-    /// would describe all of it, with the poles of what drives the arm.
+    /// Returns whether T, the ends of the record, is in the model. A response that begins at rest and dies out
+    /// has no T; it would describe the whole response, with the poles of what drives the arm.
     fn has_transient(&self) -> bool {
         self.taper.is_none()
     }
 
-    /// Covariance of x by the lines' noise, which has variance 1 a line and is circular: with the normal matrix N = Re
-    /// J*J and the noise's correlation C it is ½ N⁻¹ Re(J*CJ) N⁻¹. Without a window C is the unit matrix.
+    /// Returns the covariance of x by the noise of the lines, which has variance 1 per line and is circular.
+    /// With the normal matrix N = Re J*J and the noise's correlation C it is ½ N⁻¹ Re(J*CJ) N⁻¹. Without a
+    /// window C is the unit matrix.
     fn covariance(&self, x: [f64; 2], weights: &[f64]) -> Option<Matrix2<f64>> {
         let j = self.jacobian(x, weights);
         let inverse = Matrix2::from_fn(|row, column| dot(&j[row], &j[column]).re).try_inverse()?;
@@ -141,15 +145,16 @@ impl Lines {
         Some(inverse * middle * inverse * 0.5)
     }
 
-    /// Element `k` of C v. The transform of noise under e^(−γn) has from line to line, d apart, the correlation
-    /// Σ e^(−2γn + 2πidn/M)/Σ e^(−2γn) = 1/(1 − iπd/(γM)).
+    /// Returns element `k` of C v. The transform of noise under e^(−γn) has, between lines d apart, the
+    /// correlation Σ e^(−2γn + 2πidn/M)/Σ e^(−2γn) = 1/(1 − iπd/(γM)).
     fn correlated(&self, v: &[Complex<f64>], k: usize) -> Complex<f64> {
         let Some(taper) = self.taper else { return v[k] };
         let turn = |l: usize| core::f64::consts::PI * (l as f64 - k as f64) / taper;
         v.iter().enumerate().map(|(l, value)| value / Complex::new(1.0, -turn(l))).sum()
     }
 
-    /// R/p, which neither the origin of frequencies nor the exponential window changes: z and p turn and shrink alike.
+    /// Returns R/p, which neither the origin of frequencies nor the exponential window changes: z and p rotate
+    /// and shrink alike.
     fn residue(&self, x: [f64; 2], weights: &[f64]) -> Option<Complex<f64>> {
         self.force.as_ref()?;
         let coefficients = self.residual(x, weights).1;
@@ -164,7 +169,7 @@ impl Lines {
         noise / sizes().zip(force).map(|(size, force)| size * force.norm_sqr()).sum::<f64>()
     }
 
-    /// The weighted residual of the best R, t, B and C at a pole, and their values.
+    /// Returns the weighted residual of the best R, t, B and C for a pole, and their values.
     fn residual(&self, x: [f64; 2], weights: &[f64]) -> (Vec<Complex<f64>>, Vec<Complex<f64>>) {
         solve(self.columns(0..DEGREE + 2, x, weights), &self.weighted(weights))
     }
@@ -173,7 +178,8 @@ impl Lines {
         self.response.iter().zip(weights).map(|(y, weight)| y * *weight).collect()
     }
 
-    /// The columns: 1/(z − p), then powers of the frequency; first times the force, if there is one, then alone.
+    /// Returns the columns of the linear model: 1/(z − p), then powers of the frequency; first times the force,
+    /// if there is one, then alone.
     fn columns(&self, which: Range<usize>, x: [f64; 2], weights: &[f64]) -> Vec<Vec<Complex<f64>>> {
         let shapes: Vec<Vec<Complex<f64>>> = which.map(|which| self.shape(which, x)).collect();
         let forced = self.force.iter().flat_map(|force| {
@@ -198,7 +204,7 @@ impl Lines {
         (0..self.response.len()).map(value).collect()
     }
 
-    /// Noise of the force acts through H: weights 1/√(σ_y² + |H|² σ_u²), with H of the fit so far.
+    /// Returns the weights 1/√(σ_y² + |H|² σ_u²), with H of the fit so far: noise of the force acts through H.
     fn weights(&self, x: [f64; 2], weights: &[f64]) -> Vec<f64> {
         if self.force.is_none() {
             return weights.to_vec();
@@ -214,7 +220,7 @@ impl Lines {
         (0..self.response.len()).map(weight).collect()
     }
 
-    /// Levenberg–Marquardt steps to the least residual.
+    /// Minimises the residual by Levenberg–Marquardt steps.
     fn minimise(&self, start: [f64; 2], weights: &[f64]) -> [f64; 2] {
         let (mut x, mut damping) = (start, 1e-2);
         let mut residual = self.residual(x, weights).0;
@@ -225,6 +231,8 @@ impl Lines {
             let next = [x[0] + step[0], x[1] + step[1]];
             let tried = self.residual(next, weights).0;
             if square(&tried) < square(&residual) {
+                // Multiplying the damping by 10 or 0.1 follows Marquardt: short gradient steps far from the
+                // minimum, Gauss–Newton steps close to it.
                 (x, residual, damping) = (next, tried, (damping * 0.1_f64).max(1e-12));
                 (normal, gradient) = self.linearise(x, weights, &residual);
                 if step.amax() < 1e-9 {
@@ -240,14 +248,14 @@ impl Lines {
         x
     }
 
-    /// Re J*J and Re J*r of the residual r.
+    /// Returns Re J*J and Re J*r for the residual r.
     fn linearise(&self, x: [f64; 2], weights: &[f64], r: &[Complex<f64>]) -> (Matrix2<f64>, Vector2<f64>) {
         let j = self.jacobian(x, weights);
         let normal = Matrix2::from_fn(|row, column| dot(&j[row], &j[column]).re);
         (normal, Vector2::new(dot(&j[0], r).re, dot(&j[1], r).re))
     }
 
-    /// J, the derivatives of the residual by x, by central differences.
+    /// Returns J, the derivatives of the residual by x, by central differences.
     fn jacobian(&self, x: [f64; 2], weights: &[f64]) -> [Vec<Complex<f64>>; 2] {
         [0, 1].map(|which: usize| {
             let [up, down] = [DIFFERENCE, -DIFFERENCE].map(|step| {
@@ -260,7 +268,7 @@ impl Lines {
     }
 }
 
-/// e^((2πi x₀ − x₁)/M).
+/// Returns e^((2πi x₀ − x₁)/M).
 fn exponential([turns, decay]: [f64; 2], samples: usize) -> Complex<f64> {
     let (sine, cosine) = libm::sincos(TAU * turns / samples as f64);
     Complex::new(cosine, sine) * libm::exp(-decay / samples as f64)

@@ -1,4 +1,4 @@
-//! Finds the modes in a record.
+//! Identification of the modes in a record.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -10,120 +10,120 @@ use super::mode_fit::{Lines, Pole};
 use super::{Band, CHANNELS, IdentifyError, Record};
 use resonarm_numeric::dft;
 
-/// Most peaks that are examined.
+/// Largest number of peaks that are examined.
 const MOST_PEAKS: usize = 24;
-/// A peak of the response's power is examined if it is this many times the median around it.
+/// Ratio of a peak of the response's power to the median around it above which the peak is examined.
 const STANDS_OUT: f64 = 4.0;
-/// It is a mode if the squared residual is this many times as large without a pole: a peak of a random force needs no
-/// pole.
+/// Ratio of the squared residuals without and with a pole above which a peak is a mode: a peak of a random
+/// force needs no pole.
 const GAIN: f64 = 10.0;
-/// The largest share of noise in the power of the force at a mode.
+/// Largest share of noise in the power of the force at a mode.
 pub const MOST_NOISE_SHARE: f64 = 0.01;
-/// Half the width of the band of a fit: at least this many hertz, and this many lines.
+/// Half the width of a fit's band: at least this many hertz, and at least the next constant's lines.
 const HALF_WIDTH_HZ: f64 = 0.5;
 const HALF_WIDTH_LINES: f64 = 20.0;
-/// Multiples of that width in which modes are sought that are too broad to stand out in it: those whose half bandwidth
-/// is at least this share of it.
+/// Multiples of that width in which modes are sought that are too broad to stand out in it; the next constant
+/// is the least ratio of such a mode's half bandwidth to the width.
 const BROAD_WIDTHS: [usize; 2] = [4, 16];
 const BROAD_SHARE: f64 = 0.2;
-/// Poles at most this many lines apart belong to one mode.
+/// Distance in lines up to which two poles belong to one mode.
 const ONE_MODE_LINES: usize = 2;
-/// The least number of lines of a fit.
+/// Least number of lines of a fit.
 const LEAST_LINES: usize = 16;
-/// γM of the exponential window of a response that dies out: its end is weighted by a thousandth.
+/// γM of the exponential window of a response that dies out: the end is weighted by a thousandth.
 const TAPER: f64 = 6.9;
-/// Below this residual over noise the arm counts as linear.
+/// Ratio of residual to noise below which the arm counts as linear.
 const LINEAR: f64 = 3.0;
 
-/// Which part of the record a mode was fitted to.
+/// Part of the record that a mode was fitted to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FittedPart {
-    /// All of it, under the force.
+    /// The whole record, under the force.
     Forced,
     /// The ring-down after the force has ended, which is at least half of the record.
     RingDown,
 }
 
-/// A mode from readings, with standard deviations.
+/// A mode identified from readings, with standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IdentifiedMode {
-    /// Pole frequency |λ|/(2π) of the damped structure's eigenvalue λ, Hz. Unless the damping is proportional it is not the
-    /// natural frequency of the undamped structure; the command `modes` states both.
+    /// Pole frequency |λ|/(2π) of the damped structure's eigenvalue λ, Hz. Unless the damping is proportional
+    /// it differs from the natural frequency of the undamped structure; the command `modes` states both.
     pub pole_frequency_hz: f64,
-    /// Its standard deviation, Hz.
+    /// Standard deviation of the pole frequency, Hz.
     pub pole_frequency_deviation_hz: f64,
     /// Damping ratio of the pole, −Re λ/|λ|.
     pub pole_damping_ratio: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the damping ratio.
     pub pole_damping_ratio_deviation: f64,
-    /// Amplitudes of acceleration of B along x and y and C along x and y relative to the largest, 1.
+    /// Amplitudes of acceleration of B along x and y and C along x and y, relative to the largest, 1.
     pub shape: [f64; CHANNELS],
-    /// The same shape with the modal mass 1 kg, 1/√kg, displacement over modal coordinate, from the residue of the
-    /// response to the force; `None` in a ring-down, where there is no force, and where the force has no part along the
-    /// shape.
+    /// Shape normalised to the modal mass 1 kg, 1/√kg, displacement over modal coordinate, from the residue of
+    /// the response to the force; `None` in a ring-down, which has no force, and where the force has no part
+    /// along the shape.
     pub shape_per_sqrt_kg: Option<[f64; CHANNELS]>,
-    /// Root mean square of the residual over the instruments' noise: about 1 for a linear arm. If it is larger, the
-    /// standard deviations are increased by this factor.
+    /// Root mean square of the residual over the instruments' noise; about 1 for a linear arm. If it is larger,
+    /// the standard deviations are increased by this factor.
     pub residual: f64,
-    /// Whether the residual is at most three times the noise. If not, the arm doesn't vibrate linearly, or is
+    /// Whether the residual is at most three times the noise. If not, the arm does not vibrate linearly or is
     /// disturbed, and the numbers are those of an equivalent linear arm.
     pub is_linear: bool,
-    /// Lines of the transform that were fitted.
+    /// Number of lines of the transform that were fitted.
     pub lines: usize,
-    /// The part of the record that they are from.
+    /// Part of the record that the mode was fitted to.
     pub part: FittedPart,
 }
 
-/// A mode, or the reason why there is none.
+/// A mode, or the reason why a peak is not one.
 type Fitted = Result<IdentifiedMode, Rejection>;
 
-/// The modes in a record, and the peaks that are not modes.
+/// Modes in a record, and peaks that are not modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
-    /// The modes, in the order of their frequencies.
+    /// Modes in the order of their frequencies.
     pub modes: Vec<IdentifiedMode>,
-    /// The peaks, in the order of their frequencies.
+    /// Peaks that are not modes, in the order of their frequencies.
     pub rejected: Vec<RejectedPeak>,
 }
 
-/// A peak of the response over the force, or of the response, without a mode.
+/// A peak of the response, or of the response over the force, that is not a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RejectedPeak {
-    /// Its frequency, Hz.
+    /// Frequency of the peak, Hz.
     pub frequency_hz: f64,
-    /// Why it is not a mode.
+    /// Reason why it is not a mode.
     pub reason: Rejection,
 }
 
-/// Why a peak is not a mode.
+/// Reason why a peak is not a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rejection {
     /// The lines around it are described as well without a pole.
     NoPole,
-    /// The head's noise has a share of the force's power above [`MOST_NOISE_SHARE`], which would bias frequency and
-    /// damping by more than their deviations.
+    /// The head's noise has a share of the force's power above [`MOST_NOISE_SHARE`], which would bias frequency
+    /// and damping by more than their deviations.
     ForceInNoise {
-        /// The share, 0 to 1.
+        /// Share of the noise, 0 to 1.
         share: f64,
     },
 }
 
-/// Where a mode is, and the width of the band in which it was found.
+/// Line of a mode, with the width of the band in which it was found.
 struct Centre {
     line: usize,
-    /// Lines on both sides.
+    /// Number of lines on both sides.
     half: usize,
 }
 
-/// A stretch of a record, transformed without a window, in and around a band.
+/// A part of a record, transformed without a window, in and around a band.
 struct Stretch<'a> {
     record: &'a Record,
     part: FittedPart,
     samples: usize,
-    /// First and number of the lines in the band.
+    /// First line and number of lines of the band.
     band: (usize, usize),
-    /// The first line of the stretch.
+    /// Number of the first line that was computed.
     first: usize,
     channels: [Vec<Complex<f64>>; CHANNELS],
     force: Vec<Complex<f64>>,
@@ -131,7 +131,7 @@ struct Stretch<'a> {
     taper: Option<f64>,
 }
 
-/// The modes whose peaks stand out in the band.
+/// Identifies the modes whose peaks stand out in the band.
 ///
 /// # Errors
 /// [`IdentifyError`] if the band is not in the record, the force has no energy in it, or no peak stands out there.
@@ -149,7 +149,7 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
                 continue;
             }
         };
-        // Peaks of the response and of its ratio to the force may belong to one mode.
+        // A peak of the response and one of the response over the force may belong to the same mode.
         stretch.add(&mut centres, &mode, half, ONE_MODE_LINES);
     }
     stretch.add_broad(&mut centres)?;
@@ -157,6 +157,7 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
         return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
     }
     let mut found: Vec<IdentifiedMode> = Vec::new();
+    // The modes are fitted again once all are known, so that no band reaches more than half way to a neighbour.
     for Centre { line, half } in &centres {
         let others = centres.iter().map(|other| other.line).filter(|other| other != line);
         found.extend(stretch.fit(*line, *half, others.map(|other| other.abs_diff(*line)).min())?);
@@ -166,11 +167,12 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
     Ok(Identification { modes: found, rejected })
 }
 
-/// Whether the force was more than noise in the band, over the samples with a force: its mean power there is over four
-/// times that of the noise, and over a thousandth of that at all frequencies, since an end that is not soft leaks.
+/// Checks that the force was more than noise in the band, over the samples with a force: its mean power there
+/// exceeds four times that of the noise, and a thousandth of that at all frequencies, since an abrupt end
+/// leaks.
 fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
     let [start, end] = record.forced();
-    // Short pulses have few lines: at least 256 are computed.
+    // A short pulse has few lines, so at least 256 are computed.
     let period = (end - start).max(256);
     let first = libm::floor(band.from_hz * period as f64 / record.rate_hz()) as usize;
     let count = libm::ceil(band.to_hz * period as f64 / record.rate_hz()) as usize + 1 - first;
@@ -178,7 +180,7 @@ fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
     let force = transform.transform(record.force_n()[start..end].iter().map(|value| Complex::new(*value, 0.0)));
     let power = force.iter().map(Complex::norm_sqr).sum::<f64>() / count as f64;
     let noise = record.force_noise_n() * record.force_noise_n() * (end - start) as f64;
-    // By Parseval's theorem the mean power at all frequencies.
+    // The mean power at all frequencies, by Parseval's theorem.
     let total: f64 = record.force_n()[start..end].iter().map(|force| force * force).sum();
     if power > 4.0 * noise && power > 1e-3 * total {
         return Ok(());
@@ -187,10 +189,11 @@ fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
 }
 
 impl<'a> Stretch<'a> {
-    /// The ring-down, if that is most of the record, otherwise all of it.
+    /// Takes the ring-down, if that is most of the record, or else the whole record.
     fn new(record: &'a Record, band: Band) -> Result<Stretch<'a>, IdentifyError> {
         let [_, end] = record.forced();
-        // A shaker's armature continues to load the arm, by a force that the head reads.
+        // With a shaker there is no ring-down without force: the armature continues to load the arm, and the
+        // head reads that.
         let rings_down = !record.has_shaker() && 2 * end <= record.samples();
         let (part, from) = if rings_down { (FittedPart::RingDown, end) } else { (FittedPart::Forced, 0) };
         let samples = record.samples() - from;
@@ -202,7 +205,7 @@ impl<'a> Stretch<'a> {
             let least = libm::ceil(LEAST_LINES as f64 * record.rate_hz() / (band.to_hz - band.from_hz)) as usize;
             return Err(IdentifyError::TooShort { samples, least: least.max(4 * half + 1) });
         }
-        // A fit at the edge extends beyond the band, for a broad mode by half its frequency.
+        // A fit at the edge of the band extends beyond it, for a broad mode by half its frequency.
         let first = (low / 2).min(low.saturating_sub(half + 1));
         let behind = low + count;
         let end = (behind + half).max(behind + behind / 2).min(samples / 2).max(behind + 1);
@@ -224,17 +227,17 @@ impl<'a> Stretch<'a> {
         })
     }
 
-    /// Mean square of the exponential window, 1 without one.
+    /// Returns the mean square of the exponential window; 1 without one.
     fn window_power(&self) -> f64 {
         self.taper.map_or(1.0, |taper| -libm::expm1(-2.0 * taper) / (2.0 * taper))
     }
 
-    /// Hertz a line.
+    /// Returns the spacing of the lines, Hz.
     fn spacing_hz(&self) -> f64 {
         self.record.rate_hz() / self.samples as f64
     }
 
-    /// Adds a mode to the centres, unless it is within `apart` lines of one that is there.
+    /// Adds a mode to the centres, unless one is within `apart` lines already.
     fn add(&self, centres: &mut Vec<Centre>, mode: &IdentifiedMode, half: usize, apart: usize) {
         let line = libm::round(mode.pole_frequency_hz / self.spacing_hz()) as usize;
         if !centres.iter().any(|other| other.line.abs_diff(line) <= apart) {
@@ -259,7 +262,8 @@ impl<'a> Stretch<'a> {
         Ok(())
     }
 
-    /// The lines at which the response over the force stands out, then those at which the response does.
+    /// Returns the lines at which the response over the force stands out, then those at which the response
+    /// does.
     ///
     /// A mode is at a peak of the ratio. There a shaker's force drops out; the response peaks elsewhere, at the modes
     /// of arm and armature together. A free response has no force to divide by.
@@ -271,7 +275,8 @@ impl<'a> Stretch<'a> {
         if self.part == FittedPart::RingDown {
             return self.peaks_of(&response, half);
         }
-        // Noise is the lower bound of the force: that of a line is M σ², 3/2 as much under the Hann window.
+        // The power of the force is bounded from below by its noise: that of a line is M σ², 3/2 as much under
+        // the Hann window.
         let noise_n = self.record.force_noise_n();
         let least = 1.5 * self.samples as f64 * self.window_power() * (noise_n * noise_n).max(f64::MIN_POSITIVE);
         let mut force = alloc::vec![least; self.band.1];
@@ -282,8 +287,8 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Adds `weight` times the power of the band's lines under a Hann window, as a convolution: leakage falls with the
-    /// third power.
+    /// Adds `weight` times the power of the band's lines under a Hann window, applied as a convolution: leakage
+    /// falls with the third power of the distance.
     fn add_power(&self, power: &mut [f64], lines: &[Complex<f64>], weight: f64) {
         let first = self.band.0;
         for (power, near) in power.iter_mut().zip(lines[first - 1 - self.first..].windows(3)) {
@@ -291,7 +296,8 @@ impl<'a> Stretch<'a> {
         }
     }
 
-    /// The lines of the band at which a power stands out from the `half` lines on both sides, the highest first.
+    /// Returns the lines of the band at which a power stands out from the `half` lines on both sides, the
+    /// highest first.
     fn peaks_of(&self, power: &[f64], half: usize) -> Vec<usize> {
         let (first, count) = self.band;
         let mut open = alloc::vec![true; count];
@@ -303,7 +309,7 @@ impl<'a> Stretch<'a> {
             let mut around: Vec<f64> = (low..high).filter(|k| k.abs_diff(peak) > 4).map(|k| power[k]).collect();
             around.sort_by(f64::total_cmp);
             let median = around.get(around.len() / 2).copied().unwrap_or(f64::INFINITY);
-            // The edge of the part already examined shows only the skirt of another peak.
+            // At the edge of a part that was already examined there is only the skirt of another peak.
             let is_top = (peak == 0 || open[peak - 1]) && (peak + 1 == count || open[peak + 1]);
             if is_top && power[peak] > STANDS_OUT * median {
                 peaks.push(first + peak);
@@ -313,13 +319,13 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Fits the mode at a line to `half` lines on both sides, if there is one; the nearest other mode is the given
-    /// number of lines away.
+    /// Fits the mode at a line to `half` lines on both sides, if there is one; `neighbour` is the distance to
+    /// the nearest other mode, lines.
     fn fit(&self, centre: usize, half: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
         let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
         let mut half = half.min(room);
         let mut fitted = self.fit_within(centre, half)?;
-        // A mode that is broad against the band has a wider one.
+        // A mode that is broad relative to the band is fitted in a wider one.
         if let Ok(mode) = &fitted {
             let bandwidth = mode.pole_damping_ratio * mode.pole_frequency_hz / self.spacing_hz();
             let wide = libm::ceil(6.0 * bandwidth).min(0.5 * centre as f64) as usize;
@@ -383,7 +389,8 @@ impl<'a> Stretch<'a> {
 }
 
 impl Stretch<'_> {
-    /// The shape of modal mass 1 kg. `reading` are the weights with which the channels are combined to the response.
+    /// Returns the shape of modal mass 1 kg. `reading` are the weights that combine the channels to the
+    /// response.
     ///
     /// The shape φ = c s, driven along e, has the accelerance z² φ φₑ/((z − λ)(z − λ*)) at z = iω, whose residue at λ
     /// is λ² φ φₑ/(λ − λ*). So the response Σ wᵢ aᵢ with the residue r has c² = Re(r (λ − λ*)/λ²)/(Σ wᵢ sᵢ · sₑ).
@@ -403,14 +410,14 @@ impl Stretch<'_> {
     }
 }
 
-/// Half the width of a fit's band, lines.
+/// Returns half the width of a fit's band, lines.
 fn half_width(spacing_hz: f64) -> usize {
     libm::ceil((HALF_WIDTH_HZ / spacing_hz).max(HALF_WIDTH_LINES)) as usize
 }
 
-/// The real unit vector v for which vᵀy, y the channels in units of their noise, has most power over the lines: near a
-/// mode, its shape, which combines all channels, while the noise of vᵀy stays 1. It is the eigenvector of Re Σ y y* of
-/// the largest eigenvalue.
+/// Returns the real unit vector v for which vᵀy, with y the channels in units of their noise, has most power
+/// over the lines. Near a mode it is the mode's shape, which combines all channels, while the noise of vᵀy
+/// stays 1. It is the eigenvector of Re Σ y y* with the largest eigenvalue.
 fn strongest(channels: &[&[Complex<f64>]; CHANNELS], noise: &[f64; CHANNELS]) -> [f64; CHANNELS] {
     let power = SMatrix::<f64, CHANNELS, CHANNELS>::from_fn(|i, j| {
         let products = channels[i].iter().zip(channels[j]).map(|(a, b)| (a * b.conj()).re);

@@ -5,60 +5,61 @@ use alloc::vec::Vec;
 use super::IdentifyError;
 use crate::rig::RigSpec;
 
-/// The accelerations: B along x and y, C along x and y.
+/// Number of acceleration channels: B along x and y, C along x and y.
 pub const CHANNELS: usize = 4;
 
-/// Least samples of a record: with fewer no band has enough lines.
+/// Least number of samples of a record; with fewer no band has enough lines.
 const LEAST_SAMPLES: usize = 256;
 /// The end of a record is 1/`END_PART` of it.
 const END_PART: usize = 20;
-/// A record decays if the root mean square of its end is below this fraction of that of the whole.
+/// Ratio of the root mean squares of the end and the whole below which a record has died out.
 const DECAYED: f64 = 0.1;
-/// Above this many standard deviations a reading of the head is a force, not noise.
+/// Number of standard deviations above which a reading of the head is a force and not noise.
 const CLEAR: f64 = 6.0;
 
-/// The direction along which the force is the input.
+/// Direction of the force that is taken as the input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// The one with the largest readings of the head: that of the exciter.
+    /// The direction with the largest readings of the head, which is that of the exciter.
     #[default]
     Principal,
-    /// Along x.
+    /// The x axis of the base frame.
     X,
-    /// Along y.
+    /// The y axis of the base frame.
     Y,
 }
 
 /// A band of frequencies, Hz.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
-    /// Lowest, positive.
+    /// Lowest frequency of the band, positive.
     pub from_hz: f64,
-    /// Highest, above the lowest and below half the sample rate.
+    /// Highest frequency, above the lowest and below half the sample rate.
     pub to_hz: f64,
 }
 
-/// Readings at equal intervals, and the known noise of the instruments.
+/// Readings at equal intervals, with the known noise of the instruments.
 ///
-/// Force and accelerations of a sample have gone through the same converter ([`crate::rig::Converter`]): their ratio is
-/// the arm's response, but for components that the converter folds from above half the sample rate.
+/// Force and accelerations of a sample have passed the same kind of converter ([`crate::rig::Converter`]).
+/// Their ratio is the arm's response, apart from components that the converter aliases from above half the
+/// sample rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     rate_hz: f64,
     force_n: Vec<f64>,
-    /// The unit vector along which the force is taken.
+    /// Unit vector along which the force is taken.
     direction: [f64; 2],
     acceleration_m_s2: [Vec<f64>; CHANNELS],
     force_noise_n: f64,
     acceleration_noise_m_s2: [f64; CHANNELS],
-    /// First sample with a force, and the first after the last.
+    /// First sample with a force, and the first after the last one.
     forced: [usize; 2],
     has_shaker: bool,
 }
 
 impl Record {
-    /// A record of `rate_hz` samples a second by the instruments of `rig`: each sample the force in the head along x
-    /// and y, N, and the accelerations of B and C along x and y, m/s².
+    /// Returns a record at `rate_hz` samples per second by the instruments of `rig`. Each sample has the force
+    /// in the head along x and y, N, and the accelerations of B and C along x and y, m/s².
     ///
     /// # Errors
     /// [`IdentifyError::TooShort`], and [`IdentifyError::NoForce`] if the head reads no force along `direction`.
@@ -86,6 +87,7 @@ impl Record {
             (Some(first), Some(last)) => [first, last + 1],
             _ => return Err(IdentifyError::NoForce { noise_n: force_noise_n }),
         };
+        // Ideal instruments have no noise, and weights of 1/0. Rounding of the values takes its place.
         let floor = |(index, channel): (usize, &Vec<f64>)| [b, b, c, c][index].max(1e-9 * rms(channel)).max(1e-12);
         let mut acceleration_noise_m_s2 = [0.0; CHANNELS];
         for (noise, found) in acceleration_noise_m_s2.iter_mut().zip(acceleration_m_s2.iter().enumerate().map(floor)) {
@@ -103,54 +105,56 @@ impl Record {
         })
     }
 
-    /// Samples a second, Hz.
+    /// Returns the sample rate, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    /// The number of samples.
+    /// Returns the number of samples.
     pub fn samples(&self) -> usize {
         self.force_n.len()
     }
 
-    /// The direction of the force that is the input, as a unit vector.
+    /// Returns the direction of the input force, as a unit vector.
     pub fn direction(&self) -> [f64; 2] {
         self.direction
     }
 
-    /// The force along the direction, N.
+    /// Returns the force along that direction, N.
     pub(super) fn force_n(&self) -> &[f64] {
         &self.force_n
     }
 
-    /// The accelerations, m/s².
+    /// Returns the accelerations of all channels, m/s².
     pub(super) fn accelerations(&self) -> &[Vec<f64>; CHANNELS] {
         &self.acceleration_m_s2
     }
 
-    /// Standard deviation of the force's noise, N.
+    /// Returns the standard deviation of the force's noise, N.
     pub(super) fn force_noise_n(&self) -> f64 {
         self.force_noise_n
     }
 
-    /// Standard deviations of the accelerations' noise, m/s²; for ideal instruments, the rounding error.
+    /// Returns the standard deviations of the accelerations' noise, m/s²; for ideal instruments, the rounding
+    /// error.
     pub(super) fn acceleration_noise_m_s2(&self) -> &[f64; CHANNELS] {
         &self.acceleration_noise_m_s2
     }
 
-    /// First sample with a force, and the first after the last.
+    /// Returns the first sample with a force, and the first after the last one.
     pub(super) fn forced(&self) -> [usize; 2] {
         self.forced
     }
 
-    /// Whether a shaker is bolted to the arm, so that the head reads a force while the arm moves.
+    /// Returns whether a shaker is attached to the arm, so that the head reads a force while the arm moves.
     pub(super) fn has_shaker(&self) -> bool {
         self.has_shaker
     }
 
-    /// Whether it begins at rest and dies out, as after an impact on an arm that a shaker brakes: up to the first
-    /// force, and at least in the first sample, no reading is beyond six standard deviations of its noise, and the root
-    /// mean square of the last twentieth is less than a tenth of that of the whole, or noise.
+    /// Returns whether the record begins at rest and dies out, as after an impact on an arm that a shaker
+    /// brakes: up to the first force, and at least in the first sample, no reading exceeds six standard
+    /// deviations of its noise, and the root mean square of the last twentieth is less than a tenth of that of
+    /// the whole, or noise.
     pub(super) fn dies_out(&self) -> bool {
         let length = self.samples() / END_PART;
         let mean_square = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
@@ -176,8 +180,8 @@ fn rms(values: &[f64]) -> f64 {
     libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64)
 }
 
-/// The direction as a unit vector; the principal one is the eigenvector of Σ f fᵀ of the larger eigenvalue, at the
-/// angle ½ atan2(2 Σ xy, Σ x² − Σ y²), with its larger component positive.
+/// Returns the direction as a unit vector. The principal one is the eigenvector of Σ f fᵀ with the larger
+/// eigenvalue, at the angle ½ atan2(2 Σ xy, Σ x² − Σ y²), with its larger component positive.
 fn unit(head_n: &[[f64; 2]], direction: Direction) -> [f64; 2] {
     match direction {
         Direction::X => [1.0, 0.0],

@@ -1,4 +1,4 @@
-//! A controller carried by the exciter's node: it answers the samples that the node receives.
+//! A controller inside the exciter's node, which answers the samples that the node receives.
 
 use alloc::boxed::Box;
 
@@ -10,13 +10,13 @@ use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoin
 use crate::rig::Load;
 use crate::rig::Measurement;
 
-/// Most responses waiting to be fetched.
+/// Largest number of responses that wait to be fetched.
 const RESPONSES: usize = 16;
-/// Most answers waiting to be fetched: those to two samples in a frame.
+/// Largest number of answers that wait to be fetched: those to two samples in one frame.
 const ANSWERS: usize = 2;
 
-/// Time between two attempts to arm or disarm the plant on a user's protocol, ns. In lockstep longer than a busy machine
-/// stops a process: a second command would count as the answer to the first sample.
+/// Time between two attempts to arm or disarm the plant on a user protocol, ns. In lockstep it is longer than a
+/// busy machine may stop a process: a second command would count as the answer to the first sample.
 pub(super) const fn retry_ns(time_base: TimeBase) -> u64 {
     match time_base {
         TimeBase::Clock => 100_000_000,
@@ -24,19 +24,19 @@ pub(super) const fn retry_ns(time_base: TimeBase) -> u64 {
     }
 }
 
-/// The exciter controller as a node: that of the protocol, with a [`Controller`].
+/// The exciter's node of Resonarm's protocol, with a [`Controller`].
 pub type ExciterNode = node::ExciterNode<Carried>;
 
-/// How a controller's work ended.
+/// How the work of a controller ended.
 pub type ExciterOutcome = node::ExciterOutcome<Abort>;
 
-/// A controller in the exciter's node, and the responses it has read.
+/// A controller inside the exciter's node, with the responses that it has read.
 #[derive(Debug)]
 pub struct Carried {
     controller: Box<dyn Controller>,
     responses: Queue<ResponsePoint, RESPONSES>,
     answers: Queue<(Measurement, Load), ANSWERS>,
-    /// The sample that was answered last by a load, and that load.
+    /// Sample that was last answered by a load, and that load.
     last_answer: Option<(u64, Load)>,
 }
 
@@ -45,18 +45,19 @@ impl Carried {
         Carried { controller, responses: Queue::new(), answers: Queue::new(), last_answer: None }
     }
 
-    /// The next response read.
+    /// Returns the next response that has been read.
     pub fn poll_response(&mut self) -> Option<ResponsePoint> {
         self.responses.pop()
     }
 
-    /// The next sample that was answered, and the load that answers it; answers not fetched in time are dropped.
+    /// Returns the next answered sample with the load that answers it. Answers that are not fetched in time are
+    /// dropped.
     pub fn poll_answer(&mut self) -> Option<(Measurement, Load)> {
         self.answers.pop()
     }
 
-    /// The sample that the controller answered last by a load, counted from arming, and that load. The node may have found
-    /// that it can't command it.
+    /// Returns the sample that was last answered by a load, counted from arming, and that load. The node may
+    /// have found that it can't command the load.
     pub fn last_answer(&self) -> Option<(u64, Load)> {
         self.last_answer
     }
@@ -66,24 +67,24 @@ impl Carried {
         self.controller.steer(set_point)
     }
 
-    /// The set-point that the controller approaches or holds; `None` if it accepts none.
+    /// Returns the set-point that the controller approaches or holds; `None` if it accepts none.
     pub fn set_point(&self) -> Option<SetPoint> {
         self.controller.set_point()
     }
 }
 
 impl Carried {
-    /// The readings that the controller can't do without.
+    /// Returns the readings that the controller needs.
     pub(super) fn needs(&self) -> [bool; Measurement::CHANNELS] {
         self.controller.needs()
     }
 
-    /// Starts over, at sample 0.
+    /// Restarts the work at sample 0.
     pub(super) fn restart(&mut self) {
         self.controller.restart();
     }
 
-    /// Lets the controller answer a sample, and keeps what it has read.
+    /// Lets the controller answer a sample, and queues what it has read.
     pub(super) fn answer_sample(&mut self, measurement: &Measurement) -> Answer {
         let answer = self.controller.answer(measurement);
         if let Answer::Hold(load) = answer {
@@ -119,13 +120,14 @@ impl Answering for Carried {
     }
 }
 
-/// A node that lets `controller` answer a plant with `rate_hz` samples a second.
+/// Returns a node that lets `controller` answer a plant with `rate_hz` samples per second.
 pub fn carry(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
     let capabilities = capabilities(controller.load_kind());
     ExciterNode::new(network, rate_hz, timing, capabilities, Carried::new(controller))
 }
 
-/// The exciter's command, within the range of the wire, of one kind.
+/// Returns the capabilities of the exciter's node: commands of one kind, limited by the range of the protocol
+/// only.
 fn capabilities(kind: LoadKind) -> Capabilities {
     let (force_limit_n, torque_limit_nm) = match kind {
         LoadKind::Force => (f32::MAX.into(), 0.0),

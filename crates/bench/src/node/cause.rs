@@ -1,4 +1,4 @@
-//! Why a plant faulted, beyond the code of its fault: what its controller did, with counts and the first frame.
+//! Causes of a plant's fault beyond its code: what the controller did, with counts and the first frame.
 
 use alloc::sync::Arc;
 use core::fmt;
@@ -6,82 +6,83 @@ use core::fmt;
 use super::FrameCheck;
 use resonarm_protocol::{DecodeError, Frame};
 
-/// Why a plant faulted, beyond the code.
+/// Cause of a plant's fault, beyond the code.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FaultCause {
-    /// A message asked it to stop.
+    /// A message requested a stop.
     Stop(StopRequest),
-    /// No command was taken in time, though something came.
+    /// No command was accepted in time, although something was received.
     Unheeded(Unheeded),
 }
 
-/// The message that asked a plant to stop.
+/// Message that requested a stop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StopRequest {
     /// Name of the message.
     pub message: Arc<str>,
-    /// The signal that asked, with its value; `None`: every frame of the message asks.
+    /// Signal that requested it, with its value; `None` if every frame of the message requests it.
     pub signal: Option<(Arc<str>, f64)>,
 }
 
-/// What came and was not used since a plant was armed, or all of its drives took a command.
+/// Frames and commands that were received and not used since the plant was armed or all of its drives accepted
+/// a command.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unheeded {
-    /// Frames that were refused for their checks.
+    /// Number of frames that failed a check.
     pub frames: u64,
-    /// The first of them.
+    /// First frame that failed a check.
     pub first: Option<RefusedFrame>,
-    /// Commands that came before a condition of the mapping was met.
+    /// Number of commands that came before a condition of the mapping was met.
     pub early: u64,
-    /// The message that has to meet it.
+    /// Message that has to meet the condition.
     pub condition: Option<Arc<str>>,
 }
 
-/// A frame that was refused.
+/// A frame that was rejected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefusedFrame {
-    /// The frame as it was received.
+    /// Frame as it was received.
     pub frame: Frame,
-    /// The check that it failed.
+    /// Check that the frame failed.
     pub why: RefusedFor,
 }
 
-/// Why a frame was refused.
+/// Check that a frame failed.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RefusedFor {
     /// A check of Resonarm's protocol.
     Protocol(DecodeError),
-    /// A check of a user's message.
+    /// A check of a user protocol's message.
     Message {
-        /// The name of the message.
+        /// Name of the message.
         name: Arc<str>,
-        /// The check.
+        /// Check that the frame failed.
         check: FrameCheck,
     },
-    /// A PDO that is shorter than its mapping.
+    /// A PDO was shorter than its mapping.
     ShortPdo {
-        /// The number of the PDO, from 1.
+        /// Number of the PDO, from 1.
         number: u16,
-        /// The bytes of its mapping.
+        /// Length of its mapping, bytes.
         mapped: usize,
     },
-    /// A check of another frame of CANopen.
+    /// A check of another CANopen frame.
     CanOpen(FrameCheck),
 }
 
 impl Unheeded {
-    /// Whether nothing came that was not used.
+    /// Returns whether everything that was received was used.
     pub const fn is_empty(&self) -> bool {
         self.frames == 0 && self.early == 0
     }
 
-    /// Notes a frame that was refused.
+    /// Notes a frame that was rejected.
     pub(super) fn refuse(&mut self, frame: &Frame, why: RefusedFor) {
         self.frames += 1;
         self.first.get_or_insert(RefusedFrame { frame: *frame, why });
     }
 
-    /// Notes a command that came before the message `condition` had a value that is required.
+    /// Notes a command that came before the message `condition` had a required value.
     pub(super) fn command_early(&mut self, condition: &Arc<str>) {
         self.early += 1;
         self.condition.get_or_insert_with(|| condition.clone());

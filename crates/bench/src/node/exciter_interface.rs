@@ -1,4 +1,4 @@
-//! The exciter's node as a run loop knows it, whatever protocol it speaks on the wire.
+//! The exciter's node as a run loop uses it, whatever its protocol is.
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -9,88 +9,89 @@ use resonarm_protocol::{Emergency, Frame, NodeState};
 use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark};
 use crate::rig::Load;
 
-/// The exciter's node with its controller: frames and the time go in, frames and events come out. Nothing allocates
-/// after construction.
+/// The exciter's node with its controller: frames and time go in, frames and events come out. It allocates
+/// nothing after construction.
 pub trait ExciterInterface: fmt::Debug + Send {
-    /// State, fault, counts and events of the node.
+    /// Returns state, fault, counts and events of the node.
     fn core(&self) -> &NodeCore;
 
-    /// The same, to change it.
+    /// Returns the core for changes.
     fn core_mut(&mut self) -> &mut NodeCore;
 
-    /// The controller, the phase of its work and the samples answered.
+    /// Returns the controller, the phase of its work and the answered samples.
     fn work(&self) -> &Work<Carried>;
 
-    /// The same, to change it.
+    /// Returns the work for changes.
     fn work_mut(&mut self) -> &mut Work<Carried>;
 
-    /// How many frames wait to be sent.
+    /// Returns the number of frames that wait to be sent.
     fn waiting(&self) -> usize;
 
-    /// Boots the node.
+    /// Boots the node at the time `now_ns`.
     fn start(&mut self, now_ns: u64);
 
-    /// The node's state: operational while its controller answers samples.
+    /// Returns the node's state; it is operational while its controller answers samples.
     fn state(&self) -> NodeState {
         self.core().state()
     }
 
-    /// How the work ended, once it has.
+    /// Returns how the work has ended; `None` while it goes on.
     fn outcome(&self) -> Option<ExciterOutcome> {
         self.work().outcome()
     }
 
-    /// Whether a plant has been heard.
+    /// Returns whether a plant has been heard.
     fn has_heard_plant(&self) -> bool {
         self.work().has_heard
     }
 
-    /// Samples answered so far, including lost ones.
+    /// Returns the number of samples answered so far, including lost ones.
     fn samples_played(&self) -> u64 {
         self.work().samples_played()
     }
 
-    /// Samples of the plant that were never complete.
+    /// Returns the number of the plant's samples that were never complete.
     fn missed_samples(&self) -> u64 {
         self.work().missed_samples()
     }
 
-    /// Sample periods by which the plant said its schedule has moved; 0 if the protocol has no word for it.
+    /// Returns the sample periods by which the plant's schedule has moved, as reported; 0 if the protocol can't
+    /// report it.
     fn slipped_periods(&self) -> u64 {
         0
     }
 
-    /// The plant's fault that is the reason of this node's, where the protocol tells it apart.
+    /// Returns the plant's fault that caused this node's fault, if the protocol distinguishes it.
     fn plant_fault(&self) -> Option<Emergency> {
         None
     }
 
-    /// Whether this node has faulted for lack of samples, and the plant may still say why.
+    /// Returns whether this node has faulted for lack of samples, and the plant may still report the reason.
     fn awaits_reason(&self) -> bool {
         false
     }
 
-    /// Whether the work is done, and all frames are sent.
+    /// Returns whether the work has ended and all frames have been sent.
     fn is_quiet(&self) -> bool {
         self.outcome().is_some() && self.waiting() == 0
     }
 
-    /// What was counted of frames.
+    /// Returns the counts of frames.
     fn frames(&self) -> FrameCounts {
         self.core().counts
     }
 
-    /// The controller, with what it has read.
+    /// Returns the controller with what it has read.
     fn carried(&self) -> &Carried {
         &self.work().controller
     }
 
-    /// The controller, to steer it and to fetch what it has read.
+    /// Returns the controller, to steer it and to fetch what it has read.
     fn carried_mut(&mut self) -> &mut Carried {
         &mut self.work_mut().controller
     }
 
-    /// Refuses a load that the wire can't command; of Resonarm's protocol the encoder does.
+    /// Checks that the protocol can command a load. With Resonarm's protocol the encoder checks that.
     ///
     /// # Errors
     /// [`ExciterLack`] names the part that can't be.
@@ -98,7 +99,7 @@ pub trait ExciterInterface: fmt::Debug + Send {
         Ok(())
     }
 
-    /// What the exciter can't know on this wire.
+    /// Returns what the exciter can't know with this protocol.
     fn remarks(&self) -> Vec<ExciterRemark> {
         Vec::new()
     }
@@ -106,36 +107,37 @@ pub trait ExciterInterface: fmt::Debug + Send {
     /// Handles a frame from the bus; frames of other nodes are ignored.
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame);
 
-    /// Does what is due.
+    /// Does everything that is due at `now_ns`.
     fn handle_deadline(&mut self, now_ns: u64);
 
-    /// When [`ExciterInterface::handle_deadline`] is to be called next, at the latest, ns.
+    /// Returns the latest time at which [`ExciterInterface::handle_deadline`] must be called next, ns.
     fn next_deadline_ns(&self) -> u64;
 
-    /// Starts over after a fault; `false` if no fault ended the work, or the node leaves.
+    /// Starts over after a fault. Returns `false` if no fault ended the work, or the node is leaving.
     fn rearm(&mut self, now_ns: u64) -> bool;
 
-    /// Leaves the bus in good order: disarms the plant. It has left when [`ExciterInterface::is_quiet`].
+    /// Leaves the bus in good order by disarming the plant. The node has left when
+    /// [`ExciterInterface::is_quiet`].
     fn leave(&mut self, now_ns: u64);
 
-    /// The bus is off: a playing controller faults.
+    /// Handles the loss of the bus: a playing controller faults.
     fn bus_lost(&mut self, now_ns: u64);
 
-    /// Says before the start that the plant is on a bus in lockstep, where it sends readings before it is armed: these
-    /// answer no command, and must not be taken for its first sample.
+    /// States before the start that the plant is on a bus in lockstep, where it sends readings before it is
+    /// armed. These answer no command and must not be taken for its first sample.
     fn expect_unarmed_readings(&mut self) {}
 
-    /// The plant has ended for good, by what the process knows that runs both; of protocols that say so themselves
-    /// nothing follows.
+    /// States that the plant has ended for good, as the process knows that runs both. Nothing follows with
+    /// protocols that report it themselves.
     fn plant_ended(&mut self, _now_ns: u64) {}
 
-    /// The next frame to send. It may change with any other call.
+    /// Returns the next frame to send. It may change with any other call.
     fn next_frame(&mut self) -> Option<Frame>;
 
-    /// The bus has taken the frame from [`ExciterInterface::next_frame`].
+    /// Notes that the bus has taken the frame from [`ExciterInterface::next_frame`].
     fn frame_sent(&mut self);
 
-    /// The next event.
+    /// Returns the next event, if there is one.
     fn poll_event(&mut self) -> Option<NodeEvent> {
         self.core_mut().poll()
     }

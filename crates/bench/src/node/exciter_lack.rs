@@ -1,4 +1,4 @@
-//! What a user's protocol lacks for a controller of ours, and what that costs.
+//! What a user protocol lacks for Resonarm's controllers, and the consequence.
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -8,30 +8,30 @@ use thiserror::Error;
 use crate::structure::{ChannelName, OUTPUTS};
 use resonarm_protocol::Id;
 
-/// Why no exciter of ours can drive a plant by a protocol.
+/// Reason why no exciter of Resonarm can drive a plant by a protocol.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ExciterLack {
-    /// Only an operator arms the plant.
+    /// Only an operator can arm the plant.
     #[error(
         "[wire] `arm = \"operator\"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or \
          `arm = \"zero-command\"`"
     )]
     Operator,
-    /// Nothing arms a drive.
+    /// No event arms a drive.
     #[error(
         "[wire] has no event that arms drive {drive}, which takes commands: give one with `arm` and `drive = {drive}`"
     )]
     Arming {
-        /// The drive.
+        /// Index of the drive, from 0.
         drive: usize,
     },
-    /// Nothing disarms a drive.
+    /// No event disarms a drive.
     #[error(
         "[wire] has no event that disarms drive {drive}: the emulated exciter could end only by silence, a fault; give one with \
          `disarm` and `drive = {drive}`"
     )]
     Disarming {
-        /// The drive.
+        /// Index of the drive, from 0.
         drive: usize,
     },
     /// No readings come by themselves.
@@ -40,29 +40,29 @@ pub enum ExciterLack {
          [[wire.readings]] with `every`, `period_s` or `on = \"sync\"`"
     )]
     NoSamples,
-    /// A loop is closed on readings that the wire does not carry with each sample.
+    /// The controller needs readings that the protocol does not carry with every sample.
     #[error(
         "the control is closed on {}, and no message of every sample says {}: give a [[wire.readings]] with `every = 1` and \
          that `quantity`",
         Names(needed), if needed.len() == 1 { "it" } else { "them" }
     )]
     Readings {
-        /// Their places in [`OUTPUTS`].
+        /// Indices of the readings in [`OUTPUTS`].
         needed: Vec<usize>,
     },
-    /// A loop is closed on readings, which drives do not have.
+    /// The controller needs readings, which CANopen drives do not have.
     #[error(
         "the control is closed on {}, and CANopen drives say angles and torques alone: give an [excitation]",
         Names(needed)
     )]
     Drives {
-        /// Their places in [`OUTPUTS`].
+        /// Indices of the readings in [`OUTPUTS`].
         needed: Vec<usize>,
     },
     /// The load has a part that no drive exerts.
     #[error("the exciter's load has {part}, and no drive of wire.drives exerts so much of it: change the excitation")]
     Torque {
-        /// What can't be commanded, with its unit.
+        /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
     /// The load has a part that no signal commands.
@@ -71,48 +71,48 @@ pub enum ExciterLack {
          excitation"
     )]
     Load {
-        /// What can't be commanded, with its unit.
+        /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
-    /// Signals that have to be in one payload are multiplexed apart.
+    /// Signals that must be in one payload are multiplexed apart.
     #[error("message 0x{:X}: its loads are multiplexed apart, and no payload has all of them: map them in one", id.raw())]
     Multiplexed {
-        /// The message.
+        /// Identifier of the message.
         id: Id,
     },
-    /// A value of an event that its signal can't have.
+    /// The signal of an event can't represent one of its values.
     #[error(
         "message 0x{:X}: a signal in [[wire.events]] can't have {value}, one of its values: give one that it \
          has, or widen it",
         id.raw()
     )]
     Value {
-        /// The message.
+        /// Identifier of the message.
         id: Id,
-        /// The value.
+        /// Value that can't be represented.
         value: f64,
     },
-    /// A signal that always asks for something.
+    /// Every value of an event's signal requests something, so there is none to rest on.
     #[error("message 0x{:X}: every value of a signal in [[wire.events]] asks for something: leave at least one value out of `arm`, `disarm` and `reset`", id.raw())]
     Rest {
-        /// The message.
+        /// Identifier of the message.
         id: Id,
     },
 }
 
-/// What an exciter can't know on a wire.
+/// What an exciter can't know with a protocol.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ExciterRemark {
-    /// Readings that it does not get.
+    /// Readings that it does not receive.
     #[error("no message with every answered sample says {}: what the exciter reads of it is no number", Names(unread))]
     Unread {
-        /// Their places in [`OUTPUTS`].
+        /// Indices of the readings in [`OUTPUTS`].
         unread: Vec<usize>,
     },
-    /// Samples that it does not get.
+    /// Samples that it does not receive.
     #[error("readings come every {every} samples: so often the exciter answers")]
     Sparse {
-        /// Every how many.
+        /// Number of samples from one reading to the next.
         every: u64,
     },
     /// The plant's state is not sent.
@@ -120,12 +120,12 @@ pub enum ExciterRemark {
         "no reading says the plant's `state`: it counts as armed once it was asked, and a fault of it shows as silence"
     )]
     State,
-    /// Neither an index nor a counter.
+    /// Readings have neither an index nor a counter.
     #[error("readings have neither `sample` nor a counter: samples that were lost are not noticed")]
     Index,
 }
 
-/// The names of outputs, by their places.
+/// Names of outputs by their indices, for messages.
 struct Names<'a>(&'a [usize]);
 
 impl fmt::Display for Names<'_> {

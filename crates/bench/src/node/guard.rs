@@ -1,5 +1,5 @@
-//! What a command passes on its way to the structure, whatever wire it came over: the gate with its limits, the hold,
-//! and the time for which it is valid. The guard arms, disarms and faults the node's core, so that the load follows.
+//! The path of a command to the structure, whatever the protocol: the gate with its limits, the hold, and the
+//! time for which it is valid. The guard arms, disarms and faults the node's core, and the load follows.
 
 use alloc::sync::Arc;
 
@@ -22,21 +22,21 @@ pub struct Guard {
     timeout_ns: u64,
     gate: CommandGate,
     hold: Hold,
-    /// The sample measured last.
+    /// Index of the last measured sample.
     sample: u64,
-    /// The travel at that sample, m.
+    /// Travel of the driven point at that sample, m.
     travel_m: f64,
-    /// When the last command was taken, or the plant was armed, in listening time.
+    /// Time of the last accepted command, or of arming, ns of time listened.
     taken_ns: u64,
     refused_since_taken: u64,
     refusals: Refusals,
     unheeded: Unheeded,
-    /// Why the node faulted last, beyond the code.
+    /// Cause of the node's last fault, beyond the code.
     cause: Option<FaultCause>,
 }
 
 impl Guard {
-    /// A guard with the limits of an exciter and of its gate, for `rate_hz` samples a second.
+    /// Returns a guard with the limits of an exciter and of its gate, for `rate_hz` samples per second.
     pub fn new(rate_hz: u16, timing: &Timing, exciter: Exciter, limits: GateSpec) -> Guard {
         Guard {
             exciter,
@@ -44,6 +44,8 @@ impl Guard {
             rate_hz,
             timeout_ns: timing.command_timeout_ns,
             gate: CommandGate::new(timing.command_age_ns, rate_hz),
+            // The ramp is stated in time and counted in samples, rounded up, so that it is never shorter than
+            // stated.
             hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
             sample: 0,
             travel_m: 0.0,
@@ -55,22 +57,22 @@ impl Guard {
         }
     }
 
-    /// Sets the limits beyond the exciter's.
+    /// Sets the limits beyond those of the exciter.
     pub fn set_limits(&mut self, limits: GateSpec) {
         self.limits = limits;
     }
 
-    /// A sample has been measured, at this distance of the driven point from rest, m.
+    /// Notes a measured sample with the distance of the driven point from rest, m.
     pub fn measured(&mut self, sample: u64, travel_m: f64) {
         (self.sample, self.travel_m) = (sample, travel_m);
     }
 
-    /// The sample measured last.
+    /// Returns the last measured sample.
     pub fn sample(&self) -> u64 {
         self.sample
     }
 
-    /// Arms the plant: no sample has been answered since.
+    /// Arms the plant; no sample counts as answered.
     pub fn arm(&mut self, core: &mut NodeCore) {
         self.gate.arm();
         self.heeded();
@@ -79,15 +81,15 @@ impl Guard {
         core.turn(StateEvent::Arm);
     }
 
-    /// Disarms an armed plant: a load that acts ramps to zero.
+    /// Disarms an armed plant; an acting load ramps to zero.
     pub fn disarm(&mut self, core: &mut NodeCore) {
         if core.turn(StateEvent::Disarm) {
             self.hold.release();
         }
     }
 
-    /// Faults: a load that acts ramps to zero, or is dropped at once in a fault after which the exciter acts no more.
-    /// Returns the emergency, or `None` if a fault is latched already.
+    /// Enters a fault. An acting load ramps to zero, or is dropped at once in a fault that leaves the exciter
+    /// without effect. Returns the emergency, or `None` if a fault is latched already.
     pub fn fault(&mut self, core: &mut NodeCore, code: EmergencyCode, detail: u16) -> Option<Emergency> {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         match code {
@@ -98,28 +100,30 @@ impl Guard {
         if !core.fail(emergency) {
             return None;
         }
+        // Rejected frames explain a command timeout, and no other fault.
         let is_unheeded = code == EmergencyCode::CommandTimeout && !self.unheeded.is_empty();
         self.cause = is_unheeded.then(|| FaultCause::Unheeded(self.unheeded.clone()));
         Some(emergency)
     }
 
-    /// An emergency of the plant, at the sample measured last.
+    /// Returns an emergency of the plant at the last measured sample.
     pub fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
         Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
     }
 
-    /// States why the plant has faulted, beyond the code.
+    /// States the cause of the plant's fault, beyond the code.
     pub fn set_cause(&mut self, cause: FaultCause) {
         self.cause = Some(cause);
     }
 
-    /// Why the plant faulted last, beyond the code.
+    /// Returns the cause of the plant's last fault, beyond the code.
     pub fn cause(&self) -> Option<&FaultCause> {
         self.cause.as_ref()
     }
 
-    /// Holds the load of a command that answers the sample of index `index`, if `state` and all limits allow. The state
-    /// is the core's, or another if the drives that the command is for are not ready.
+    /// Accepts a command that answers the sample of index `index` and holds its load, if `state` and all limits
+    /// allow. The state is that of the core, or another one if the drives that the command is for are not
+    /// ready.
     ///
     /// # Errors
     /// Why not; it is counted and noted.
@@ -141,59 +145,60 @@ impl Guard {
         }
     }
 
-    /// All that was commanded is taken: what came before and was not used is no cause of anything that follows.
+    /// Notes that everything commanded is accepted: what came before and was not used causes nothing that
+    /// follows.
     pub fn heeded(&mut self) {
         self.unheeded = Unheeded::default();
     }
 
-    /// Notes a frame that was refused.
+    /// Notes a rejected frame.
     pub fn refuse_frame(&mut self, frame: &Frame, why: RefusedFor) {
         self.unheeded.refuse(frame, why);
     }
 
-    /// Notes a command that came before the message `condition` had a value that is required.
+    /// Notes a command that came before the message `condition` had a required value.
     pub fn command_early(&mut self, condition: &Arc<str>) {
         self.unheeded.command_early(condition);
     }
 
-    /// Counts and notes a command that was refused.
+    /// Counts and notes a rejected command.
     pub fn refuse(&mut self, core: &mut NodeCore, refusal: Refusal) {
         self.refused_since_taken += 1;
         self.refusals.add(refusal);
         core.note(NodeEvent::Refused(refusal));
     }
 
-    /// Whether commands have been refused since the last one that was taken.
+    /// Returns whether commands have been rejected since the last accepted one.
     pub fn has_refused(&self) -> bool {
         self.refused_since_taken > 0
     }
 
-    /// Whether the sample measured last has its answer.
+    /// Returns whether the last measured sample has its answer.
     pub fn is_answered(&self) -> bool {
         self.gate.answered() == Some(self.sample)
     }
 
-    /// Whether an armed plant has listened for longer than the timeout since the last command that was taken.
+    /// Returns whether the plant has listened for longer than the timeout since the last accepted command.
     pub fn is_timed_out(&self, core: &NodeCore) -> bool {
         core.listening.has_passed(self.taken_ns, self.timeout_ns)
     }
 
-    /// When to check [`Guard::is_timed_out`] next, ns.
+    /// Returns the time at which to check [`Guard::is_timed_out`] next, ns.
     pub fn deadline_ns(&self, core: &NodeCore) -> u64 {
         core.listening.next_look_ns(self.taken_ns, self.timeout_ns)
     }
 
-    /// The detail of [`EmergencyCode::CommandTimeout`].
+    /// Returns the detail of [`EmergencyCode::CommandTimeout`].
     pub fn timeout_detail(&self) -> u16 {
         Refusal::detail(self.refused_since_taken, self.refusals.last().filter(|_| self.has_refused()))
     }
 
-    /// Valid commands that were refused, by reason.
+    /// Returns the counts of valid commands that were rejected, by reason.
     pub fn refusals(&self) -> &Refusals {
         &self.refusals
     }
 
-    /// Holds a load that is a part of the one held: that of a drive which has stopped is left out.
+    /// Holds a part of the held load, without that of a drive which has stopped.
     pub fn reduce(&mut self, load: Load) {
         self.hold.take(load);
     }
@@ -203,12 +208,12 @@ impl Guard {
         self.hold.release();
     }
 
-    /// The load of the next sample period: one step down the ramp, if one runs.
+    /// Returns the load of the next sample period, one step down a running ramp.
     pub fn load(&mut self) -> Load {
         self.hold.next()
     }
 
-    /// Samples until the ramp ends; 0 if none runs.
+    /// Returns the number of samples until the ramp ends; 0 if none runs.
     pub fn ramp_left(&self) -> u64 {
         self.hold.ramp_left()
     }

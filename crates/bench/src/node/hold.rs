@@ -1,11 +1,8 @@
-//! The load that acts: held from command to command, and its ramp to zero.
+//! The acting load: held from one command to the next, and ramped to zero at the end.
 
 use crate::rig::Load;
 
-/// The load that acts.
-///
-/// Released, it goes to zero in n equal steps, one a sample: (n−1)/n, (n−2)/n … 0 of the held load. A new command ends
-/// the ramp.
+/// The load that acts on the structure.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hold {
     load: Load,
@@ -15,13 +12,13 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Holds nothing; a ramp takes `ramp_samples` samples, at least 1.
+    /// Returns a hold without a load; a ramp takes `ramp_samples` samples, at least 1.
     pub fn new(ramp_samples: u64) -> Hold {
         let zero = Load::default();
         Hold { load: zero, ramp_from: zero, ramp_left: 0, ramp_samples: ramp_samples.max(1) }
     }
 
-    /// Holds a command's load.
+    /// Holds the load of a command.
     pub fn take(&mut self, load: Load) {
         self.load = load;
         self.ramp_left = 0;
@@ -40,11 +37,12 @@ impl Hold {
         self.take(Load::default());
     }
 
-    /// The load of the next sample period: one step down the ramp, if one runs.
+    /// Returns the load of the next sample period, one step down a running ramp.
     pub fn next(&mut self) -> Load {
         if self.ramp_left > 0 {
             self.ramp_left -= 1;
             self.load = match self.ramp_left {
+                // Exactly zero at the end, without the rounding of a factor.
                 0 => Load::default(),
                 left => self.ramp_from.scaled(left as f64 / self.ramp_samples as f64),
             };
@@ -52,12 +50,12 @@ impl Hold {
         self.load
     }
 
-    /// The load held now.
+    /// Returns the load that is held now.
     pub fn load(&self) -> &Load {
         &self.load
     }
 
-    /// Samples until the ramp ends; 0 if none runs.
+    /// Returns the number of samples until the ramp ends; 0 if none runs.
     pub fn ramp_left(&self) -> u64 {
         self.ramp_left
     }

@@ -1,4 +1,4 @@
-//! The plant's node: every command to the arm passes its gate.
+//! The plant's node of Resonarm's protocol: every command to the arm passes its gate.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -16,30 +16,30 @@ use super::{NodeEvent, PlantInterface, PublishError, PublishedSample, Refusal, T
 use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec, Measurement};
 
-/// The plant as a node: publishes samples, takes commands, and passes them on only while armed.
+/// The plant as a node: it publishes samples and accepts commands, which act only while it is armed.
 #[derive(Clone, Debug)]
 pub struct PlantNode {
     link: Link,
     guard: Guard,
     partner: Option<Hello>,
-    /// The most samples in a frame that the exciter takes.
+    /// Largest number of samples in a frame that the exciter accepts.
     partner_samples: SamplesPerFrame,
-    /// How many samples a frame holds since arming.
+    /// Number of samples in a frame since arming.
     samples_per_frame: SamplesPerFrame,
-    /// The first sample of a frame of two, sent with the next.
+    /// First sample of a frame of two, which is sent with the next.
     first: Option<SensorValues>,
     slipped_periods: u64,
-    /// The index in the command taken in last, until [`PlantInterface::take_echoed`] takes it.
+    /// Index in the last received command, until [`PlantInterface::take_echoed`] takes it.
     echoed: Option<u16>,
     is_leaving: bool,
-    /// The exciter's last fault, until it leaves its fault state.
+    /// Last fault of the exciter, until it leaves its fault state.
     exciter_fault: Option<Emergency>,
-    /// The exciter's fault that caused the last fault of the node, if any.
+    /// Fault of the exciter that caused the node's last fault, if any.
     reason: Option<Emergency>,
 }
 
 impl PlantNode {
-    /// A node that publishes `rate_hz` samples a second for an exciter of these limits.
+    /// Returns a node that publishes `rate_hz` samples per second for an exciter with these limits.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, exciter: Exciter) -> PlantNode {
         let (force_limit_n, torque_limit_nm) = exciter.limits();
         let capabilities =
@@ -59,30 +59,31 @@ impl PlantNode {
         }
     }
 
-    /// The node with frames of up to this many samples, for an exciter that takes them (FD profile).
+    /// Returns the node with frames of up to this many samples, for an exciter that accepts them (FD profile).
     pub fn with_samples_per_frame(mut self, most: SamplesPerFrame) -> PlantNode {
         self.link.set_samples_per_frame(most);
         self
     }
 
-    /// The node with limits of its gate.
+    /// Returns the node with these limits of its gate.
     pub fn with_limits(mut self, limits: GateSpec) -> PlantNode {
         self.guard.set_limits(limits);
         self
     }
 
-    /// Lost frames, by the gaps in the counters.
+    /// Returns the number of lost frames, by the gaps in the counters.
     pub fn lost_frames(&self) -> u64 {
         self.link.lost_frames()
     }
 
-    /// Sample periods by which the schedule has moved: the sum of all calls of [`PlantInterface::slip`].
+    /// Returns the sample periods by which the schedule has moved: the sum of all calls of
+    /// [`PlantInterface::slip`].
     pub fn slipped_periods(&self) -> u64 {
         self.slipped_periods
     }
 
-    /// Whether nothing is left to do after a fault, a disarm or [`PlantInterface::leave`]: the node is unarmed, the load
-    /// is zero and all frames are sent.
+    /// Returns whether nothing is left to do after a fault, a disarm or [`PlantInterface::leave`]: the node is
+    /// not armed, the load is zero and all frames have been sent.
     pub fn is_quiet(&self) -> bool {
         !self.is_armed() && !self.is_ramping() && self.waiting() == 0
     }
@@ -106,18 +107,19 @@ impl PlantNode {
             self.link.send_emergency(self.guard.emergency(EmergencyCode::Incompatible, mismatch as u16));
             return;
         }
+        // Both nodes must agree on the number of samples, so the smaller one is used while armed.
         self.samples_per_frame = self.link.samples_per_frame().min(self.partner_samples);
         self.guard.arm(&mut self.link.core);
         self.link.announce(now_ns);
     }
 
-    /// Disarms an armed plant: the load ramps to zero.
+    /// Disarms an armed plant; the load ramps to zero.
     fn disarm(&mut self, now_ns: u64) {
         self.guard.disarm(&mut self.link.core);
         self.link.announce(now_ns);
     }
 
-    /// Handles the exciter's state: a restart or a fault of the exciter ends the arming.
+    /// Follows the exciter's state: its restart or fault ends the arming.
     fn watch(&mut self, now_ns: u64, state: NodeState) {
         if state == NodeState::BootUp {
             self.forget_partner();
@@ -130,8 +132,8 @@ impl PlantNode {
         }
     }
 
-    /// The exciter's fault is the plant's, too. If the exciter timed out waiting for a sample because its commands were
-    /// refused, as in lockstep, the plant reports the cause: no valid command was received.
+    /// Enters a fault because of the exciter's fault. If the exciter has timed out waiting for a sample because
+    /// its commands were rejected, as in lockstep, the plant reports that cause: no valid command was received.
     fn fault_of_exciter(&mut self, now_ns: u64) {
         let has_waited = self.exciter_fault.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
         if has_waited && self.guard.has_refused() {
@@ -142,8 +144,8 @@ impl PlantNode {
         }
     }
 
-    /// Faults for lack of a valid command. If the exciter has reported a fault, that is the reason, even if its
-    /// heartbeat is still on its way.
+    /// Enters a fault for lack of a valid command. If the exciter has reported a fault, that is the reason,
+    /// even if its heartbeat is still under way.
     fn command_timeout(&mut self, now_ns: u64) {
         self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
         self.reason = self.exciter_fault;
@@ -153,16 +155,17 @@ impl PlantNode {
         (self.partner, self.partner_samples) = (None, SamplesPerFrame::One);
     }
 
-    /// The exciter leaves the bus: it is forgotten, and an armed plant disarms.
+    /// Handles the exciter's departure: it is forgotten, and an armed plant disarms.
     fn exciter_left(&mut self, now_ns: u64, emergency: Emergency) {
         self.forget_partner();
         self.link.core.note(NodeEvent::Emergency(emergency));
         self.disarm(now_ns);
     }
 
-    /// Takes a command, or refuses it with a reason.
+    /// Accepts a command, or rejects it with a reason.
     ///
-    /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
+    /// Beyond the travel limit an operational plant faults: it would otherwise be driven on once it swings
+    /// back.
     fn take(&mut self, now_ns: u64, index: u16, load: Load) {
         self.echoed = Some(index);
         let state = self.state();
@@ -173,7 +176,7 @@ impl PlantNode {
         }
     }
 
-    /// One sample a frame, or two: then the one with an even index is sent with the next.
+    /// Publishes one sample per frame, or two: then the one with an even index is sent with the next.
     fn publish_fd(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
         let sensors = sample::sensors(measurement);
         if let Some(first) = self.first.take() {
@@ -183,6 +186,8 @@ impl PlantNode {
         match self.samples_per_frame {
             SamplesPerFrame::Two if sensors.sample.is_multiple_of(2) && self.is_armed() => {
                 self.first = Some(sensors.values);
+                // The first sample is checked now, although it is sent later: the error belongs to the sample
+                // that has it.
                 Message::Sensors(sensors).check(self.link.network())
             }
             SamplesPerFrame::One | SamplesPerFrame::Two => self.link.send(&Message::Sensors(sensors)),
@@ -193,12 +198,12 @@ impl PlantNode {
         u16::try_from(self.guard.ramp_left()).unwrap_or(u16::MAX)
     }
 
-    /// The next frame to send. Fetch it again after any other call, which may change it.
+    /// Returns the next frame to send. Fetch it again after any other call, which may change it.
     pub fn next_frame(&self) -> Option<Frame> {
         self.link.next_frame()
     }
 
-    /// The next frame, which then counts as sent.
+    /// Returns the next frame, which then counts as sent.
     pub fn poll_transmit(&mut self) -> Option<Frame> {
         let frame = self.next_frame()?;
         self.frame_sent();
@@ -227,7 +232,7 @@ impl PlantInterface for PlantNode {
         self.link.start(now_ns);
     }
 
-    /// The sample measured last awaits no answer: the answer has been taken, or the sample is sent with the next.
+    /// Returns whether the last measured sample awaits no answer: it has one, or is sent with the next sample.
     fn is_answered(&self) -> bool {
         self.holds_sample() || self.guard.is_answered()
     }
@@ -306,8 +311,8 @@ impl PlantInterface for PlantNode {
         link.min(self.guard.deadline_ns(&self.link.core)).min(self.link.partner_deadline_ns())
     }
 
-    /// Publishes impedance head, accelerometer B and accelerometer C; in the FD profile all in one frame, alone or with
-    /// the sample before it. If a value is not a number, the frames before it are sent.
+    /// Publishes impedance head, accelerometer B and accelerometer C; in the FD profile all in one frame, alone
+    /// or with the sample before it. If a value is not a number, the frames before it are sent.
     fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
         let PublishedSample { measurement, travel_m, .. } = sample;
         self.guard.measured(measurement.sample, *travel_m);

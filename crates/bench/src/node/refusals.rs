@@ -1,20 +1,20 @@
-//! Commands that did not reach the arm, by reason.
+//! Counts of commands that did not reach the arm, by reason.
 
 use crate::rig::Load;
 use resonarm_protocol::Refusal;
 
-/// A command that was refused for its load.
+/// A command that was rejected because of its load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefusedLoad {
-    /// The sample measured last.
+    /// Last measured sample at that time.
     pub sample: u64,
-    /// The load.
+    /// Load of the command.
     pub load: Load,
-    /// Why.
+    /// Reason for the rejection.
     pub refusal: Refusal,
 }
 
-/// How many commands were refused, by reason.
+/// Counts of rejected commands, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Refusals {
     counts: [u64; Refusal::ALL.len()],
@@ -28,34 +28,35 @@ impl Refusals {
         self.last = Some(refusal);
     }
 
-    /// Keeps the first command that is refused for its load.
+    /// Keeps the first command that is rejected because of its load.
     pub(super) fn keep_load(&mut self, refused: RefusedLoad) {
         if matches!(refused.refusal, Refusal::OutOfRange | Refusal::RateOfChange | Refusal::Travel) {
             self.first_load.get_or_insert(refused);
         }
     }
 
-    /// The first command that was refused for its load: beyond a limit, too fast a change, or beyond the travel.
+    /// Returns the first command rejected because of its load: beyond a limit, too fast a change, or beyond the
+    /// travel.
     pub fn first_load(&self) -> Option<RefusedLoad> {
         self.first_load
     }
 
-    /// The number for this reason.
+    /// Returns the number of commands rejected for this reason.
     pub fn count(&self, refusal: Refusal) -> u64 {
         self.counts[refusal as usize - 1]
     }
 
-    /// The numbers for every reason, in the order of [`Refusal::ALL`].
+    /// Returns the numbers for all reasons, in the order of [`Refusal::ALL`].
     pub fn iter(&self) -> impl Iterator<Item = (Refusal, u64)> + '_ {
         Refusal::ALL.into_iter().zip(self.counts)
     }
 
-    /// The total.
+    /// Returns the number of all rejected commands.
     pub fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// The last reason.
+    /// Returns the reason of the last rejection.
     pub fn last(&self) -> Option<Refusal> {
         self.last
     }

@@ -1,10 +1,10 @@
-//! A measurement as the messages of a sample, and back.
+//! Conversion between a measurement and the messages of a sample.
 
 use resonarm_protocol::{Acceleration, ImpedanceHead, Measured, Message, SensorValues, Sensors};
 
 use crate::rig::{Measurement, Reading, Readings};
 
-/// The three messages of the classic profile, in the order in which they are sent.
+/// Returns the three messages of the classic profile, in the order of sending.
 pub(super) fn classic(measurement: &Measurement) -> [Message; 3] {
     let sample = measurement.sample as u16;
     let [x, y] = measurement.head_force_n;
@@ -29,7 +29,7 @@ pub(super) fn classic(measurement: &Measurement) -> [Message; 3] {
     ]
 }
 
-/// The one message of the FD profile.
+/// Returns the single message of the FD profile.
 pub(super) fn sensors(measurement: &Measurement) -> Sensors {
     let axes = |pair: [Reading; 2]| pair.map(|r| Measured { value: r.value, saturated: r.clipped });
     let values = SensorValues {
@@ -40,7 +40,7 @@ pub(super) fn sensors(measurement: &Measurement) -> Sensors {
     Sensors { values, sample: measurement.sample as u16 }
 }
 
-/// Sample `n` of the instruments' readings.
+/// Returns the measurement of sample `n` from received values.
 pub(super) fn from_values(n: u64, values: &SensorValues) -> Measurement {
     let axes = |pair: [Measured; 2]| pair.map(|m| Reading { value: m.value, clipped: m.saturated });
     Measurement {

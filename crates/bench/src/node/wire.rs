@@ -1,4 +1,4 @@
-//! The protocol that the plant speaks, in place of Resonarm's.
+//! The protocol that the plant uses in place of Resonarm's.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -12,26 +12,27 @@ use crate::control::Controller;
 use crate::rig::{Exciter, GateSpec};
 use resonarm_protocol::Id;
 
-/// When the commands of a user's protocol are judged.
+/// When the commands of a user protocol are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeBase {
     /// At the deadline of each sample; each message, or drive, has its own timeout.
     Clock,
-    /// When the sample published last has its answer; the timeout is that of the run.
+    /// When the last published sample has its answer; the timeout is that of the run.
     Lockstep,
 }
 
-/// A protocol of the user's.
+/// A user protocol, ready for a node.
 #[derive(Clone, Debug)]
 pub enum WireSpec {
-    /// Messages of a DBC.
+    /// Messages of a DBC, mapped to loads, requests and readings.
     Mapped(Mapping),
-    /// CANopen drives.
+    /// CANopen drives, one for each joint.
     Cia402(Cia402Spec),
 }
 
 impl WireSpec {
-    /// The plant's node, of `rate_hz` samples a second, for an exciter of these limits and those of its gate.
+    /// Builds the plant's node with `rate_hz` samples per second, for an exciter with these limits and those of
+    /// the gate.
     pub fn node(
         &self,
         (rate_hz, time_base): (u16, TimeBase),
@@ -47,7 +48,7 @@ impl WireSpec {
         }
     }
 
-    /// The exciter's node, the other end, which lets `controller` answer `rate_hz` samples a second.
+    /// Builds the exciter's node, which lets `controller` answer `rate_hz` samples per second.
     ///
     /// # Errors
     /// [`ExciterLack`] says what the protocol lacks for it.
@@ -63,7 +64,8 @@ impl WireSpec {
         })
     }
 
-    /// The identifiers of all its messages; `None` if a master chooses some of them during the run: any of 11 bits.
+    /// Returns the identifiers of all messages; `None` if a master chooses some of them during the run: they
+    /// may be any of 11 bits.
     pub fn ids(&self) -> Option<Vec<Id>> {
         match self {
             WireSpec::Mapped(mapping) => {

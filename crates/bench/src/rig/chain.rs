@@ -1,4 +1,4 @@
-//! The signal chain of an instrument: up to three axes, each from the true value to the reading.
+//! Signal chain of an instrument with up to three axes, each from the true value to the reading.
 //!
 //! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding,
 //! range).
@@ -19,41 +19,41 @@ use super::filter::Section;
 use crate::structure::Axis;
 use resonarm_numeric::noise::Noise;
 
-/// The reading of one axis.
+/// Reading of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// The value, in the sensor's unit.
+    /// Value in the sensor's unit.
     pub value: f64,
-    /// Whether the reading, noise included, was beyond the converter's range, so that the value is the last count
-    /// within it.
+    /// Whether the reading, including noise, was beyond the converter's range, so that the value is the last
+    /// count within it.
     pub clipped: bool,
 }
 
 impl Reading {
-    /// The value, unless it was clipped.
+    /// Returns the value, unless it was clipped.
     pub fn within_range(&self) -> Option<f64> {
         (!self.clipped).then_some(self.value)
     }
 }
 
-/// The most axes of an instrument.
+/// Largest number of axes of an instrument.
 pub(super) const MOST_AXES: usize = 3;
 
 /// An instrument of one to three axes.
 #[derive(Clone, Debug)]
 pub(super) struct Instrument {
-    /// The reading of gravity along each axis.
+    /// Reading of gravity along each axis, m/s².
     gravity: Option<[f64; MOST_AXES]>,
     transverse: Option<f64>,
     axes: Vec<AxisChain>,
     faults: Vec<Fault>,
-    /// Its last reading.
+    /// Reading of the last sample.
     last: [Reading; MOST_AXES],
 }
 
 impl Instrument {
-    /// A valid instrument with these axes at `rate_hz` samples a second, with noise of the streams from `stream` on of
-    /// `seed`, one for each axis.
+    /// Returns a valid instrument with these axes at `rate_hz` samples per second. Its noise comes from the
+    /// streams of `seed` from `stream` on, one for each axis.
     pub fn new(spec: &SensorSpec, along: &[Axis], rate_hz: f64, seed: u64, stream: u64) -> Instrument {
         let of_gravity =
             |gravity: f64| core::array::from_fn(|place| if along.get(place) == Some(&Axis::Y) { gravity } else { 0.0 });
@@ -65,19 +65,20 @@ impl Instrument {
         Instrument { gravity, transverse, axes, faults: Vec::new(), last }
     }
 
-    /// The same with faults.
+    /// Returns the instrument with these faults.
     pub fn with_faults(self, faults: Vec<Fault>) -> Instrument {
         Instrument { faults, ..self }
     }
 
-    /// What its axes have gathered, and its last reading, value and mark.
+    /// Returns the state of all axes, and the last reading as value and mark.
     pub fn gathered(&mut self) -> impl Iterator<Item = f64> {
         let last = self.last.into_iter().take(self.axes.len());
         let last = last.flat_map(|reading| [reading.value, f64::from(u8::from(reading.clipped))]);
         self.axes.iter_mut().flat_map(AxisChain::gathered).map(|number| *number).chain(last)
     }
 
-    /// Continues at a sample with what [`Instrument::gathered`] gave; returns whether there were enough numbers.
+    /// Continues at a sample with the numbers of [`Instrument::gathered`]. Returns whether there were enough of
+    /// them.
     pub fn restore(&mut self, sample: u64, numbers: &mut impl Iterator<Item = f64>) -> bool {
         for axis in &mut self.axes {
             axis.noise.seek(sample);
@@ -94,7 +95,7 @@ impl Instrument {
         true
     }
 
-    /// Its reading at sample `sample` of `truth`, one number for each axis.
+    /// Returns the reading at sample `sample` of `truth`, one number for each axis.
     pub fn read(&mut self, sample: u64, truth: [f64; MOST_AXES]) -> [Reading; MOST_AXES] {
         let seen = seen(truth, self.axes.len(), self.gravity.as_ref(), self.transverse);
         for (index, axis) in self.axes.iter_mut().enumerate() {
@@ -107,14 +108,14 @@ impl Instrument {
         self.last
     }
 
-    /// The number of its axes.
+    /// Returns the number of axes.
     pub fn axes(&self) -> usize {
         self.axes.len()
     }
 }
 
-/// The inputs of `count` axes: gravity g along −y is an acceleration g along y, and t is the share of the other axes: of
-/// two x + t y and y + t x.
+/// Returns the inputs of `count` axes. Gravity g along −y reads as an acceleration g along y, and t is the
+/// share of the other axes: with two axes x + t y and y + t x.
 fn seen(
     truth: [f64; MOST_AXES],
     count: usize,
@@ -135,7 +136,7 @@ fn seen(
     })
 }
 
-/// One axis.
+/// Signal chain of one axis, with the state of its filters.
 #[derive(Clone, Debug)]
 struct AxisChain {
     gain: f64,
@@ -144,21 +145,23 @@ struct AxisChain {
     sensor_range: f64,
     highpass: Option<Section>,
     lowpass: Option<Section>,
-    /// A ring of the delayed values, the next at `oldest`.
+    /// Ring buffer of the delayed values; the next one leaves at `oldest`.
     delayed: Vec<f64>,
     oldest: usize,
-    /// The converter's input at rest.
+    /// Input of the converter at rest.
     rest: f64,
     quantizer: Quantizer,
 }
 
 impl AxisChain {
-    /// An axis settled on `rest`.
+    /// Returns an axis that has settled on `rest`.
     fn new(spec: &SensorSpec, rate_hz: f64, noise: Noise, rest: f64) -> AxisChain {
         let gain = spec.gain.unwrap_or(1.0);
         let sensor_range = spec.sensor_range.unwrap_or(f64::INFINITY);
         let mut highpass = spec.highpass_hz.map(|corner_hz| Section::highpass(corner_hz, rate_hz));
         let mut lowpass = spec.lowpass_hz.map(|corner_hz| Section::lowpass(corner_hz, rate_hz));
+        // Every stage is settled on the output of the stage before it, so that a run begins without a
+        // transient.
         let rest = (gain * rest).clamp(-sensor_range, sensor_range);
         let rest = highpass.as_mut().map_or(rest, |highpass| highpass.settle(rest));
         let rest = lowpass.as_mut().map_or(rest, |lowpass| lowpass.settle(rest));
@@ -176,7 +179,7 @@ impl AxisChain {
         }
     }
 
-    /// What filters and delay have gathered, the oldest delayed value first.
+    /// Returns the state of filters and delay, the oldest delayed value first.
     fn gathered(&mut self) -> impl Iterator<Item = &mut f64> {
         self.delayed.rotate_left(self.oldest);
         self.oldest = 0;
@@ -188,7 +191,7 @@ impl AxisChain {
         self.quantizer.read(self.rest)
     }
 
-    /// The converter's input.
+    /// Returns the input of the converter.
     fn conditioned(&mut self, seen: f64) -> f64 {
         let noisy = self.gain * seen + self.noise_rms * self.noise.normal();
         let sensed = noisy.clamp(-self.sensor_range, self.sensor_range);
@@ -205,10 +208,10 @@ impl AxisChain {
     }
 }
 
-/// The converter of a value: rounds to the nearest count, and clips to the last count within the range.
+/// Converter of a value, which rounds to the closest count and clips to the last count within the range.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quantizer {
-    /// The last count within the range.
+    /// Last count within the range.
     largest: f64,
     resolution: f64,
 }
@@ -225,8 +228,8 @@ impl Quantizer {
     }
 }
 
-/// The largest magnitude that a converter reads: the last whole count within the range. A range that is a whole number
-/// of counts but for rounding counts as one.
+/// Returns the largest magnitude that a converter reads, the last whole count within the range. A range that is
+/// a whole number of counts up to rounding counts as one.
 fn largest(range: f64, resolution: f64) -> f64 {
     const ROUNDING: f64 = 1e-9;
     if resolution == 0.0 { range } else { libm::floor(range / resolution * (1.0 + ROUNDING)) * resolution }

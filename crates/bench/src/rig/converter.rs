@@ -1,4 +1,4 @@
-//! How the instruments' converters sample: instant, gain, and leakage of the force's steps.
+//! Sampling by the instruments' converters: instant, gain, and leakage of the force's steps.
 //!
 //! A held command is a staircase, which has images of every frequency f beside all multiples of the sample rate. A
 //! coil, a suspension and the arm change them, and an instantaneous reading adds them to f. A converter with a sinc
@@ -19,10 +19,10 @@ use core::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-/// The highest order N of a converter.
+/// Largest order N of a converter.
 pub const MOST_ORDER: usize = 5;
 
-/// The sampling of the converters of all instruments.
+/// Sampling of the converters of all instruments.
 ///
 /// | | delay, samples | gain at 0.05, 0.1 of the rate | attenuation at 0.5, 0.6, 0.8, 0.95 of the rate |
 /// | --- | ---: | ---: | ---: |
@@ -33,26 +33,27 @@ pub const MOST_ORDER: usize = 5;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Converter {
-    /// Reads the instant in the middle of the hold, without a filter: components above half the sample rate are folded.
+    /// Reads the instant in the middle of the hold, without a filter: components above half the sample rate are
+    /// aliased.
     Instant,
-    /// A sinc filter of order 1: the mean over the hold.
+    /// Sinc filter of order 1: the mean over the hold.
     Sinc1,
-    /// A sinc filter of order 3.
+    /// Sinc filter of order 3.
     Sinc3,
-    /// A sinc filter of order 5, as in the fast path of sigma-delta converters.
+    /// Sinc filter of order 5, as in the fast path of sigma-delta converters.
     #[default]
     Sinc5,
-    /// Not known, as of a plant that is not simulated here: readings are taken as they are, and nothing in them is
-    /// corrected. No scenario and no recording states it.
+    /// Unknown, as that of a plant that is not simulated here: readings are taken as they are, and nothing in
+    /// them is corrected. No scenario and no recording states it.
     #[serde(skip)]
     Unknown,
 }
 
 impl Converter {
-    /// All that a scenario can state.
+    /// All converters that a scenario can state.
     pub const ALL: [Converter; 4] = [Converter::Instant, Converter::Sinc1, Converter::Sinc3, Converter::Sinc5];
 
-    /// Its name in a scenario.
+    /// Returns the name in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
             Converter::Instant => "instant",
@@ -63,7 +64,7 @@ impl Converter {
         }
     }
 
-    /// The order N of its filter; 0 without one.
+    /// Returns the order N of the filter; 0 without one.
     pub const fn order(self) -> usize {
         match self {
             Converter::Instant | Converter::Unknown => 0,
@@ -73,25 +74,27 @@ impl Converter {
         }
     }
 
-    /// The delay of the filter: the time from a reading to its sample, in sample periods.
+    /// Returns the delay of the filter, sample periods from the moment that a reading belongs to, to its
+    /// sample.
     pub const fn delay_samples(self) -> f64 {
         0.5 + self.holds_late() as f64
     }
 
-    /// The number of holds by which a reading lags the middle of the hold that ends with its sample: the reading of
-    /// sample n belongs to the middle of the hold that began with sample n − 1 − this.
+    /// Returns the number of holds by which a reading lags the middle of the hold that ends with its sample:
+    /// the reading of sample n belongs to the middle of the hold that began with sample n − 1 − this.
     pub const fn holds_late(self) -> usize {
         self.order().saturating_sub(1) / 2
     }
 
-    /// Gain at a frequency of `cycles` cycles a sample: the amplitude of a reading over that of a continuous sine.
+    /// Returns the gain at a frequency in cycles per sample: the amplitude of a reading over that of a
+    /// continuous sine.
     pub fn gain(self, cycles: f64) -> f64 {
         (0..self.order()).fold(1.0, |gain, _| gain * sinc(cycles))
     }
 
-    /// The part of the readings of a staircase of held values beyond its fundamental, over the amplitude of the held
-    /// values, after readings are divided by [`Converter::gain`]: the images folded onto a frequency of `cycles` cycles
-    /// a sample. In phase with the fundamental.
+    /// Returns the part of the readings of a staircase of held values beyond its fundamental, over the
+    /// amplitude of the held values, after readings are divided by [`Converter::gain`]: the images aliased onto
+    /// a frequency of `cycles` cycles per sample. It is in phase with the fundamental.
     ///
     /// The readings of a staircase are Σ_j w_j c_{n−1−j} with w_j the integral of the spline's piece j: of c e^{iωTn}
     /// they are W = Σ_j w_j cos 2πf(j − (N−1)/2)T times the value held in the middle. The fundamental is sin πfT/(πfT)
@@ -107,8 +110,8 @@ impl Converter {
         read / self.gain(cycles) - sinc(cycles)
     }
 
-    /// M_N of the hold that ended `piece` holds before the last one, as a Taylor polynomial in y = x − `at` with x from
-    /// 0 at its start to 1 at its end:
+    /// Returns M_N in the hold that ended `piece` holds before the last one, as a Taylor polynomial in y = x −
+    /// `at`, with x from 0 at its start to 1 at its end:
     ///
     /// M_N(p + x) = 1/(N−1)! Σ_{k ≤ p} (−1)ᵏ C(N, k) (p − k + x)^{N−1},   p = N − 1 − `piece`.
     pub fn piece(self, piece: usize, at: f64) -> [f64; MOST_ORDER] {
@@ -127,40 +130,40 @@ impl Converter {
         taylor
     }
 
-    /// ∫ of a piece over its hold.
+    /// Returns the integral of a piece over its hold.
     pub fn piece_integral(self, piece: usize) -> f64 {
         self.piece(piece, 0.0).iter().enumerate().map(|(power, c)| c / (power + 1) as f64).sum()
     }
 }
 
-/// Sample rate and converters: all that a controller knows of its readings.
+/// Sample rate and converters, which is all that a controller knows of its readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
-    /// Samples a second, Hz.
+    /// Sample rate of the instruments, Hz.
     pub rate_hz: f64,
-    /// The converters of the instruments.
+    /// Converters of the instruments.
     pub converter: Converter,
 }
 
 impl Sampling {
-    /// [`Converter::gain`] at a frequency, Hz.
+    /// Returns [`Converter::gain`] at a frequency, Hz.
     pub fn gain(&self, frequency_hz: f64) -> f64 {
         self.converter.gain(frequency_hz / self.rate_hz)
     }
 
-    /// [`Converter::images`] at a frequency, Hz.
+    /// Returns [`Converter::images`] at a frequency, Hz.
     pub fn images(&self, frequency_hz: f64) -> f64 {
         self.converter.images(frequency_hz / self.rate_hz)
     }
 
-    /// The fundamental of a sine that is held from sample to sample over the amplitude of its samples: sin y/y with y =
-    /// πfT.
+    /// Returns the fundamental of a sine that is held from sample to sample, over the amplitude of its samples:
+    /// sin y/y with y = πfT.
     pub fn hold(&self, frequency_hz: f64) -> f64 {
         sinc(frequency_hz / self.rate_hz)
     }
 }
 
-/// sin πx/(πx).
+/// Returns sin πx/(πx), and 1 at x = 0.
 fn sinc(cycles: f64) -> f64 {
     let x = PI * cycles;
     if x == 0.0 { 1.0 } else { libm::sin(x) / x }

@@ -1,4 +1,4 @@
-//! The exciter: an ideal force (or joint torque) source with limits, or a shaker.
+//! The exciter: an ideal source of force or joint torque with limits, or a shaker.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -11,87 +11,87 @@ use resonarm_numeric::number::short;
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RigError {
-    /// A value of the specification is impossible.
+    /// A value of the specification is outside its valid range.
     #[error("{section}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Spec {
-        /// The section of the scenario.
+        /// Section of the scenario.
         section: Section,
-        /// The name of the value in a scenario.
+        /// Key of the value.
         name: &'static str,
-        /// The given value.
+        /// Value that was given.
         got: f64,
-        /// The valid values.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// Two keys state the same.
+    /// Two keys state the same thing.
     #[error("{section}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
     Both {
-        /// The section of the scenario.
+        /// Section of the scenario.
         section: Section,
-        /// The keys.
+        /// Keys that exclude each other.
         names: [&'static str; 2],
     },
-    /// A sensor of which the structure says no motion.
+    /// The structure provides no motion for a sensor.
     #[error(
         "{section}: the structure serves head, b and c alone, as its equations are not Resonarm's: leave the sensor out, or take a \
          structure of the scenario"
     )]
     NotSensed {
-        /// The section of the scenario.
+        /// Section of the scenario.
         section: Section,
     },
-    /// A fault of an instrument that the rig does not have.
+    /// A fault names an instrument that the rig does not have.
     #[error(
         "rig.faults, number {number}: `instrument` is \"{got}\": expected \"head\", or the name of a sensor in [rig.sensors]"
     )]
     FaultInstrument {
-        /// The number of the fault, from 1.
+        /// Number of the fault, from 1.
         number: usize,
-        /// The given name.
+        /// Name that was given.
         got: InstrumentName,
     },
-    /// A number of a fault is impossible.
+    /// A number of a fault is outside its valid range.
     #[error("rig.faults, number {number}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Fault {
-        /// The number of the fault, from 1.
+        /// Number of the fault, from 1.
         number: usize,
-        /// The key.
+        /// Key of the value.
         name: &'static str,
-        /// The given value.
+        /// Value that was given.
         got: f64,
-        /// The valid values.
+        /// Valid values, in words.
         expected: &'static str,
     },
     /// A fault lacks its amount.
     #[error("rig.faults, number {number}: `{key}` is missing: add it, or change `kind`")]
     FaultKeyMissing {
-        /// The number of the fault, from 1.
+        /// Number of the fault, from 1.
         number: usize,
-        /// The key that is missing.
+        /// Key that is missing.
         key: &'static str,
     },
-    /// A fault has a key without use.
+    /// A fault has a key that means nothing for it.
     #[error(
         "rig.faults, number {number}: `{key}` says nothing about this kind of fault of this instrument: leave it out"
     )]
     FaultKeyIdle {
-        /// The number of the fault, from 1.
+        /// Number of the fault, from 1.
         number: usize,
-        /// The key.
+        /// Key that does not apply.
         key: &'static str,
     },
-    /// More faults than a rig allows.
+    /// The rig has too many faults.
     #[error("rig.faults are {got}: at most {} are taken", super::MOST_FAULTS)]
     TooManyFaults {
-        /// Their number.
+        /// Number of faults that was given.
         got: usize,
     },
 }
 
-/// The exciter of the arm.
+/// Exciter of the structure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exciter {
-    /// A force or torque that acts as it is commanded.
+    /// An ideal force or torque, which acts as it is commanded.
     Ideal(ExciterSpec),
     /// A shaker at the tip.
     Shaker(ShakerSpec),
@@ -111,7 +111,7 @@ impl Exciter {
         }
     }
 
-    /// Whether it can produce the load, by limits and direction.
+    /// Returns whether it can produce the load, given its limits and direction.
     pub fn can_produce(&self, load: &Load) -> bool {
         match self {
             Exciter::Ideal(spec) => spec.can_produce(load),
@@ -119,8 +119,8 @@ impl Exciter {
         }
     }
 
-    /// The size of a load in the quantities of the limits: the largest force along an axis, or along a shaker, N, and
-    /// the largest torque at a joint, N·m.
+    /// Returns the size of a load in the quantities of the limits: the largest force along an axis, or along a
+    /// shaker, N, and the largest torque at a joint, N·m.
     pub fn size(&self, load: &Load) -> (f64, f64) {
         let force_n = match self {
             Exciter::Ideal(_) => load.force_n.amax(),
@@ -129,7 +129,7 @@ impl Exciter {
         (force_n, load.torque_nm.amax())
     }
 
-    /// The largest force, N, and torque, N·m.
+    /// Returns the largest force, N, and torque, N·m.
     pub fn limits(&self) -> (f64, f64) {
         match self {
             Exciter::Ideal(spec) => (spec.force_limit_n, spec.torque_limit_nm),
@@ -146,13 +146,13 @@ pub struct ExciterSpec {
     pub force_limit_n: f64,
     /// Largest torque at each joint, N·m, positive.
     pub torque_limit_nm: f64,
-    /// Where it acts on a structure; on the two-link arm it acts at C.
+    /// Place on a structure where it acts; on the two-link arm it acts at C.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<PlaceName>,
 }
 
 impl Default for ExciterSpec {
-    /// 600 N, 1600 N·m: just inside the range of the wire's classic profile.
+    /// 600 N and 1600 N·m, just inside the range of the protocol's classic profile.
     fn default() -> ExciterSpec {
         ExciterSpec { force_limit_n: 600.0, torque_limit_nm: 1600.0, at: None }
     }
@@ -173,7 +173,7 @@ impl ExciterSpec {
         Ok(())
     }
 
-    /// Whether the exciter can produce the load.
+    /// Returns whether the exciter can produce the load.
     pub fn can_produce(&self, load: &Load) -> bool {
         load.force_n.iter().all(|force| force.abs() <= self.force_limit_n)
             && load.torque_nm.iter().all(|torque| torque.abs() <= self.torque_limit_nm)

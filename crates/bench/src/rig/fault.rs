@@ -12,15 +12,15 @@ use super::{InstrumentName, Measured, Reading, RigError};
 use crate::structure::Axis;
 use resonarm_numeric::noise::Noise;
 
-/// The most faults of a rig.
+/// Largest number of faults of a rig.
 pub const MOST_FAULTS: usize = 64;
 
-/// The first stream of the faults' noise; those before are the instruments'.
+/// First stream of the faults' noise; the streams before it belong to the instruments.
 const FIRST_STREAM: u64 = 1 << 32;
-/// The first stream of the noise of third axes.
+/// First stream of the noise of third axes.
 const FIRST_THIRD_STREAM: u64 = 1 << 33;
 
-/// Which axes of an instrument have a fault.
+/// Axes of an instrument that have a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultAxis {
@@ -35,19 +35,19 @@ pub enum FaultAxis {
     All,
 }
 
-/// The kind of a fault.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// The axis repeats its reading at the sample before the fault.
+    /// The axis repeats its reading from the sample before the fault.
     Stuck,
     /// The axis reads zero.
     Dropout,
-    /// An offset grows linearly from zero.
+    /// An offset is added that grows linearly from zero.
     Drift,
-    /// Noise of a cable, Gaussian and white, is added.
+    /// White Gaussian noise, as of a cable, is added.
     Noise,
-    /// A constant is added, for one sample unless the fault's end says otherwise.
+    /// A constant is added, for one sample unless the fault has an end.
     Spike,
 }
 
@@ -56,16 +56,17 @@ pub enum FaultKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultSpec {
-    /// The instrument: a sensor, or the head.
+    /// Instrument with the fault: a sensor, or the head.
     pub instrument: InstrumentName,
-    /// The axes.
+    /// Axes of the instrument that have the fault.
     #[serde(default)]
     pub axis: FaultAxis,
-    /// The kind.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// Begin, s of simulated time from sample 0, not negative: the first sample is ⌈`from_s` · rate⌉.
+    /// Beginning, s of simulated time from sample 0, not negative: the first sample is ⌈`from_s` · rate⌉.
     pub from_s: f64,
-    /// End, s, at least a sample later: from sample ⌈`to_s` · rate⌉ on it is over. `None` lasts to the end of the run.
+    /// End, s, at least a sample later: the fault is over from sample ⌈`to_s` · rate⌉ on. `None` lasts to the end of
+    /// the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
     /// Rate of a drift, (m/s²)/s.
@@ -116,7 +117,7 @@ pub struct FaultSpec {
 }
 
 impl FaultSpec {
-    /// The key of the amount, if the kind has one, in the unit of what the instrument measures.
+    /// Returns the key of the amount, if the kind has one, in the unit of what the instrument measures.
     fn key(&self, measures: Measured) -> Option<&'static str> {
         let [rate, rms, amplitude] = match measures {
             Measured::Acceleration => ["rate_m_s2_per_s", "rms_m_s2", "amplitude_m_s2"],
@@ -133,7 +134,7 @@ impl FaultSpec {
         }
     }
 
-    /// The amount, if the kind has one.
+    /// Returns the amount, if the kind has one.
     fn size(&self, measures: Measured, number: usize) -> Result<f64, RigError> {
         let stated = [
             ("rate_m_s2_per_s", self.rate_m_s2_per_s),
@@ -174,12 +175,12 @@ impl FaultSpec {
     }
 }
 
-/// A fault of one instrument.
+/// A fault of one instrument, ready to act.
 #[derive(Clone, Debug)]
 pub(super) struct Fault {
-    /// Which axes of the instrument have it.
+    /// Axes of the instrument that have it.
     axes: [bool; MOST_AXES],
-    /// The first sample with the fault, and the first after it.
+    /// First sample with the fault; the next field is the first sample after it.
     first: u64,
     end: u64,
     effect: Effect,
@@ -189,15 +190,16 @@ pub(super) struct Fault {
 enum Effect {
     Stuck,
     Dropout,
-    /// A sample's share of the drift.
+    /// Share of the drift per sample.
     Drift(f64),
-    /// Standard deviation, and a stream for each axis.
+    /// Standard deviation, and a noise stream for each axis.
     Noise(f64, Box<[Noise; MOST_AXES]>),
     Spike(f64),
 }
 
 impl Fault {
-    /// The fault at `index` among those of the rig, of an instrument that measures this along these axes.
+    /// Returns the fault at `index` among those of the rig, of an instrument that measures this along these
+    /// axes.
     pub fn new(
         spec: &FaultSpec,
         (measures, along): (Measured, &[Axis]),
@@ -226,6 +228,8 @@ impl Fault {
             FaultKind::Dropout => Effect::Dropout,
             FaultKind::Drift => Effect::Drift(size / rate_hz),
             FaultKind::Noise => {
+                // The streams of x and y of all faults are numbered without gaps. The stream of a third axis lies apart and
+                // does not shift them.
                 let streams = [stream, stream + 1, FIRST_THIRD_STREAM + index as u64];
                 Effect::Noise(size, Box::new(streams.map(|stream| Noise::new(seed, stream))))
             }
@@ -248,15 +252,17 @@ impl Fault {
         self.axes[axis] && (self.first..self.end).contains(&sample)
     }
 
-    /// Continues at a sample, as if it had acted on all before.
+    /// Continues at a sample, as if the fault had acted on all samples before.
     pub fn seek(&mut self, sample: u64) {
+        // The noise of a fault advances only while the fault acts, so its position is the number of such
+        // samples.
         let before = sample.clamp(self.first, self.end) - self.first;
         if let Effect::Noise(_, noise) = &mut self.effect {
             noise.iter_mut().for_each(|noise| noise.seek(before));
         }
     }
 
-    /// The converter's input.
+    /// Returns the input of the converter with the fault.
     pub fn disturbed(&mut self, sample: u64, axis: usize, value: f64) -> f64 {
         if !self.acts(sample, axis) {
             return value;
@@ -269,7 +275,7 @@ impl Fault {
         }
     }
 
-    /// The reading in place of `reading`; `last` is that of the sample before.
+    /// Returns the reading that replaces `reading`; `last` is that of the sample before.
     pub fn replaced(&self, sample: u64, axis: usize, reading: Reading, last: Reading) -> Reading {
         match self.effect {
             Effect::Stuck if self.acts(sample, axis) => last,
@@ -279,8 +285,8 @@ impl Fault {
     }
 }
 
-/// The first sample at `time_s` or later. Times that are a whole number of samples but for rounding count as one:
-/// 2.007 s at 1 kHz is 2007.0000000000002 samples.
+/// Returns the first sample at `time_s` or later. A time that is a whole number of samples up to rounding
+/// counts as one: 2.007 s at 1 kHz is 2007.0000000000002 samples.
 fn sample_at(time_s: f64, rate_hz: f64) -> u64 {
     const ROUNDING: f64 = 1e-12;
     libm::ceil(time_s * rate_hz * (1.0 - ROUNDING)) as u64

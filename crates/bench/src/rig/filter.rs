@@ -5,13 +5,13 @@
 //! where the arm vibrates, far below the sample rate: at a twentieth of the rate the analog frequency is 0.8 % higher,
 //! at a tenth 3 %. The corner of a low-pass is at (rate/π) atan(π·lowpass_hz/rate).
 //!
-//! A filter of samples can't remove components folded by sampling. Here they are small: the arm has nothing above its
-//! second mode but the edges of the held load, and the instruments sample away from those.
+//! A filter of samples can't remove components that sampling has aliased. Here they are small: the arm has
+//! nothing above its second mode but the edges of the held load, and the instruments sample away from those.
 
 use core::f64::consts::{PI, SQRT_2};
 
-/// A section of second order in the transposed direct form II:
-/// y = b0 x + s1, s1 ← b1 x − a1 y + s2, s2 ← b2 x − a2 y.
+/// Second-order section in the transposed direct form II: y = b0 x + s1, s1 ← b1 x − a1 y + s2, s2 ← b2 x − a2
+/// y.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Section {
     b: [f64; 3],
@@ -39,21 +39,22 @@ impl Section {
         Section { b: [b, 2.0 * b, b], a, s: [0.0; 2] }
     }
 
-    /// What it has gathered.
+    /// Returns the state of the filter.
     pub fn gathered(&mut self) -> &mut [f64; 2] {
         &mut self.s
     }
 
-    /// Settles on the constant input `x`; returns the output.
+    /// Settles the filter on the constant input `x` and returns its output.
     pub fn settle(&mut self, x: f64) -> f64 {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        // The gain at z = 1. Zero change of the states then gives s2 and s1 from the equations of the section.
         let y = (b0 + b1 + b2) / (1.0 + a1 + a2) * x;
         let s2 = b2 * x - a2 * y;
         self.s = [b1 * x - a1 * y + s2, s2];
         y
     }
 
-    /// The next output.
+    /// Returns the output for the next input `x`.
     pub fn next(&mut self, x: f64) -> f64 {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         let y = b0 * x + self.s[0];

@@ -1,4 +1,5 @@
-//! Limits of commands beyond the exciter's: how fast a load may change, and how far the arm may be driven.
+//! Limits of commands beyond those of the exciter: how fast a load may change, and how far the arm may be
+//! driven.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,11 +7,11 @@ use super::{Exciter, RigError, Section};
 use crate::rig::Load;
 use resonarm_protocol::{CommandCheck, Limit};
 
-/// The limits of the gate in a scenario; by default none.
+/// Limits of the gate in a scenario; by default there are none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GateSpec {
-    /// Largest rate of change of the force along each axis, of a shaker along it, N/s, positive.
+    /// Largest rate of change of the force along each axis, or along a shaker, N/s, positive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_rate_limit_n_per_s: Option<f64>,
     /// Largest rate of change of the torque at each joint, N·m/s, positive.
@@ -22,7 +23,7 @@ pub struct GateSpec {
 }
 
 impl GateSpec {
-    /// Whether it has no limit.
+    /// Returns whether it has no limit.
     pub(super) fn is_open(&self) -> bool {
         *self == GateSpec::default()
     }
@@ -50,10 +51,11 @@ impl GateSpec {
         }
     }
 
-    /// The values for the gate's check of a command for `load`, while `held` acts at `rate_hz` samples a second and the
-    /// travel is `travel_m`.
+    /// Returns the values by which the gate checks a command for `load`, while `held` acts at `rate_hz` samples
+    /// per second and the travel is `travel_m`.
     ///
-    /// A change Δ at a largest rate r takes Δ/r seconds, f Δ/r sample periods; the longer of force and torque counts.
+    /// A change Δ at a largest rate r takes Δ/r seconds, that is, f Δ/r sample periods; the longer of force and
+    /// torque counts.
     pub fn command_check(
         &self,
         exciter: &Exciter,

@@ -1,4 +1,4 @@
-//! The rig on a structure: the exciter, the impedance head and the sensors.
+//! The rig on a structure: exciter, impedance head and sensors.
 
 mod chain;
 pub(crate) mod converter;
@@ -34,24 +34,25 @@ use fault::Fault;
 
 use crate::structure::{Axis, Channel, Point};
 
-/// The instruments of a rig in a scenario.
+/// A rig as a scenario states it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigSpec {
-    /// The ideal exciter, unless a shaker drives the arm.
+    /// Ideal exciter, which acts unless a shaker drives the arm.
     pub exciter: ExciterSpec,
-    /// The shaker, if one drives the arm.
+    /// Shaker, if one drives the arm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaker: Option<ShakerSpec>,
-    /// The limits of commands beyond the exciter's.
+    /// Limits of commands beyond those of the exciter.
     #[serde(skip_serializing_if = "GateSpec::is_open")]
     pub gate: GateSpec,
-    /// The sampling of the converters of all instruments.
+    /// Sampling of the converters of all instruments.
     pub converter: Converter,
-    /// The force side of the impedance head, between exciter and structure.
+    /// Force side of the impedance head, between exciter and structure.
     #[serde(deserialize_with = "SensorSpec::head")]
     pub head: SensorSpec,
-    /// The sensors. `b` and `c` are the accelerometers that the protocol carries; the acceleration side of the head is c.
+    /// Sensors. `b` and `c` are the accelerometers that the protocol carries; the acceleration side of the head
+    /// is c.
     pub sensors: SensorSpecs,
     /// Faults of the instruments at stated times, at most [`MOST_FAULTS`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -73,12 +74,12 @@ impl Default for RigSpec {
 }
 
 impl RigSpec {
-    /// The exciter of the arm.
+    /// Returns the exciter that drives the structure.
     pub fn drive(&self) -> Exciter {
         self.shaker.map_or(Exciter::Ideal(self.exciter), Exciter::Shaker)
     }
 
-    /// The same rig with sensors without noise; faults keep theirs.
+    /// Returns the same rig with sensors without noise; faults keep theirs.
     #[must_use]
     pub fn without_noise(mut self) -> RigSpec {
         let SensorSpecs { b, c, more } = &mut self.sensors;
@@ -88,14 +89,14 @@ impl RigSpec {
         self
     }
 
-    /// The head and all sensors, by name.
+    /// Returns the head and all sensors, by name.
     pub fn instruments(&self) -> impl Iterator<Item = (InstrumentName, &SensorSpec)> {
         let SensorSpecs { b, c, more } = &self.sensors;
         let first = [(InstrumentName::HEAD, &self.head), (InstrumentName::B, b), (InstrumentName::C, c)];
         first.into_iter().chain(more.iter().map(|(name, sensor)| (*name, sensor)))
     }
 
-    /// Makes a valid instrument with these axes and with its faults.
+    /// Builds an instrument with these axes and with its faults, after a check.
     fn instrument(
         &self,
         name: InstrumentName,
@@ -111,8 +112,8 @@ impl RigSpec {
     }
 }
 
-/// The readings of one sample, of the motion in the middle of a hold before it ([`Converter::delay_samples`]); along x
-/// and y of the base frame.
+/// Readings of one sample, along x and y of the base frame. They belong to the motion in the middle of an
+/// earlier hold ([`Converter::delay_samples`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Index of the sample.
@@ -123,21 +124,22 @@ pub struct Measurement {
     pub acceleration_b_m_s2: [Reading; 2],
     /// Acceleration of C, m/s².
     pub acceleration_c_m_s2: [Reading; 2],
-    /// The readings of the other sensors, which the protocol does not carry.
+    /// Readings of the other sensors, which the protocol does not carry.
     pub more: Readings,
 }
 
 impl Measurement {
-    /// The number of readings of head, B and C.
+    /// Number of readings of head, B and C.
     pub const CHANNELS: usize = 6;
 
-    /// The readings of head, B and C: head x, y; B x, y; C x, y.
+    /// Returns the readings of head, B and C: head x, y; B x, y; C x, y.
     pub fn readings(&self) -> [Reading; Measurement::CHANNELS] {
         let ([hx, hy], [bx, by], [cx, cy]) = (self.head_force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
         [hx, hy, bx, by, cx, cy]
     }
 
-    /// The reading at this place among the outputs of the plant's structure: those of head, B and C come first.
+    /// Returns the reading at this index among the outputs of the plant's structure; those of head, B and C
+    /// come first.
     pub fn reading(&self, place: usize) -> Option<Reading> {
         match place.checked_sub(Measurement::CHANNELS) {
             Some(more) => self.more.get(more),
@@ -146,7 +148,7 @@ impl Measurement {
     }
 }
 
-/// The instruments: each axis with its own stream of noise, all from one seed.
+/// The instruments. Each axis has its own stream of noise, all from one seed.
 #[derive(Clone, Debug)]
 pub struct Rig {
     exciter: Exciter,
@@ -154,16 +156,16 @@ pub struct Rig {
     head: Instrument,
     accelerometer_b: Instrument,
     accelerometer_c: Instrument,
-    /// The other sensors, in the order of their channels.
+    /// Other sensors, in the order of their channels.
     more: Vec<Instrument>,
 }
 
-/// The axes of the instruments that every rig has.
+/// Axes of the instruments that every rig has.
 const PLANE: [Axis; 2] = [Axis::X, Axis::Y];
 
 impl Rig {
-    /// Checks the specification and seeds the noise. `rate_hz` is the sample rate, Hz, positive; `outputs` are what the
-    /// converters sample, head, B and C first, then the channels of the other sensors
+    /// Checks the specification and seeds the noise. `rate_hz` is the sample rate, Hz, positive; `outputs` are
+    /// what the converters sample: head, B and C first, then the channels of the other sensors
     /// ([`sensor_channels`](crate::structure::sensor_channels)).
     ///
     /// # Errors
@@ -205,37 +207,37 @@ impl Rig {
         })
     }
 
-    /// All instruments.
+    /// Returns the head, B, C and the other sensors, in this order.
     fn instruments(&mut self) -> impl Iterator<Item = &mut Instrument> {
         [&mut self.head, &mut self.accelerometer_b, &mut self.accelerometer_c].into_iter().chain(&mut self.more)
     }
 
-    /// What filters, delays and faults of the instruments have gathered at a sample, before its reading.
+    /// Returns the state of the instruments' filters, delays and faults at a sample, before its reading.
     pub fn gathered(&mut self) -> Vec<f64> {
         self.instruments().flat_map(Instrument::gathered).collect()
     }
 
-    /// Continues at sample `sample` with what [`Rig::gathered`] gave there; returns `false` if it was of another rig,
-    /// and the rig is then not to be used.
+    /// Continues at sample `sample` with the state from [`Rig::gathered`]. Returns `false` if it belongs to
+    /// another rig; this rig must then not be used.
     #[must_use]
     pub fn restore(&mut self, sample: u64, gathered: &[f64]) -> bool {
         let mut numbers = gathered.iter().copied();
         self.instruments().all(|instrument| instrument.restore(sample, &mut numbers)) && numbers.next().is_none()
     }
 
-    /// The exciter of the arm.
+    /// Returns the exciter of the structure.
     pub fn exciter(&self) -> &Exciter {
         &self.exciter
     }
 
-    /// The limits of commands beyond the exciter's.
+    /// Returns the limits of commands beyond those of the exciter.
     pub fn gate(&self) -> &GateSpec {
         &self.gate
     }
 
-    /// The readings at sample `sample` of the converters' samples, in the order of the outputs: the force in the head
-    /// along x and y, N, the accelerations of B and C along x and y, m/s², and what the other sensors measure. Every call
-    /// draws new noise and advances the filters, so call it once a sample.
+    /// Returns the readings at sample `sample` of the converters' samples, in the order of the outputs: the
+    /// force in the head along x and y, N, the accelerations of B and C along x and y, m/s², and what the other
+    /// sensors measure. Every call draws new noise and advances the filters, so call it once per sample.
     pub fn measure(&mut self, sample: u64, sampled: &[f64]) -> Measurement {
         let (mut more, mut places) = (Readings::NONE, sampled.chunks(2));
         let mut plane = |instrument: &mut Instrument| {
@@ -255,7 +257,7 @@ impl Rig {
     }
 }
 
-/// The numbers as those of the axes of an instrument.
+/// Returns the numbers as those of an instrument's axes, with zeros for missing ones.
 fn truth(numbers: &[f64]) -> [f64; MOST_AXES] {
     core::array::from_fn(|place| numbers.get(place).copied().unwrap_or(0.0))
 }

@@ -1,14 +1,15 @@
-//! Names of the instruments of a rig.
+//! Names of a rig's instruments.
 
 use alloc::string::String;
 use core::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// The most bytes of a name.
+/// Length of the longest name, bytes.
 const MOST_BYTES: usize = 15;
 
-/// The name of a sensor in a scenario: a lower-case letter, then lower-case letters, digits and underscores, at most 15.
+/// Name of a sensor in a scenario: a lower-case letter, then lower-case letters, digits and underscores, at
+/// most 15.
 ///
 /// It is part of the names of the sensor's channels: `acceleration_m3_z_m_s2` is of the sensor `m3`. The impedance head
 /// has the name `head`.
@@ -19,14 +20,14 @@ pub struct InstrumentName {
 }
 
 impl InstrumentName {
-    /// Accelerometer B.
+    /// Accelerometer B, at the elbow of the arm.
     pub const B: InstrumentName = InstrumentName::of(b"b");
-    /// Accelerometer C.
+    /// Accelerometer C, at the tip of the arm.
     pub const C: InstrumentName = InstrumentName::of(b"c");
     /// The force side of the impedance head.
     pub const HEAD: InstrumentName = InstrumentName::of(b"head");
 
-    /// The name; `None` if it has other characters, or too many.
+    /// Returns the name; `None` if it has other characters, or too many.
     pub fn new(name: &str) -> Option<InstrumentName> {
         let mut bytes = name.bytes();
         let begins = bytes.next().is_some_and(|first| first.is_ascii_lowercase());
@@ -34,7 +35,7 @@ impl InstrumentName {
         (begins && goes_on && name.len() <= MOST_BYTES).then(|| InstrumentName::of(name.as_bytes()))
     }
 
-    /// A name that is valid.
+    /// Returns a name whose validity is known.
     const fn of(name: &[u8]) -> InstrumentName {
         let mut bytes = [0; MOST_BYTES];
         let mut place = 0;
@@ -45,28 +46,29 @@ impl InstrumentName {
         InstrumentName { bytes, length: name.len() as u8 }
     }
 
-    /// As text.
+    /// Returns the name as text.
     pub fn as_str(&self) -> &str {
         // It was made of ASCII characters.
         str::from_utf8(&self.bytes[..usize::from(self.length)]).unwrap_or_default()
     }
 
-    /// The first stream of the instrument's noise, which has one for each axis. It follows from the name, so that other
-    /// sensors change nothing.
+    /// Returns the first stream of the instrument's noise, which has one stream for each axis. It follows from
+    /// the name, so that other sensors change nothing.
     pub(super) fn stream(self) -> u64 {
         match self {
             InstrumentName::HEAD => 0,
             InstrumentName::B => 2,
             InstrumentName::C => 4,
             _ => {
-                // FNV-1a. The highest bit tells it from the streams of faults, the lowest two are the axis.
+                // FNV-1a hash. The highest bit distinguishes it from the streams of faults, and the lowest two
+                // bits are the axis.
                 let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
                 (self.as_str().bytes().fold(0xcbf2_9ce4_8422_2325, hash) | 1 << 63) & !3
             }
         }
     }
 
-    /// The section of the instrument in a scenario.
+    /// Returns the section of the instrument in a scenario.
     pub fn section(self) -> Section {
         if self == InstrumentName::HEAD { Section::Rig("head") } else { Section::Sensor(self) }
     }
@@ -98,12 +100,12 @@ impl<'de> Deserialize<'de> for InstrumentName {
     }
 }
 
-/// A section of `[rig]` in a scenario.
+/// A section of `[rig]` in a scenario, for messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
-    /// `[rig.exciter]`, `[rig.head]` and so on.
+    /// A section such as `[rig.exciter]` or `[rig.head]`.
     Rig(&'static str),
-    /// `[rig.sensors.NAME]`.
+    /// The section `[rig.sensors.NAME]` of a sensor.
     Sensor(InstrumentName),
 }
 

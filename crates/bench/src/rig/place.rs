@@ -1,14 +1,14 @@
-//! Names of the places of a rig on a structure.
+//! Names of places on a structure.
 
 use alloc::string::{String, ToString};
 use core::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// The most bytes of a name.
+/// Length of the longest name, bytes.
 const MOST_BYTES: usize = 31;
 
-/// The name of a point of a structure, `tip`, or of one of its degrees of freedom, `tip.z`; up to 31 bytes.
+/// Name of a point of a structure, `tip`, or of one of its degrees of freedom, `tip.z`; up to 31 bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct PlaceName {
     bytes: [u8; MOST_BYTES],
@@ -16,14 +16,14 @@ pub struct PlaceName {
 }
 
 impl PlaceName {
-    /// The name; `None` if it is empty or too long.
+    /// Returns the name; `None` if it is empty or too long.
     pub fn new(name: &str) -> Option<PlaceName> {
         let mut bytes = [0; MOST_BYTES];
         bytes.get_mut(..name.len())?.copy_from_slice(name.as_bytes());
         (!name.is_empty()).then_some(PlaceName { bytes, length: name.len() as u8 })
     }
 
-    /// As text.
+    /// Returns the name as text.
     pub fn as_str(&self) -> &str {
         // It was made of a text.
         str::from_utf8(&self.bytes[..usize::from(self.length)]).unwrap_or_default()

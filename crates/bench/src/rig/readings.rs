@@ -1,30 +1,30 @@
-//! The readings of sensors beside those that the protocol carries.
+//! Readings of the sensors that the protocol does not carry.
 
 use super::Reading;
 
-/// The most channels of head and sensors together.
+/// Largest number of channels of head and sensors together.
 pub const MOST_CHANNELS: usize = 32;
 
-/// The most channels of the sensors other than head, B and C.
+/// Largest number of channels of the sensors other than head, B and C.
 pub const MOST_MORE: usize = MOST_CHANNELS - super::Measurement::CHANNELS;
 
-/// The readings of sensors at a sample, in the order of their channels: a value of fixed size, which passes through
-/// rings without an allocation. The names are in the plant's table
+/// Readings of sensors at a sample, in the order of their channels. The value has a fixed size, so that it
+/// passes through ring buffers without an allocation. The names are in the plant's table
 /// ([`Structure::outputs`](crate::structure::Structure::outputs)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
     values: [f64; MOST_MORE],
-    /// Bit n marks value n.
+    /// Marks of clipped values: bit n belongs to value n.
     clipped: u32,
     count: u8,
 }
 
 impl Readings {
-    /// No readings: the rig has head, B and C only.
+    /// No readings, for a rig with head, B and C only.
     pub const NONE: Readings = Readings { values: [0.0; MOST_MORE], clipped: 0, count: 0 };
 
-    /// Readings of these values, clipped where their bit is set; `None` if they are more than [`MOST_MORE`], or a bit
-    /// belongs to no value.
+    /// Returns readings with these values, clipped where their bit is set; `None` if there are more than
+    /// [`MOST_MORE`], or a bit belongs to no value.
     pub fn new(values: &[f64], clipped: u32) -> Option<Readings> {
         let mut readings = Readings { clipped, count: values.len() as u8, ..Readings::NONE };
         readings.values.get_mut(..values.len())?.copy_from_slice(values);
@@ -40,23 +40,23 @@ impl Readings {
         }
     }
 
-    /// The values, in the unit of each channel.
+    /// Returns the values, in the unit of each channel.
     pub fn values(&self) -> &[f64] {
         &self.values[..usize::from(self.count)]
     }
 
-    /// Which of them were beyond the range of their sensor: bit n is that of value n.
+    /// Returns which values were clipped: bit n belongs to value n.
     pub fn clipped(&self) -> u32 {
         self.clipped
     }
 
-    /// The reading at an index; `None` beyond the last one.
+    /// Returns the reading at an index; `None` beyond the last one.
     pub fn get(&self, index: usize) -> Option<Reading> {
         let value = *self.values().get(index)?;
         Some(Reading { value, clipped: self.clipped >> index & 1 == 1 })
     }
 
-    /// All readings, in order.
+    /// Returns all readings in order.
     pub fn iter(&self) -> impl Iterator<Item = Reading> + '_ {
         (0..self.values().len()).filter_map(|index| self.get(index))
     }

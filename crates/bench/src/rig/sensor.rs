@@ -11,27 +11,27 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{InstrumentName, PlaceName, RigError, Section};
 
-/// The longest delay, samples.
+/// Longest delay of a conversion, samples.
 const MOST_DELAY_SAMPLES: u32 = 1000;
-/// The most bits of a converter, within the precision of f64.
+/// Largest number of bits of a converter, within the precision of f64.
 const MOST_BITS: u32 = 48;
 
-/// What an instrument measures.
+/// Quantity that an instrument measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measured {
-    /// Force, N: the impedance head.
+    /// Force of the impedance head, N.
     Force,
-    /// Acceleration, m/s².
+    /// Acceleration of a point, m/s².
     Acceleration,
-    /// Velocity, m/s.
+    /// Velocity of a point, m/s.
     Velocity,
-    /// Displacement from rest, m.
+    /// Displacement of a point from rest, m.
     Displacement,
     /// Angle of a joint from rest, rad.
     Angle,
 }
 
-/// The words of the key `measures`.
+/// Words of the key `measures`.
 const WORDS: [(&str, Measured); 4] = [
     ("acceleration", Measured::Acceleration),
     ("velocity", Measured::Velocity),
@@ -40,15 +40,15 @@ const WORDS: [(&str, Measured); 4] = [
 ];
 
 impl Measured {
-    /// What a sensor measures there unless it says otherwise: at a joint, `joint2`, its angle, and elsewhere the
-    /// acceleration.
+    /// Returns what a sensor measures at a place unless it states otherwise: at a joint, `joint2`, its angle,
+    /// and elsewhere the acceleration.
     fn at(at: &PlaceName) -> Measured {
         let number = at.as_str().strip_prefix("joint");
         let is_joint = number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_digit()));
         if is_joint { Measured::Angle } else { Measured::Acceleration }
     }
 
-    /// Whether a key with a unit is one of an instrument that measures this.
+    /// Returns whether an instrument that measures this has the key.
     fn has_key(self, key: &str) -> bool {
         self.keys().all.contains(&key)
     }
@@ -70,7 +70,7 @@ impl<'de> Deserialize<'de> for Measured {
     }
 }
 
-/// The keys of an instrument that have a unit.
+/// Keys of an instrument that end in a unit.
 #[derive(Debug)]
 struct Keys {
     range: &'static str,
@@ -78,11 +78,11 @@ struct Keys {
     noise_density: &'static str,
     resolution: &'static str,
     sensor_range: &'static str,
-    /// All keys of the instrument.
+    /// All keys of the instrument, also those without a unit.
     all: &'static [&'static str],
 }
 
-/// The keys of an instrument whose quantity has this unit; `$own` are those that only it has.
+/// Builds the keys of an instrument for a unit; `$own` are the keys that only it has.
 macro_rules! keys {
     ($unit:literal, $($own:literal),*) => {
         Keys {
@@ -127,52 +127,55 @@ impl Measured {
     }
 }
 
-/// An instrument with conditioner and converter, its axes along those of the base frame.
+/// An instrument with conditioner and converter; its axes are those of the base frame.
 ///
-/// The signal passes through, in this order: gravity, transverse sensitivity, gain, the sensor's noise, the sensor's
-/// range, high-pass, low-pass, delay, and the converter with counts and range. The filters see the samples: they have
-/// gain and phase of their analog counterparts at frequencies far below the sample rate, and can't remove components
-/// folded before.
+/// The signal passes, in this order, gravity, transverse sensitivity, gain, the sensor's noise, the sensor's
+/// range, high-pass, low-pass, delay, and the converter with counts and range. The filters work on the samples:
+/// they have gain and phase of their analog counterparts at frequencies far below the sample rate, and can't
+/// remove components that were aliased before.
 ///
 /// Numbers are in the unit of what it measures, and their keys in a scenario end with it: `range_m_s2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorSpec {
-    /// What it measures.
+    /// Quantity that it measures.
     pub measures: Measured,
-    /// Where it is on the structure; `None` where the rig puts it.
+    /// Place on the structure; `None` where the rig defines it.
     pub at: Option<PlaceName>,
-    /// Largest magnitude of the converter, positive.
+    /// Largest magnitude that the converter reads, positive.
     pub range: f64,
-    /// Standard deviation of the sensor's noise of a sample, not negative. `None`, as with a density: none.
+    /// Standard deviation of the sensor's noise in a sample, not negative. `None`, also with a density, means
+    /// no noise of this kind.
     pub noise_rms: Option<f64>,
-    /// Density of the sensor's noise, in place of its standard deviation: the unit over √Hz, not negative, white up to
-    /// half the sample rate.
+    /// Density of the sensor's noise, in place of its standard deviation: the unit over √Hz, not negative,
+    /// white up to half the sample rate.
     pub noise_density: Option<f64>,
-    /// One count of the converter, not negative; 0 is an ideal converter. `None`, as with `bits`: ideal.
+    /// One count of the converter, not negative; 0 is an ideal converter. `None`, also with `bits`, is ideal.
     pub resolution: Option<f64>,
     /// Bits of the converter over the range from −range to range, 2 to 48, in place of the resolution.
     pub bits: Option<u32>,
-    /// The reading of gravity, along y, of an accelerometer that measures static accelerations: g, m/s², not negative.
+    /// Gravity g that the sensor reads along y, m/s², not negative, for an accelerometer that measures static
+    /// acceleration.
     pub gravity_m_s2: Option<f64>,
     /// Share of the other axis that an axis reads, above −1 and below 1.
     pub transverse: Option<f64>,
-    /// Sensitivity against the stated one, −10 to 10 and not 0.
+    /// Actual sensitivity over the stated one, −10 to 10 and not 0.
     pub gain: Option<f64>,
-    /// Largest magnitude that comes from the sensor to the filters, positive. Readings beyond are not marked.
+    /// Largest magnitude that the sensor passes to the filters, positive. Readings beyond it are not marked as
+    /// clipped.
     pub sensor_range: Option<f64>,
-    /// Corner of the conditioner's high-pass of first order, Hz, below half the sample rate.
+    /// Corner of the conditioner's first-order high-pass, Hz, below half the sample rate.
     pub highpass_hz: Option<f64>,
-    /// Corner of the low-pass, a Butterworth of second order, Hz, below half the sample rate.
+    /// Corner of the conditioner's low-pass, a second-order Butterworth filter, Hz, below half the sample rate.
     pub lowpass_hz: Option<f64>,
     /// Delay of the conversion, samples, at most 1000.
     pub delay_samples: Option<u32>,
 }
 
 impl SensorSpec {
-    /// An instrument with the range, the noise and the counts that it has by default: of accelerations ±1600 m/s²,
-    /// 0.02 m/s² and 0.05 m/s² a count; of forces ±650 N, 0.01 N and 0.02 N a count: the counts of the wire; of
-    /// velocities ±10 m/s, 0.1 mm/s and 0.1 mm/s a count; of displacements ±0.1 m, 1 µm and 1 µm a count; of angles
-    /// ±3.2 rad, 1 µrad and 1 µrad a count.
+    /// Returns an instrument with default range, noise and counts: for accelerations ±1600 m/s², 0.02 m/s² and
+    /// 0.05 m/s² per count; for forces ±650 N, 0.01 N and 0.02 N per count, the counts of the protocol; for
+    /// velocities ±10 m/s, 0.1 mm/s and 0.1 mm/s per count; for displacements ±0.1 m, 1 µm and 1 µm per count;
+    /// for angles ±3.2 rad, 1 µrad and 1 µrad per count.
     pub fn of(measures: Measured) -> SensorSpec {
         let (range, noise_rms, resolution) = match measures {
             Measured::Force => (650.0, 0.01, 0.02),
@@ -199,18 +202,19 @@ impl SensorSpec {
         }
     }
 
-    /// The same without the sensor's noise.
+    /// Returns the same instrument without the sensor's noise.
     #[must_use]
     pub fn without_noise(self) -> SensorSpec {
         SensorSpec { noise_rms: Some(0.0), noise_density: None, ..self }
     }
 
-    /// The largest magnitude that it reads: the converter's range, or the sensor's if that is smaller.
+    /// Returns the largest magnitude that it reads: the converter's range, or the sensor's if that is smaller.
     pub fn largest_reading(&self) -> f64 {
         self.sensor_range.map_or(self.range, |sensor| sensor.min(self.range))
     }
 
-    /// Standard deviation of the sensor's noise: white noise of the density d up to half the sample rate has d √(rate/2).
+    /// Returns the standard deviation of the sensor's noise: white noise of density d up to half the sample
+    /// rate has d √(rate/2).
     pub(super) fn sensor_noise(&self, rate_hz: f64) -> f64 {
         match (self.noise_rms, self.noise_density) {
             (_, Some(density)) => density * libm::sqrt(0.5 * rate_hz),
@@ -218,7 +222,8 @@ impl SensorSpec {
         }
     }
 
-    /// One count. With n bits 2ⁿ − 1 counts are used, as many below 0 as above: one is range/(2ⁿ⁻¹ − 1).
+    /// Returns one count. With n bits 2ⁿ − 1 counts are used, as many below 0 as above, so that one is
+    /// range/(2ⁿ⁻¹ − 1).
     pub(super) fn count(&self) -> f64 {
         match (self.resolution, self.bits) {
             (_, Some(bits)) => self.range / (libm::exp2(f64::from(bits) - 1.0) - 1.0),
@@ -226,19 +231,19 @@ impl SensorSpec {
         }
     }
 
-    /// Standard deviation of a reading at `rate_hz` samples a second: the sensor's noise, and the rounding to counts q,
-    /// which adds q/√12.
+    /// Returns the standard deviation of a reading at `rate_hz` samples per second: the sensor's noise, and
+    /// rounding to counts q, which adds q/√12.
     pub fn reading_noise(&self, rate_hz: f64) -> f64 {
         let (noise, count) = (self.sensor_noise(rate_hz), self.count());
         libm::sqrt(noise * noise + count * count / 12.0)
     }
 
-    /// The key of its range in a scenario.
+    /// Returns the key of the range in a scenario.
     pub fn range_key(&self) -> &'static str {
         self.measures.keys().range
     }
 
-    /// Refuses what no instrument can be; `section` names it.
+    /// Rejects specifications that no instrument can have; `section` names the instrument.
     pub(super) fn check(&self, section: Section, rate_hz: f64) -> Result<(), RigError> {
         let keys = self.measures.keys();
         let within = |name, value: Option<f64>, expected, fits: &dyn Fn(f64) -> bool| match value {
@@ -274,7 +279,7 @@ impl SensorSpec {
         within("delay_samples", whole(self.delay_samples), "at most 1000", &|got| got <= most)
     }
 
-    /// The head, as `[rig.head]` states it.
+    /// Reads the head, as `[rig.head]` states it.
     pub(super) fn head<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorSpec, D::Error> {
         deserializer.deserialize_map(SpecVisitor(Some(Measured::Force)))
     }
@@ -314,7 +319,8 @@ impl Serialize for SensorSpec {
     }
 }
 
-/// Reads the name of a key that an instrument has that measures this; of one that may measure anything a key of any.
+/// Reads a key of an instrument that measures this, or, for a sensor that may measure anything, a key of any
+/// instrument.
 struct KeySeed(Option<Measured>);
 
 impl<'de> DeserializeSeed<'de> for KeySeed {
@@ -331,8 +337,8 @@ impl<'de> DeserializeSeed<'de> for KeySeed {
     }
 }
 
-/// Reads the specification of an instrument that measures this, or, if it is a sensor beside B and C, what its key
-/// `measures` or its place says.
+/// Reads the specification of an instrument that measures this, or, for a sensor other than B and C, what its
+/// key `measures` or its place says.
 struct SpecVisitor(Option<Measured>);
 
 impl<'de> Visitor<'de> for SpecVisitor {
@@ -342,10 +348,12 @@ impl<'de> Visitor<'de> for SpecVisitor {
         f.write_str("the keys of an instrument")
     }
 
-    /// A key of noise or counts that is absent in both forms takes its default.
+    /// Reads the keys. Noise or counts that are absent in both forms take their default.
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<SensorSpec, A::Error> {
         let (mut at, mut measures, mut bits, mut delay_samples) = (None, None, None, None);
         let mut numbers: Vec<(String, f64)> = Vec::new();
+        // The quantity is known only after all keys, in whatever order they come, so numbers are collected
+        // first.
         while let Some(key) = map.next_key_seed(KeySeed(self.0))? {
             match key.as_str() {
                 "at" => at = Some(map.next_value::<PlaceName>()?),
@@ -380,7 +388,7 @@ impl<'de> Visitor<'de> for SpecVisitor {
                 _ if key == keys.noise_density => spec.noise_density = Some(value),
                 _ if key == keys.resolution => spec.resolution = Some(value),
                 _ if key == keys.sensor_range => spec.sensor_range = Some(value),
-                // It is a key of a sensor that measures something else.
+                // The key belongs to a sensor that measures something else.
                 _ => return Err(de::Error::unknown_field(key, keys.all)),
             }
         }
@@ -394,7 +402,7 @@ impl<'de> Visitor<'de> for SpecVisitor {
     }
 }
 
-/// A sensor beside B and C.
+/// A sensor other than B and C.
 struct NamedSensor(SensorSpec);
 
 impl<'de> Deserialize<'de> for NamedSensor {
@@ -403,7 +411,7 @@ impl<'de> Deserialize<'de> for NamedSensor {
     }
 }
 
-/// Accelerometer B or C.
+/// Accelerometer B or C, which can measure nothing else.
 struct Accelerometer(SensorSpec);
 
 impl<'de> Deserialize<'de> for Accelerometer {
@@ -412,19 +420,19 @@ impl<'de> Deserialize<'de> for Accelerometer {
     }
 }
 
-/// The sensors of a rig.
+/// Sensors of a rig, by their names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorSpecs {
-    /// Accelerometer B: of the arm at the elbow.
+    /// Accelerometer B, on the arm at the elbow.
     pub b: SensorSpec,
-    /// Accelerometer C: of the arm at the tip.
+    /// Accelerometer C, on the arm at the tip.
     pub c: SensorSpec,
-    /// The others, by name. The protocol does not carry them; recordings, users' protocols and programs do.
+    /// Other sensors, by name. The protocol does not carry them; recordings, user protocols and programs do.
     pub more: BTreeMap<InstrumentName, SensorSpec>,
 }
 
 impl Default for SensorSpecs {
-    /// Accelerometers B and C.
+    /// Accelerometers B and C, and no other sensor.
     fn default() -> SensorSpecs {
         let accelerometer = SensorSpec::of(Measured::Acceleration);
         SensorSpecs { b: accelerometer, c: accelerometer, more: BTreeMap::new() }
@@ -447,7 +455,7 @@ impl<'de> Deserialize<'de> for SensorSpecs {
     }
 }
 
-/// Reads `[rig.sensors]`.
+/// Visitor that reads the section `[rig.sensors]`.
 struct SensorsVisitor;
 
 impl<'de> Visitor<'de> for SensorsVisitor {

@@ -1,4 +1,4 @@
-//! An electrodynamic shaker, bolted through the impedance head to the tip and pushing along one direction.
+//! An electrodynamic shaker, bolted to the tip through the impedance head and pushing along one direction.
 //!
 //! The armature, of mass m on a suspension k, c, moves with the tip by s along the direction; the coil pushes it by
 //! Bl·i. The rest of this force shakes the arm, and the head reads it (G. F. Lang, "Electrodynamic Shaker
@@ -18,12 +18,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{Load, RigError, Section};
 
-/// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, for sines and
-/// cosines rounded by hand.
+/// Largest force across the shaker that counts as rounding: two counts of the protocol, N, and, in the next
+/// constant, a share of the force, for sines and cosines that were rounded by hand.
 const ACROSS_N: f64 = 0.04;
 const ACROSS_SHARE: f64 = 1e-3;
 
-/// The quantity that the amplifier holds.
+/// Quantity that the amplifier holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Amplifier {
@@ -34,14 +34,14 @@ pub enum Amplifier {
     Voltage,
 }
 
-/// An electrodynamic shaker with its amplifier, in a scenario.
+/// An electrodynamic shaker with its amplifier, as a scenario states it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShakerSpec {
-    /// Direction in which it pushes the tip, against the x axis of the base frame, degrees.
+    /// Direction in which it pushes the tip, relative to the x axis of the base frame, degrees.
     #[serde(default)]
     pub direction_deg: f64,
-    /// The quantity that the amplifier holds.
+    /// Quantity that the amplifier holds.
     #[serde(default)]
     pub amplifier: Amplifier,
     /// Mass of the armature, with the stinger and attached parts, kg, not negative.
@@ -64,7 +64,7 @@ pub struct ShakerSpec {
     pub voltage_limit_v: f64,
 }
 
-/// The limits that trip the amplifier.
+/// Limits that trip the amplifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShakerLimit {
     /// The displacement of the armature.
@@ -76,7 +76,7 @@ pub enum ShakerLimit {
 }
 
 impl ShakerLimit {
-    /// Its description, its unit, and the key of its limit in a scenario.
+    /// Returns description, unit, and key of the limit in a scenario.
     pub const fn names(self) -> [&'static str; 3] {
         match self {
             ShakerLimit::Stroke => ["armature's displacement", "m", "stroke_m"],
@@ -118,25 +118,25 @@ impl ShakerSpec {
         Ok(())
     }
 
-    /// The unit vector in which it pushes.
+    /// Returns the unit vector in which it pushes.
     pub fn direction(&self) -> Vector2<f64> {
         let (sine, cosine) = libm::sincos(self.direction_deg.to_radians());
         Vector2::new(cosine, sine)
     }
 
-    /// The largest force of the blocked shaker, N: Bl times the largest current, in voltage mode also Bl/R times the
-    /// largest voltage.
+    /// Returns the largest force of the blocked shaker, N: Bl times the largest current, and at most Bl/R times
+    /// the largest voltage.
     pub fn force_limit_n(&self) -> f64 {
         let by_voltage_a = self.voltage_limit_v / self.resistance_ohm;
         self.force_factor_n_a * self.current_limit_a.min(by_voltage_a)
     }
 
-    /// The part of a command along the shaker, N.
+    /// Returns the part of a command along the shaker, N.
     pub fn along_n(&self, load: &Load) -> f64 {
         self.direction().dot(&load.force_n)
     }
 
-    /// Whether a load points along the shaker, but for rounding.
+    /// Returns whether a load points along the shaker, up to rounding.
     pub fn is_along(&self, load: &Load) -> bool {
         let direction = self.direction();
         let across_n = direction.x * load.force_n.y - direction.y * load.force_n.x;
@@ -144,19 +144,21 @@ impl ShakerSpec {
         across_n.abs() <= rounding_n && load.torque_nm == Vector2::zeros()
     }
 
-    /// Whether a command is within the limits of amplifier and direction.
+    /// Returns whether a command is within the limits of amplifier and direction.
     pub fn can_produce(&self, load: &Load) -> bool {
         self.is_along(load) && self.along_n(load).abs() <= self.force_limit_n()
     }
 
-    /// The first limit that is exceeded at a current, a displacement and a velocity of the armature, with the value and
-    /// the limit. In current mode the amplifier needs R i + Bl ṡ; the voltage that a step of the current needs across L
-    /// is not counted.
+    /// Returns the first limit that is exceeded at a current, a displacement and a velocity of the armature,
+    /// with the value and the limit. In current mode the amplifier needs R i + Bl ṡ; the voltage that a step of
+    /// the current needs across L is not counted.
     pub fn exceeded(
         &self,
         current_a: f64,
         (displacement_m, velocity_m_s): (f64, f64),
     ) -> Option<(ShakerLimit, f64, f64)> {
+        // In voltage mode a command is limited to the voltage limit before it acts, so only the current mode
+        // needs a check.
         let needed_v = match self.amplifier {
             Amplifier::Current => self.resistance_ohm * current_a + self.force_factor_n_a * velocity_m_s,
             Amplifier::Voltage => 0.0,
@@ -166,6 +168,7 @@ impl ShakerSpec {
             (ShakerLimit::Current, current_a, self.current_limit_a),
             (ShakerLimit::Voltage, needed_v, self.voltage_limit_v),
         ];
+        // NaN counts as exceeded: a diverged simulation must trip.
         let beyond = |(_, got, limit): &(ShakerLimit, f64, f64)| got.is_nan() || got.abs() > *limit;
         all.into_iter().find(beyond).map(|(which, got, limit)| (which, got.abs(), limit))
     }

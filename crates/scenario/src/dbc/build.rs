@@ -118,9 +118,9 @@ impl<'a> File<'a> {
             got => return Err(Problem::Id { got }),
         };
         let (stated, unknown) = match self.attributes.format(statement.id, statement.bytes) {
+            Ok(format) => (format, None),
             // An unknown format is no reason to lose the message. It is read as a classical frame and marked,
             // so that it can be decoded but not used by its name.
-            Ok(format) => (format, None),
             Err(problem) => (FrameFormat::Classic, Some(problem)),
         };
         let too_long = Problem::Length { got: statement.bytes, format: stated };

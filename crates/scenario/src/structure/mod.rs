@@ -214,8 +214,6 @@ impl StructureSection {
         };
         let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
         let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
-        // Parameters are set together and after assembly: one value alone may be impossible where the whole set
-        // is not, such as gravity on a preset without masses.
         let assembly = Assembly::new(&StructureSpec { body, elements })?;
         let mut values = Vec::new();
         // Gravity on a preset needs values of `set`, and is given with them.
@@ -226,6 +224,8 @@ impl StructureSection {
             let unknown = |source| StructureSectionError::Set { name: name.clone(), value: *value, source };
             values.push((assembly.parameter(name).map_err(unknown)?, *value));
         }
+        // Parameters are set together and after assembly: one value alone may be impossible where the whole set
+        // is not, such as gravity on a preset without masses.
         if values.is_empty() { Ok(assembly) } else { Ok(assembly.with_all(&values)?) }
     }
 

@@ -232,13 +232,13 @@ impl Listener {
             id if id == HEARTBEAT_BASE + own => Part::Heartbeat,
             id if id == SDO_REQUEST_BASE + own => Part::Request,
             id if id == SDO_ANSWER_BASE + own => Part::Answer,
+            // The fixed identifiers come first: a PDO can't be moved onto them, so only then are the PDO parameters
+            // searched.
             id if is_fd => match self.pdo_of(id) {
                 Some(part) => part,
                 None => return Heard::Foreign,
             },
             id => return self.hear_pdo(id, is_remote, data),
-            // The fixed identifiers come first: a PDO can't be moved onto them, so only then are the PDO parameters
-            // searched.
         };
         let heard = match part {
             _ if is_remote => Err(Malformed::Remote),

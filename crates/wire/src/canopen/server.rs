@@ -249,8 +249,8 @@ impl Server {
         self.now_ns = now_ns;
         let own = u16::from(self.node_id);
         match id {
-            // A stopped node serves no SYNC, SDO or PDO (CiA 301).
             NMT_ID if !is_remote => self.handle_nmt(now_ns, frame.data()),
+            // A stopped node serves no SYNC, SDO or PDO (CiA 301).
             SYNC_ID if !is_remote && self.state == NmtState::Stopped => Handled::Foreign,
             SYNC_ID if !is_remote && frame.data().len() > 1 => Handled::Length,
             SYNC_ID if !is_remote => self.synchronise(device),
@@ -371,8 +371,6 @@ impl Server {
 
     fn handle_pdo(&mut self, now_ns: u64, id: u16, frame: &Frame, device: &mut impl Device) -> Handled {
         for (number, place) in (0..PDOS).zip(0..) {
-            // Several received PDOs may share an identifier, so all of them are searched below. Sent ones are
-            // unique on the bus.
             let pdo = Pdo { direction: TRANSMIT, number };
             if pdo.id(&self.dictionary) != Some(id) {
                 continue;
@@ -388,6 +386,7 @@ impl Server {
         if self.state != NmtState::Operational || frame.format() == FrameFormat::Remote {
             return Handled::Foreign;
         }
+        // Several received PDOs may have the same identifier, and each of them takes the frame.
         let mut handled = Handled::Foreign;
         for number in 0..PDOS {
             if (Pdo { direction: RECEIVE, number }).id(&self.dictionary) == Some(id) {
@@ -521,7 +520,6 @@ impl Server {
             }
         }
         let period_ns = self.heartbeat_ns();
-        // The frame is built when it is sent. A PDO that already waits is so replaced by its newer values.
         if self.state != NmtState::Initialising && period_ns > 0 && now_ns >= self.heartbeat_due_ns {
             self.heartbeat_due_ns = next(self.heartbeat_due_ns, period_ns, now_ns);
             self.push(HEARTBEAT_BASE, &[self.state.byte()]);
@@ -573,6 +571,7 @@ impl Server {
     fn queue(&mut self, place: usize, now_ns: u64) {
         let Some(transmit) = self.transmit.get_mut(place) else { return };
         (transmit.queued_ns, transmit.is_deferred) = (Some(now_ns), false);
+        // The frame is built when it is sent. A PDO that already waits is so replaced by its newer values.
         if core::mem::replace(&mut transmit.waits, true) {
             self.unsent += 1;
         }

@@ -42,13 +42,13 @@ use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
 use resonarm_numeric::number::short;
 
-/// Allowed deviation of the force from the wanted one, relative.
+/// Largest relative deviation of the force from the requested one.
 const TOLERANCE: f64 = 3e-3;
-/// Most tries of a point before it is reported as not settled.
+/// Number of tries after which a point is reported as not settled.
 const MOST_TRIES: u32 = 30;
-/// The largest factor by which a try changes the command.
+/// Largest factor by which one try changes the command.
 const LARGEST_FACTOR: f64 = 4.0;
-/// The largest power s that is accepted, and the least change of ln c from which it is computed.
+/// Largest power s that is accepted; the next constant is the least change of ln c from which it is computed.
 const LARGEST_POWER: f64 = 10.0;
 const TELLING_CHANGE: f64 = 2e-3;
 
@@ -58,24 +58,26 @@ const TELLING_CHANGE: f64 = 2e-3;
 pub struct ForceControlSpec {
     /// Amplitude and direction of the force in the head.
     pub amplitude: Amplitude,
-    /// How long the command takes from one amplitude to the next, s, not negative.
+    /// Duration of the ramp from one amplitude to the next, s, not negative.
     #[serde(default)]
     pub ramp_s: f64,
-    /// The frequencies: a dwell, a stepped sine or a list.
+    /// Frequencies, as a dwell, a stepped sine or a list.
     pub profile: Waveform,
-    /// Largest amplitude of the acceleration of B, m/s², positive: the force is reduced where it would be exceeded.
+    /// Notch at B: largest amplitude of the acceleration, m/s², positive. The force is reduced where B would
+    /// exceed it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notch_b_m_s2: Option<f64>,
-    /// The same for C. Where the force would exceed it, the acceleration is controlled in place of the force.
+    /// Notch at C, m/s². Where the force would exceed it, the acceleration is controlled in place of the force.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub notch_c_m_s2: Option<f64>,
-    /// Harmonics of the force that are brought to zero: a point settles only with each below 0.2 % of the fundamental.
+    /// Harmonics of the force that are cancelled. A point settles only with each of them below 0.2 % of the
+    /// fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }
 
 impl ForceControlSpec {
-    /// Force control of an excitation, without notches and without cancelled harmonics.
+    /// Returns force control of an excitation, without notches and without cancelled harmonics.
     pub fn new(excitation: &ExcitationSpec) -> ForceControlSpec {
         let ExcitationSpec { amplitude, ramp_s, profile } = excitation.clone();
         let cancel_harmonics = CancelHarmonics::NONE;
@@ -88,32 +90,32 @@ impl ForceControlSpec {
     }
 }
 
-/// Why a force can't be controlled with these settings.
+/// Reason why a force can't be controlled with these settings.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ForceControlError {
     /// The profile can't be played.
     #[error(transparent)]
     Excitation(#[from] ExcitationError),
-    /// A notch is impossible.
+    /// A notch is not a positive number.
     #[error("control: `{name}` is {got}: it must be a positive number", got = short(.got))]
     Notch {
-        /// Name of the notch in a scenario.
+        /// Key of the notch in a scenario.
         name: &'static str,
-        /// The given value, m/s².
+        /// Value that was given, m/s².
         got: f64,
     },
-    /// The amplitude is a torque, which the head does not read.
+    /// The amplitude is a torque, which the impedance head does not measure.
     #[error(
         "control: force control is closed on the impedance head, which reads no torque: give `exciter_x` or `exciter_y`"
     )]
     Torque,
-    /// The profile is not one frequency after the other.
+    /// The profile does not consist of single frequencies.
     #[error(
         "control: force control sets the amplitude of the force at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`"
     )]
     NotADwell,
-    /// Too few samples per period.
+    /// The sample rate is too low for the highest frequency.
     #[error("control: {rate_hz} samples a second are too few for force control at {frequency_hz:.2} Hz: at least {:.0} are needed", Orders::SAMPLES_A_PERIOD * frequency_hz)]
     Rate {
         /// The sample rate, Hz.
@@ -123,57 +125,57 @@ pub enum ForceControlError {
     },
 }
 
-/// The current stage, from sample `since` on.
+/// Stage of the present point; it begins at sample `since`.
 #[derive(Clone, Copy, Debug)]
 enum Stage {
-    /// Ramps from one command to the next.
+    /// The command ramps from the last one to the present one.
     Ramp { from: Phasor, since: u64 },
-    /// Waits for the transient of the change to die out.
+    /// The transient of the change dies out.
     Settle { since: u64 },
-    /// Reads the response.
+    /// The response is read until sample `until`.
     Read { until: u64 },
-    /// Ramps down to zero at the end.
+    /// The command ramps to zero at the end.
     Leave { from: Phasor, since: u64 },
 }
 
-/// Plays a dwell or a stepped sine, and brings the fundamental of the force in the impedance head to its amplitude at
-/// every frequency.
+/// Plays a dwell or a stepped sine, and brings the fundamental of the force in the impedance head to its
+/// amplitude at every frequency.
 #[derive(Clone, Debug)]
 pub struct ForceControl {
     frequencies_hz: Vec<f64>,
     sampling: Sampling,
     limit_n: f64,
-    /// Share of the coil's force that goes into the arm far above the natural frequencies.
+    /// Share of the coil's force that enters the arm far above its natural frequencies.
     share: f64,
     amplitude_n: f64,
-    /// Largest amplitudes of the accelerations of B and C, m/s².
+    /// Notches: largest amplitudes of the accelerations of B and C, m/s².
     notches_m_s2: [Option<f64>; 2],
     direction: Vector2<f64>,
-    /// Shortest durations of a ramp, of settling and of a reading, s.
+    /// Least durations of a ramp, of settling and of a reading, s.
     ramp_s: f64,
     settle_s: f64,
     read_s: f64,
     stage: Stage,
-    /// The response that is being read.
+    /// Response that is being read.
     reading: Option<Reading>,
-    /// Index of the frequency, and the number of tries.
+    /// Index of the frequency; the next field is the number of its tries.
     point: usize,
     tries: u32,
-    /// The command's amplitude against the phase: Im(c e^{iφ}), N.
+    /// Complex amplitude of the command: Im(c e^{iφ}) at the phase φ, N.
     command_n: Phasor,
-    /// Harmonics of the command.
+    /// Harmonics of the command, if some are cancelled.
     cancellation: Option<Cancellation>,
-    /// (ln c, ln H) of the last try at this frequency, and s.
+    /// ln c and ln H of the last try at this frequency; the next field is s.
     tried: Option<[f64; 2]>,
     power: f64,
     last_sample: Option<u64>,
-    /// Phase in the middle of the last hold.
+    /// Phase in the middle of the last hold, rad.
     phase_rad: f64,
     response: Option<ResponsePoint>,
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` on a structure as the controller models it, with readings at
+    /// Returns a controller that plays the frequencies of `spec` on the modelled structure, with readings at
     /// this `sampling` and an exciter with the limit `limit_n`.
     ///
     /// # Errors
@@ -231,7 +233,7 @@ impl ForceControl {
         })
     }
 
-    /// The frequency that is played, Hz: after the end the last.
+    /// Returns the frequency that is played, Hz; after the end, the last one.
     fn frequency_hz(&self) -> f64 {
         let last = self.frequencies_hz.len().saturating_sub(1);
         self.frequencies_hz.get(self.point.min(last)).copied().unwrap_or(0.0)
@@ -241,13 +243,15 @@ impl ForceControl {
         libm::ceil(seconds * self.sampling.rate_hz) as u64
     }
 
-    /// Progress of a ramp that began at `since`, smoothly from 0 to 1.
+    /// Progress of a ramp that began at `since`: a smooth step from 0 to 1.
     fn ramped(&self, n: u64, since: u64) -> f64 {
         let x = ((n - since) as f64 / self.samples(self.ramp_s).max(1) as f64).min(1.0);
+        // The cubic smoothstep begins and ends without a change of slope, so it excites the modes less than a
+        // straight ramp.
         x * x * (3.0 - 2.0 * x)
     }
 
-    /// The harmonics to command beside the fundamental from sample `n` on, N.
+    /// Returns the harmonics of the command from sample `n` on, N.
     fn harmonics_n(&self, n: u64) -> f64 {
         let share = match self.stage {
             Stage::Ramp { since, .. } | Stage::Leave { since, .. } => self.ramped(n, since),
@@ -256,7 +260,7 @@ impl ForceControl {
         self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
     }
 
-    /// The amplitude to hold from sample `n` on.
+    /// Returns the complex amplitude of the command from sample `n` on.
     fn amplitude(&self, n: u64) -> Phasor {
         match self.stage {
             Stage::Ramp { from, since } => from + (self.command_n - from) * self.ramped(n, since),
@@ -265,7 +269,7 @@ impl ForceControl {
         }
     }
 
-    /// Moves to the next stage when it is time; returns whether the work is done.
+    /// Moves to the next stage when it is time. Returns whether all frequencies are done.
     fn proceed(&mut self, n: u64) -> bool {
         let ramp = self.samples(self.ramp_s);
         match self.stage {
@@ -289,11 +293,13 @@ impl ForceControl {
         false
     }
 
-    /// Handles a response that was read: reports it and moves to the next frequency, or tries again.
+    /// Judges a response: reports it and moves to the next frequency, or tries again.
     fn judge(&mut self, n: u64, read: Option<ResponsePoint>) {
         self.tries += 1;
         let Some(mut point) = read else { return self.next(n) };
         let [x, y] = point.head_force_n;
+        // The head also reads images of the held command that the converter aliases onto the fundamental. They
+        // are known and subtracted.
         let images = self.share * self.sampling.images(point.frequency_hz);
         let head_n = x * self.direction.x + y * self.direction.y - self.command_n * images;
         point.load = libm::hypot(head_n.re, head_n.im);
@@ -301,6 +307,7 @@ impl ForceControl {
         let wanted_n = self.wanted_n(&point);
         let off = (point.load / wanted_n - 1.0).abs();
         let from = self.command_n;
+        // The power is learned from c and H of this try before the command is changed.
         self.learn(libm::log(libm::hypot(from.re, from.im)), libm::log(point.load));
         let factor = missing(head_n, wanted_n);
         self.command_n = corrected(from, factor, self.power);
@@ -313,7 +320,7 @@ impl ForceControl {
         }
     }
 
-    /// Corrects the harmonics of the command; returns whether those of the force are cancelled, as far as that is
+    /// Corrects the harmonics of the command. Returns whether those of the force are cancelled, as far as
     /// requested.
     fn cancel(&mut self, point: &ResponsePoint, factor: Phasor, off: f64) -> bool {
         let Some(cancellation) = &mut self.cancellation else { return true };
@@ -322,21 +329,25 @@ impl ForceControl {
         is_cancelled
     }
 
-    /// Derives the power s from a try.
+    /// Estimates the power s from this try and the last one.
     fn learn(&mut self, command: f64, head: f64) {
         if let Some([command_before, head_before]) = self.tried {
             let change = command - command_before;
             if change.abs() > TELLING_CHANGE {
+                // The lower bound 1 leaves the plain step where H grows less than c: a power below 1 would make
+                // the step larger, and overshoot.
                 self.power = ((head - head_before) / change).clamp(1.0, LARGEST_POWER);
             }
         }
         self.tried = Some([command, head]);
     }
 
-    /// The wanted force at the frequency of a response: F, or the force at which an acceleration reaches its notch if
-    /// that is less.
+    /// Returns the force to reach at the frequency of a response: F, or the force at which an acceleration
+    /// reaches its notch, whichever is less.
     fn wanted_n(&self, point: &ResponsePoint) -> f64 {
         let accelerations = [&point.acceleration_b_m_s2, &point.acceleration_c_m_s2];
+        // The structure is taken as linear between the present force and the notch. The next try corrects what
+        // is left.
         let notched = self.notches_m_s2.iter().zip(accelerations).filter_map(|(notch, [x, y])| {
             let size = libm::sqrt(x.norm_sqr() + y.norm_sqr());
             notch.filter(|_| size > 0.0).map(|notch| point.load * notch / size)
@@ -368,13 +379,13 @@ impl ForceControl {
     }
 }
 
-/// F/H, with the rotation that brings the head's force into phase; its size is limited to a factor.
+/// Returns F/H with the rotation that brings the head's force into phase; its size is limited to a factor.
 fn missing(head_n: Phasor, wanted_n: f64) -> Phasor {
     let size = libm::hypot(head_n.re, head_n.im).max(wanted_n / LARGEST_FACTOR).min(wanted_n * LARGEST_FACTOR);
     unit(-libm::atan2(head_n.im, head_n.re)) * (wanted_n / size)
 }
 
-/// c |F/H|^(1/s), rotated by the angle of F/H.
+/// Returns c |F/H|^(1/s), rotated by the angle of F/H.
 fn corrected(command_n: Phasor, missing: Phasor, power: f64) -> Phasor {
     command_n * missing * libm::pow(libm::hypot(missing.re, missing.im), 1.0 / power - 1.0)
 }
@@ -384,7 +395,8 @@ impl Controller for ForceControl {
         LoadKind::Force
     }
 
-    /// The driving point: whether a response is settled shows in its acceleration. Of B only a notch.
+    /// The driving point is needed, as its acceleration shows whether a response has settled. B is needed only
+    /// for a notch.
     fn needs(&self) -> [bool; Measurement::CHANNELS] {
         let b = self.notches_m_s2[0].is_some();
         [true, true, b, b, true, true]
@@ -413,7 +425,7 @@ impl Controller for ForceControl {
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
         let step_rad = TAU * self.frequency_hz() / self.sampling.rate_hz;
-        // While samples were lost, the load of the last sample was held.
+        // While samples were lost, the plant held the load of the last one and the phase went on.
         let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
         self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);
         self.last_sample = Some(n);

@@ -1,4 +1,5 @@
-//! The mode as the points of a walk show it: its frequency and damping over the amplitude.
+//! Model of the mode's backbone: its frequency and damping as functions of the amplitude, from the points so
+//! far.
 
 use alloc::vec::Vec;
 
@@ -8,27 +9,27 @@ use crate::control::fourier_filter::unit;
 use crate::control::{ModeModel, SeenMode};
 use crate::excitation::Phasor;
 
-/// The mode as found at one amplitude.
+/// Frequency and damping of the mode as one point shows them.
 #[derive(Clone, Copy, Debug)]
 struct Finding {
-    /// A², rad².
+    /// Square of the amplitude, A².
     square: f64,
-    /// ω₀²(A), 1/s².
+    /// Square of the angular frequency, ω₀²(A), 1/s².
     stiffness: f64,
-    /// κ, load per rad/s.
+    /// Damping κ, load per rad/s.
     damping: f64,
-    /// Standard deviation, relative to the share of the load that works against the damping.
+    /// Standard deviation, relative to the part of the load that works against the damping.
     deviation: f64,
 }
 
-/// The curve that is fitted over A².
+/// Polynomial that is fitted over A².
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FittedCurve {
     Line,
     Parabola,
 }
 
-/// The compliance R of the other modes at an angular frequency, small and linear.
+/// Returns the compliance R of the other modes at an angular frequency, which is small and taken as linear.
 fn compliance(others: &[SeenMode], omega_rad_s: f64) -> Phasor {
     let of = |mode: &SeenMode| {
         let SeenMode { angular_frequency_rad_s: omega, damping_ratio: zeta, modal_mass: mass } = mode;
@@ -38,7 +39,7 @@ fn compliance(others: &[SeenMode], omega_rad_s: f64) -> Phasor {
     others.iter().map(of).fold(Phasor::new(0.0, 0.0), |sum, of| sum + of)
 }
 
-/// ω₀²(A²) and κ(A²) from the findings so far.
+/// Predicts ω₀²(A²) and κ(A²) from the points so far.
 ///
 /// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's dynamic stiffness is
 /// D = m(ω₀² − ω²) + iκω, and R = Σ 1/(m'(ω'² − ω² + 2iζ'ω'ω)) is the contribution of the other modes, far from
@@ -53,25 +54,25 @@ pub(super) struct BackboneModel {
     findings: Vec<Finding>,
 }
 
-/// Weight of a pull of slope and curvature to zero in the least squares, so that few findings give a smooth curve.
+/// Regularisation of slope and curvature towards zero, so that few points give a smooth curve.
 const PULL: f64 = 1e-6;
-/// Expected change of κ over the range of A², relative: a standard deviation. Without it two imprecise findings at
-/// small amplitude may extrapolate to a damping below zero at a large one.
+/// Expected relative change of κ over the range of A², a standard deviation. Without it two imprecise points at
+/// small amplitude could extrapolate to a negative damping at a large one.
 const SLOPE: f64 = 0.05;
-/// Share of the range of A² at which a finding's weight has fallen to a quarter.
+/// Share of the range of A² at which the weight of a point has fallen to a quarter.
 const REACH: f64 = 0.4;
-/// Relative deviation of theory at small amplitude, and the least deviation of a finding: the rest is the model's
-/// error.
+/// Relative deviation of the theory at small amplitude; the next constant is the least deviation of a point,
+/// which covers the model's own error.
 const THEORY: f64 = 0.01;
 const LEAST_DEVIATION: f64 = 2e-4;
-/// Factor between the weights of a finding and the next: beyond the peak the same amplitudes occur at other
+/// Ratio of the weights of a point and the next one: beyond the peak the same amplitudes occur at other
 /// frequencies.
 const FADING: f64 = 0.7;
-/// Number of findings that are kept, theory among them: the weight of an older one has fallen below 0.7⁶² ≈ 2.5e-10.
+/// Number of points that are kept, including the theory; older ones have weights below 0.7⁶² ≈ 2.5e-10.
 const MOST_FINDINGS: usize = 64;
 
 impl BackboneModel {
-    /// The theory alone, with room for later findings.
+    /// Returns the model of the theory alone, with room for points.
     pub fn new(model: &ModeModel) -> BackboneModel {
         let SeenMode { angular_frequency_rad_s: omega, damping_ratio, modal_mass } = model.mode;
         let damping = 2.0 * damping_ratio * omega * modal_mass;
@@ -80,7 +81,7 @@ impl BackboneModel {
         BackboneModel { mass: modal_mass, others: model.others().to_vec(), findings: all }
     }
 
-    /// Returns to the theory alone.
+    /// Forgets all points and returns to the theory.
     pub fn forget(&mut self) {
         self.findings.truncate(1);
     }
@@ -101,12 +102,12 @@ impl BackboneModel {
         });
     }
 
-    /// D of U/a.
+    /// Returns D, the mode's own dynamic stiffness, from U/a.
     fn own(&self, dynamic_stiffness: Phasor, omega_rad_s: f64) -> Phasor {
         (dynamic_stiffness.inv() - compliance(&self.others, omega_rad_s)).inv()
     }
 
-    /// (ω₀², κ) at the amplitude.
+    /// Returns (ω₀², κ) at an amplitude.
     fn at(&self, amplitude_rad: f64) -> (f64, f64) {
         let square = amplitude_rad * amplitude_rad;
         let stiffness = self.predict(square, FittedCurve::Parabola, |finding| finding.stiffness);
@@ -114,16 +115,18 @@ impl BackboneModel {
         (stiffness, damping)
     }
 
-    /// U/a at the amplitude and an angular frequency.
+    /// Returns U/a at an amplitude and an angular frequency.
     pub fn dynamic_stiffness(&self, amplitude_rad: f64, omega_rad_s: f64) -> Phasor {
         let (stiffness, damping) = self.at(amplitude_rad);
         let own = Phasor::new(self.mass * (stiffness - omega_rad_s * omega_rad_s), damping * omega_rad_s);
         (own.inv() + compliance(&self.others, omega_rad_s)).inv()
     }
 
-    /// The value at `square` by weighted least squares.
+    /// Returns the value at `square` by weighted least squares.
     fn predict(&self, square: f64, curve: FittedCurve, value: impl Fn(&Finding) -> f64) -> f64 {
         let scale = self.findings.iter().fold(square, |most, finding| most.max(finding.square)).max(f64::MIN_POSITIVE);
+        // Deviations from the last point are fitted and the last point is added again. The regularisation then
+        // pulls towards it, and the sums keep their digits.
         let Some(origin) = self.findings.last().map(&value) else { return 0.0 };
         let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
         let mut total = 0.0;
@@ -148,14 +151,14 @@ impl BackboneModel {
         normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
     }
 
-    /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved
-    /// by iteration from `near`: without the other modes they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m. With them
-    /// U/a = F e^{iφ}/A gives D, and A Im D = F sin φ and Re D = Im D cot φ no longer hold; but the factors A Im D/F
-    /// and Re D/Im D hardly change with A.
+    /// Returns amplitude and angular frequency at which the displacement lags by `lag_rad` behind a load of
+    /// amplitude `load`, by iteration from `near`. Without the other modes they are A = F sin φ/(κω) and ω² =
+    /// ω₀² − κω cot φ/m. With them, U/a = F e^{iφ}/A gives D, and A Im D = F sin φ and Re D = Im D cot φ no
+    /// longer hold; but the factors A Im D/F and Re D/Im D hardly change with A.
     pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
         const ITERATIONS: usize = 50;
         let (mut amplitude, mut omega) = near;
-        // A Im D/F and Re D/Im D.
+        // The factors A Im D/F and Re D/Im D start from their values without other modes.
         let (mut sine, mut cotangent) = (libm::sin(lag_rad), 1.0 / libm::tan(lag_rad));
         for _ in 0..ITERATIONS {
             let (stiffness, damping) = self.at(amplitude);

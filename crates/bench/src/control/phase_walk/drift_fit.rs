@@ -1,4 +1,4 @@
-//! Drift of an amplitude while it is read, beside a ringing mode.
+//! Fit of an amplitude's drift while it is read, next to a ringing mode.
 
 use core::f64::consts::PI;
 
@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::excitation::Phasor;
 
-/// Constant; fundamental and its change; two harmonics; the ringing and its change.
+/// Number of basis functions: constant; fundamental and its change; two harmonics; the ringing and its change.
 const BASIS: usize = 13;
 
 /// Fit of y ≈ c_0 + Re((c_1 + ċ_1 x) e^{iθ}) + Re(c_2 e^{2iθ}) + Re(c_3 e^{3iθ}) + Re((d + ḋ x) e^{iψ}), where x runs
@@ -19,27 +19,27 @@ pub(super) struct DriftFit {
     samples: u64,
     normal: SMatrix<f64, BASIS, BASIS>,
     moment: SVector<f64, BASIS>,
-    /// Σ w y² and Σ w.
+    /// Sums Σ w y² and, in the next field, Σ w.
     square: f64,
     weight: f64,
 }
 
-/// The result of a fit.
+/// Drift that a fit has found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drift {
-    /// ċ_1/c_1, relative change of the amplitude over the window.
+    /// Relative change ċ_1/c_1 of the amplitude over the window.
     pub change: Phasor,
-    /// Standard deviation of that change's real and imaginary component, times |c_1|.
+    /// Standard deviation of the real and imaginary part of that change, times |c_1|.
     pub deviation: f64,
 }
 
 impl DriftFit {
-    /// A fit over a window of `samples` samples.
+    /// Returns a fit over a window of `samples` samples.
     pub fn new(samples: u64) -> DriftFit {
         DriftFit { samples, normal: SMatrix::zeros(), moment: SVector::zeros(), square: 0.0, weight: 0.0 }
     }
 
-    /// Adds sample number `k` of the window (0 is the first) at the phases θ and ψ, rad.
+    /// Adds sample `k` of the window, counted from 0, at the phases θ and ψ, rad.
     pub fn add(&mut self, k: u64, phase_rad: f64, other_rad: f64, y: f64) {
         let x = (k as f64 + 0.5) / self.samples as f64 - 0.5;
         let taper = libm::cos(PI * x);
@@ -53,7 +53,7 @@ impl DriftFit {
         self.weight += w;
     }
 
-    /// The result; `None` if the samples do not determine it.
+    /// Returns the drift; `None` if the samples do not determine it.
     ///
     /// White noise of standard deviation σ in n samples causes in ċ_1 the variance 2σ²/n ∫w²x²/(∫wx²)² = 56.2 σ²/n. σ²
     /// is the residual of the fit, (Σ w y² − zᵀ Σ w y p)/Σ w.

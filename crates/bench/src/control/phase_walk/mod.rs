@@ -1,5 +1,6 @@
-//! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone,
-//! at a lag of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the response.
+//! Phase walk: traces the whole response at a constant load amplitude point by point, stable or not; or the
+//! backbone, at a lag of 90° and growing load; or, at one frequency after the other, the load that holds one
+//! amplitude of the response.
 //!
 //! The followed displacement is kept at a chosen amplitude by feedback of its envelope, so that every motion is
 //! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
@@ -44,39 +45,42 @@ use crate::excitation::Phasor;
 use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
 
-/// Most tries of a point before it is reported as not settled.
+/// Number of tries after which a point is reported as not settled.
 const MOST_TRIES: u32 = 6;
-/// Points in a row that may fail to settle.
+/// Number of points in a row that may fail to settle.
 const MOST_UNSETTLED: u32 = 2;
-/// Allowed deviation of the load's amplitude from the wanted one, relative, and the largest one that noise may require.
+/// Largest relative deviation of the load's amplitude from the requested one; the next constant is the most
+/// that noise may allow.
 const LOAD_TOLERANCE: f64 = 5e-4;
 const NOISY_LOAD_TOLERANCE: f64 = 1.1e-3;
-/// Allowed deviation of the lag from its target, rad.
+/// Largest deviation of the lag from its target, rad.
 const LAG_TOLERANCE_RAD: f64 = 0.01;
-/// Allowed deviation of the displacement's amplitude from a wanted one, relative.
+/// Largest relative deviation of the displacement's amplitude from a requested one.
 const AMPLITUDE_TOLERANCE: f64 = 1e-3;
-/// Allowed change of the displacement while a point is read, relative; the share of the load that it may take; and the
-/// uncertain share of that.
+/// Largest relative change of the displacement while a point is read; then the share of the load that this
+/// change may take, and the uncertain part of that share.
 const DRIFT_TOLERANCE: f64 = 4e-3;
 const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
 const DRIFT_DOUBT: f64 = 0.6;
-/// The amplitude that no motion is meant to reach, m.
+/// Amplitude that no periodic response is meant to reach, m.
 const LARGEST_AMPLITUDE: f64 = 0.5;
 /// Durations of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
 const LEAST_SETTLE: f64 = 2.0;
 const MOST_SETTLE: f64 = 6.0;
 const READ: f64 = 5.0;
-/// The step that may remain after the wait, relative to the amplitude, within the limits of the wait above.
+/// Rest of a step that may remain after the wait, relative to the amplitude, within the limits of the wait
+/// above.
 const SETTLED_STEP: f64 = 2.5e-3;
-/// How much longer a reading becomes with each try, relative to its length.
+/// Lengthening of a reading with each try, relative to its length.
 const RETRY: f64 = 0.25;
-/// The longest reading that noise may require, as a factor.
+/// Largest factor by which noise may lengthen a reading.
 const LONGEST_READ: f64 = 1.5;
-/// Number of responses that wait to be fetched.
+/// Number of responses that can wait to be fetched.
 const RESPONSES: usize = 4;
 
-/// A motion to hold: the displacement's amplitude, m, its frequency, and the dynamic stiffness U/a expected there.
+/// A periodic response to hold: amplitude of the displacement, m, frequency, and the dynamic stiffness U/a
+/// expected there.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     amplitude: f64,
@@ -84,51 +88,52 @@ struct Target {
     stiffness: Phasor,
 }
 
-/// The current stage.
+/// Stage of the present point.
 #[derive(Clone, Copy, Debug)]
 enum Stage {
-    /// Before the first sample.
+    /// No sample has come yet.
     Start,
-    /// Ramps from one motion to the next, begun at sample `since`, `length` samples long.
+    /// Ramps from one periodic response to the next, from sample `since`, over `length` samples.
     Ramp { from: Target, since: u64, length: u64 },
-    /// Waits until sample `until`, for transients of the control loop to die out.
+    /// Waits until sample `until` for transients of the control loop to die out.
     Settle { until: u64 },
-    /// Reads the point.
+    /// Reads the point over whole periods.
     Read,
-    /// Finished or aborted.
+    /// Has finished or aborted.
     Done(Option<Abort>),
 }
 
-/// Traces the response at constant load through a resonance, stable or not, or the backbone, or the load that holds one
-/// amplitude.
+/// Controller that traces the response at constant load through a resonance, stable or not, or the backbone, or
+/// the load that holds one amplitude.
 #[derive(Clone, Debug)]
 pub struct PhaseWalk {
     plan: Plan,
-    /// The exciter's limit.
+    /// Limit of the exciter, N or N·m.
     limit: f64,
     unit_load: Load,
-    /// Share of the coil's force that goes into the structure far above the natural frequencies.
+    /// Share of the coil's force that enters the structure far above its natural frequencies.
     share: f64,
     model: ModeModel,
     sampling: Sampling,
     gain_1_s: f64,
     filter: FourierFilter,
     backbone: BackboneModel,
-    /// The load that is taken between the command and the structure, over the displacement, as a reading has found it: a shaker's
-    /// armature.
+    /// Load that is lost between the command and the structure, over the displacement, as the last reading
+    /// found it: that of a shaker's armature.
     taken: Phasor,
     reader: Reader,
-    /// Harmonics of the command.
+    /// Harmonics of the command, if some are cancelled.
     cancellation: Option<Cancellation>,
-    /// Factor by which a point is read for longer than usual.
+    /// Factor by which readings are longer than usual, because of noise.
     read_factor: f64,
     stage: Stage,
     target: Target,
-    /// Index of the point that is tried, the number of its tries, and how many points before it did not settle.
+    /// Index of the point; then the number of its tries, and the number of points before it in a row that did
+    /// not settle.
     point: usize,
     tries: u32,
     unsettled: u32,
-    /// The sample answered last, and its phase in the middle of the hold, angular frequency and held load.
+    /// Last answered sample; then its phase in the middle of the hold, angular frequency and held loads.
     last_sample: Option<u64>,
     phase_rad: f64,
     omega_rad_s: f64,
@@ -137,8 +142,8 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// A walk on a structure as the controller models it, with readings at this `sampling` and an exciter with the
-    /// limit `limit`, N or N·m.
+    /// Returns a walk on the modelled structure, with readings at this `sampling` and an exciter with the limit
+    /// `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
@@ -151,7 +156,7 @@ impl PhaseWalk {
         PhaseWalk::of(Plan::Walk(spec), of, sampling, limit)
     }
 
-    /// A stepped sine that controls the response, with the same arguments.
+    /// Returns a stepped sine that controls the response, for the same arguments.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
@@ -180,7 +185,7 @@ impl PhaseWalk {
         Ok(PhaseWalk::at_start(plan, (limit, share), model, (sampling, gain_1_s), room))
     }
 
-    /// The state before the first sample, reusing the existing allocations.
+    /// Returns the state before the first sample, reusing the existing allocations.
     fn at_start(
         plan: Plan,
         (limit, share): (f64, f64),
@@ -221,12 +226,12 @@ impl PhaseWalk {
         }
     }
 
-    /// The model of the mode.
+    /// Returns the model of the mode.
     pub fn model(&self) -> &ModeModel {
         &self.model
     }
 
-    /// The gain g of the loop, 1/s.
+    /// Returns the gain g of the loop, 1/s.
     pub fn gain_1_s(&self) -> f64 {
         self.gain_1_s
     }
@@ -235,7 +240,7 @@ impl PhaseWalk {
         libm::ceil(seconds * self.sampling.rate_hz) as u64
     }
 
-    /// Starts towards the point that is to be tried at sample `n`, or towards rest after the last.
+    /// Starts towards the point to be tried, from sample `n`, or towards rest after the last point.
     fn set_off(&mut self, n: u64) {
         if self.point == self.plan.points() {
             return self.head_for(n, Target { amplitude: 0.0, ..self.target });
@@ -260,8 +265,9 @@ impl PhaseWalk {
         self.head_for(n, Target { amplitude, omega_rad_s, stiffness });
     }
 
-    /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of the
-    /// exciter's reserve above the walk's load is used for it.
+    /// Starts a ramp to another periodic response. A change of amplitude takes the load 2ωm Ȧ, and the steepest
+    /// slope of the smooth step is 3/2 of the mean. Half of the exciter's reserve above the walk's load is used
+    /// for it.
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
         if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude > 0.0) {
@@ -273,15 +279,15 @@ impl PhaseWalk {
         self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
     }
 
-    /// How long transients take to die out after the step from another motion: they are as large as the step, and decay
-    /// as e^{−gt}.
+    /// Returns how long transients take to die out after a step: they are as large as the step and decay as
+    /// e^{−gt}.
     fn settling_samples(&self, from: &Target) -> u64 {
         let step = (self.target.amplitude - from.amplitude).abs() / self.target.amplitude;
         let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
         self.samples_in(time_constants / self.gain_1_s)
     }
 
-    /// Amplitude, its rate, angular frequency and U/a wanted at sample `n`.
+    /// Returns amplitude, its rate, angular frequency and U/a wanted at sample `n`.
     fn wanted(&self, n: u64) -> (f64, f64, f64, Phasor) {
         let Target { amplitude: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
         let Stage::Ramp { from, since, length } = self.stage else { return (a1, 0.0, w1, d1) };
@@ -322,7 +328,7 @@ impl PhaseWalk {
         }
     }
 
-    /// Handles a point that was read: reports it, or tries again.
+    /// Judges a point that was read: reports it, or tries again.
     fn judge(&mut self, n: u64, found: &Found) {
         self.tries += 1;
         self.taken = found.taken;
@@ -332,6 +338,7 @@ impl PhaseWalk {
             Wanted::Amplitude(..) => found.load,
         };
         let deviation = libm::hypot(found.load_deviation, DRIFT_DOUBT * found.taken_by_drift) / load;
+        // Every reading improves the model, also that of a try that fails: so the next try is closer.
         self.backbone.add(found.amplitude, self.target.omega_rad_s, found.stiffness, deviation);
         let lag_rad = libm::atan2(found.stiffness.im, found.stiffness.re);
         let tolerance = LOAD_TOLERANCE * load;
@@ -341,6 +348,8 @@ impl PhaseWalk {
         self.read_factor = longer.clamp(1.0, LONGEST_READ);
         let met = match wanted {
             Wanted::Lag(wanted_rad, _) => {
+                // With noise a tighter tolerance could never be met. Two standard deviations are allowed, up to
+                // a bound.
                 (found.load - load).abs() < tolerance.max((2.0 * found.load_deviation).min(NOISY_LOAD_TOLERANCE * load))
                     && (lag_rad - wanted_rad).abs() < LAG_TOLERANCE_RAD
             }
@@ -374,27 +383,28 @@ impl PhaseWalk {
         }
     }
 
-    /// The displacement's complex amplitude: in a steady vibration the acceleration's is −ω² times it.
+    /// Returns the displacement's complex amplitude: that of the acceleration over −ω², in a steady vibration.
     fn displacement(&self) -> Phasor {
         let gain = self.sampling.gain(self.omega_rad_s / TAU);
         -self.filter.fundamental() / (self.omega_rad_s * self.omega_rad_s * gain)
     }
 
-    /// The load to hold from sample `n` on, at the phase of the middle of the hold.
+    /// Returns the load to hold from sample `n` on, at the phase of the middle of the hold.
     fn feedback(&mut self, n: u64) -> f64 {
         let (amplitude, rate, omega, stiffness) = self.wanted(n);
+        // The mean of the two frequencies integrates a linear ramp of the frequency exactly.
         self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.sampling.rate_hz);
         self.omega_rad_s = omega;
         let envelope = (Phasor::new(amplitude, 0.0) - self.displacement()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.mode.modal_mass) * envelope + forward;
-        // A load held for a sample acts less by sin y/y, y = ½ωT; with a shaker, which takes many times the arm's load,
-        // this matters.
+        // A load that is held for a sample acts less by the factor sin y/y, y = ½ωT. With a shaker, whose
+        // command is many times the arm's load, the difference matters.
         let hold = self.sampling.hold(omega / TAU);
         real_product(&(u / hold), &unit(self.phase_rad)) + self.harmonics(n)
     }
 
-    /// The harmonics to command beside the fundamental from sample `n` on, N.
+    /// Returns the harmonics of the command from sample `n` on, N.
     fn harmonics(&self, n: u64) -> f64 {
         let share = match self.stage {
             Stage::Ramp { since, length, .. } => ramped((n - since) as f64 / length as f64).0,
@@ -403,7 +413,7 @@ impl PhaseWalk {
         self.cancellation.as_ref().map_or(0.0, |cancellation| cancellation.command_n(self.phase_rad, share))
     }
 
-    /// The reason to abort at a sample, if there is one.
+    /// Returns the reason to abort at a sample, if there is one.
     fn check_reading(&self, sample: &Measurement) -> Option<Abort> {
         let frequency_hz = self.omega_rad_s / TAU;
         let [_, takes_c] = self.model.followed.takes();
@@ -418,7 +428,7 @@ impl PhaseWalk {
     }
 }
 
-/// Progress of a ramp, smoothly from 0 to 1, and its slope, at the share `x` of its length.
+/// Progress of a ramp and its slope at the share `x` of its length: a smooth step from 0 to 1.
 fn ramped(x: f64) -> (f64, f64) {
     let x = x.min(1.0);
     (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x))
@@ -429,7 +439,7 @@ impl Controller for PhaseWalk {
         if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
-    /// The followed displacement is that of its accelerometer, and the acting force that of the head.
+    /// The accelerometer of the followed displacement is needed and, for forces, the head for the acting force.
     fn needs(&self) -> [bool; Measurement::CHANNELS] {
         let head = self.load_kind() == LoadKind::Force;
         let [b, c] = self.model.followed.takes();
@@ -444,7 +454,7 @@ impl Controller for PhaseWalk {
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
-        // While samples were lost, the load of the last sample was held.
+        // While samples were lost, the plant held the load of the last one and the phase went on.
         let lost = self.last_sample.map_or(0, |last| (n - last).saturating_sub(1));
         let step_rad = self.omega_rad_s / self.sampling.rate_hz;
         self.phase_rad = wrapped(self.phase_rad + lost as f64 * step_rad);

@@ -1,4 +1,4 @@
-//! The sequence of wanted motions: a load and a lag each, or one amplitude and a frequency each.
+//! Sequence of the periodic responses to hold: a load and a lag each, or one amplitude and a frequency each.
 
 use core::f64::consts::TAU;
 
@@ -23,7 +23,7 @@ pub struct ResponseControlSpec {
     /// Direction of the load, and the amplitude that is expected to suffice at every frequency: the exciter's reserve
     /// above it changes the response from one frequency to the next.
     pub amplitude: Amplitude,
-    /// The mode near whose frequency the sines are.
+    /// Mode near whose frequency the sines are.
     #[serde(default)]
     pub mode_number: ModeNumber,
     /// Amplitude of the followed displacement at every frequency, m, above 0 and below 0.5.
@@ -34,27 +34,27 @@ pub struct ResponseControlSpec {
     pub to_hz: f64,
     /// Number of frequencies, evenly spaced, from 3 to 10000.
     pub points: usize,
-    /// Harmonics of the force in the head that are brought to zero: a point settles only with each below 0.2 % of the
-    /// fundamental.
+    /// Harmonics of the force in the head that are cancelled. A point settles only with each of them below 0.2
+    /// % of the fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }
 
-/// The motions to hold.
+/// Periodic responses to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Plan {
-    /// Motions of given lags, at given loads.
+    /// Responses with given lags, at given loads.
     Walk(PhaseWalkSpec),
-    /// Motions of one amplitude, at given frequencies.
+    /// Responses with one amplitude, at given frequencies.
     Response(ResponseControlSpec),
 }
 
-/// The wanted motion of one point.
+/// Target of one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wanted {
-    /// This lag of the followed coordinate behind the load, rad, and this amplitude of the load.
+    /// Lag of the followed coordinate behind the load, rad, and amplitude of the load.
     Lag(f64, f64),
-    /// This amplitude of the followed displacement, m, and this angular frequency, rad/s.
+    /// Amplitude of the followed displacement, m, and angular frequency, rad/s.
     Amplitude(f64, f64),
 }
 
@@ -87,13 +87,13 @@ impl Plan {
         }
     }
 
-    /// The largest amplitude of the load at a point, N or N·m.
+    /// Returns the largest amplitude of the load, N or N·m.
     pub fn load(&self) -> f64 {
         size(self.amplitude())
     }
 
-    /// The largest load by which the followed accelerometer is chosen, N or N·m: 0 in response control, whose amplitude
-    /// is that of one point at every load.
+    /// Returns the largest load, by which the followed accelerometer is chosen, N or N·m. It is 0 in response
+    /// control, where the amplitude is the same at every load.
     pub fn largest_load(&self) -> f64 {
         match self {
             Plan::Walk(_) => self.load(),
@@ -101,12 +101,12 @@ impl Plan {
         }
     }
 
-    /// The load of amplitude 1.
+    /// Returns the load of amplitude 1.
     pub fn unit_load(&self) -> Load {
         self.amplitude().load().scaled(1.0 / self.load())
     }
 
-    /// The wanted motion of point number `point`.
+    /// Returns the target of a point.
     pub fn wanted(&self, point: usize) -> Wanted {
         match self {
             Plan::Walk(spec) => Wanted::Lag(spec.lag_rad(point), spec.load_at(point)),
@@ -114,7 +114,7 @@ impl Plan {
         }
     }
 
-    /// Checks every number.
+    /// Checks the numbers of the plan.
     pub fn check(&self) -> Result<(), PhaseWalkError> {
         if self.amplitude().is_torque() && !self.cancel_harmonics().is_none() {
             return Err(PhaseWalkError::NoForce);
@@ -127,6 +127,8 @@ impl Plan {
 
     /// Checks what depends on the mode.
     pub fn check_mode(&self, model: &ModeModel) -> Result<(), PhaseWalkError> {
+        // Only response control states frequencies. A walk finds its own, and is stopped by `BAND` while it
+        // runs.
         let Plan::Response(spec) = self else { return Ok(()) };
         let mode_hz = model.mode.angular_frequency_rad_s / TAU;
         for (name, got_hz) in [("from_hz", spec.from_hz), ("to_hz", spec.to_hz)] {

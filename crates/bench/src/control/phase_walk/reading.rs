@@ -10,16 +10,17 @@ use crate::rig::{Measurement, Sampling};
 use super::drift_fit::DriftFit;
 use super::unit;
 
-/// The readings, and the command.
+/// Number of channels: the readings, and the command.
 const CHANNELS: usize = Measurement::CHANNELS + 1;
-/// Clipped readings are left out of the fit: with five harmonics fitted to the others, amplitudes are right to parts in
-/// a thousand where a third of the readings is clipped.
+/// Number of basis functions of the fit: constant, and sine and cosine of five orders. Clipped readings are
+/// left out: with five harmonics fitted to the others, amplitudes are right to parts in a thousand where a
+/// third of the readings is clipped.
 ///
 /// Constant, and sine and cosine of five orders: a clipped wave needs more of them than an unclipped one, or the rest
 /// is shifted.
 const BASIS: usize = 11;
 
-/// Reads while the motion is held.
+/// Reads a point while its periodic response is held.
 #[derive(Clone, Debug)]
 pub(super) struct Reader {
     first: u64,
@@ -29,22 +30,22 @@ pub(super) struct Reader {
     drift: DriftFit,
 }
 
-/// The result of a reading.
+/// Result of a reading.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     /// Amplitude of the followed displacement, m.
     pub amplitude: f64,
-    /// U/a without the contribution of a remaining drift of a: that of the steady motion.
+    /// U/a of the steady response, without the contribution of a remaining drift of a.
     pub stiffness: Phasor,
-    /// The share of the command that a shaker takes, over a; noise with an ideal exciter.
+    /// Part of the command that a shaker's armature takes, over a; noise with an ideal exciter.
     pub taken: Phasor,
-    /// Amplitude of the acting load, also without the drift's contribution.
+    /// Amplitude of the acting load, N or N·m, also without the contribution of the drift.
     pub load: f64,
-    /// The load that the drift takes.
+    /// Load that the drift takes, N or N·m.
     pub taken_by_drift: f64,
-    /// Standard deviation of the load's amplitude that belongs to `amplitude`.
+    /// Standard deviation of the load's amplitude at the amplitude found, N or N·m.
     pub load_deviation: f64,
-    /// Change of a over the window, relative.
+    /// Relative change of a over the window.
     pub drift: f64,
     harmonics: [[Phasor; 3]; CHANNELS],
     clipped: [bool; Measurement::CHANNELS],
@@ -61,7 +62,8 @@ impl Reader {
         }
     }
 
-    /// Adds a sample with the phase at which it was read, that of the tone beside it, and the load held at that time.
+    /// Adds a sample with the phase at which it was read, the phase of the other tone, and the load held at
+    /// that time.
     pub fn add(&mut self, sample: &Measurement, model: &ModeModel, phase_rad: f64, other_rad: f64, held: f64) {
         let readings = sample.readings();
         let mut values = [Some(held); CHANNELS];
@@ -75,7 +77,7 @@ impl Reader {
         self.drift.add(k, phase_rad, other_rad, model.acceleration(sample));
     }
 
-    /// The result at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
+    /// Returns the result at the angular frequency `omega`, rad/s, once the window has ended at sample `now`.
     ///
     /// Readings are divided by the gain of the converters. A load that is held for a period T is a staircase, whose
     /// fundamental is smaller than that of its samples by sin y/y, y = ½ωT. Of its images, which the converters fold
@@ -104,6 +106,7 @@ impl Reader {
             LoadKind::Torque => held * sampling.hold(frequency_hz),
             LoadKind::Force => {
                 let head = fundamental(0) * unit_load.force_n.x + fundamental(1) * unit_load.force_n.y;
+                // The head reads the images of the held command as well, and they are no force on the arm.
                 head - held * (share * sampling.images(frequency_hz))
             }
         };
@@ -111,6 +114,8 @@ impl Reader {
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
         let drift = self.drift.finish()?;
         let windows_1_s = sampling.rate_hz / self.samples as f64;
+        // A drift ȧ takes the load 2iωm ȧ, by the envelope's equation in the module documentation of the walk.
+        // Without it the result is the steady one.
         let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.mode.modal_mass * windows_1_s) * drift.change;
         let stiffness = acting / displacement - taken_by_drift;
         let steady = stiffness * displacement;
@@ -130,7 +135,7 @@ impl Reader {
 }
 
 impl Found {
-    /// The point as it is reported: against the phase of the acting load.
+    /// Returns the point as it is reported, with phases relative to the acting load.
     pub fn response(&self, frequency_hz: f64, lag_rad: f64, tries: u32, settled: bool) -> ResponsePoint {
         let readings = core::array::from_fn(|channel| self.harmonics[channel]);
         let point = ResponsePoint::of_harmonics(frequency_hz, self.load, &readings);
@@ -140,7 +145,7 @@ impl Found {
     }
 }
 
-/// The harmonics against a phase that is further by −`angle_rad`.
+/// Turns the harmonics by `angle_rad` of the fundamental, that is, by its multiples.
 fn turned(orders: [Phasor; 3], angle_rad: f64) -> [Phasor; 3] {
     core::array::from_fn(|index| orders[index] * unit(angle_rad * (index + 1) as f64))
 }

@@ -13,41 +13,40 @@ use crate::excitation::{Amplitude, ExcitationError};
 use crate::rig::Sampling;
 use resonarm_numeric::number::short;
 
-/// Most points of a walk, since each is stored.
+/// Largest number of points, since each is stored.
 pub(super) const MOST_POINTS: usize = 10_000;
-/// Least number of samples per period: harmonics up to the fifth are read.
+/// Least number of samples per period, since harmonics up to the fifth are read.
 const SAMPLES_A_PERIOD: f64 = 11.0;
-/// Largest deviation of the frequency from the mode's, relative.
+/// Largest relative deviation of the frequency from that of the mode.
 pub(super) const BAND: f64 = 0.1;
-/// Bandwidth of the filter over the gain of the loop.
+/// Ratio of the filter's bandwidth to the gain of the loop.
 pub(super) const FILTER_RATE: f64 = 5.0;
 
-/// A walk along a straight line in lag and load: the response at constant load, or the backbone at a lag of 90° and
-/// growing load.
+/// A walk along a straight line in lag and load: the response at constant load, or the backbone at a lag of 90°
+/// and growing load.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseWalkSpec {
     /// Amplitude and direction of the load at the last point.
     pub amplitude: Amplitude,
-    /// The mode whose resonance is walked through.
+    /// Mode whose resonance is traversed.
     #[serde(default)]
     pub mode_number: ModeNumber,
     /// Number of points, from 3 to 10000.
     #[serde(default = "default_points")]
     pub points: usize,
-    /// Load at the first point over that at the last, above 0, at most 1: by default the load is the same at every
-    /// point.
+    /// Load at the first point over that at the last, above 0, at most 1. By default the load is constant.
     #[serde(default = "default_from_part", skip_serializing_if = "is_one")]
     pub from_part: f64,
-    /// Lag of the response behind the load at the first point, degrees, above 0 and below `to_lag_deg`. Far below the
-    /// resonance it is 0, in it 90. With growing load it may be the same as `to_lag_deg`.
+    /// Lag of the response behind the load at the first point, degrees, above 0 and below `to_lag_deg`. Far
+    /// below the resonance the lag is 0, at the resonance 90. With growing load it may equal `to_lag_deg`.
     #[serde(default = "default_from_lag_deg")]
     pub from_lag_deg: f64,
-    /// The same at the last point, degrees, below 180.
+    /// Lag at the last point, degrees, below 180.
     #[serde(default = "default_to_lag_deg")]
     pub to_lag_deg: f64,
-    /// Harmonics of the force in the head that are brought to zero: a point settles only with each below 0.2 % of the
-    /// fundamental.
+    /// Harmonics of the force in the head that are cancelled. A point settles only with each of them below 0.2
+    /// % of the fundamental.
     #[serde(default, skip_serializing_if = "CancelHarmonics::is_none")]
     pub cancel_harmonics: CancelHarmonics,
 }
@@ -60,7 +59,7 @@ fn default_from_part() -> f64 {
     1.0
 }
 
-// serde prescribes the signature.
+// serde requires a reference in this signature.
 #[allow(clippy::trivially_copy_pass_by_ref)]
 fn is_one(value: &f64) -> bool {
     *value == 1.0
@@ -74,82 +73,82 @@ fn default_to_lag_deg() -> f64 {
     170.0
 }
 
-/// Why a walk is impossible.
+/// Reason why a walk is not possible.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PhaseWalkError {
-    /// The load is impossible.
+    /// The amplitude of the load is not valid.
     #[error("control.amplitude: {0}")]
     Amplitude(#[from] ExcitationError),
-    /// A number is impossible.
+    /// A number is outside its valid range.
     #[error("control: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// Name of the value in a scenario.
+        /// Key of the number.
         name: &'static str,
-        /// The given value.
+        /// Value that was given.
         got: f64,
-        /// The allowed values.
+        /// Valid values, in words.
         expected: &'static str,
     },
-    /// The structure does not have this mode.
+    /// The structure does not have this mode, or the mode has no resonance.
     #[error("control: {0}")]
     NoSuchMode(#[from] NoSuchMode),
-    /// There is no force with harmonics to cancel.
+    /// Harmonics are to be cancelled, and the load is a torque.
     #[error(
         "control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces"
     )]
     NoForce,
-    /// The load does not move the mode.
+    /// The load does not drive the mode.
     #[error("control: this load does not drive mode {mode}: choose another direction")]
     NotDriven {
-        /// The mode's number.
+        /// Number of the mode, from 1.
         mode: u8,
     },
-    /// There are too few samples for the mode.
+    /// The sample rate is too low for the mode.
     #[error(
         "control: {rate_hz} samples a second are too few for a mode at {frequency_hz:.2} Hz: at least {} are needed",
         libm::ceil(SAMPLES_A_PERIOD * .frequency_hz), rate_hz = short(.rate_hz)
     )]
     Rate {
-        /// Sample rate, Hz.
+        /// Sample rate that was given, Hz.
         rate_hz: f64,
-        /// The mode's frequency, Hz.
+        /// Frequency of the mode, Hz.
         frequency_hz: f64,
     },
-    /// A frequency is too far from the mode's: the loop has no model of the arm there.
+    /// A frequency is too far from that of the mode, where the loop has no model of the arm.
     #[error(
         "control: `{name}` is {got_hz}: it must be within a tenth of the mode's {mode_hz:.2} Hz, from {:.2} to {:.2} Hz",
         (1.0 - BAND) * mode_hz, (1.0 + BAND) * mode_hz, got_hz = short(.got_hz)
     )]
     Far {
-        /// Name of the value in a scenario.
+        /// Key of the frequency.
         name: &'static str,
-        /// The given value, Hz.
+        /// Value that was given, Hz.
         got_hz: f64,
-        /// The mode's frequency, Hz.
+        /// Frequency of the mode, Hz.
         mode_hz: f64,
     },
-    /// The control loop would be unstable at every gain that was tried.
+    /// The control loop is unstable at every gain that was tried.
     #[error(
         "control: no gain makes the loop stable on mode {mode}{}; choose another direction of the load or a higher rate",
         .other_hz.map_or(String::new(), |hz| format!(" in this pose: the other mode, at {hz:.2} Hz, takes part"))
     )]
     Unstable {
-        /// The mode's number.
+        /// Number of the mode, from 1.
         mode: u8,
-        /// The frequency of the most prominent other mode, if there is one, Hz.
+        /// Frequency of the most prominent other mode, Hz, if there is one.
         other_hz: Option<f64>,
     },
 }
 
-/// Amplitude of a load, N or N·m.
+/// Returns the amplitude of a load, N or N·m.
 pub(super) fn size(amplitude: &Amplitude) -> f64 {
     let load = amplitude.load();
     libm::hypot(load.force_n.norm(), load.torque_nm.norm())
 }
 
 impl PhaseWalkSpec {
-    /// A walk through mode 1 with the default number of points and lags.
+    /// Returns a walk through mode 1 with the default number of points and lags.
     pub fn new(amplitude: Amplitude) -> PhaseWalkSpec {
         PhaseWalkSpec {
             amplitude,
@@ -162,17 +161,17 @@ impl PhaseWalkSpec {
         }
     }
 
-    /// The backbone of mode 1: motions that lag by 90° behind loads from a tenth of `amplitude` up to it.
+    /// Returns the backbone of mode 1: responses at a lag of 90° to loads from a tenth of `amplitude` up to it.
     pub fn backbone(amplitude: Amplitude) -> PhaseWalkSpec {
         PhaseWalkSpec { from_part: 0.1, from_lag_deg: 90.0, to_lag_deg: 90.0, ..PhaseWalkSpec::new(amplitude) }
     }
 
-    /// Amplitude of the load at the last point, N or N·m.
+    /// Returns the amplitude of the load at the last point, N or N·m.
     pub fn load(&self) -> f64 {
         size(&self.amplitude)
     }
 
-    /// Checks every number.
+    /// Checks the numbers of the walk.
     pub(super) fn check(&self) -> Result<(), PhaseWalkError> {
         self.amplitude.check()?;
         let value = |name, got, expected| Err(PhaseWalkError::Value { name, got, expected });
@@ -185,6 +184,7 @@ impl PhaseWalkSpec {
         if !(self.from_part > 0.0 && self.from_part <= 1.0) {
             return value("from_part", self.from_part, "above 0 and at most 1");
         }
+        // A walk must go somewhere: the lag grows, or the load does at a constant lag.
         let moves =
             self.to_lag_deg > self.from_lag_deg || (self.from_part < 1.0 && self.to_lag_deg == self.from_lag_deg);
         if !(moves && self.to_lag_deg < 180.0) {
@@ -193,23 +193,23 @@ impl PhaseWalkSpec {
         Ok(())
     }
 
-    /// Position of point number `point` along the walk, 0 to 1.
+    /// Returns the position of a point along the walk, 0 to 1.
     fn share(&self, point: usize) -> f64 {
         point as f64 / (self.points - 1) as f64
     }
 
-    /// Lag at a point, rad.
+    /// Returns the lag at a point, rad.
     pub(super) fn lag_rad(&self, point: usize) -> f64 {
         (self.from_lag_deg + (self.to_lag_deg - self.from_lag_deg) * self.share(point)).to_radians()
     }
 
-    /// Amplitude of the load at a point, N or N·m.
+    /// Returns the amplitude of the load at a point, N or N·m.
     pub(super) fn load_at(&self, point: usize) -> f64 {
         self.load() * (self.from_part + (1.0 - self.from_part) * self.share(point))
     }
 }
 
-/// The gain g of the loop on `model`, the mode of this number, 1/s.
+/// Returns the gain g of the loop for this mode, 1/s.
 pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, sampling: &Sampling) -> Result<f64, PhaseWalkError> {
     let rate_hz = sampling.rate_hz;
     let mode = u8::from(mode_number);
@@ -224,11 +224,11 @@ pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, sampling: &Sa
     stable_gain_1_s(model, sampling).ok_or(PhaseWalkError::Unstable { mode, other_hz })
 }
 
-/// The largest gain g for which the loop is stable with a margin, 1/s.
+/// Returns the largest gain g for which the loop is stable with a margin, 1/s.
 ///
-/// Tries g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must be
-/// stable with the command up to two samples late, and no motion may die out more slowly than at half the rate of the
-/// slowest mode alone.
+/// Tries g = 0.072 ω₀ 2^(−k/2), the largest first; the filter's bandwidth 5 g is then at most a third of the
+/// frequency. The loop must be stable with the command up to two samples late, and no motion may decay more
+/// slowly than at half the rate of the slowest mode alone.
 fn stable_gain_1_s(model: &ModeModel, sampling: &Sampling) -> Option<f64> {
     const LARGEST: f64 = 0.072;
     const TRIES: i32 = 12;

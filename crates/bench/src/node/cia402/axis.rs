@@ -1,4 +1,4 @@
-//! A drive beside its communication: its state, its mode, the target that waits and the torque that acts.
+//! A drive without its communication: state, mode, waiting target and acting torque.
 
 use super::spec::{DriveSpec, TORQUE_MODE};
 use resonarm_protocol::EmergencyCode;
@@ -14,29 +14,29 @@ pub(super) struct Axis {
     state: DriveState,
     controlword: u16,
     mode: i8,
-    /// The target received last, until it is judged, N·m at the joint.
+    /// Last received target until it is judged, N·m at the joint.
     pending_nm: Option<f64>,
-    /// Its share of the load that is held, N·m at the joint.
+    /// Part of the held load that the drive exerts, N·m at the joint.
     acting_nm: f64,
-    /// Whether that share has become zero since [`Axis::take_stopped`].
+    /// Whether that part has become zero since [`Axis::take_stopped`].
     is_stopped: bool,
-    /// Whether it has been enabled since [`Axis::restart`].
+    /// Whether the drive has been enabled since [`Axis::restart`].
     is_newly_enabled: bool,
-    /// Whether the target judged last was refused.
+    /// Whether the last judged target was rejected.
     is_limited: bool,
-    /// Whether it may not be enabled any more.
+    /// Whether the drive may no longer be enabled.
     is_leaving: bool,
-    /// When a target was taken last, or the drive was enabled, in time listened.
+    /// Time of the last accepted target, or of enabling, ns of time listened.
     taken_ns: u64,
     fault: Option<EmergencyCode>,
-    /// Counts the changes of state, mode and fault: a target received before one never acts after it.
+    /// Counter of changes of state, mode and fault: a target received before a change never acts after it.
     epoch: u32,
-    /// Targets that newer ones replaced before they were judged.
+    /// Number of targets that newer ones replaced before they were judged.
     overwritten: u64,
 }
 
 impl Axis {
-    /// A drive that is switched off.
+    /// Returns a drive that is switched off.
     pub fn new(spec: DriveSpec) -> Axis {
         Axis {
             spec,
@@ -68,7 +68,7 @@ impl Axis {
         self.state == DriveState::OperationEnabled
     }
 
-    /// Targets that newer ones replaced before they were judged.
+    /// Returns the number of targets that newer ones replaced before they were judged.
     pub fn overwritten(&self) -> u64 {
         self.overwritten
     }
@@ -77,17 +77,17 @@ impl Axis {
         self.mode
     }
 
-    /// The fault that is latched.
+    /// Returns the latched fault.
     pub fn fault_code(&self) -> Option<EmergencyCode> {
         self.fault
     }
 
-    /// Whether targets act.
+    /// Returns whether targets act: enabled, in the torque mode, not halted.
     fn follows(&self) -> bool {
         self.is_enabled() && self.mode == TORQUE_MODE && !halts(self.controlword)
     }
 
-    /// The statusword (object 6041).
+    /// Returns the statusword (object 6041).
     pub fn statusword(&self) -> u16 {
         let follows = if self.follows() { FOLLOWS } else { 0 };
         let limited = if self.is_limited { LIMITED } else { 0 };
@@ -110,13 +110,13 @@ impl Axis {
         self.stop();
     }
 
-    /// Targets that were received before now never act.
+    /// Starts a new epoch: targets that were received before never act.
     fn begin_epoch(&mut self) {
         self.epoch = self.epoch.wrapping_add(1);
         self.pending_nm = None;
     }
 
-    /// The target that waits is forgotten, and what acts acts no more.
+    /// Forgets the waiting target, and ends the acting torque.
     fn stop(&mut self) {
         self.pending_nm = None;
         self.is_stopped |= self.acting_nm != 0.0;
@@ -135,12 +135,12 @@ impl Axis {
         }
     }
 
-    /// Switches the drive off; a fault stays.
+    /// Switches the drive off; a fault remains latched.
     pub fn disable(&mut self) {
         self.go(self.state.after(Command::DisableVoltage));
     }
 
-    /// As a rising bit 7 of the controlword.
+    /// Resets a fault, as a rising bit 7 of the controlword does.
     pub fn reset(&mut self) {
         if self.state == DriveState::Fault {
             self.fault = None;
@@ -148,7 +148,8 @@ impl Axis {
         }
     }
 
-    /// Network management: a drive whose PDOs stop is switched off, and one that starts again is as after power-on.
+    /// Follows network management: a drive whose PDOs stop is switched off, and one that is reset is as after
+    /// power-on.
     pub fn manage(&mut self, command: NmtCommand) {
         if command != NmtCommand::Start {
             self.disable();
@@ -160,14 +161,14 @@ impl Axis {
         }
     }
 
-    /// Faults; the reaction lasts until [`Axis::end_reaction`].
+    /// Enters a fault. Its reaction lasts until [`Axis::end_reaction`].
     pub fn fail(&mut self, code: EmergencyCode) {
         self.fault = Some(code);
         self.begin_epoch();
         self.go(DriveState::FaultReactionActive);
     }
 
-    /// The load of a fault has become zero.
+    /// Ends the reaction to a fault, once the load has become zero.
     pub fn end_reaction(&mut self) {
         if self.state == DriveState::FaultReactionActive {
             self.state = DriveState::Fault;
@@ -175,35 +176,35 @@ impl Axis {
         }
     }
 
-    /// Is not enabled any more.
+    /// Switches the drive off for good.
     pub fn leave(&mut self) {
         self.is_leaving = true;
         self.disable();
     }
 
-    /// Whether its share of the load has become zero by itself since the last call.
+    /// Returns whether its part of the load has become zero by itself since the last call.
     pub fn take_stopped(&mut self) -> bool {
         core::mem::take(&mut self.is_stopped)
     }
 
-    /// Targets of a drive that has been enabled are awaited from now on.
+    /// Starts the timeout of a drive that has been enabled.
     pub fn restart(&mut self, listening: &Listening) {
         if core::mem::take(&mut self.is_newly_enabled) {
             self.taken_ns = listening.listened_ns();
         }
     }
 
-    /// Whether a target waits to be judged.
+    /// Returns whether a target waits to be judged.
     pub fn is_new(&self) -> bool {
         self.pending_nm.is_some()
     }
 
-    /// Its share of the load that acts, N·m at the joint.
+    /// Returns its acting part of the load, N·m at the joint.
     pub fn acting_nm(&self) -> f64 {
         self.acting_nm
     }
 
-    /// Its share of the load that is judged, N·m at the joint.
+    /// Returns the part of the load that is judged: the waiting target, or what acts, N·m at the joint.
     pub fn share_nm(&self) -> f64 {
         match self.pending_nm {
             _ if !self.follows() => 0.0,
@@ -212,7 +213,7 @@ impl Axis {
         }
     }
 
-    /// The target that waited has been judged.
+    /// Notes that the waiting target has been judged.
     pub fn judged(&mut self, is_taken: bool, listening: &Listening) {
         if is_taken {
             self.acting_nm = self.share_nm();
@@ -225,12 +226,12 @@ impl Axis {
         }
     }
 
-    /// Whether it is enabled and no target has been taken for `timeout_ns`.
+    /// Returns whether it is enabled and no target has been accepted for `timeout_ns`.
     pub fn is_timed_out(&self, timeout_ns: u64, listening: &Listening) -> bool {
         self.is_enabled() && listening.has_passed(self.taken_ns, timeout_ns)
     }
 
-    /// When to check that next, ns.
+    /// Returns the time at which to check that next, ns.
     pub fn deadline_ns(&self, timeout_ns: u64, listening: &Listening) -> Option<u64> {
         self.is_enabled().then(|| listening.next_look_ns(self.taken_ns, timeout_ns))
     }
@@ -251,6 +252,7 @@ impl Device for Axis {
                     self.stop();
                 }
             }
+            // A target to a drive that is not enabled is stored in the dictionary and never acts.
             (0x6071, Value::I16(target)) if self.is_enabled() => {
                 let target_nm = f64::from(target) * self.spec.torque_step_nm();
                 self.overwritten += u64::from(self.pending_nm.replace(target_nm).is_some());

@@ -1,4 +1,4 @@
-//! The exciter as a CANopen master of drives in cyclic synchronous torque (CiA 301 v4.2, CiA 402-2).
+//! The exciter as the CANopen master of drives in cyclic synchronous torque mode (CiA 301 v4.2, CiA 402-2).
 //!
 //! It starts the drives by network management, sets their mode by SDO, enables them by controlwords, one for each
 //! statusword that it hears, and then commands a target torque for each joint with each sample:
@@ -32,11 +32,11 @@ use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id};
 use resonarm_wire::canopen::cia402::DriveState;
 use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SYNC_ID};
 
-/// Plus the node id: RPDO 1, TPDO 1 and TPDO 2.
+/// Base identifiers of RPDO 1, TPDO 1 and TPDO 2, to which the node id is added.
 const COMMAND_BASE: u16 = 0x200;
 const STATUS_BASE: u16 = 0x180;
 const MOTION_BASE: u16 = 0x280;
-/// The state operational in a heartbeat.
+/// State operational in a heartbeat.
 const OPERATIONAL: u8 = 5;
 /// Controlwords: disable voltage, shutdown, switch on, enable operation, fault reset.
 const DISABLE_VOLTAGE: u16 = 0x00;
@@ -45,16 +45,16 @@ const SWITCH_ON: u16 = 0x07;
 const ENABLE: u16 = 0x0F;
 const RESET: u16 = 0x80;
 
-/// A frame that waits, made when it is sent.
+/// A frame that waits; it is built when it is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Message {
-    /// Network management: start.
+    /// Network management: start the drive.
     Start(usize),
-    /// The mode of operation, by SDO.
+    /// The mode of operation, written by SDO.
     Mode(usize),
     /// A controlword with the target.
     Control(usize, u16),
-    /// SYNC.
+    /// SYNC, which asks for the positions.
     Sync,
 }
 
@@ -62,44 +62,44 @@ enum Message {
 #[derive(Clone, Copy, Debug)]
 struct Slave {
     spec: DriveSpec,
-    /// By its last statusword; `None` before the first.
+    /// State in its last statusword; `None` before the first.
     state: Option<DriveState>,
-    /// Whether it is in the mode of torques.
+    /// Whether it is in the torque mode.
     has_mode: bool,
     /// Whether its position has come since the last sample.
     has_position: bool,
-    /// The target torque, thousandths of the rated torque.
+    /// Target torque, thousandths of the rated torque.
     target: i16,
 }
 
 impl Slave {
-    /// The identifier of one of its messages.
+    /// Returns the identifier of one of its messages.
     fn id(&self, base: u16) -> Id {
         Id::Standard(base + u16::from(self.spec.node_id))
     }
 
-    /// The target for its part of a load, the nearest; `None` if it is beyond 16 bits.
+    /// Returns the target closest to its part of a load; `None` if that exceeds 16 bits.
     fn target_of(&self, load: &Load) -> Option<i16> {
         let torque_nm = [load.torque_nm.x, load.torque_nm.y][self.spec.joint.place()];
         let target = libm::rint(torque_nm / self.spec.torque_step_nm());
         (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&target).then_some(target as i16)
     }
 
-    /// The controlwords that follow from its state on the way to operation enabled.
+    /// Returns the controlwords that lead from its state towards operation enabled.
     fn next_controlwords(&self) -> &'static [u16] {
         match self.state {
             Some(DriveState::SwitchOnDisabled) => &[SHUTDOWN],
             Some(DriveState::ReadyToSwitchOn) => &[SWITCH_ON],
             Some(DriveState::SwitchedOn) => &[ENABLE],
             Some(DriveState::QuickStopActive) => &[DISABLE_VOLTAGE],
-            // Bit 7 has to rise.
+            // Only a rising bit 7 resets a fault, so a word without it comes first.
             Some(DriveState::Fault) => &[DISABLE_VOLTAGE, RESET],
             Some(DriveState::NotReady | DriveState::FaultReactionActive | DriveState::OperationEnabled) | None => &[],
         }
     }
 }
 
-/// The exciter as a master of the drives, with its controller.
+/// The exciter as master of the drives, with its controller.
 #[derive(Debug)]
 pub struct Cia402Exciter {
     slaves: Vec<Slave>,
@@ -107,15 +107,15 @@ pub struct Cia402Exciter {
     work: Work<Carried>,
     time_base: TimeBase,
     queue: VecDeque<Message>,
-    /// In real time: when the next SYNC is due, and their period, ns of the clock.
+    /// In real time: the time of the next SYNC; the next field is the period, ns of the clock.
     sync_at_ns: u64,
     sync_period_ns: u64,
-    /// SYNCs since the sample that was answered last.
+    /// Number of SYNCs since the last answered sample.
     syncs: u64,
 }
 
 impl Cia402Exciter {
-    /// A master that lets `controller` answer these drives with `rate_hz` samples a second.
+    /// Returns a master that lets `controller` answer these drives with `rate_hz` samples per second.
     ///
     /// # Errors
     /// [`ExciterLack::Drives`] if the controller needs readings.
@@ -135,7 +135,7 @@ impl Cia402Exciter {
             return Err(ExciterLack::Drives { needed });
         }
         Ok(Cia402Exciter {
-            // Of each drive a start, a mode and every controlword, and SYNC.
+            // Room for a start, a mode and every controlword of each drive, and SYNC.
             queue: VecDeque::with_capacity(7 * slaves.len() + 1),
             slaves,
             core: NodeCore::new(&timing),
@@ -147,7 +147,7 @@ impl Cia402Exciter {
         })
     }
 
-    /// Lets a frame wait. One that waits already is sent with the newest target.
+    /// Queues a frame. A frame that already waits is sent with the newest target.
     fn push(&mut self, message: Message) {
         if self.queue.contains(&message) {
             self.core.counts.unsent += 1;
@@ -161,14 +161,14 @@ impl Cia402Exciter {
         (0..self.slaves.len()).for_each(|place| self.push(Message::Control(place, controlword)));
     }
 
-    /// Drops the frames that wait, and commands no torque.
+    /// Drops the waiting frames and sets all targets to zero.
     fn clear(&mut self) {
         self.queue.clear();
         self.slaves.iter_mut().for_each(|slave| slave.target = 0);
         self.core.frame_sent(false);
     }
 
-    /// Starts the drives that were not heard.
+    /// Starts the drives that have not been heard.
     fn ask_for_arming(&mut self, now_ns: u64) {
         self.work.asked(now_ns);
         for place in 0..self.slaves.len() {
@@ -197,14 +197,14 @@ impl Cia402Exciter {
         }
     }
 
-    /// Ends the work; the drives are asked to shut down, once.
+    /// Ends the work and asks the drives to shut down, once.
     fn fault(&mut self, emergency: Emergency) {
         self.clear();
         self.control(SHUTDOWN);
         self.work.fault(&mut self.core, emergency);
     }
 
-    /// A statusword has come: the next step on the way, or the end of the work.
+    /// Follows a statusword: takes the next step towards enabling, or ends the work.
     fn watch(&mut self, now_ns: u64, place: usize) {
         let (state, all) = (self.slaves[place].state, |slaves: &[Slave], enabled: bool| {
             slaves.iter().all(|slave| (slave.state == Some(DriveState::OperationEnabled)) == enabled)
@@ -225,7 +225,8 @@ impl Cia402Exciter {
         }
     }
 
-    /// All drives are enabled. In lockstep the plant waits for the answer to a sample whose positions nobody asked for.
+    /// Begins the work when all drives are enabled. In lockstep the plant waits for an answer to a sample whose
+    /// positions nobody has asked for.
     fn begin(&mut self, now_ns: u64) {
         self.work.begin(&mut self.core);
         self.slaves.iter_mut().for_each(|slave| slave.has_position = false);
@@ -235,7 +236,7 @@ impl Cia402Exciter {
         }
     }
 
-    /// A drive's position has come.
+    /// Notes the position of a drive; the last one completes a sample.
     fn take_position(&mut self, now_ns: u64, place: usize) {
         self.slaves[place].has_position = true;
         if self.work.phase == Phase::Playing && self.slaves.iter().all(|slave| slave.has_position) {
@@ -268,7 +269,7 @@ impl Cia402Exciter {
         }
     }
 
-    /// In real time the positions are asked for every sample period.
+    /// Sends a SYNC every sample period in real time, to ask for the positions.
     fn synchronise(&mut self, now_ns: u64) {
         if self.time_base == TimeBase::Lockstep || self.work.phase != Phase::Playing || now_ns < self.sync_at_ns {
             return;
@@ -279,7 +280,7 @@ impl Cia402Exciter {
         self.push(Message::Sync);
     }
 
-    /// A frame of drive `place`.
+    /// Handles a frame of drive `place`.
     ///
     /// # Errors
     /// [`FrameCheck`] says what is wrong with it: nothing of it is used then.
@@ -321,7 +322,7 @@ impl Cia402Exciter {
         Ok(())
     }
 
-    /// Another node sends this one's messages: either of the two may control the plant.
+    /// Handles another node that sends this one's messages: either of the two could control the plant.
     fn meet_second_sender(&mut self, id: Id) {
         self.core.counts.refused += 1;
         self.core.reject_sender(id);
@@ -335,7 +336,7 @@ impl Cia402Exciter {
         match message {
             Message::Start(place) => classic(Id::Standard(NMT_ID), &[1, self.slaves[place].spec.node_id]),
             Message::Mode(place) => {
-                // Expedited, of one byte: object 6060.
+                // Expedited transfer of one byte to object 6060.
                 let request = [0x2F, 0x60, 0x60, 0, TORQUE_MODE as u8, 0, 0, 0];
                 classic(self.slaves[place].id(SDO_REQUEST_BASE), &request)
             }
@@ -349,7 +350,7 @@ impl Cia402Exciter {
     }
 }
 
-/// A fault with the error code that stands for all faults without a code of their own.
+/// Fault whose error code stands for all faults without a code of their own.
 const OTHER: EmergencyCode = EmergencyCode::Incompatible;
 
 impl ExciterInterface for Cia402Exciter {

@@ -1,4 +1,4 @@
-//! The plant's node as one or two CANopen drives in the mode cyclic synchronous torque (CiA 301 v4.2, CiA 402-2).
+//! The plant's node as one or two CANopen drives in cyclic synchronous torque mode (CiA 301 v4.2, CiA 402-2).
 //!
 //! Targets pass the same gate as the commands of Resonarm's protocol: those of all enabled drives are composed to one
 //! load, which is judged once a sample, or in lockstep at SYNC; a refused one is counted and never acts. A drive
@@ -33,7 +33,7 @@ use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{Handled, Server};
 pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
 
-/// The error code of a fault on the wire, in emergencies and object 603F (CiA 301, table 26; CiA 402-2).
+/// Returns the error code of a fault, for emergencies and object 603F (CiA 301, table 26; CiA 402-2).
 ///
 /// | fault | code |
 /// | --- | --- |
@@ -58,7 +58,8 @@ pub const fn error_code(code: EmergencyCode) -> u16 {
     }
 }
 
-/// The error register (object 1001): bit 0 for any error, 4 for those of communication, 7 for those of Resonarm's own.
+/// Returns the error register (object 1001): bit 0 for any error, 4 for communication errors, 7 for Resonarm's
+/// own.
 const fn error_register(code: u16) -> u8 {
     match code >> 12 {
         0x8 => 0x11,
@@ -74,7 +75,7 @@ struct Drive {
 }
 
 impl Drive {
-    /// Writes into the object dictionary what the state is.
+    /// Shows the state of the drive in the object dictionary.
     fn show(&mut self) {
         let code = self.axis.fault_code().map_or(0, error_code);
         let register = if code == 0 { 0 } else { error_register(code) };
@@ -92,7 +93,7 @@ impl Drive {
         }
     }
 
-    /// Writes into the object dictionary where the joint is, and the torque that has acted up to the sample.
+    /// Shows position, velocity and the torque that acted up to the sample in the object dictionary.
     fn measure(&mut self, states: &[f64], held: &Load) -> Result<(), PublishError> {
         let (spec, place) = (*self.axis.spec(), self.axis.spec().joint.place());
         let mut moved = [0.0; 2];
@@ -118,7 +119,7 @@ impl Drive {
     }
 }
 
-/// The plant as CANopen drives.
+/// The plant as one or two CANopen drives.
 #[derive(Clone, Debug)]
 pub struct Cia402Node {
     drives: Vec<Drive>,
@@ -126,16 +127,17 @@ pub struct Cia402Node {
     time_base: TimeBase,
     core: NodeCore,
     guard: Guard,
-    /// The time of the last call that stated one.
+    /// Time of the last call that stated one, ns.
     now_ns: u64,
-    /// In lockstep: whether the sample published last has its answer.
+    /// In lockstep: whether the last published sample has its answer.
     is_synced: bool,
-    /// The load from the sample before to the one published last.
+    /// Load from the sample before to the last published one.
     held: Load,
 }
 
 impl Cia402Node {
-    /// A node that publishes `rate_hz` samples a second for an exciter of these limits and those of its gate.
+    /// Returns a node that publishes `rate_hz` samples per second, for an exciter with these limits and those
+    /// of the gate.
     pub fn new(
         spec: &Cia402Spec,
         (rate_hz, time_base): (u16, TimeBase),
@@ -167,7 +169,8 @@ impl Cia402Node {
         self.drives.iter_mut().for_each(|drive| drive.server.look(listened_ns));
     }
 
-    /// The plant's state and the load follow the states of the drives, and the object dictionaries show them.
+    /// Lets the plant's state and the load follow the states of the drives, and shows them in the object
+    /// dictionaries.
     fn settle(&mut self) {
         let is_stopped = self.drives.iter_mut().filter_map(|drive| drive.axis.take_stopped().then_some(())).count() > 0;
         let is_any_enabled = self.drives.iter().any(|drive| drive.axis.is_enabled());
@@ -179,7 +182,8 @@ impl Cia402Node {
         } else if !is_any_enabled && self.is_armed() {
             self.guard.disarm(&mut self.core);
         } else if is_stopped && self.is_armed() {
-            // Of a drive beside others, or one that halts: it drops, as that of a motor without current does.
+            // Other drives are still enabled, or this one halts. Its torque drops at once, as that of a motor
+            // without current.
             self.guard.reduce(self.sum(|axis| axis.acting_nm()));
         }
         let (listening, is_reaction_over) = (self.core.listening, self.guard.ramp_left() == 0);
@@ -204,7 +208,7 @@ impl Cia402Node {
         })
     }
 
-    /// Judges the targets that were received, as the answer to the sample published last.
+    /// Judges the received targets as the answer to the last published sample.
     fn judge(&mut self, now_ns: u64) {
         if self.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
             return;
@@ -213,6 +217,8 @@ impl Cia402Node {
         let state = self.state();
         let outcome = self.guard.take(&mut self.core, state, index, load);
         let listening = self.core.listening;
+        // A cause of a later timeout is forgotten only if every enabled drive got a target: one drive may still
+        // be starving.
         if outcome.is_ok() && self.drives.iter().all(|drive| drive.axis.is_new() || !drive.axis.is_enabled()) {
             self.guard.heeded();
         }
@@ -223,6 +229,8 @@ impl Cia402Node {
     }
 
     fn synchronise(&mut self, now_ns: u64, was_armed: bool) {
+        // A second SYNC for one sample would answer the next sample before it is published, and shift all later
+        // answers.
         if self.time_base == TimeBase::Lockstep && was_armed && self.is_armed() {
             if self.is_synced {
                 return self.fault(now_ns, EmergencyCode::SampleSequence, self.guard.sample() as u16);
@@ -291,7 +299,7 @@ impl PlantInterface for Cia402Node {
                 self.guard.refuse(&mut self.core, Refusal::Late);
             }
         }
-        // Once, also if it is for several drives.
+        // A frame counts once, even if it concerns several drives.
         if let Some((check, why)) = refused {
             self.core.reject(FrameFault::Mapped { id: frame.id(), check });
             self.guard.refuse_frame(frame, why);
@@ -300,13 +308,15 @@ impl PlantInterface for Cia402Node {
             self.core.reject_sender(frame.id());
         }
         self.settle();
+        // States are settled before SYNC acts: a drive that this frame has enabled takes part.
         if is_sync {
             self.synchronise(now_ns, was_armed);
             self.settle();
         }
     }
 
-    /// Only a master enables drives: an operator can disarm them and reset their faults.
+    /// Executes an operator's request. Only a master enables drives, so an operator can disarm them and reset
+    /// faults.
     fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
         self.look(now_ns);
         match request {

@@ -1,4 +1,4 @@
-//! The drives of a plant, and the object dictionary that each has.
+//! Drives of a plant, with the object dictionary of each.
 
 use alloc::string::{String, ToString};
 use alloc::vec;
@@ -10,48 +10,48 @@ use resonarm_wire::canopen::{EVENT_TYPE, PdoDefaults, add_error_objects, add_pdo
 
 /// The only mode of operation: cyclic synchronous torque (CiA 402-2).
 pub const TORQUE_MODE: i8 = 10;
-/// The vendor id in the identity object: none is assigned.
+/// Vendor id in the identity object; none has been assigned.
 const VENDOR: u32 = 0;
-/// The product code in the identity object.
+/// Product code in the identity object.
 const PRODUCT: u32 = 402;
-/// The revision in the identity object.
+/// Revision number in the identity object.
 const REVISION: u32 = 0x0001_0000;
 
-/// The drives of a plant.
+/// Drives of a plant, with their timeout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cia402Spec {
-    /// One or two, for different joints, with different node ids.
+    /// One or two drives, at different joints, with different node ids.
     pub drives: Vec<DriveSpec>,
-    /// The longest time of listening without a target that is taken, of an enabled drive in real time, ns.
+    /// Longest time of listening without an accepted target while a drive is enabled in real time, ns.
     pub timeout_ns: u64,
 }
 
-/// A drive at a joint.
+/// A CANopen drive at a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveSpec {
-    /// The CANopen node id, 1 to 127.
+    /// CANopen node id, 1 to 127.
     pub node_id: u8,
-    /// The joint.
+    /// Joint that the drive turns.
     pub joint: Joint,
-    /// Turns of the motor for one of the joint, not 0. The gearbox has no losses.
+    /// Turns of the motor for one turn of the joint, not 0. The gearbox has no losses.
     pub gear_ratio: f64,
-    /// The rated torque of the motor, mN·m (object 6076).
+    /// Rated torque of the motor, mN·m (object 6076).
     pub rated_torque_mnm: u32,
-    /// Counts of the encoder for a turn of the motor.
+    /// Encoder counts for one turn of the motor.
     pub encoder_counts_per_turn: u32,
 }
 
-/// A joint of the arm.
+/// A joint of the arm that a drive can turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Joint {
-    /// At the base.
+    /// The joint at the base.
     First,
-    /// Between the links.
+    /// The joint between the links.
     Second,
 }
 
 impl Joint {
-    /// Its place among the angles, and, two further, among the rates.
+    /// Index of the joint among the angles; the index among the rates is higher by two.
     pub(super) const fn place(self) -> usize {
         match self {
             Joint::First => 0,
@@ -61,17 +61,17 @@ impl Joint {
 }
 
 impl DriveSpec {
-    /// The torque at the joint for a target of 1, a thousandth of the rated torque, N·m.
+    /// Returns the torque at the joint for a target of 1, that is, a thousandth of the rated torque, N·m.
     pub fn torque_step_nm(&self) -> f64 {
         1e-6 * f64::from(self.rated_torque_mnm) * self.gear_ratio
     }
 
-    /// Counts for an angle of 1 rad of the joint.
+    /// Returns the encoder counts for 1 rad of the joint.
     pub fn counts_per_rad(&self) -> f64 {
         self.gear_ratio * f64::from(self.encoder_counts_per_turn) / core::f64::consts::TAU
     }
 
-    /// The electronic data sheet (CiA 306-1) for a file of this name, by a program of this version.
+    /// Returns the electronic data sheet (CiA 306-1) for a file of this name, by a program of this version.
     pub fn eds(&self, file: &str, version: &str) -> String {
         let dictionary = self.dictionary();
         let product = self.name();
@@ -82,7 +82,7 @@ impl DriveSpec {
         ["Resonarm joint 1", "Resonarm joint 2"][self.joint.place()]
     }
 
-    /// The object dictionary after a reset.
+    /// Returns the object dictionary after a reset.
     pub fn dictionary(&self) -> Dictionary {
         let mut dictionary = Dictionary::new();
         self.add_communication(&mut dictionary);
@@ -116,6 +116,8 @@ impl DriveSpec {
         let command = [word(0x6040, 16), word(0x6071, 16)];
         let status = [word(0x6041, 16), word(0x6061, 8), word(0x6077, 16)];
         let motion = [word(0x6064, 32), word(0x606C, 32)];
+        // Commands act when they come, status follows a timer of 10 ms, and position and velocity come with
+        // every SYNC.
         let command = PdoDefaults { mapped: &command, kind: EVENT_TYPE, event_timer_ms: 0 };
         let status = PdoDefaults { mapped: &status, kind: EVENT_TYPE, event_timer_ms: 10 };
         let motion = PdoDefaults { mapped: &motion, kind: 1, event_timer_ms: 0 };
@@ -150,7 +152,8 @@ impl DriveSpec {
     }
 }
 
-/// Objects of other modes, which masters write and map whatever the mode: written values are kept, and do nothing.
+/// Adds objects of other modes, which masters write and map whatever the mode is. Written values are stored
+/// without effect.
 fn add_inert(dictionary: &mut Dictionary) {
     use Access::ReadWrite;
     use Mappable::Receive;

@@ -1,4 +1,4 @@
-//! The messages that a mapped plant takes.
+//! Messages that a mapped plant receives.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -9,18 +9,18 @@ use crate::rig::Load;
 use resonarm_protocol::Frame;
 use resonarm_protocol::node::Listening;
 
-/// A message with what was received of it.
+/// A message with what has been received of it.
 #[derive(Clone, Debug)]
 pub(super) struct Receiver {
     pub message: Incoming,
     protection: ProtectionCheck,
-    /// The last value of each event's signal.
+    /// Last value of each event's signal.
     values: Vec<Option<f64>>,
-    /// The load received last, until it is judged.
+    /// Last received load until it is judged.
     pending: Option<Load>,
-    /// Its share of the load that acts.
+    /// Part of the acting load that it commands.
     taken: Load,
-    /// When that was received, or the drive was armed, in time listened.
+    /// Time of its reception, or of arming the drive, ns of time listened.
     taken_ns: u64,
 }
 
@@ -31,12 +31,12 @@ impl Receiver {
         Receiver { message, protection, values, pending: None, taken: Load::default(), taken_ns: 0 }
     }
 
-    /// Whether it commands a load.
+    /// Returns whether it commands a load.
     pub fn is_command(&self) -> bool {
         !self.message.commands.is_empty()
     }
 
-    /// Checks format, length, checksum, counter and every signal that is used, before any of them asks for something.
+    /// Checks format, length, checksum, counter and every used signal, before any of them takes effect.
     ///
     /// # Errors
     /// The check that failed: the frame must not be used.
@@ -45,7 +45,7 @@ impl Receiver {
         Ok(self.message.check(frame.data())?)
     }
 
-    /// What event `index` of the message asks for in this payload.
+    /// Returns the request of event `index` in this payload.
     ///
     /// # Errors
     /// As [`Receiver::check`], which finds all of them.
@@ -53,18 +53,19 @@ impl Receiver {
         let event = &self.message.events[index];
         let Some(signal) = &event.signal else { return Ok(event.actions.first().map(|(_, action)| *action)) };
         let Some(value) = signal.read(payload)? else { return Ok(None) };
+        // The value is remembered even if it does not count, since the next one is compared with it.
         let before = self.values[index].replace(value);
         let counts = event.counts == Counts::InEveryFrame || before != Some(value);
         let asked = event.actions.iter().find(|(asking, _)| *asking == value).map(|(_, action)| *action);
         Ok(asked.filter(|_| counts))
     }
 
-    /// The last value of the signal of event `index`.
+    /// Returns the last value of the signal of event `index`.
     pub fn value(&self, index: usize) -> Option<f64> {
         self.values.get(index).copied().flatten()
     }
 
-    /// Whether every signal that must have a certain value has it.
+    /// Returns whether every signal with required values has one of them.
     pub fn is_ready(&self) -> bool {
         let has = |required: &[f64], value: &Option<f64>| {
             required.is_empty() || value.is_some_and(|value| required.contains(&value))
@@ -82,34 +83,34 @@ impl Receiver {
         Ok(load.is_some())
     }
 
-    /// Whether a load waits to be judged.
+    /// Returns whether a load waits to be judged.
     pub fn is_new(&self) -> bool {
         self.pending.is_some()
     }
 
-    /// Its share of the load that is judged.
+    /// Returns its part of the load that is judged.
     pub fn share(&self) -> Load {
         self.pending.unwrap_or(self.taken)
     }
 
-    /// The load that waited has been judged.
+    /// Notes that the waiting load has been judged.
     pub fn judged(&mut self, is_taken: bool, listening: &Listening) {
         if let Some(load) = self.pending.take().filter(|_| is_taken) {
             (self.taken, self.taken_ns) = (load, listening.listened_ns());
         }
     }
 
-    /// Commands no load any more; a new one is valid for its time from now on.
+    /// Commands no load any more, and restarts the timeout.
     pub fn restart(&mut self, listening: &Listening) {
         (self.pending, self.taken, self.taken_ns) = (None, Load::default(), listening.listened_ns());
     }
 
-    /// Whether its load is older than its timeout.
+    /// Returns whether its load is older than its timeout.
     pub fn is_timed_out(&self, timeout_ns: u64, listening: &Listening) -> bool {
         listening.has_passed(self.taken_ns, timeout_ns)
     }
 
-    /// When to check that next, ns.
+    /// Returns the time at which to check that next, ns.
     pub fn deadline_ns(&self, timeout_ns: u64, listening: &Listening) -> u64 {
         listening.next_look_ns(self.taken_ns, timeout_ns)
     }
@@ -135,7 +136,7 @@ impl From<ProtectionFault> for FrameCheck {
     }
 }
 
-/// The sum.
+/// Returns the sum of two loads.
 pub(super) fn plus(one: Load, other: Load) -> Load {
     Load { torque_nm: one.torque_nm + other.torque_nm, force_n: one.force_n + other.force_n }
 }

@@ -1,4 +1,4 @@
-//! What the messages of a user's protocol mean to the plant.
+//! Meaning of a user protocol's messages for the plant.
 
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -11,32 +11,32 @@ use resonarm_wire::layout::Number;
 use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal;
 
-/// The messages of a wire, each identifier once.
+/// Messages of a user protocol, each identifier once.
 #[derive(Clone, Debug)]
 pub struct Mapping {
-    /// The messages that the plant takes.
+    /// Messages that the plant receives.
     pub incoming: Vec<Incoming>,
-    /// The messages that the plant sends, in the order in which they are sent.
+    /// Messages that the plant sends, in the order of sending.
     pub outgoing: Vec<Outgoing>,
     /// How the plant is armed.
     pub arming: Arming,
-    /// What answers a sample in lockstep.
+    /// Frames that answer a sample in lockstep.
     pub lockstep: Lockstep,
 }
 
 /// How a plant is armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arming {
-    /// By a message: [`Action::Arm`].
+    /// By a message with [`Action::Arm`].
     Message,
     /// By the operator at the plant.
     Operator,
-    /// By the first commands, if their load is below a hundredth of the exciter's limits; once, and never after a
-    /// fault.
+    /// By its first commands, if their load is below a hundredth of the exciter's limits; once, and never after
+    /// a fault.
     ZeroCommand,
 }
 
-/// What answers a sample in lockstep.
+/// Frames that answer a sample in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lockstep {
     /// One frame of each command message, received after the sample was sent.
@@ -45,17 +45,17 @@ pub enum Lockstep {
     Sync,
 }
 
-/// A signal, and in which payloads it is.
+/// A signal, with the payloads that contain it.
 #[derive(Clone, Debug)]
 pub struct MappedSignal {
-    /// The signal.
+    /// Place and scaling of the signal.
     pub signal: Signal,
-    /// Where it is multiplexed.
+    /// Payloads that contain the signal, if it is multiplexed.
     pub presence: Presence,
 }
 
 impl MappedSignal {
-    /// Its finite value in a payload; `None` if the payload is multiplexed to others.
+    /// Returns its finite value in a payload; `None` if the payload is multiplexed to others.
     ///
     /// # Errors
     /// [`Unreadable`] if the payload ends before it, or it is NaN or infinite.
@@ -73,43 +73,43 @@ impl MappedSignal {
     }
 }
 
-/// Why a signal has no value in a payload.
+/// Reason why a signal has no value in a payload.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unreadable {
-    /// The payload ends before it.
+    /// The payload ends before the signal.
     Short,
-    /// It is NaN or infinite.
+    /// The value is NaN or infinite.
     NotFinite(f64),
 }
 
-/// A message that the plant takes.
+/// A message that the plant receives.
 #[derive(Clone, Debug)]
 pub struct Incoming {
     /// Name of the message.
     pub name: Arc<str>,
-    /// Its identifier.
+    /// Identifier of its frames.
     pub id: Id,
-    /// The format in which a controller sends it.
+    /// Format in which a controller sends it.
     pub format: FrameFormat,
-    /// Its length, bytes.
+    /// Length of its payload, bytes.
     pub length: usize,
-    /// Its counter and checksum.
+    /// Counter and checksum of the message.
     pub protection: Protection,
-    /// The number of the drive that it is for, from 0: each drive is armed by itself.
+    /// Index of the drive that it is for, from 0. Each drive is armed separately.
     pub drive: usize,
-    /// The loads in it.
+    /// Loads that it carries.
     pub commands: Vec<CommandSignal>,
-    /// For how long they are valid in real time, ns of listening.
+    /// Time for which they are valid in real time, ns of listening.
     pub timeout_ns: u64,
-    /// What else it asks for.
+    /// Requests that it carries.
     pub events: Vec<EventSignal>,
-    /// Whether it is the message that answers samples in lockstep, and asks for [`Trigger::Sync`].
+    /// Whether it answers samples in lockstep, and triggers [`Trigger::Sync`].
     pub is_sync: bool,
 }
 
 impl Incoming {
-    /// The form of its frames. A message that only stops or disarms, and has nothing to read, does so at any length: a
-    /// stop must not be missed for bytes that say nothing.
+    /// Returns the form of its frames. A message that only stops or disarms, and carries no signal, does so at
+    /// any length: a stop must not be missed because of bytes that mean nothing.
     pub fn form(&self) -> Form {
         let only_stops = |event: &EventSignal| {
             let stops = |(_, action): &(f64, Action)| matches!(action, Action::Stop | Action::Disarm);
@@ -120,7 +120,7 @@ impl Incoming {
         Form { format: self.format, length }
     }
 
-    /// Whether every signal that it uses can be read in a payload.
+    /// Checks that every signal that it uses can be read in a payload.
     ///
     /// # Errors
     /// [`Unreadable`] of the first that can't.
@@ -130,7 +130,7 @@ impl Incoming {
         used.try_for_each(|signal| signal.read(payload).map(drop))
     }
 
-    /// The load in a payload; `None` if the message has none, or the payload is multiplexed to others.
+    /// Returns the load in a payload; `None` if the message has none, or the payload is multiplexed to others.
     ///
     /// # Errors
     /// [`Unreadable`] of the first signal that can't be read.
@@ -148,40 +148,40 @@ impl Incoming {
 /// A load in a message: scale · value + offset, in N or N·m.
 #[derive(Clone, Debug)]
 pub struct CommandSignal {
-    /// The signal.
+    /// Signal of the load.
     pub signal: MappedSignal,
-    /// N or N·m for one unit of the signal.
+    /// Load for one unit of the signal, N or N·m.
     pub scale: f64,
-    /// N or N·m at 0.
+    /// Load at the value 0, N or N·m.
     pub offset: f64,
-    /// What it acts as.
+    /// Where the load acts.
     pub input: LoadInput,
 }
 
 impl CommandSignal {
-    /// The value of the signal for its part of a load: (part − offset) / scale.
+    /// Returns the value of the signal for its part of a load: (part − offset)/scale.
     pub fn value(&self, load: &Load) -> f64 {
         (self.input.part(load) - self.offset) / self.scale
     }
 }
 
-/// What acts on the arm.
+/// Place and direction in which a load acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LoadInput {
     /// Torque at joint 1.
     Torque1,
     /// Torque at joint 2.
     Torque2,
-    /// Force at the tip along x.
+    /// Force at the exciter along x.
     ForceX,
-    /// Force at the tip along y.
+    /// Force at the exciter along y.
     ForceY,
-    /// Force at the tip along this unit vector: that of a shaker.
+    /// Force at the exciter along this unit vector, which is that of a shaker.
     Along([f64; 2]),
 }
 
 impl LoadInput {
-    /// The load of one of its units, times `value`.
+    /// Returns the load of `value` N or N·m.
     pub fn load(self, value: f64) -> Load {
         match self {
             LoadInput::Torque1 => Load::torque_nm(value, 0.0),
@@ -192,7 +192,8 @@ impl LoadInput {
         }
     }
 
-    /// Its part of a load, N or N·m: the inverse of [`LoadInput::load`] for a load that it can make alone.
+    /// Returns its part of a load, N or N·m: the inverse of [`LoadInput::load`] for a load that it can produce
+    /// alone.
     pub fn part(self, load: &Load) -> f64 {
         let Load { torque_nm, force_n } = load;
         match self {
@@ -205,66 +206,68 @@ impl LoadInput {
     }
 }
 
-/// A signal, or a whole message, that asks for something.
+/// A signal, or a whole message, that makes requests.
 #[derive(Clone, Debug)]
 pub struct EventSignal {
-    /// The name of the signal; empty for a whole message.
+    /// Name of the signal; empty for a whole message.
     pub name: Arc<str>,
-    /// The signal; `None`: every frame of the message asks for the only action.
+    /// Signal of the requests; `None` if every frame of the message makes the only request.
     pub signal: Option<MappedSignal>,
-    /// When it counts.
+    /// Frames in which a value counts.
     pub counts: Counts,
-    /// What its values ask for.
+    /// Values with the requests that they make.
     pub actions: Vec<(f64, Action)>,
-    /// Values of which it must have one before commands of its drive count; empty: no such condition.
+    /// Values of which it must have one before commands of its drive are accepted; empty without such a
+    /// condition.
     pub required: Vec<f64>,
 }
 
-/// When a value asks for its action.
+/// Frames in which a value makes its request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Counts {
-    /// When the signal changes to it, or is received for the first time: for signals that are sent all the time.
+    /// When the signal changes to it, or is received for the first time; for signals that are sent
+    /// continuously.
     OnChange,
-    /// In every frame: for messages that are sent once.
+    /// In every frame; for messages that are sent once.
     InEveryFrame,
 }
 
-/// What a message asks for.
+/// Request of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// To arm the drive.
+    /// Arms the drive of the message.
     Arm,
-    /// To disarm the drive.
+    /// Disarms the drive of the message.
     Disarm,
-    /// To clear a fault.
+    /// Clears a fault of the plant.
     Reset,
-    /// To stop at once: a fault.
+    /// Stops at once, with a fault.
     Stop,
 }
 
 /// A message that the plant sends.
 #[derive(Clone, Debug)]
 pub struct Outgoing {
-    /// Its identifier.
+    /// Identifier of its frames.
     pub id: Id,
-    /// Its format.
+    /// Format of its frames.
     pub format: FrameFormat,
-    /// Its payload before the signals are written into it; as long as the message.
+    /// Payload before the signals are written into it; its length is that of the message.
     pub payload: Vec<u8>,
-    /// Its counter and checksum.
+    /// Counter and checksum of the message.
     pub protection: Protection,
-    /// The drive of whose state it says something.
+    /// Index of the drive whose state it reports.
     pub drive: usize,
-    /// When it is sent.
+    /// When the message is sent.
     pub trigger: Trigger,
-    /// Whether it is sent when it is asked for, too: by a remote frame, or one without data.
+    /// Whether it is also sent on request: by a remote frame, or a frame without data.
     pub is_on_request: bool,
-    /// What is in it.
+    /// Signals that it carries.
     pub signals: Vec<ReadingSignal>,
 }
 
 impl Outgoing {
-    /// The form of its frames.
+    /// Returns the form of its frames.
     pub fn form(&self) -> Form {
         Form { format: self.format, length: self.payload.len() }
     }
@@ -273,27 +276,28 @@ impl Outgoing {
 /// When a message is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
-    /// Every so many samples, at least 1.
+    /// After this number of samples, at least 1.
     Every(u64),
-    /// Every so many nanoseconds of the clock.
+    /// After this time, ns of the clock.
     Period(u64),
     /// At each message marked as [`Incoming::is_sync`].
     Sync,
-    /// On request alone.
+    /// On request and at no other time.
     Request,
 }
 
 /// A signal that the plant writes.
 #[derive(Clone, Debug)]
 pub struct ReadingSignal {
-    /// The signal.
+    /// Place and scaling of the signal.
     pub signal: MappedSignal,
-    /// What it says.
+    /// Value that it carries.
     pub source: Source,
 }
 
 impl ReadingSignal {
-    /// What a payload says of a reading of the plant; `None` if the signal says something else, or is not in it.
+    /// Returns what a payload states about a reading of the plant; `None` if the signal carries something else,
+    /// or is not in it.
     ///
     /// # Errors
     /// [`Unreadable`] if the payload ends before it, or it is NaN or infinite.
@@ -302,6 +306,8 @@ impl ReadingSignal {
         let Source::Value { value, scale, offset } = &self.source else { return Ok(None) };
         let signal = &self.signal.signal;
         Ok(match *value {
+            // A plant limits a value to the ends of the signal, so a value at an end may be clipped. A
+            // floating-point signal has no such ends.
             Value::Reading(place) => {
                 let is_at_end = signal.layout().number() != Number::Float && signal.range().contains(&got);
                 Some(Said::Value { place, value: (got - offset) / scale, is_at_end })
@@ -312,71 +318,73 @@ impl ReadingSignal {
     }
 }
 
-/// What a signal says of a reading, by its place among the outputs of the structure, as in [`Value::Reading`].
+/// Statement of a signal about a reading, by the reading's index among the outputs of the structure, as in
+/// [`Value::Reading`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Said {
-    /// Its value.
+    /// The value of the reading.
     Value {
-        /// The place of the reading.
+        /// Index of the reading.
         place: usize,
-        /// The value, in its SI unit.
+        /// Value in its SI unit.
         value: f64,
-        /// Whether the signal is at an end of what it can represent, where a plant limits it.
+        /// Whether the signal is at an end of its range, where a plant limits it.
         is_at_end: bool,
     },
-    /// Whether it was beyond the range of its sensor.
+    /// Whether the reading was clipped.
     Clipped {
-        /// The place of the reading.
+        /// Index of the reading.
         place: usize,
-        /// Whether it was.
+        /// Whether it was beyond the range of its sensor.
         is_clipped: bool,
     },
 }
 
-/// What a signal says.
+/// Value that a signal carries.
 #[derive(Clone, Debug)]
 pub enum Source {
     /// scale · value + offset of a value of the plant, in the unit of the signal.
     Value {
-        /// The value.
+        /// Value of the plant.
         value: Value,
-        /// Units of the signal for one of the value's.
+        /// Units of the signal for one unit of the value.
         scale: f64,
-        /// The value of the signal at 0.
+        /// Value of the signal at 0.
         offset: f64,
     },
     /// A number for each state of the drive: boot-up, pre-operational, operational, fault.
     State([f64; 4]),
-    /// A number for the latched fault: that of its code, else `other`; `none` without a fault.
+    /// A number for the latched fault: that of its code, or else `other`; `none` without a fault.
     Reason {
-        /// Without a fault.
+        /// Number without a fault.
         none: f64,
-        /// Of a fault that has no number here.
+        /// Number of a fault that has none of its own.
         other: f64,
-        /// Of faults by their codes.
+        /// Numbers of faults by their codes.
         codes: Vec<(EmergencyCode, f64)>,
     },
-    /// The index of the sample, modulo this.
+    /// Index of the sample, modulo a number.
     Sample {
-        /// One more than the largest index.
+        /// Modulus, one more than the largest index.
         modulus: f64,
     },
 }
 
-/// A value of the plant at the sample published last.
+/// A value of the plant at the last published sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// A reading, by its place among the outputs of the structure; [`OUTPUTS`](crate::structure::OUTPUTS) come first.
+    /// A reading, by its index among the outputs of the structure; [`OUTPUTS`](crate::structure::OUTPUTS) come
+    /// first.
     Reading(usize),
-    /// 1 if the reading was beyond the range of its sensor, else 0.
+    /// 1 if the reading was clipped at the range of its sensor, else 0.
     Clipped(usize),
-    /// A state of the structure, by its place among its states.
+    /// A state of the structure, by its index among the states.
     State(usize),
-    /// A load that is held, by its place in [`LOADS`](crate::structure::LOADS).
+    /// A held load, by its index in [`LOADS`](crate::structure::LOADS).
     Load(usize),
 }
 
-/// The values of the plant at a sample.
+/// Values of the plant at a sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Values {
     pub sample: u64,
@@ -386,7 +394,7 @@ pub(super) struct Values {
     pub load: Load,
 }
 
-/// The most states of a structure that can be read.
+/// Largest number of states of a structure that can be sent.
 pub(super) const MOST_STATES: usize = 16;
 
 impl Values {
@@ -401,7 +409,7 @@ impl Values {
     }
 }
 
-/// The place of a state in the numbers of [`Source::State`].
+/// Returns the index of a state in the numbers of [`Source::State`].
 pub(super) const fn place(state: NodeState) -> usize {
     match state {
         NodeState::BootUp => 0,

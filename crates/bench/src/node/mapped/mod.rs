@@ -1,4 +1,4 @@
-//! The plant's node on a user's own protocol: its messages are mapped to loads, requests and readings.
+//! The plant's node on a user protocol, whose messages are mapped to loads, requests and readings.
 //!
 //! Commands pass the same gate as those of Resonarm's protocol. They have no index, so the newest frames count as the
 //! answer to the sample published last, and are judged together, once a sample. A message that has not come
@@ -29,18 +29,18 @@ use outgoing::{Sender, Status};
 use resonarm_protocol::node::NodeCore;
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, OperatorRequest, StateEvent, Trip};
 
-/// How far the sample published last is, in lockstep.
+/// Progress of the last published sample in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Round {
-    /// None was published since arming.
+    /// No sample has been published since arming.
     NotBegun,
-    /// It awaits its answer.
+    /// The sample awaits its answer.
     Open,
-    /// It has its answer.
+    /// The sample has its answer.
     Answered,
 }
 
-/// The plant as a node of a user's protocol.
+/// The plant as a node of a user protocol.
 #[derive(Clone, Debug)]
 pub struct MappedNode {
     receivers: Vec<Receiver>,
@@ -52,11 +52,11 @@ pub struct MappedNode {
     exciter: Exciter,
     core: NodeCore,
     guard: Guard,
-    /// Whether each drive is armed.
+    /// Whether each drive is armed, by its index.
     drives: Vec<bool>,
-    /// Whether the plant was armed by a first command, or is not to be any more.
+    /// Whether the plant was armed by a first command, or must no longer be.
     has_begun: bool,
-    /// Whether a sample was published: commands answer one.
+    /// Whether a sample has been published, which commands can answer.
     has_published: bool,
     round: Round,
     is_leaving: bool,
@@ -64,7 +64,8 @@ pub struct MappedNode {
 }
 
 impl MappedNode {
-    /// A node that publishes `rate_hz` samples a second for an exciter of these limits and those of its gate.
+    /// Returns a node that publishes `rate_hz` samples per second, for an exciter with these limits and those
+    /// of the gate.
     pub fn new(
         mapping: Mapping,
         (rate_hz, time_base): (u16, TimeBase),
@@ -93,13 +94,13 @@ impl MappedNode {
         }
     }
 
-    /// Disarms all drives.
+    /// Disarms all drives of the plant.
     fn exit(&mut self) {
         self.drives.fill(false);
         self.guard.disarm(&mut self.core);
     }
 
-    /// A frame with an identifier that the plant sends: a request, or another sender.
+    /// Handles a frame with an identifier that the plant sends: a request, or another sender.
     fn handle_own(&mut self, sender: usize, frame: &Frame) {
         let message = &self.senders[sender].message;
         let is_remote = frame.format() == FrameFormat::Remote;
@@ -111,11 +112,12 @@ impl MappedNode {
         }
     }
 
-    /// Handles a frame of a message that the plant takes.
+    /// Handles a frame of a message that the plant receives.
     fn handle_message(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
         self.receivers[index].check(frame)?;
         let drive = self.receivers[index].message.drive;
         let was_ready = self.is_ready(drive);
+        // Requests come before the load: a frame that arms and commands at once must find the drive armed.
         for event in 0..self.receivers[index].message.events.len() {
             match self.receivers[index].action(event, frame.data())? {
                 Some(Action::Stop) => self.stop(index, event),
@@ -138,12 +140,12 @@ impl MappedNode {
         Ok(())
     }
 
-    /// Whether every signal of a drive that must have a certain value has it.
+    /// Returns whether every signal of a drive with required values has one of them.
     fn is_ready(&self, drive: usize) -> bool {
         self.receivers.iter().all(|receiver| receiver.message.drive != drive || receiver.is_ready())
     }
 
-    /// A load that waits was received under other conditions than those that hold now: it never acts.
+    /// Rejects waiting loads: they were received under other conditions than those that hold now.
     fn drop_waiting(&mut self, drive: usize) {
         for receiver in 0..self.receivers.len() {
             if self.receivers[receiver].message.drive == drive && self.receivers[receiver].is_new() {
@@ -153,7 +155,7 @@ impl MappedNode {
         }
     }
 
-    /// Event `event` of message `index` asks for a stop.
+    /// Handles event `event` of message `index`, which requests a stop.
     fn stop(&mut self, index: usize, event: usize) {
         let Receiver { message, .. } = &self.receivers[index];
         let signal = message.events.get(event).filter(|event| event.signal.is_some());
@@ -164,7 +166,8 @@ impl MappedNode {
         }
     }
 
-    /// Faults; `false` if a fault is latched already. A fault disarms all drives, and no first command arms them again.
+    /// Enters a fault; `false` if one is latched already. It disarms all drives, and no first command arms them
+    /// again.
     fn fail(&mut self, code: EmergencyCode, detail: u16) -> bool {
         if self.guard.fault(&mut self.core, code, detail).is_none() {
             return false;
@@ -174,8 +177,8 @@ impl MappedNode {
         true
     }
 
-    /// Takes in a load. In lockstep by commands, one before the first sample answers none, and a second one for the
-    /// same sample would shift all later ones.
+    /// Takes in a load. In lockstep by commands, a load before the first sample answers nothing, and a second
+    /// one for the same sample would shift all later ones.
     fn receive(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
         let (waits_for_set, round) = (self.waits_for_set(), self.round);
         let receiver = &mut self.receivers[index];
@@ -198,7 +201,7 @@ impl MappedNode {
         Ok(())
     }
 
-    /// Whether commands are judged as soon as there is one of each armed drive.
+    /// Returns whether commands are judged as soon as there is one for each armed drive.
     fn waits_for_set(&self) -> bool {
         self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Command && self.is_armed()
     }
@@ -236,7 +239,7 @@ impl MappedNode {
         }
     }
 
-    /// Arms a drive, or all.
+    /// Arms one drive, or all.
     fn arm(&mut self, drive: Option<usize>) {
         match self.state() {
             NodeState::BootUp | NodeState::Fault => return,
@@ -261,8 +264,8 @@ impl MappedNode {
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = true);
     }
 
-    /// Disarms a drive, or all. With the last the load ramps to zero; that of a drive beside others is dropped, as that
-    /// of a motor without current is.
+    /// Disarms one drive, or all. With the last one the load ramps to zero; the load of a drive next to others
+    /// is dropped, as that of a motor without current is.
     fn disarm(&mut self, drive: Option<usize>) {
         let is_meant = |number: usize| drive.is_none_or(|drive| drive == number);
         if !self.is_armed() || !(0..self.drives.len()).any(|number| is_meant(number) && self.drives[number]) {
@@ -278,13 +281,13 @@ impl MappedNode {
         self.guard.reduce(self.shares());
     }
 
-    /// The sum of all armed drives' shares of the load.
+    /// Returns the sum of all armed drives' parts of the load.
     fn shares(&self) -> Load {
         let armed = self.receivers.iter().filter(|receiver| self.drives[receiver.message.drive]);
         armed.fold(Load::default(), |sum, receiver| plus(sum, receiver.share()))
     }
 
-    /// Judges the loads that were received, as the answer to the sample published last.
+    /// Judges the received loads as the answer to the last published sample.
     fn judge(&mut self, now_ns: u64) {
         self.refuse_unarmed();
         if !self.has_published || !self.receivers.iter().any(Receiver::is_new) {
@@ -300,6 +303,8 @@ impl MappedNode {
         }
         let is_ready = unready.is_none();
         let are_all_new = self.awaited().all(Receiver::is_new);
+        // A drive that lacks a required value makes the plant count as not armed for this command: the gate
+        // rejects it.
         let state = if is_ready { self.state() } else { NodeState::PreOperational };
         let (index, load) = (self.guard.sample() as u16, self.shares());
         let outcome = self.guard.take(&mut self.core, state, index, load);
@@ -316,7 +321,7 @@ impl MappedNode {
         }
     }
 
-    /// Beside an armed drive, what was sent to one that is not is refused by itself.
+    /// Rejects loads to drives that are not armed, next to an armed one, each by itself.
     fn refuse_unarmed(&mut self) {
         for receiver in 0..self.receivers.len() {
             let Receiver { message, .. } = &self.receivers[receiver];
@@ -327,7 +332,7 @@ impl MappedNode {
         }
     }
 
-    /// Whether the loads received are within a hundredth of the exciter's limits.
+    /// Returns whether the received loads are within a hundredth of the exciter's limits.
     fn is_nearly_zero(&self) -> bool {
         let load = self.receivers.iter().fold(Load::default(), |sum, receiver| plus(sum, receiver.share()));
         let ((force_n, torque_nm), (force_limit_n, torque_limit_nm)) =
@@ -350,7 +355,7 @@ impl MappedNode {
         }
     }
 
-    /// What readings say of a drive.
+    /// Returns state and fault of a drive, as readings report them.
     fn status(&self, drive: usize) -> Status {
         let is_idle = self.state() == NodeState::Operational && !self.drives[drive];
         let state = if is_idle { NodeState::PreOperational } else { self.state() };
@@ -364,7 +369,7 @@ impl MappedNode {
         }
     }
 
-    /// The command messages of armed drives.
+    /// Returns the command messages of armed drives.
     fn awaited(&self) -> impl Iterator<Item = &Receiver> {
         self.receivers.iter().filter(|receiver| receiver.is_command() && self.drives[receiver.message.drive])
     }
@@ -503,7 +508,7 @@ impl PlantInterface for MappedNode {
                 let status = self.status(self.senders[sender].message.drive);
                 match self.senders[sender].frame(&self.values, &status) {
                     Some(frame) => frames.push(frame),
-                    // A mapping that was not checked: its message is never sent.
+                    // Only a mapping that was not checked gets here. Its message is never sent.
                     None => self.core.counts.unsent += u64::from(self.senders[sender].give_up()),
                 }
             }

@@ -1,4 +1,4 @@
-//! The messages that a mapped plant sends.
+//! Messages that a mapped plant sends.
 
 use super::mapping::{Outgoing, Source, Trigger, Values, place};
 use resonarm_protocol::{Emergency, Frame, NodeState};
@@ -12,14 +12,14 @@ pub(super) struct Status {
     pub fault: Option<Emergency>,
 }
 
-/// A message with what is sent of it next.
+/// A message with the state of its next frame.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     pub message: Outgoing,
     counter: u64,
     waits: bool,
     due_ns: u64,
-    /// Values of the frame made last that its signals could not represent.
+    /// Number of values of the last frame that its signals could not represent.
     limited: u64,
 }
 
@@ -28,22 +28,23 @@ impl Sender {
         Sender { message, counter: 0, waits: false, due_ns: 0, limited: 0 }
     }
 
-    /// Whether a frame of it waits.
+    /// Returns whether a frame of it waits.
     pub fn waits(&self) -> bool {
         self.waits
     }
 
-    /// Lets a frame wait. Returns `false` if one waited already, which is then sent with newer values.
+    /// Queues a frame. Returns `false` if one waited already, which is then sent with newer values.
     pub fn queue(&mut self) -> bool {
         !core::mem::replace(&mut self.waits, true)
     }
 
-    /// When it is due by the clock, ns.
+    /// Returns the time at which it is due by the clock, ns.
     pub fn due_ns(&self) -> Option<u64> {
         matches!(self.message.trigger, Trigger::Period(_)).then_some(self.due_ns)
     }
 
-    /// Whether it is due by the clock. The next time is a period after the last, or after now if that has passed.
+    /// Returns whether it is due by the clock. It is due again one period after the last time, or after now if
+    /// that has passed.
     pub fn take_due(&mut self, now_ns: u64) -> bool {
         let Trigger::Period(period_ns) = self.message.trigger else { return false };
         if now_ns < self.due_ns {
@@ -54,14 +55,14 @@ impl Sender {
         true
     }
 
-    /// The frame with these values; `None` if no frame can be.
+    /// Returns the frame with these values; `None` if there can't be one.
     pub fn frame(&mut self, values: &Values, status: &Status) -> Option<Frame> {
         let mut bytes = [0; PAYLOAD_MAX_BYTES];
         let payload = bytes.get_mut(..self.message.payload.len())?;
         payload.copy_from_slice(&self.message.payload);
         self.limited = 0;
         for reading in &self.message.signals {
-            // A multiplexed signal is written where its switch, a constant of the payload, selects it.
+            // A multiplexed signal is written only where its switch, a constant of the payload, selects it.
             if reading.signal.presence.is_in(payload) != Some(false) {
                 let value = value_of(&reading.source, values, status);
                 self.limited += u64::from(write(&reading.signal.signal, value, payload));
@@ -77,12 +78,12 @@ impl Sender {
         Frame::new(self.message.id, self.message.format, payload).ok()
     }
 
-    /// Lets no frame of it wait. Returns whether one did.
+    /// Drops a waiting frame. Returns whether there was one.
     pub fn give_up(&mut self) -> bool {
         core::mem::take(&mut self.waits)
     }
 
-    /// The frame made last has been sent. Returns how many values its signals could not represent.
+    /// Notes that the last frame has been sent. Returns how many values its signals could not represent.
     pub fn sent(&mut self) -> u64 {
         self.waits = false;
         if let Some(counter) = &self.message.protection.counter {
@@ -92,7 +93,7 @@ impl Sender {
     }
 }
 
-/// Writes a value, the nearest that the bits can represent; returns whether it was another by more than rounding.
+/// Writes the closest value that the bits can represent. Returns whether it was limited by more than rounding.
 fn write(signal: &Signal, value: f64, payload: &mut [u8]) -> bool {
     match signal.encode(value, payload) {
         Ok(()) => false,

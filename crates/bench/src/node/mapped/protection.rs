@@ -1,4 +1,4 @@
-//! Counter and checksum of a message as its receiver checks them.
+//! Counter and checksum of a message, and their check by a receiver.
 
 use thiserror::Error;
 
@@ -6,29 +6,29 @@ use resonarm_protocol::{Frame, FrameFormat};
 use resonarm_wire::checksum::{Checksum, ChecksumFault};
 use resonarm_wire::counter::{Counter, CounterCheck, CounterFault, Step};
 
-/// Counter and checksum of a message.
+/// Counter and checksum of a message, as far as it has them.
 #[derive(Clone, Debug, Default)]
 pub struct Protection {
-    /// The alive counter.
+    /// Alive counter of the message.
     pub counter: Option<Counter>,
-    /// The most frames that may be lost in a row.
+    /// Largest number of consecutive frames that may be lost.
     pub most_lost: u64,
-    /// The checksum.
+    /// Checksum of the message.
     pub checksum: Option<Checksum>,
 }
 
-/// The form of a message's frames.
+/// Format and length of a message's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Form {
-    /// Classic CAN or CAN FD. Whether a frame switches the bit rate does not matter.
+    /// Classical CAN or CAN FD. Whether a frame switches the bit rate does not matter.
     pub format: FrameFormat,
-    /// The length of the message, bytes.
+    /// Length of the payload, bytes.
     pub length: usize,
 }
 
 impl Form {
-    /// Whether a frame may be one of the message: one of its format, and not longer. A shorter one passes: whether it
-    /// holds the signals that are used is seen where they are read.
+    /// Checks that a frame may be one of the message: of its format, and not longer. A shorter one passes;
+    /// whether it holds the used signals is found where they are read.
     ///
     /// # Errors
     /// [`ProtectionFault::Format`] or [`ProtectionFault::Long`].
@@ -44,48 +44,48 @@ impl Form {
     }
 }
 
-/// The length of the CAN FD frame that holds a payload: the next that there is.
+/// Returns the length of the CAN FD frame that holds a payload, which is the next existing one.
 fn fd_length(length: usize) -> usize {
     [12, 16, 20, 24, 32, 48, 64].into_iter().find(|fd| *fd >= length).filter(|_| length > 8).unwrap_or(length)
 }
 
-/// Why the protection of a message refuses a frame.
+/// Reason why the protection of a message rejects a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ProtectionFault {
-    /// The frame is of another format than the message.
+    /// The frame has another format than the message.
     #[error("it is a {}, and the message is a {}", format_name(*got), format_name(*expected))]
     Format {
-        /// The format of the frame.
+        /// Format of the frame.
         got: FrameFormat,
-        /// That of the message.
+        /// Format of the message.
         expected: FrameFormat,
     },
     /// The payload is longer than the message.
     #[error("it has {got} bytes, and the message has {most}")]
     Long {
-        /// The bytes of the payload.
+        /// Length of the payload, bytes.
         got: usize,
-        /// The most that it may have.
+        /// Largest length of a payload, bytes.
         most: usize,
     },
     /// The payload ends before the counter.
     #[error("its {got} bytes end before the counter")]
     Short {
-        /// The bytes of the payload.
+        /// Length of the payload, bytes.
         got: usize,
     },
-    /// The checksum, or what belongs to it, is wrong.
+    /// The checksum, or a field that belongs to it, is wrong.
     #[error(transparent)]
     Checksum(#[from] ChecksumFault),
-    /// The counter repeats or is beyond its values.
+    /// The counter is repeated or beyond its values.
     #[error(transparent)]
     Counter(#[from] CounterFault),
-    /// More frames were lost in a row than are allowed.
+    /// More consecutive frames were lost than are allowed.
     #[error("{frames} frames were lost before it, and {most} may be")]
     Lost {
-        /// The frames lost, according to the counter.
+        /// Number of lost frames according to the counter.
         frames: u64,
-        /// The most that may be.
+        /// Largest number of lost frames.
         most: u64,
     },
 }
@@ -98,7 +98,7 @@ const fn format_name(format: FrameFormat) -> &'static str {
     }
 }
 
-/// The form and the protection of a message, with the counter that came last.
+/// Checks form and protection of a message, and remembers the last counter.
 #[derive(Clone, Debug)]
 pub struct ProtectionCheck {
     form: Form,
@@ -107,19 +107,20 @@ pub struct ProtectionCheck {
 }
 
 impl ProtectionCheck {
-    /// A check that has seen no frame.
+    /// Returns a check that has seen no frame.
     pub fn new(form: Form, protection: &Protection) -> ProtectionCheck {
         ProtectionCheck { form, protection: protection.clone(), counter: CounterCheck::new() }
     }
 
-    /// Checks format, length, checksum and counter; returns how the counter follows, `None` without one. More frames lost than are
-    /// allowed are no fault here.
+    /// Checks format, length, checksum and counter. Returns how the counter follows, `None` without one. Too
+    /// many lost frames are not a fault here.
     ///
     /// # Errors
     /// [`ProtectionFault`], but for [`ProtectionFault::Lost`].
     pub fn step(&mut self, frame: &Frame) -> Result<Option<Step>, ProtectionFault> {
         self.form.check(frame)?;
         let payload = frame.data();
+        // The checksum comes before the counter, since a damaged counter must not become the last one.
         if let Some(checksum) = &self.protection.checksum {
             checksum.check(frame.id(), payload)?;
         }
@@ -128,7 +129,7 @@ impl ProtectionCheck {
         Ok(Some(self.counter.check(counter, value)?))
     }
 
-    /// The same; returns the frames lost before.
+    /// Checks a frame and returns the number of frames lost before it.
     ///
     /// # Errors
     /// As [`ProtectionCheck::step`], and [`ProtectionFault::Lost`].

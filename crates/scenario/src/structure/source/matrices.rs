@@ -294,8 +294,8 @@ fn all_modes(of: &Condensed, keep: usize) -> Result<Option<Vec<Mode>>, MatrixErr
         return Ok(modes(mass, &factor, keep, 0.0));
     }
     let ratio = |i: usize| stiffness[(i, i)] / mass[(i, i)];
-    // The first shift is a frequency that the structure is sure not to fall far below: the least ratio of
-    // diagonals. It only has to separate rigid modes from the others.
+    // The first shift only has to be of the order of the squared frequencies that occur, as the least ratio of the
+    // diagonals is.
     let mut shift = (0..rows).map(ratio).filter(|ratio| *ratio > 0.0).fold(f64::INFINITY, f64::min);
     // A structure without any stiffness has only rigid modes, whatever the shift is.
     shift = if shift.is_finite() { shift } else { 1.0 };
@@ -407,8 +407,8 @@ fn checked(matrix: DMatrix<f64>, rows: Option<usize>) -> Result<DMatrix<f64>, Ma
 fn check_symmetric(matrix: DMatrix<f64>) -> Result<DMatrix<f64>, MatrixError> {
     let rows = matrix.nrows();
     let at = |k: usize| (k / rows, k % rows);
+    // Finite first: a comparison with NaN is false, so a NaN would pass as symmetric.
     if let Some((row, column)) = (0..rows * rows).map(at).find(|&at| !matrix[at].is_finite()) {
-        // Finite first: a comparison with NaN is false, so a NaN would pass as symmetric.
         return Err(MatrixError::NotFinite { row, column, got: matrix[(row, column)] });
     }
     let most = SYMMETRY_LIMIT * matrix.amax();

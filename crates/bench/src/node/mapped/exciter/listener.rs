@@ -1,4 +1,4 @@
-//! What a mapped exciter hears: the messages with the plant's readings.
+//! The plant's messages as a mapped exciter receives them.
 
 use alloc::vec::Vec;
 
@@ -8,52 +8,52 @@ use crate::rig::Measurement;
 use resonarm_protocol::{EmergencyCode, Frame, Id, NodeState};
 use resonarm_wire::counter::Step;
 
-/// By what the samples of a message are counted.
+/// Number by which the samples of a message are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Numbering {
-    /// The index in it, modulo this.
+    /// The sample index in the message, modulo this number.
     Sample(u64),
-    /// Its counter.
+    /// The alive counter of the message.
     Counter,
-    /// Its frames.
+    /// The number of its frames, if it has neither.
     Frames,
 }
 
-/// A message of the plant, with what was heard of it.
+/// A message of the plant, with what has been received of it.
 #[derive(Clone, Debug)]
 pub(super) struct Listener {
     message: Outgoing,
     check: ProtectionCheck,
     numbering: Numbering,
-    /// Samples from one frame to the next.
+    /// Number of samples from one frame to the next.
     every: u64,
-    /// The index of the sample heard last, modulo that of [`Numbering::Sample`].
+    /// Index of the last received sample, modulo that of [`Numbering::Sample`].
     last: Option<u64>,
-    /// Whether each of its frames is a part of a sample that is answered.
+    /// Whether each of its frames is a part of an answered sample.
     pub is_of_sample: bool,
     /// Whether its part of the next sample has come.
     pub has_come: bool,
-    /// The readings in the frame heard last that were beyond a range, a bit each.
+    /// Readings of the last frame that were clipped, one bit each.
     pub clipped: u8,
 }
 
-/// What a frame says.
+/// Content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Heard {
-    /// The samples since the frame before; 0: the same sample again.
+    /// Number of samples since the frame before; 0 for the same sample again.
     pub ahead: u64,
-    /// The state of its drive, if it says it.
+    /// State of its drive, if the message carries it.
     pub state: Option<NodeState>,
-    /// The reason of a fault, if there is one.
+    /// Reason of a fault, if there is one.
     pub fault: Option<Reason>,
 }
 
-/// The reason of the plant's fault.
+/// Reason of the plant's fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reason {
-    /// A known one.
+    /// A fault with a known code.
     Code(EmergencyCode),
-    /// Another.
+    /// A fault without a number in the mapping.
     Other,
 }
 
@@ -80,12 +80,12 @@ impl Listener {
         self.message.id
     }
 
-    /// The drive of whose state it may say something.
+    /// Returns the index of the drive whose state it may report.
     pub fn drive(&self) -> usize {
         self.message.drive
     }
 
-    /// Whether it says the state of its drive, so that operational differs from the others.
+    /// Returns whether it reports the state of its drive such that operational differs from the others.
     pub fn says_state(&self) -> bool {
         self.message.signals.iter().any(|signal| match &signal.source {
             Source::State([boot_up, idle, armed, fault]) => ![boot_up, idle, fault].contains(&armed),
@@ -93,13 +93,13 @@ impl Listener {
         })
     }
 
-    /// Whether it has a reading of the plant, by its place.
+    /// Returns whether it carries a reading of the plant, by the reading's index.
     pub fn says(&self, place: usize) -> bool {
         let is_it = |source: &Source| matches!(source, Source::Value { value: Value::Reading(of), .. } if *of == place);
         self.message.signals.iter().any(|signal| is_it(&signal.source))
     }
 
-    /// How well its samples are counted: better is larger.
+    /// Returns how well it counts samples: a larger number is better.
     pub fn counts(&self) -> u8 {
         match self.numbering {
             Numbering::Sample(_) => 2,
@@ -108,24 +108,27 @@ impl Listener {
         }
     }
 
-    /// Forgets what it heard: another plant, or the same after a fault, counts anew.
+    /// Forgets everything received: another plant, or the same one after a fault, counts anew.
     pub fn forget(&mut self) {
         self.check = ProtectionCheck::new(self.message.form(), &self.message.protection);
         (self.last, self.has_come, self.clipped) = (None, false, 0);
     }
 
-    /// Takes in a frame: checks it, and writes the readings in it to their places.
+    /// Checks a frame and writes the readings in it to their places.
     ///
     /// # Errors
     /// The check that failed: the frame must not be used.
     pub fn hear(&mut self, frame: &Frame, readings: &mut [f64; Measurement::CHANNELS]) -> Result<Heard, FrameCheck> {
         let step = self.check.step(frame)?;
         let payload = frame.data();
+        // All signals are read before any of them takes effect, so that a frame is used as a whole or not at
+        // all.
         self.message.signals.iter().try_for_each(|signal| signal.signal.read(payload).map(drop))?;
         self.clipped = 0;
         let (mut heard, mut index) = (Heard { ahead: 0, state: None, fault: None }, None);
         for signal in &self.message.signals {
             let Some(got) = signal.signal.read(payload)? else { continue };
+            // A number that went through the bus is off by rounding, by half a count at most.
             let tolerance = 0.5 * signal.signal.signal.resolution().unwrap_or(0.0);
             let is = |number: &f64| (got - number).abs() <= tolerance;
             match &signal.source {
@@ -147,7 +150,7 @@ impl Listener {
         Ok(heard)
     }
 
-    /// How many samples a frame is ahead of the one before: 0 is a repetition.
+    /// Returns the number of samples that a frame is ahead of the one before: 0 is a repetition.
     fn ahead(&mut self, step: Option<Step>, index: Option<u64>) -> u64 {
         match (self.numbering, index, step) {
             (Numbering::Sample(modulus), Some(index), _) => {
@@ -160,7 +163,7 @@ impl Listener {
     }
 }
 
-/// Writes what is said of a reading; returns the bit of its place if it was beyond a range.
+/// Writes a reading that a signal carries. Returns the bit of its index if it was clipped.
 fn write(said: Option<Said>, readings: &mut [f64; Measurement::CHANNELS]) -> u8 {
     let (place, is_clipped) = match said {
         Some(Said::Value { place, value, is_at_end }) => {
@@ -173,7 +176,7 @@ fn write(said: Option<Said>, readings: &mut [f64; Measurement::CHANNELS]) -> u8 
     u8::from(is_clipped).checked_shl(place as u32).unwrap_or(0)
 }
 
-/// The state of these numbers; of two with one number the worse.
+/// Returns the state with this number; if two states share it, the first in the order below.
 fn state([boot_up, idle, armed, fault]: &[f64; 4], is: impl Fn(&f64) -> bool) -> Option<NodeState> {
     let states = [
         (armed, NodeState::Operational),
@@ -184,9 +187,9 @@ fn state([boot_up, idle, armed, fault]: &[f64; 4], is: impl Fn(&f64) -> bool) ->
     states.into_iter().find(|(number, _)| is(number)).map(|(_, state)| state)
 }
 
-/// The messages of the plant, and every how many samples its samples are answered: those of the messages with
-/// readings of head, B and C that come most often, or with states and loads if none has such readings. `None` if none
-/// comes by itself.
+/// Returns the messages of the plant, with the number of samples from one answer to the next. The messages with
+/// readings of head, B and C that come most often are answered; if none has such readings, those with states
+/// and loads. `None` if no message comes by itself.
 pub(super) fn listeners(mapping: &Mapping, rate_hz: u16) -> Option<(Vec<Listener>, u64)> {
     let period = |trigger| match trigger {
         Trigger::Every(samples) => Some(samples.max(1)),
@@ -212,7 +215,7 @@ pub(super) fn listeners(mapping: &Mapping, rate_hz: u16) -> Option<(Vec<Listener
     Some((listeners.collect(), every))
 }
 
-/// Whether messages of samples come only when they are asked for by the message that synchronises.
+/// Returns whether messages of samples come only when the message that synchronises asks for them.
 pub(super) fn come_on_sync(mapping: &Mapping, listeners: &[Listener]) -> bool {
     let of_sample = mapping.outgoing.iter().zip(listeners).filter(|(_, listener)| listener.is_of_sample);
     of_sample.into_iter().any(|(message, _)| message.trigger == Trigger::Sync)

@@ -1,4 +1,4 @@
-//! The exciter's node on a user's own protocol: the same mapping as the plant's, with the roles swapped.
+//! The exciter's node on a user protocol: the plant's mapping with the roles exchanged.
 //!
 //! It arms the plant by the mapping's events, lets its controller answer each sample of readings with a load, disarms.
 //! A sample is whole with the last of its messages in the order of the mapping, if all the others have come since the
@@ -28,44 +28,44 @@ use crate::structure::{ChannelName, LOADS};
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
 
-/// How often a plant that was asked to arm says that it is not before it is asked from the start: more than can be on
-/// their way.
+/// Number of times that a plant must report not being armed before it is asked to arm from the start. It is
+/// more than the number of frames that may be under way.
 const UNARMED: u32 = 4;
 
-/// On a bus in lockstep: how long no sample has come before the first one of an armed plant, ns. One that is not armed
-/// repeats its readings every 50 ms, and one that is armed is silent for 500 ms before its first sample; either side may
-/// be stopped for 150 ms by a busy machine.
+/// On a bus in lockstep: the silence before a sample that marks it as the first one of an armed plant, ns. A
+/// plant that is not armed repeats its readings every 50 ms, and one that is armed is silent for 500 ms before
+/// its first sample; a busy machine may stop either node for 150 ms.
 const GAP_NS: u64 = 250_000_000;
-/// How long a sample must be the last one before it counts as the first of an armed plant, ns, where no such gap precedes
-/// it: some plants send nothing before they are armed, and some are not silent afterwards. The time is longer than our
-/// plant's silence of 500 ms and a stop of 150 ms together, and shorter than the second for which third-party plants
-/// often wait for a command.
+/// Time for which a sample must be the last one before it counts as the first of an armed plant, ns, where no
+/// such silence precedes it: some plants send nothing before they are armed, and some are not silent
+/// afterwards. The time is longer than the 500 ms of Resonarm's plant and a stop of 150 ms together, and
+/// shorter than the second for which third-party plants often wait for a command.
 const LAST_NS: u64 = 750_000_000;
-/// Samples closer than this waited on the bus, ns, and may all be of before the plant was asked to arm.
+/// Interval below which samples have waited on the bus, ns; they may all precede the request to arm.
 const TOGETHER_NS: u64 = 25_000_000;
 
 /// A drive that takes commands.
 #[derive(Clone, Copy, Debug)]
 struct Drive {
     number: usize,
-    /// Whether readings say its state.
+    /// Whether readings report its state.
     says_state: bool,
-    /// The state that it said last.
+    /// State that it reported last.
     state: Option<NodeState>,
 }
 
 impl Drive {
-    /// Whether it is armed; without a word of it, it is what it was asked for.
+    /// Returns whether it is armed. A drive that reports no state is taken to be what it was asked for.
     fn is_armed(&self, asked: bool) -> bool {
         if self.says_state { self.state == Some(NodeState::Operational) } else { asked }
     }
 }
 
-/// The exciter as a node of a user's protocol, with its controller.
+/// The exciter as a node of a user protocol, with its controller.
 #[derive(Debug)]
 pub struct MappedExciter {
     pages: Vec<Page>,
-    /// The counter of each message's next frame.
+    /// Counter of each message's next frame.
     counters: Vec<u64>,
     listeners: Vec<Listener>,
     samples: Samples,
@@ -73,30 +73,30 @@ pub struct MappedExciter {
     lockstep: Option<Lockstep>,
     core: NodeCore,
     work: Work<Carried>,
-    /// The load that is commanded.
+    /// Load that is commanded now.
     load: Load,
-    /// Pages that wait to be sent, with what they ask for.
+    /// Pages that wait to be sent, with the request that each makes.
     queue: VecDeque<(usize, Ask)>,
-    /// How often the plant has said that it is not armed since it was asked to.
+    /// Number of times that the plant has reported not being armed since it was asked to arm.
     unarmed: u32,
-    /// Whether the plant sends readings before it is armed, though it is in lockstep.
+    /// Whether the plant sends readings before it is armed, although it is in lockstep.
     expects_unarmed_readings: bool,
-    /// When the last whole sample came, ns of the clock.
+    /// Time of the last complete sample, ns of the clock.
     whole_at_ns: u64,
-    /// Whether that one is by its time, or by what the plant had said, the first of the armed plant.
+    /// Whether that sample is the first of the armed plant, judged by its time or by the plant's state.
     is_first: bool,
-    /// Whether the first sample of the armed plant is still to be told from those before it.
+    /// Whether the first sample of the armed plant is still to be distinguished from those before it.
     is_first_due: bool,
     begins_anew: bool,
-    /// Whether the plant was on the bus when it was asked to arm last.
+    /// Whether the plant was on the bus when it was last asked to arm.
     is_asked: bool,
     reason: Option<Reason>,
-    /// When the readings have to be asked for next, and how often, ns of the clock.
+    /// Next time to ask for readings, and the period, ns of the clock.
     sync: Option<(u64, u64)>,
 }
 
 impl MappedExciter {
-    /// A node that lets `controller` answer a plant of this mapping with `rate_hz` samples a second.
+    /// Returns a node that lets `controller` answer a plant of this mapping with `rate_hz` samples per second.
     ///
     /// # Errors
     /// [`ExciterLack`] says what the mapping lacks for it.
@@ -137,7 +137,7 @@ impl MappedExciter {
         Ok(exciter)
     }
 
-    /// Refuses a mapping by which the plant can't be armed, disarmed, or read as the controller needs it.
+    /// Rejects a mapping by which the plant can't be armed, disarmed, or read as the controller requires.
     fn check(&self, mapping: &Mapping) -> Result<(), ExciterLack> {
         if mapping.arming == Arming::Operator {
             return Err(ExciterLack::Operator);
@@ -160,12 +160,12 @@ impl MappedExciter {
         if needed.is_empty() { Ok(()) } else { Err(ExciterLack::Readings { needed }) }
     }
 
-    /// Whether each sample has this reading.
+    /// Returns whether every sample has this reading.
     fn reads(&self, place: usize) -> bool {
         self.listeners.iter().any(|listener| listener.is_of_sample && listener.says(place))
     }
 
-    /// Lets a page wait to be sent. One that waits already is sent with the newest load.
+    /// Queues a page. A page that already waits is sent with the newest load.
     fn push(&mut self, page: usize, ask: Ask) {
         if self.queue.contains(&(page, ask)) {
             self.core.counts.unsent += 1;
@@ -175,7 +175,7 @@ impl MappedExciter {
         self.core.frame_waits();
     }
 
-    /// Lets all pages wait that ask for this.
+    /// Queues all pages that make this request.
     fn ask(&mut self, ask: Ask) {
         for page in 0..self.pages.len() {
             if self.pages[page].asks(ask) {
@@ -184,17 +184,17 @@ impl MappedExciter {
         }
     }
 
-    /// Drops the frames that wait, and commands no load.
+    /// Drops the waiting frames and commands no load.
     fn clear(&mut self) {
         self.queue.clear();
         self.load = Load::default();
         self.core.frame_sent(false);
     }
 
-    /// Asks the plant to arm. A signal that counts when it changes goes back to rest before only if the plant says that
-    /// it is not armed: one that has not answered yet would be disarmed.
+    /// Asks the plant to arm. A signal that counts on change returns to rest first only if the plant reports
+    /// that it is not armed: a plant that has not answered yet would be disarmed by that.
     ///
-    /// A plant in lockstep that waits for the answer to a sample is armed already, and will say so.
+    /// A plant in lockstep that waits for the answer to a sample is armed already and will report it.
     fn ask_for_arming(&mut self, now_ns: u64) {
         self.work.asked(now_ns);
         if self.lockstep.is_some() && self.samples.is_whole && self.unarmed < UNARMED {
@@ -215,7 +215,8 @@ impl MappedExciter {
         self.is_asked = self.work.has_heard || self.lockstep.is_some();
     }
 
-    /// The plant is armed: its samples are answered from the next whole one on, or from one that waits.
+    /// Begins the work: the plant is armed, and its samples are answered from the next complete or waiting one
+    /// on.
     fn begin(&mut self, now_ns: u64) {
         self.work.begin(&mut self.core);
         self.is_first_due = self.expects_unarmed_readings;
@@ -233,7 +234,7 @@ impl MappedExciter {
         self.ask(Ask::Disarm);
     }
 
-    /// The plant has not said that it is disarmed.
+    /// Handles a plant that has not reported that it is disarmed.
     fn disarm_again(&mut self, now_ns: u64, outcome: ExciterOutcome) {
         match self.work.unanswered() {
             Unanswered::Ask => self.ask_for_disarming(now_ns),
@@ -242,14 +243,14 @@ impl MappedExciter {
         }
     }
 
-    /// Ends the work; the plant is asked to disarm, once.
+    /// Ends the work and asks the plant to disarm, once.
     fn fault(&mut self, emergency: Emergency) {
         self.clear();
         self.ask(Ask::Disarm);
         self.work.fault(&mut self.core, emergency);
     }
 
-    /// The plant's fault, by what its readings say of it.
+    /// Enters the plant's fault, with the reason that its readings report.
     fn fault_of_plant(&mut self) {
         let code = match self.reason {
             Some(Reason::Code(code)) => Some(code),
@@ -258,11 +259,11 @@ impl MappedExciter {
         self.fault(self.work.of_plant(code));
     }
 
-    /// A frame of the plant.
+    /// Handles a frame of the plant.
     fn take(&mut self, now_ns: u64, place: usize, heard: Heard) {
         let is_first = self.work.hear();
         self.reason = heard.fault.or(self.reason.filter(|_| heard.state.is_none()));
-        // In lockstep the readings of sample 0 are repeated before the plant is armed.
+        // In lockstep the plant repeats the readings of sample 0 before it is armed.
         let is_repeated = self.expects_unarmed_readings && matches!(self.work.phase, Phase::Arming);
         let mut is_closed = false;
         if self.listeners[place].is_of_sample && (heard.ahead > 0 || is_repeated || self.is_first_due) {
@@ -271,7 +272,7 @@ impl MappedExciter {
         }
         if is_closed && self.expects_unarmed_readings {
             let since_ns = now_ns.saturating_sub(self.whole_at_ns);
-            // The very first sample is one of before, as a plant begins with it.
+            // The first sample of all never counts: a plant sends it before it is armed.
             self.is_first = self.whole_at_ns > 0 && since_ns >= GAP_NS;
             self.whole_at_ns = now_ns;
             if is_repeated && (TOGETHER_NS..GAP_NS).contains(&since_ns) && !self.says_state() {
@@ -281,7 +282,7 @@ impl MappedExciter {
         if let Some(state) = heard.state {
             self.watch(now_ns, self.listeners[place].drive(), state);
         }
-        // A plant says that it is armed after the last sample of before.
+        // A plant reports that it is armed after the last sample from before.
         self.is_first |= is_closed && self.says_state() && self.work.phase == Phase::Playing;
         if is_first && self.work.phase == Phase::Arming && self.lockstep.is_none() {
             self.begins_anew |= !self.says_state();
@@ -309,7 +310,7 @@ impl MappedExciter {
         }
     }
 
-    /// Answers a whole sample that waits.
+    /// Answers a complete sample that waits.
     fn answer_if_whole(&mut self, now_ns: u64) {
         if self.is_armed_unsaid(now_ns) {
             return self.begin(now_ns);
@@ -339,7 +340,8 @@ impl MappedExciter {
         }
     }
 
-    /// Whether the plant is armed by all that is known: it says no state, was asked to arm, and sends samples.
+    /// Returns whether the plant must be armed although it reports no state: it was asked to arm, and sends
+    /// samples.
     fn is_armed_unsaid(&self, now_ns: u64) -> bool {
         let is_first = self.is_first || now_ns >= self.last_at_ns();
         self.may_be_armed_unsaid() && (!self.expects_unarmed_readings || is_first)
@@ -350,18 +352,19 @@ impl MappedExciter {
         is_asked && self.samples.is_whole && !self.says_state()
     }
 
-    /// Whether a whole sample waits that may be the first of the armed plant, if no other comes.
+    /// Returns whether a complete sample waits that is the first of the armed plant if no other comes.
     fn awaits_quiet(&self) -> bool {
         let is_due = self.is_first_due && self.samples.is_whole;
         is_due || (self.expects_unarmed_readings && self.may_be_armed_unsaid())
     }
 
-    /// When the last whole sample counts as the first of an armed plant if no other comes, ns.
+    /// Returns the time at which the last complete sample counts as the first of an armed plant if no other
+    /// comes, ns.
     fn last_at_ns(&self) -> u64 {
         self.whole_at_ns.saturating_add(LAST_NS)
     }
 
-    /// Asks for readings that come only when they are asked for.
+    /// Asks for readings that come only on request.
     fn synchronise(&mut self, now_ns: u64) {
         let Some((due_ns, period_ns)) = self.sync else { return };
         if now_ns < due_ns || self.work.outcome().is_some() {
@@ -376,7 +379,7 @@ impl MappedExciter {
         }
     }
 
-    /// Another node sends this one's messages: either of the two may control the plant.
+    /// Handles another node that sends this one's messages: either of the two could control the plant.
     fn meet_second_sender(&mut self, id: Id) {
         self.core.counts.refused += 1;
         self.core.reject_sender(id);
@@ -385,12 +388,12 @@ impl MappedExciter {
         }
     }
 
-    /// Whether the plant says the state of a drive.
+    /// Returns whether the plant reports the state of a drive.
     fn says_state(&self) -> bool {
         self.drives.iter().any(|drive| drive.says_state)
     }
 
-    /// Nothing waits to be sent any more: a plant that says no state has disarmed.
+    /// Handles an empty queue: a plant that reports no state then counts as disarmed.
     fn all_is_sent(&mut self) {
         if let Phase::Disarming(outcome) = self.work.phase
             && !self.says_state()
@@ -423,9 +426,10 @@ impl ExciterInterface for MappedExciter {
 
     fn start(&mut self, now_ns: u64) {
         self.core.start(now_ns);
-        // A plant that does not say its state may be in fault, with an enable that is still set.
+        // A plant that reports no state may be in fault, with its enable signal still set.
         self.begins_anew = !self.says_state();
-        // In real time the load in a frame that arms answers the sample before: a plant that has none is not asked yet.
+        // In real time the load in a frame that arms answers the sample before it. A plant that has sent none
+        // is not asked yet.
         if self.lockstep.is_some() { self.ask_for_arming(now_ns) } else { self.work.asked(now_ns) }
     }
 
@@ -531,7 +535,7 @@ impl ExciterInterface for MappedExciter {
             if let Some(frame) = page.frame(ask, &self.load, self.counters[page.message]) {
                 return Some(frame);
             }
-            // A load that was checked can be sent: this is never reached.
+            // Loads are checked when they are commanded, so this is never reached.
             self.queue.pop_front();
             self.core.counts.unsent += 1;
         }
@@ -550,7 +554,7 @@ impl ExciterInterface for MappedExciter {
     }
 }
 
-/// The drives that take commands.
+/// Returns the drives that take commands.
 fn drives(mapping: &Mapping, listeners: &[Listener]) -> Vec<Drive> {
     let mut drives: Vec<Drive> = Vec::new();
     for message in mapping.incoming.iter().filter(|message| !message.commands.is_empty()) {

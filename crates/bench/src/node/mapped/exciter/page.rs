@@ -1,7 +1,7 @@
-//! What a mapped exciter sends: the frames in which it asks the plant for something, or commands a load.
+//! Frames of a mapped exciter: requests to the plant, and loads.
 //!
-//! A message whose signals are multiplexed apart has several pages: payloads with other values of the switches. Signals
-//! that are not mapped are zero.
+//! A message whose signals are multiplexed apart has several pages, that is, payloads with different values of
+//! the switches. Signals that are not mapped are zero.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -16,19 +16,19 @@ use resonarm_wire::layout::Layout;
 use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal;
 
-/// The most raw values of a signal that are looked through for one that asks for nothing.
+/// Largest number of raw values of a signal that are searched for one that requests nothing.
 const REST_VALUES: u32 = 256;
 
-/// What the plant is asked for, in the order of a signal's values.
+/// Request to the plant, in the order of a signal's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ask {
-    /// Nothing.
+    /// Requests nothing, between other requests.
     Rest,
-    /// To clear a fault.
+    /// Clears a fault of the plant.
     Reset,
-    /// To arm, and to stay armed: every command of a load.
+    /// Arms and keeps armed: every command of a load makes this request.
     Arm,
-    /// To disarm.
+    /// Disarms the plant or one drive.
     Disarm,
 }
 
@@ -45,32 +45,32 @@ impl Ask {
     }
 }
 
-/// An event's signal with its value for each [`Ask`].
+/// Signal of an event, with its value for each [`Ask`].
 #[derive(Clone, Debug)]
 struct Asking {
     signal: Signal,
     values: [f64; 4],
 }
 
-/// A payload of a message.
+/// One payload layout of a message.
 #[derive(Clone, Debug)]
 pub(super) struct Page {
-    /// The place of its message among all of the mapping.
+    /// Index of its message in the mapping.
     pub message: usize,
     id: Id,
     format: FrameFormat,
-    /// With its switches, else zeros.
+    /// Payload with the switches set, zero elsewhere.
     template: Vec<u8>,
-    /// The switches that have a value in the template.
+    /// Switches that have a value in the template.
     switches: Vec<Layout>,
     protection: Protection,
     commands: Vec<CommandSignal>,
     events: Vec<Asking>,
-    /// For which [`Ask`] it has to be sent.
+    /// Requests for which it must be sent.
     asks: [bool; 4],
-    /// Whether it only sets conditions of commands, and comes before what arms.
+    /// Whether it only sets conditions of commands, and precedes what arms.
     pub is_condition: bool,
-    /// Whether it synchronises.
+    /// Whether it is the message that synchronises.
     pub is_sync: bool,
 }
 
@@ -91,23 +91,23 @@ impl Page {
         }
     }
 
-    /// Whether it is of the message of this identifier.
+    /// Returns whether it belongs to the message with this identifier.
     pub fn is_of(&self, id: Id) -> bool {
         self.id == id
     }
 
-    /// Whether it commands a load.
+    /// Returns whether it commands a load.
     pub fn is_command(&self) -> bool {
         !self.commands.is_empty()
     }
 
-    /// Whether it has to be sent to ask for this.
+    /// Returns whether it must be sent to make this request.
     pub fn asks(&self, ask: Ask) -> bool {
         self.asks[ask as usize]
     }
 
-    /// Sets the switches so that a signal is in the payload; `false`, without a change, if one of them has another
-    /// value already.
+    /// Sets the switches so that the payload contains a signal. Returns `false`, without a change, if one of
+    /// them already has another value.
     fn select(&mut self, presence: &Presence) -> bool {
         let (mut template, mut switches) = (self.template.clone(), self.switches.clone());
         for condition in presence.conditions() {
@@ -127,12 +127,14 @@ impl Page {
         true
     }
 
-    /// Takes in an event; its signal is in the page.
+    /// Adds an event whose signal is in the page.
     fn add(&mut self, id: Id, event: &EventSignal) -> Result<(), ExciterLack> {
         let has = |action| event.actions.iter().any(|(_, asked)| *asked == action);
         for ask in Ask::ALL {
             self.asks[ask as usize] |= ask.action().is_some_and(has);
         }
+        // A signal that counts on change must leave its value before it can request again, so the page has a
+        // rest to send.
         let is_change = event.counts == Counts::OnChange && event.signal.is_some();
         self.asks[Ask::Rest as usize] |= is_change && (has(Action::Arm) || has(Action::Reset));
         self.asks[Ask::Arm as usize] |= !event.required.is_empty();
@@ -148,7 +150,7 @@ impl Page {
         Ok(())
     }
 
-    /// The frame that asks for this, with a load; `None` if its signals can't represent the load.
+    /// Returns the frame that makes this request, with a load; `None` if its signals can't represent the load.
     pub fn frame(&self, ask: Ask, load: &Load, counter: u64) -> Option<Frame> {
         let mut bytes = [0; PAYLOAD_MAX_BYTES];
         let payload = bytes.get_mut(..self.template.len())?;
@@ -159,6 +161,7 @@ impl Page {
         for command in &self.commands {
             command.signal.signal.encode(command.value(load), payload).ok()?;
         }
+        // The checksum covers the counter, so it is written last.
         if let Some(of) = &self.protection.counter {
             of.write(counter, payload).ok()?;
         }
@@ -168,22 +171,23 @@ impl Page {
         Frame::new(self.id, self.format, payload).ok()
     }
 
-    /// The counter after `counter`.
+    /// Returns the counter that follows `counter`.
     pub fn after(&self, counter: u64) -> u64 {
         self.protection.counter.as_ref().map_or(0, |of| of.after(counter))
     }
 
-    /// The load that it commands of `load`.
+    /// Returns the part of `load` that the page commands.
     fn share(&self, load: &Load) -> Load {
         let parts = self.commands.iter().map(|command| command.input.load(command.input.part(load)));
         parts.fold(Load::default(), plus)
     }
 }
 
-/// The values of an event's signal by [`Ask`]; `None` if every value of the signal asks for something that must not be.
+/// Returns the values of an event's signal by [`Ask`]; `None` if every value of the signal requests something
+/// that must not be.
 ///
-/// At rest it is what disarms, and while the plant is armed what arms it; without such a value it asks for nothing. A
-/// condition keeps its value.
+/// At rest the signal has the value that disarms, and while the plant is armed the one that arms; without such
+/// a value it requests nothing. A condition keeps its value.
 fn values(event: &EventSignal, signal: &Signal) -> Option<[f64; 4]> {
     let of = |action| event.actions.iter().find(|(_, asked)| *asked == action).map(|(value, _)| *value);
     let [least, most] = signal.range();
@@ -196,7 +200,7 @@ fn values(event: &EventSignal, signal: &Signal) -> Option<[f64; 4]> {
     Some([rest, of(Action::Reset).unwrap_or(rest), armed, of(Action::Disarm).unwrap_or(rest)])
 }
 
-/// The pages of a mapping, those that only set conditions first, and those that synchronise last.
+/// Returns the pages of a mapping: those that only set conditions first, and those that synchronise last.
 ///
 /// # Errors
 /// [`ExciterLack`] says why no controller can speak to the plant so.
@@ -246,12 +250,12 @@ fn of_message(place: usize, message: &Incoming) -> Result<Vec<Page>, ExciterLack
     Ok(pages)
 }
 
-/// Whether the pages can command the load: every part of it has a signal, within its range.
+/// Returns whether the pages can command the load: every part of it has a signal, within its range.
 pub(super) fn can_command(pages: &[Page], load: &Load) -> bool {
     let commanded = pages.iter().fold(Load::default(), |sum, page| plus(sum, page.share(load)));
     let off_n = (commanded.force_n - load.force_n).amax();
     let off_nm = (commanded.torque_nm - load.torque_nm).amax();
-    // Rounding of a shaker's direction.
+    // The tolerance covers the rounding of a shaker's direction.
     let is_whole = off_n <= 1e-9 * (1.0 + load.force_n.amax()) && off_nm <= 1e-9 * (1.0 + load.torque_nm.amax());
     is_whole && pages.iter().all(|page| page.frame(Ask::Arm, load, 0).is_some())
 }

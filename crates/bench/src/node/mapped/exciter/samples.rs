@@ -1,22 +1,22 @@
-//! The samples of a plant's readings as a mapped exciter gathers them.
+//! Samples of a plant's readings as a mapped exciter assembles them from messages.
 
 use super::listener::Listener;
 use crate::rig::{Measurement, Reading, Readings};
 
-/// The samples as they come in.
+/// The sample that is being received.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
-    /// Every how many samples of the plant there is one.
+    /// Number of the plant's samples from one assembled sample to the next.
     pub every: u64,
-    /// The readings of the sample that comes in; NaN where the wire has none.
+    /// Readings of the sample that is being received; NaN where the protocol has none.
     pub readings: [f64; Measurement::CHANNELS],
     clipped: u8,
-    /// The message that closes a sample, and that which counts them, by their places.
+    /// Index of the message that completes a sample; the next field is that of the message that counts them.
     closing: usize,
     pub counting: usize,
-    /// Samples since the one that was answered last.
+    /// Number of samples since the last answered one.
     pub ahead: u64,
-    /// Whether a whole one waits for its answer.
+    /// Whether a complete sample waits for its answer.
     pub is_whole: bool,
 }
 
@@ -36,7 +36,7 @@ impl Samples {
         }
     }
 
-    /// The whole sample that waits, with this index.
+    /// Returns the complete sample that waits, with this index.
     pub fn measurement(&self, sample: u64) -> Measurement {
         let reading = |place: usize| Reading { value: self.readings[place], clipped: self.clipped >> place & 1 == 1 };
         let pair = |place: usize| [reading(place), reading(place + 1)];
@@ -49,17 +49,17 @@ impl Samples {
         }
     }
 
-    /// Forgets all samples.
+    /// Forgets the samples received so far.
     pub fn restart(&mut self) {
         (self.ahead, self.is_whole) = (0, false);
     }
 
-    /// Whether the message at this place is the last of a sample.
+    /// Returns whether the message at this index completes a sample.
     pub fn closes(&self, place: usize) -> bool {
         place == self.closing
     }
 
-    /// A part of a sample has come, so many samples after the one before.
+    /// Adds a part of a sample, `ahead` samples after the one before.
     pub fn join(&mut self, listeners: &mut [Listener], place: usize, ahead: u64) {
         listeners[place].has_come = true;
         if place == self.counting {
