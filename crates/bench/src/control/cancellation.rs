@@ -247,6 +247,7 @@ impl Cancellation {
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
         let Some(k) = sample.sample.checked_sub(self.first).filter(|k| *k < self.samples) else { return };
         let values = sample.head_force_n.map(|reading| reading.within_range());
+        // Whole cycles are taken off: a phase that has grown over minutes would leave few digits for the angle.
         let (half, phase_cycles) = (self.samples / 2, phase_cycles - libm::floor(phase_cycles));
         match k.checked_sub(half) {
             None => self.halves[0].add(k, phase_cycles, &values),
@@ -270,6 +271,7 @@ impl Cancellation {
             is_cancelled &= size(first).max(size(second)) < CANCELLED * fundamental_n;
             let order = f64::from(harmonic.order);
             let hold = self.sampling.hold(order * frequency_hz);
+            // With an ideal exciter nothing stands between command and head, so that G_h is the hold alone.
             let ideal = Some(Phasor::new(1.0, 0.0));
             let transfer = self.transfer.as_ref().map_or(ideal, |transfer| transfer.at(order * frequency_hz));
             if let Some(transfer) = transfer {
@@ -289,6 +291,8 @@ impl Cancellation {
                 let head = x[usize::from(order) - 1] * self.direction.x + y[usize::from(order) - 1] * self.direction.y;
                 let command = self.harmonics[index].map_or(Phasor::new(0.0, 0.0), |harmonic| harmonic.command_n);
                 let frequency_hz = f64::from(order) * frequency_hz;
+                // The gain undoes the converter's droop. The images are those of the command's own harmonic, so
+                // they scale with it.
                 head / self.sampling.gain(frequency_hz) - command * (self.share * self.sampling.images(frequency_hz))
             })
         };
@@ -299,6 +303,7 @@ impl Cancellation {
     /// with its power.
     pub fn follow(&mut self, factor: Phasor) {
         for harmonic in self.harmonics.iter_mut().flatten() {
+            // A power by repeated multiplication: exact for the orders 2 and 3, and the same on every platform.
             let power = (1..harmonic.order).fold(factor, |power, _| power * factor);
             harmonic.command_n *= power;
             harmonic.tried_n = harmonic.tried_n.map(|pair| pair.map(|phasor| phasor * power));

@@ -43,6 +43,8 @@ impl FourierFilter {
         let other_turn = unit(self.other_phase_rad);
         let model: f64 = self.coefficients.iter().zip(&turns).map(|(c, t)| real_product(c, t)).sum();
         let error = y - model - real_product(&self.other, &other_turn);
+        // The gradient of e² with respect to each coefficient, up to the sign: least mean squares steps against
+        // it.
         let gain = 2.0 * self.adaptation * error;
         // The constant is real, so its imaginary part is never updated.
         self.coefficients[0].re += gain;

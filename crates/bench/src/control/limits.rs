@@ -97,6 +97,8 @@ impl Limited {
         let (is_loaded, time_s) = (self.is_loaded(), self.time_s);
         let LimitsSpec { force_n, acceleration_m_s2, clipped_samples, stuck_samples, .. } = self.spec;
         for (index, reading) in sample.readings().iter().enumerate() {
+            // The axes are judged in the order of the channels, and the first violation is reported: the report
+            // is the same whatever else is wrong.
             let ([who, axis, unit, range_key], watched) = (AXES[index], &mut self.axes[index]);
             // A clipped reading repeats by nature, and counts as clipped and not as stuck.
             let is_new = reading.clipped || watched.last != Some(reading.value);
@@ -168,6 +170,7 @@ impl Controller for Limited {
         if let Some(abort) = self.abort {
             return Answer::Aborted(abort);
         }
+        // The inner controller sees only samples that have passed, so it can't act on a reading beyond a limit.
         let answer = self.inner.answer(sample);
         self.fetch_response();
         if let Answer::Hold(load) = answer {

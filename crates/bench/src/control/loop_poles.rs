@@ -55,6 +55,7 @@ impl SeenMode {
         if omega == 0.0 {
             return [0.0, 0.0];
         }
+        // Deviations from the static rest position under u obey the free equation of motion.
         let rest = u / (mass * omega * omega);
         let sigma = zeta * omega;
         if zeta >= 1.0 {
@@ -145,6 +146,7 @@ impl Loop {
             let start = [state[0], state[1]];
             let at = |x: f64| mode.acceleration(mode.advance(start, u, x * period_s), u);
             next.extend(mode.advance(start, u, period_s));
+            // An instantaneous converter reads the middle of the hold.
             if converter.order() == 0 {
                 read[0] += at(0.5);
             }
@@ -165,6 +167,7 @@ impl Loop {
         let whole = size.max(STATES);
         let mut matrix = DMatrix::zeros(whole, whole);
         for column in 0..size {
+            // The loop is linear, so its action on the unit states is its matrix.
             let mut state = alloc::vec![0.0; size];
             state[column] = 1.0;
             for (row, value) in self.step(&state).into_iter().enumerate() {
@@ -178,6 +181,7 @@ impl Loop {
 /// Returns the decay rate of the slowest motion of the loop, 1/s: −ln|λ|/T of the largest eigenvalue; negative
 /// if it grows.
 pub fn slowest_decay_1_s(control: &Loop) -> f64 {
+    // The loop is stable if every eigenvalue of one sample lies within the unit circle.
     let largest = control.matrix().complex_eigenvalues().iter().map(|e| libm::hypot(e.re, e.im)).fold(0.0, f64::max);
     -libm::log(largest) * control.sampling.rate_hz
 }

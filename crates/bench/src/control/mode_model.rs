@@ -193,6 +193,7 @@ impl ModeModel {
         };
         let motion = |shape: &[f64], placed: &Placed| Vector2::from(placed.along.map(|dof| by_mode(shape, dof)));
         let driven = |shape: &[f64]| {
+            // A structure without such a joint takes no torque there: the direction stays zero.
             let joints = ["joint1", "joint2"].map(|name| by_mode(shape, assembly.dof(name).ok()));
             unit.force_n.dot(&motion(shape, &tested.places.exciter)) + unit.torque_nm.dot(&Vector2::from(joints))
         };
@@ -200,9 +201,11 @@ impl ModeModel {
         let [b, c] = places.map(|placed| motion(&this.shape, placed));
         let [size_b, size_c] = [b.norm(), c.norm()];
         let [range_b, range_c] = of.ranges_m_s2;
+        // The response at resonance under the largest load: the worst case for the range of the accelerometer.
         let acceleration_c = size_c * (driven(&this.shape) * largest / (2.0 * this.damping_ratio)).abs();
         // Range decides only if C would clip. See the function's documentation for the reasons.
         let c_clips = acceleration_c > USABLE * range_c;
+        // B must see enough of the mode, and use a smaller part of its own range.
         let b_has_more_room = size_b >= FAINT * size_c && size_b / range_b < size_c / range_c;
         let follows_b = size_c < FAINT * size_b || (c_clips && b_has_more_room);
         let (followed, at, e) = match follows_b {
@@ -232,6 +235,7 @@ impl ModeModel {
             others[count] = signed(mode);
             count += 1;
         }
+        // A small modal mass means that the load moves the mode strongly.
         others[..count].sort_by(|a, b| a.modal_mass.abs().total_cmp(&b.modal_mass.abs()));
         ModeModel { mode: signed(&seen[index]), others, count, followed, direction: direction * sign }
     }

@@ -39,6 +39,7 @@ impl Controller for OpenLoop {
         let read_at = n as f64 - self.sampling.converter.delay_samples() - 0.5;
         let response = self.reader.add(sample, self.profile.phase_cycles(read_at));
         self.response = response.map(|point| ResponsePoint { load_kind: self.load_kind(), ..point });
+        // The response of the last window is read at the latest with the sample that ends the profile.
         if n >= self.profile.samples() { Answer::Finished } else { Answer::Hold(self.profile.load(n)) }
     }
 

@@ -190,12 +190,14 @@ impl Reading {
         // steadily.
         for channel in 2..CHANNELS {
             let size = libm::hypot(whole[channel].re, whole[channel].im);
+            // The strongest acceleration shows the drift with the least noise.
             if size > largest {
                 let change = second[channel] - first[channel];
                 (largest, drift) = (size, libm::hypot(change.re, change.im) / size);
             }
         }
         let [first, second, third] = [1.0, 2.0, 3.0].map(|order| self.sampling.gain(order * self.window.frequency_hz));
+        // The fit is that of the readings. Dividing by the converter's gain gives the motion itself.
         let [hx, hy, bx, by, cx, cy] = whole.map(|phasor| phasor / first);
         let overtones = self.overtones.as_ref().and_then(HarmonicFit::harmonics::<3>);
         let overtones = overtones.map(|channels| channels.map(|[_, b, c]| [b / second, c / third]));

@@ -94,6 +94,7 @@ impl Steered {
     /// Reads the response once the set-point has been held for long enough.
     fn read(&mut self, sample: &Measurement, stands: bool) {
         let n = sample.sample;
+        // Without a load there is no response, and a response is read once per set-point.
         if !stands || self.is_read || self.load == 0.0 {
             (self.stands_since, self.reading) = (None, None);
             return;
@@ -143,6 +144,7 @@ impl Controller for Steered {
         let passed = self.last.map_or(0, |last| n.saturating_sub(last)) as f64;
         self.last = Some(n);
         let cycles = self.cycles + passed * self.set.frequency_hz / self.sampling.rate_hz;
+        // Only the fraction is kept: after hours the whole cycles would cost digits of the phase.
         self.cycles = cycles - libm::floor(cycles);
         let stands = self.approach(passed);
         self.read(sample, stands);

@@ -35,6 +35,7 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
     /// Adds sample `k` of the window, counted from 0, at the phase `phase_cycles` of the drive. A channel
     /// without a value has no sample.
     pub fn add(&mut self, k: u64, phase_cycles: f64, values: &[Option<f64>; N]) {
+        // Half a sample in, so that the window is symmetric and no sample has weight zero.
         let taper = libm::sin(PI * ((k as f64 + 0.5) / self.samples as f64));
         let weight = taper * taper;
         let mut basis = SVector::<f64, P>::zeros();

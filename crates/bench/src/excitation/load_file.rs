@@ -101,6 +101,7 @@ impl LoadFile {
         let count = super::synthesis::samples("path", (last + 0.5) / rate_hz, rate_hz)?;
         let at = |n: usize| {
             let t_s = start_s + n as f64 / rate_hz;
+            // Times increase, so a binary search finds the interval.
             let after = rows.partition_point(|[time_s, _]| *time_s <= t_s);
             match (rows.get(after.wrapping_sub(1)), rows.get(after)) {
                 (Some([t0, y0]), Some([t1, y1])) => y0 + (y1 - y0) * ((t_s - t0) / (t1 - t0)),

@@ -44,6 +44,7 @@ impl Piece {
     fn cycles(&self, t_s: f64) -> f64 {
         let elapsed_s = t_s - self.start_s;
         if self.law == SweepLaw::Logarithmic && self.from_hz != self.to_hz {
+            // expm1 keeps the digits of a narrow sweep, for which the exponent is close to 0.
             let growth = libm::log(self.to_hz / self.from_hz);
             return self.from_hz * self.duration_s * (libm::expm1(growth * (elapsed_s / self.duration_s)) / growth);
         }
@@ -142,6 +143,8 @@ impl Profile {
 
     fn cycles(&self, t_s: f64) -> f64 {
         let pieces = self.pieces();
+        // Before the first piece the search gives 0, and the first piece is continued backwards: readings lag
+        // the load.
         let after = pieces.partition_point(|piece| piece.start_s <= t_s);
         pieces.get(after.saturating_sub(1)).map_or(0.0, |piece| piece.cycles(t_s))
     }

@@ -49,6 +49,7 @@ impl Spectrum {
         let segment = points.partition_point(|[point_hz, _]| *point_hz <= hz).saturating_sub(1).min(last);
         let pair = points.get(segment..segment + 2).and_then(|pair| <[[f64; 2]; 2]>::try_from(pair).ok());
         let Some([[f1, l1], [f2, l2]]) = pair else { return 1.0 };
+        // Clamped, as a line may lie beyond the band by rounding.
         let part = (libm::log(hz / f1) / libm::log(f2 / f1)).clamp(0.0, 1.0);
         libm::exp(libm::log(l1) * (1.0 - part) + libm::log(l2) * part)
     }

@@ -78,6 +78,8 @@ pub(super) fn noise(
     rate_hz: f64,
     (seed, spectrum): (u64, Option<&Spectrum>),
 ) -> Result<Vec<f64>, ExcitationError> {
+    // The transform is usually longer than the excitation. Cutting a part out of it keeps the noise from being
+    // periodic.
     let fft = Fft::at_least(samples);
     let spacing_hz = rate_hz / fft.length() as f64;
     let (first, count) = band.lines(spacing_hz, length)?;
@@ -98,6 +100,7 @@ pub(super) fn noise(
 pub(super) fn gate(values: &mut [f64], burst: f64, period: usize, ramp: f64) {
     for (n, value) in values.iter_mut().enumerate() {
         let at = (n % period) as f64;
+        // Negative behind the burst.
         let to_end = at.min(burst - at);
         *value *= if to_end < 0.0 || at >= burst {
             0.0

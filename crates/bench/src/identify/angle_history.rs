@@ -109,10 +109,12 @@ pub fn joint_angles(
     let (across, along) = links.displacements(&d_b, &d_c);
     let turns = turns(&integrator, &across)?;
     let noise_m_s2 = [&rig.sensors.b, &rig.sensors.c].map(|sensor| sensor.reading_noise(rate_hz));
+    // The same gain holds for both points, since both are integrated with the same corner.
     let noise_m = noise_m_s2.map(|noise| noise * integrator.noise_gain_s2());
     let shortened: Vec<Pair> =
         turns.iter().map(|turn| Pair::new(one_less_cos(turn.re), one_less_cos(turn.im))).collect();
     let left = integrator.passed(&shortened);
+    // Along a link the end moves by −l(1 − cos θ), so for rigid links this sum is zero.
     let left: Vec<Pair> = along.iter().zip(left).map(|(along, shortened)| along + shortened).collect();
     let kept = &turns[first..end];
     Ok(AngleHistory {
@@ -162,6 +164,7 @@ fn accelerations(
 fn turns(integrator: &Integrator, across: &[Pair]) -> Result<Vec<Pair>, IdentifyError> {
     let mut turns = across.to_vec();
     for _round in 0..MOST_ROUNDS {
+        // Checked in every round, since a diverging iteration grows beyond the limit before it overflows.
         let largest = turns.iter().fold(0.0_f64, |largest, turn| largest.max(turn.re.abs()).max(turn.im.abs()));
         if largest > LARGEST_RAD {
             return Err(IdentifyError::TooLarge { angle_rad: largest, most_rad: LARGEST_RAD });

@@ -104,6 +104,7 @@ impl Integrator {
     /// contribute nearly all of it.
     pub fn noise_gain_s2(&self) -> f64 {
         let half = self.lines / 2;
+        // The line at half the rate stands for both signs already.
         let both_signs = |k: usize| if k == half { 1.0 } else { 2.0 };
         let power = |k: usize| both_signs(k) * square(self.gain_s2(k as f64 * self.rate_hz / self.lines as f64));
         libm::sqrt((1..=half).map(power).sum::<f64>() / self.lines as f64)
@@ -128,9 +129,11 @@ impl Integrator {
     /// Multiplies the transform of the values by a weight, which depends on the frequency, Hz.
     fn weighted(&self, fft: &Fft, values: &[Pair], weight: impl Fn(f64) -> f64) -> Vec<Pair> {
         let mut work = values.to_vec();
+        // Silence after the record keeps its end from leaking into its beginning: the transform is periodic.
         work.resize(self.lines, Pair::new(0.0, 0.0));
         fft.forward(&mut work);
         for (k, line) in work.iter_mut().enumerate() {
+            // The upper half of the lines are the negative frequencies, which have the same real weight.
             let hz = k.min(self.lines - k) as f64 * self.rate_hz / self.lines as f64;
             *line *= weight(hz) / self.lines as f64;
         }

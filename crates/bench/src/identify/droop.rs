@@ -42,6 +42,7 @@ fn inverse_gain(converter: Converter) -> [f64; TERMS] {
     }
     let mut power = [0.0; TERMS];
     power[0] = 1.0;
+    // The N-th power of the series, by repeated multiplication of truncated series.
     for _ in 0..converter.order() {
         power = core::array::from_fn(|k| (0..=k).map(|j| power[j] * arcsine[k - j]).sum());
     }

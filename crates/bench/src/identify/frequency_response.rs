@@ -68,6 +68,7 @@ pub fn frequency_response(
             let [start, _] = record.forced();
             check_segment(length, samples - start)?;
             let all: Vec<usize> = (start..=samples - length).step_by(length).collect();
+            // Of two periods both are kept: one alone would give no coherence.
             let settled = if all.len() > 2 { all[1..].to_vec() } else { all };
             (length, settled, false)
         }

@@ -33,6 +33,7 @@ pub(super) fn solve(mut columns: Vec<Column>, target: &[Complex<f64>]) -> (Colum
             }
         }
         let left = norm(column);
+        // Relative to the column's own size, so that the scale of a column does not matter.
         independent[j] = left > DEPENDENT * size;
         r[j * count + j] = Complex::new(left, 0.0);
         if independent[j] {
@@ -42,6 +43,8 @@ pub(super) fn solve(mut columns: Vec<Column>, target: &[Complex<f64>]) -> (Colum
     let mut residual = target.to_vec();
     let mut coefficients = alloc::vec![zero; count];
     for (j, q) in columns.iter().enumerate().filter(|(j, _)| independent[*j]) {
+        // Projected from the residual and not from the target, as modified Gram–Schmidt does: rounding then
+        // does not add up.
         let along = dot(q, &residual);
         coefficients[j] = along;
         subtract(&mut residual, along, q);

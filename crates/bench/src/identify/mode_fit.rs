@@ -111,6 +111,7 @@ impl Lines {
         let mut x = best.1;
         for _ in 0..ROUNDS {
             x = self.minimise(x, &weights);
+            // The noise of the force acts through the response, which is only known from the fit.
             weights = self.weights(x, &weights);
         }
         let covariance = self.covariance(x, &weights)?;
@@ -118,6 +119,8 @@ impl Lines {
         let residual = libm::sqrt(left / freedom);
         let polynomials = self.columns(1..DEGREE + 2, x, &weights);
         let gain = square(&solve(polynomials, &self.weighted(&weights)).0) / left;
+        // A residual larger than the noise means that the model is not quite right, and the deviations are
+        // widened by it.
         let deviation = [covariance.m11, covariance.m22].map(|variance| libm::sqrt(variance) * residual.max(1.0));
         let force_noise_share = self.force_noise_share(x, &weights);
         let residue = self.residue(x, &weights);
@@ -194,6 +197,7 @@ impl Lines {
     }
 
     fn shape(&self, which: usize, x: [f64; 2]) -> Vec<Complex<f64>> {
+        // Frequencies are scaled to ±1 over the band, which keeps the powers of the polynomials comparable.
         let half = 0.5 * self.response.len() as f64;
         let offset = |k: usize| (self.first + k) as f64 - self.centre as f64;
         let pole = exponential(x, self.samples);

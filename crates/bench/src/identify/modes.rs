@@ -308,6 +308,7 @@ impl<'a> Stretch<'a> {
             let (low, high) = (peak.saturating_sub(half), (peak + half + 1).min(count));
             let mut around: Vec<f64> = (low..high).filter(|k| k.abs_diff(peak) > 4).map(|k| power[k]).collect();
             around.sort_by(f64::total_cmp);
+            // The median ignores other peaks in the neighbourhood, which a mean would not.
             let median = around.get(around.len() / 2).copied().unwrap_or(f64::INFINITY);
             // At the edge of a part that was already examined there is only the skirt of another peak.
             let is_top = (peak == 0 || open[peak - 1]) && (peak + 1 == count || open[peak + 1]);
@@ -328,6 +329,8 @@ impl<'a> Stretch<'a> {
         // A mode that is broad relative to the band is fitted in a wider one.
         if let Ok(mode) = &fitted {
             let bandwidth = mode.pole_damping_ratio * mode.pole_frequency_hz / self.spacing_hz();
+            // Six half bandwidths to each side contain nearly all of a resonance; the limit keeps the band
+            // above 0 Hz.
             let wide = libm::ceil(6.0 * bandwidth).min(0.5 * centre as f64) as usize;
             if wide > half && half < room {
                 half = wide.min(room);
@@ -347,6 +350,8 @@ impl<'a> Stretch<'a> {
         let within = first - self.first..end - self.first;
         let noise = self.record.acceleration_noise_m_s2();
         let channels = self.channels.each_ref().map(|lines| &lines[within.clone()]);
+        // All channels are combined into one response with the best ratio of signal to noise, and one pole is
+        // fitted to it.
         let combination = strongest(&channels, noise);
         let response =
             (0..count).map(|k| (0..CHANNELS).map(|i| channels[i][k] * (combination[i] / noise[i])).sum()).collect();

@@ -75,6 +75,7 @@ impl Record {
             head_n.push(force_n);
             acceleration_m_s2.iter_mut().zip(accelerations).for_each(|(channel, value)| channel.push(value));
         }
+        // Checked before anything is computed from the readings, which may be none.
         if head_n.len() < LEAST_SAMPLES {
             return Err(IdentifyError::TooShort { samples: head_n.len(), least: LEAST_SAMPLES });
         }
@@ -82,6 +83,7 @@ impl Record {
         let [b, c] = [&rig.sensors.b, &rig.sensors.c].map(|sensor| sensor.reading_noise(rate_hz));
         let direction = unit(&head_n, direction);
         let force_n: Vec<f64> = head_n.iter().map(|[x, y]| x * direction[0] + y * direction[1]).collect();
+        // Six standard deviations: white noise exceeds them in fewer than one of 10⁸ samples.
         let is_force = |force: &f64| libm::fabs(*force) > CLEAR * force_noise_n;
         let forced = match (force_n.iter().position(is_force), force_n.iter().rposition(is_force)) {
             (Some(first), Some(last)) => [first, last + 1],
@@ -191,6 +193,7 @@ fn unit(head_n: &[[f64; 2]], direction: Direction) -> [f64; 2] {
             let (xx, xy, yy) = (sum(|[x, _]| x * x), sum(|[x, y]| x * y), sum(|[_, y]| y * y));
             let angle = 0.5 * libm::atan2(2.0 * xy, xx - yy);
             let (sine, cosine) = libm::sincos(angle);
+            // An eigenvector has no sign. Fixing it makes the phase of the responses reproducible.
             let larger = if libm::fabs(cosine) >= libm::fabs(sine) { cosine } else { sine };
             [cosine, sine].map(|component| component * libm::copysign(1.0, larger))
         }

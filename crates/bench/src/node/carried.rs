@@ -87,10 +87,12 @@ impl Carried {
     /// Lets the controller answer a sample, and queues what it has read.
     pub(super) fn answer_sample(&mut self, measurement: &Measurement) -> Answer {
         let answer = self.controller.answer(measurement);
+        // Answers are kept for recordings and the live view, which fetch them between frames.
         if let Answer::Hold(load) = answer {
             self.answers.push((*measurement, load));
             self.last_answer = Some((measurement.sample, load));
         }
+        // A controller may have read several responses with one sample.
         while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);
         }
@@ -130,6 +132,8 @@ pub fn carry(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn
 /// only.
 fn capabilities(kind: LoadKind) -> Capabilities {
     let (force_limit_n, torque_limit_nm) = match kind {
+        // The exciter's own limits are the plant's to check; the controller's node only states the kind of
+        // load.
         LoadKind::Force => (f32::MAX.into(), 0.0),
         LoadKind::Torque => (0.0, f32::MAX.into()),
     };

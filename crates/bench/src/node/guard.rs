@@ -93,10 +93,12 @@ impl Guard {
     pub fn fault(&mut self, core: &mut NodeCore, code: EmergencyCode, detail: u16) -> Option<Emergency> {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         match code {
+            // There is nothing to ramp: the simulation can't continue, or the exciter exerts no load any more.
             EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped => self.hold.drop_load(),
             _ => self.hold.release(),
         }
         let emergency = self.emergency(code, detail);
+        // Only the first fault is latched and reported. Those that follow from it would hide the reason.
         if !core.fail(emergency) {
             return None;
         }
@@ -138,6 +140,8 @@ impl Guard {
                 Ok(())
             }
             Err(refusal) => {
+                // The first rejected load is kept with its sample: the counts alone do not tell what the
+                // controller asked for.
                 self.refusals.keep_load(RefusedLoad { sample: self.sample, load, refusal });
                 self.refuse(core, refusal);
                 Err(refusal)

@@ -26,6 +26,7 @@ impl Hold {
 
     /// Starts the ramp, if a load is held and none runs.
     pub fn release(&mut self) {
+        // A second release must not start the ramp anew, or the load would last longer.
         if self.ramp_left == 0 && self.load != Load::default() {
             self.ramp_from = self.load;
             self.ramp_left = self.ramp_samples;

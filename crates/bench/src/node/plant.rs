@@ -90,6 +90,7 @@ impl PlantNode {
 
     /// Answers a new partner at once, so that it need not wait for the next hello.
     fn meet(&mut self, now_ns: u64, hello: Hello) {
+        // A hello that repeats is not answered, or two nodes would answer each other forever.
         if self.partner.replace(hello).is_none() {
             self.link.send_hello(now_ns);
         }
@@ -124,6 +125,7 @@ impl PlantNode {
         if state == NodeState::BootUp {
             self.forget_partner();
         }
+        // A fault that the exciter has left is no longer the reason of anything that follows.
         if state != NodeState::Fault {
             self.exciter_fault = None;
         }
@@ -136,6 +138,8 @@ impl PlantNode {
     /// its commands were rejected, as in lockstep, the plant reports that cause: no valid command was received.
     fn fault_of_exciter(&mut self, now_ns: u64) {
         let has_waited = self.exciter_fault.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
+        // Both ends would otherwise blame each other: the exciter for the missing sample, the plant for the
+        // exciter's fault.
         if has_waited && self.guard.has_refused() {
             self.command_timeout(now_ns);
         } else {
@@ -179,6 +183,7 @@ impl PlantNode {
     /// Publishes one sample per frame, or two: then the one with an even index is sent with the next.
     fn publish_fd(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
         let sensors = sample::sensors(measurement);
+        // The second of two samples completes the pair, also if the plant was disarmed in between.
         if let Some(first) = self.first.take() {
             let sample = sensors.sample.wrapping_sub(1);
             return self.link.send(&Message::SensorPair(SensorPair { values: [first, sensors.values], sample }));

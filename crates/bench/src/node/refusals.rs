@@ -24,6 +24,7 @@ pub struct Refusals {
 
 impl Refusals {
     pub(super) fn add(&mut self, refusal: Refusal) {
+        // The numbers of reasons begin with 1.
         self.counts[refusal as usize - 1] += 1;
         self.last = Some(refusal);
     }

@@ -100,9 +100,11 @@ impl Instrument {
         let seen = seen(truth, self.axes.len(), self.gravity.as_ref(), self.transverse);
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let value = axis.conditioned(seen[index]);
+            // Drift, noise and spikes pass the converter and are rounded and clipped like a signal.
             let value = self.faults.iter_mut().fold(value, |value, fault| fault.disturbed(sample, index, value));
             let (reading, last) = (axis.quantizer.read(value), self.last[index]);
             self.last[index] =
+                // Stuck and dropped-out axes replace what the converter has put out.
                 self.faults.iter().fold(reading, |reading, fault| fault.replaced(sample, index, reading, last));
         }
         self.last
@@ -194,6 +196,8 @@ impl AxisChain {
     /// Returns the input of the converter.
     fn conditioned(&mut self, seen: f64) -> f64 {
         let noisy = self.gain * seen + self.noise_rms * self.noise.normal();
+        // The sensor itself saturates before the filters, which then pass the flattened signal: such readings
+        // are not marked.
         let sensed = noisy.clamp(-self.sensor_range, self.sensor_range);
         let high = self.highpass.as_mut().map_or(sensed, |highpass| highpass.next(sensed));
         let low = self.lowpass.as_mut().map_or(high, |lowpass| lowpass.next(high));
@@ -201,6 +205,7 @@ impl AxisChain {
     }
 
     fn delay(&mut self, newest: f64) -> f64 {
+        // Without a delay the ring is empty.
         let Some(slot) = self.delayed.get_mut(self.oldest) else { return newest };
         let oldest = core::mem::replace(slot, newest);
         self.oldest = (self.oldest + 1) % self.delayed.len();

@@ -103,6 +103,7 @@ impl Converter {
         let middle = self.holds_late() as f64;
         let turn = |piece: usize| libm::cos(2.0 * PI * cycles * (piece as f64 - middle));
         let read = match self {
+            // Correcting for images that may not be there would falsify readings of a third-party plant.
             Converter::Unknown => return 0.0,
             Converter::Instant => 1.0,
             _ => (0..self.order()).map(|piece| self.piece_integral(piece) * turn(piece)).sum(),
@@ -119,6 +120,7 @@ impl Converter {
         let degree = order.saturating_sub(1);
         let mut taylor = [0.0; MOST_ORDER];
         let Some(p) = degree.checked_sub(piece).filter(|_| order > 0) else { return taylor };
+        // Orders up to 5 only, so plain products are exact in f64.
         let factorial = (1..=degree).map(|k| k as f64).product::<f64>();
         for (power, coefficient) in taylor.iter_mut().enumerate().take(order) {
             let term = |k: usize| {

@@ -34,6 +34,7 @@ impl Section {
         let k = PI * corner_hz / rate_hz;
         let square = k * k;
         let a0 = 1.0 + SQRT_2 * k + square;
+        // All coefficients are divided by a0, the coefficient of the present output.
         let b = square / a0;
         let a = [2.0 * (square - 1.0) / a0, (1.0 - SQRT_2 * k + square) / a0];
         Section { b: [b, 2.0 * b, b], a, s: [0.0; 2] }

@@ -179,6 +179,7 @@ impl Rig {
             return Err(RigError::TooManyFaults { got: spec.faults.len() });
         }
         let is_known = |fault: &FaultSpec| spec.instruments().any(|(name, _)| name == fault.instrument);
+        // A misspelt instrument must not silently lose its fault.
         if let Some(index) = spec.faults.iter().position(|fault| !is_known(fault)) {
             return Err(RigError::FaultInstrument { number: index + 1, got: spec.faults[index].instrument });
         }
@@ -249,6 +250,7 @@ impl Rig {
         let acceleration_c_m_s2 = plane(&mut self.accelerometer_c);
         let mut rest = sampled.get(Measurement::CHANNELS..).unwrap_or_default();
         for instrument in &mut self.more {
+            // The channels of a sensor stand next to each other, in the order of the instruments.
             let (own, after) = rest.split_at(instrument.axes().min(rest.len()));
             instrument.read(sample, truth(own)).into_iter().take(own.len()).for_each(|reading| more.push(reading));
             rest = after;

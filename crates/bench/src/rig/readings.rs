@@ -28,6 +28,7 @@ impl Readings {
     pub fn new(values: &[f64], clipped: u32) -> Option<Readings> {
         let mut readings = Readings { clipped, count: values.len() as u8, ..Readings::NONE };
         readings.values.get_mut(..values.len())?.copy_from_slice(values);
+        // A mark must belong to a value that is there.
         (u64::from(clipped) < 1 << values.len()).then_some(readings)
     }
 

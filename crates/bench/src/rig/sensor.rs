@@ -273,6 +273,7 @@ impl SensorSpec {
             let expected = "above 0 and below half the sample rate";
             within(name, corner_hz, expected, &|got| got > 0.0 && got < 0.5 * rate_hz)?;
         }
+        // A high-pass above the low-pass would leave no band between them.
         let low = self.lowpass_hz.unwrap_or(f64::INFINITY);
         within("highpass_hz", self.highpass_hz, "below `lowpass_hz`, or nothing passes", &|got| got < low)?;
         let most = f64::from(MOST_DELAY_SAMPLES);
@@ -292,6 +293,8 @@ impl Serialize for SensorSpec {
         if let Some(at) = &self.at {
             map.serialize_entry("at", at)?;
         }
+        // The quantity is written only where it differs from the default of the place, so that scenarios stay
+        // short.
         if self.at.is_some_and(|at| self.measures != Measured::at(&at)) {
             map.serialize_entry("measures", &self.measures)?;
         }
@@ -392,6 +395,7 @@ impl<'de> Visitor<'de> for SpecVisitor {
                 _ => return Err(de::Error::unknown_field(key, keys.all)),
             }
         }
+        // A density replaces the default standard deviation, and `bits` the default resolution.
         if spec.noise_density.is_none() {
             spec.noise_rms = spec.noise_rms.or(default.noise_rms);
         }

@@ -127,6 +127,7 @@ impl ShakerSpec {
     /// Returns the largest force of the blocked shaker, N: Bl times the largest current, and at most Bl/R times
     /// the largest voltage.
     pub fn force_limit_n(&self) -> f64 {
+        // The blocked coil needs V = R i, so the voltage limits the current at rest in both modes.
         let by_voltage_a = self.voltage_limit_v / self.resistance_ohm;
         self.force_factor_n_a * self.current_limit_a.min(by_voltage_a)
     }
@@ -139,6 +140,7 @@ impl ShakerSpec {
     /// Returns whether a load points along the shaker, up to rounding.
     pub fn is_along(&self, load: &Load) -> bool {
         let direction = self.direction();
+        // The cross product with the unit vector is the component across.
         let across_n = direction.x * load.force_n.y - direction.y * load.force_n.x;
         let rounding_n = ACROSS_N + ACROSS_SHARE * load.force_n.norm();
         across_n.abs() <= rounding_n && load.torque_nm == Vector2::zeros()

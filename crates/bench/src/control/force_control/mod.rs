@@ -201,6 +201,7 @@ impl ForceControl {
             return Err(ForceControlError::NotADwell);
         };
         let frequencies_hz: Vec<f64> = profile.windows().map(|window| window.frequency_hz).collect();
+        // The highest frequency has the fewest samples per period.
         let frequency_hz = frequencies_hz.iter().fold(0.0_f64, |most, frequency| most.max(*frequency));
         if rate_hz < Orders::SAMPLES_A_PERIOD * frequency_hz {
             return Err(ForceControlError::Rate { rate_hz, frequency_hz });
@@ -223,6 +224,7 @@ impl ForceControl {
             reading: None,
             point: 0,
             tries: 0,
+            // The first command is the wanted force itself, which an ideal exciter needs no correction for.
             command_n: Phasor::new(amplitude_n, 0.0),
             cancellation: Cancellation::new(spec.cancel_harmonics, of, direction, sampling),
             tried: None,
@@ -296,6 +298,7 @@ impl ForceControl {
     /// Judges a response: reports it and moves to the next frequency, or tries again.
     fn judge(&mut self, n: u64, read: Option<ResponsePoint>) {
         self.tries += 1;
+        // A window whose samples do not determine the fit gives no point, and the sweep moves on.
         let Some(mut point) = read else { return self.next(n) };
         let [x, y] = point.head_force_n;
         // The head also reads images of the held command that the converter aliases onto the fundamental. They
@@ -312,6 +315,7 @@ impl ForceControl {
         let factor = missing(head_n, wanted_n);
         self.command_n = corrected(from, factor, self.power);
         let reached = self.cancel(&point, factor, off) && off < TOLERANCE;
+        // A point that does not settle is reported as such after the last try, so that a sweep always ends.
         if (reached && point.settled) || self.tries == MOST_TRIES {
             self.response = Some(ResponsePoint { settled: reached && point.settled, ..point });
             self.next(n);
@@ -381,6 +385,8 @@ impl ForceControl {
 
 /// Returns F/H with the rotation that brings the head's force into phase; its size is limited to a factor.
 fn missing(head_n: Phasor, wanted_n: f64) -> Phasor {
+    // Limited in both directions: near a resonance the head reads almost nothing, and F/H would be a huge
+    // step.
     let size = libm::hypot(head_n.re, head_n.im).max(wanted_n / LARGEST_FACTOR).min(wanted_n * LARGEST_FACTOR);
     unit(-libm::atan2(head_n.im, head_n.re)) * (wanted_n / size)
 }

@@ -91,6 +91,7 @@ impl BackboneModel {
     /// and determines the mode less well. When full, the oldest finding after the theory is dropped.
     pub fn add(&mut self, amplitude_rad: f64, omega_rad_s: f64, dynamic_stiffness: Phasor, deviation: f64) {
         if self.findings.len() == MOST_FINDINGS {
+            // Finding 0 is the theory. It anchors the fit at small amplitudes and is never dropped.
             self.findings.remove(1);
         }
         let own = self.own(dynamic_stiffness, omega_rad_s);
@@ -134,7 +135,9 @@ impl BackboneModel {
         for finding in self.findings.iter().rev() {
             let x = (finding.square - square) / scale;
             let p = Vector3::new(1.0, x, if curve == FittedCurve::Parabola { x * x } else { 0.0 });
+            // The weight falls with the fourth power of a large distance, so distant points still count where no others are.
             let far = 1.0 + (x / REACH) * (x / REACH);
+            // The least deviation keeps one very precise point from dominating the curve.
             let variance = finding.deviation * finding.deviation + LEAST_DEVIATION * LEAST_DEVIATION;
             let weight = recency / (far * far * variance);
             recency *= FADING;
@@ -148,6 +151,8 @@ impl BackboneModel {
             FittedCurve::Line => pull + 1.0 / (SLOPE * SLOPE),
         };
         normal.m33 += pull;
+        // The regularisation keeps the matrix positive definite. Should it fail all the same, the last point is
+        // the best guess.
         normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)
     }
 
@@ -165,6 +170,8 @@ impl BackboneModel {
             amplitude = load * sine / (damping * omega);
             let square = stiffness - damping * omega * cotangent / self.mass;
             if !(square > 0.0 && amplitude > 0.0 && amplitude.is_finite()) {
+                // No such response exists in the model. NaN fails the caller's band check, which ends the walk
+                // with a reason.
                 return (f64::NAN, f64::NAN);
             }
             omega = libm::sqrt(square);

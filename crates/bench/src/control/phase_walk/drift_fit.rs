@@ -42,6 +42,7 @@ impl DriftFit {
     /// Adds sample `k` of the window, counted from 0, at the phases θ and ψ, rad.
     pub fn add(&mut self, k: u64, phase_rad: f64, other_rad: f64, y: f64) {
         let x = (k as f64 + 0.5) / self.samples as f64 - 0.5;
+        // The square root of the Hann window, which is cos² around the middle.
         let taper = libm::cos(PI * x);
         let w = taper * taper;
         let [(s1, c1), (s2, c2), (s3, c3)] = [1.0, 2.0, 3.0].map(|order: f64| libm::sincos(order * phase_rad));
@@ -60,6 +61,7 @@ impl DriftFit {
     pub fn finish(&self) -> Option<Drift> {
         const FACTOR: f64 = 7.5;
         let z = self.normal.cholesky()?.solve(&self.moment);
+        // The residual follows from the sums. It is bounded at 0, where rounding may take it below.
         let variance = ((self.square - z.dot(&self.moment)) / self.weight).max(0.0);
         // Re(c e^{iθ}) = Re c cos θ − Im c sin θ.
         let (amplitude, change) = (Phasor::new(z[1], -z[2]), Phasor::new(z[3], -z[4]));

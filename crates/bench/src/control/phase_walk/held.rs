@@ -9,6 +9,7 @@ pub(super) struct Held([f64; MOST_ORDER]);
 impl Held {
     /// Starts a hold of a load.
     pub fn hold(&mut self, load: f64) {
+        // Five numbers at most, so moving them is cheaper than a ring with an index.
         self.0.rotate_right(1);
         self.0[0] = load;
     }

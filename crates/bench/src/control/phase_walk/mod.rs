@@ -172,6 +172,8 @@ impl PhaseWalk {
     fn of(plan: Plan, of: Modelled<'_>, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
         plan.check()?;
         let (load, unit_load) = (plan.load(), plan.unit_load());
+        // Changing an amplitude takes load beyond that of the steady response, so the whole of the exciter
+        // can't be used up.
         if limit.is_nan() || limit <= load {
             let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
             return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
@@ -255,6 +257,7 @@ impl PhaseWalk {
             Wanted::Lag(lag_rad, load) => unit(lag_rad) * (load / amplitude),
             Wanted::Amplitude(..) => self.backbone.dynamic_stiffness(amplitude, omega_rad_s),
         };
+        // Written so that NaN, for a response that the model does not have, is out of band.
         let in_band = (omega_rad_s / self.model.mode.angular_frequency_rad_s - 1.0).abs() < BAND;
         if !(in_band && amplitude < LARGEST_AMPLITUDE) {
             let lag_deg = libm::atan2(stiffness.im, stiffness.re).to_degrees();
@@ -283,6 +286,7 @@ impl PhaseWalk {
     /// e^{−gt}.
     fn settling_samples(&self, from: &Target) -> u64 {
         let step = (self.target.amplitude - from.amplitude).abs() / self.target.amplitude;
+        // e^{−gt} · step falls to the allowed rest after ln(step/rest) time constants.
         let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
         self.samples_in(time_constants / self.gain_1_s)
     }
@@ -294,6 +298,8 @@ impl PhaseWalk {
         let (s, slope) = ramped((n - since) as f64 / length as f64);
         let slope = slope * self.sampling.rate_hz / length as f64;
         let between = |a: f64, b: f64| a + (b - a) * s;
+        // Amplitude, frequency and feed-forward load all follow the same smooth step, so that they fit each
+        // other on the way.
         let stiffness = from.stiffness + (d1 - from.stiffness) * s;
         let change = a1 - from.amplitude;
         (between(from.amplitude, a1), change * slope, between(from.omega_rad_s, w1), stiffness)
@@ -337,6 +343,7 @@ impl PhaseWalk {
             Wanted::Lag(_, load) => load,
             Wanted::Amplitude(..) => found.load,
         };
+        // Noise and the doubtful part of the drift are independent, so their squares add.
         let deviation = libm::hypot(found.load_deviation, DRIFT_DOUBT * found.taken_by_drift) / load;
         // Every reading improves the model, also that of a try that fails: so the next try is closer.
         self.backbone.add(found.amplitude, self.target.omega_rad_s, found.stiffness, deviation);
@@ -371,6 +378,8 @@ impl PhaseWalk {
 
     fn report(&mut self, found: &Found, lag_rad: f64, settled: bool) {
         let frequency_hz = self.target.omega_rad_s / TAU;
+        // A caller that does not fetch loses points. The walk goes on all the same, since it can't wait in real
+        // time.
         if self.responses.len() < RESPONSES {
             let point = found.response(frequency_hz, lag_rad, self.tries, settled);
             self.responses.push(ResponsePoint { load_kind: self.load_kind(), ..point });
@@ -395,6 +404,7 @@ impl PhaseWalk {
         // The mean of the two frequencies integrates a linear ramp of the frequency exactly.
         self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.sampling.rate_hz);
         self.omega_rad_s = omega;
+        // The phase reference is the wanted displacement, which is therefore real.
         let envelope = (Phasor::new(amplitude, 0.0) - self.displacement()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.mode.modal_mass) * envelope + forward;
@@ -471,6 +481,7 @@ impl Controller for PhaseWalk {
         self.proceed(n);
         let load = self.feedback(n);
         self.held.hold(load);
+        // The reading comes first. A clipped reading is usually why the load grows.
         let abort = self.check_reading(sample).or_else(|| self.check_load());
         if let (Some(_), false) = (abort, matches!(self.stage, Stage::Done(_))) {
             self.stage = Stage::Done(abort);

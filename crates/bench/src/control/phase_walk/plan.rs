@@ -132,6 +132,7 @@ impl Plan {
         let Plan::Response(spec) = self else { return Ok(()) };
         let mode_hz = model.mode.angular_frequency_rad_s / TAU;
         for (name, got_hz) in [("from_hz", spec.from_hz), ("to_hz", spec.to_hz)] {
+            // The loop's gain is computed for the mode's frequency and holds in a band around it.
             let within = (1.0 - BAND) * mode_hz..=(1.0 + BAND) * mode_hz;
             if !within.contains(&got_hz) {
                 return Err(PhaseWalkError::Far { name, got_hz, mode_hz });

@@ -68,6 +68,7 @@ impl Reader {
         let readings = sample.readings();
         let mut values = [Some(held); CHANNELS];
         for ((value, clipped), reading) in values.iter_mut().zip(&mut self.clipped).zip(&readings) {
+            // A clipped value is left out of the fit, and the channel marked.
             *value = reading.within_range();
             *clipped |= reading.clipped;
         }
@@ -112,6 +113,8 @@ impl Reader {
         };
         let displacement =
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
+        // Without a drift the reading can't tell a steady response from one that still grows, so there is no
+        // result.
         let drift = self.drift.finish()?;
         let windows_1_s = sampling.rate_hz / self.samples as f64;
         // A drift ȧ takes the load 2iωm ȧ, by the envelope's equation in the module documentation of the walk.
@@ -128,6 +131,8 @@ impl Reader {
                 / sampling.gain(frequency_hz),
             taken_by_drift: size(taken_by_drift * displacement),
             drift: size(drift.change),
+            // Phases are reported against the acting load, which a caller knows, and not against the
+            // controller's displacement.
             harmonics: harmonics.map(|orders| turned(orders, -libm::atan2(steady.im, steady.re))),
             clipped: self.clipped,
         })

@@ -235,8 +235,11 @@ fn stable_gain_1_s(model: &ModeModel, sampling: &Sampling) -> Option<f64> {
     const LATE: usize = 2;
     let omega_rad_s = model.mode.angular_frequency_rad_s;
     let decay_1_s = |mode: &SeenMode| mode.damping_ratio * mode.angular_frequency_rad_s;
+    // No loop makes the other modes decay faster than they do alone, so half of the slowest is asked of the
+    // whole.
     let alone = model.others().iter().map(decay_1_s).fold(decay_1_s(&model.mode), f64::min);
     let gains = (0..TRIES).map(|k| LARGEST * omega_rad_s * libm::exp2(-0.5 * f64::from(k)));
+    // Steps of √2 from the largest gain down: the first stable one is within a factor of √2 of the best.
     gains.into_iter().find(|gain_1_s| {
         (0..=LATE).all(|delay| {
             let control = Loop {

@@ -99,6 +99,7 @@ impl Axis {
             return;
         }
         if to == DriveState::OperationEnabled {
+            // A drive that is leaving stays off whatever the master commands.
             if self.is_leaving {
                 return;
             }
@@ -119,6 +120,7 @@ impl Axis {
     /// Forgets the waiting target, and ends the acting torque.
     fn stop(&mut self) {
         self.pending_nm = None;
+        // Remembered until the node asks, since the drive may be enabled again before that.
         self.is_stopped |= self.acting_nm != 0.0;
         self.acting_nm = 0.0;
     }
@@ -245,6 +247,7 @@ impl Device for Axis {
                 if !matches!(mode, 0 | TORQUE_MODE) {
                     return Err(Abort::Value);
                 }
+                // A target that was received in another mode has another meaning.
                 if core::mem::replace(&mut self.mode, mode) != mode {
                     self.begin_epoch();
                 }

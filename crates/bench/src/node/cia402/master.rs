@@ -163,6 +163,7 @@ impl Cia402Exciter {
 
     /// Drops the waiting frames and sets all targets to zero.
     fn clear(&mut self) {
+        // Frames of the previous phase must not follow those of the next one.
         self.queue.clear();
         self.slaves.iter_mut().for_each(|slave| slave.target = 0);
         self.core.frame_sent(false);
@@ -247,6 +248,8 @@ impl Cia402Exciter {
 
     fn answer(&mut self, now_ns: u64) {
         let sample = self.work.next_sample(&self.core, core::mem::take(&mut self.syncs), 1);
+        // CANopen drives report neither forces nor accelerations. NaN keeps a controller from taking zeros for
+        // readings.
         let none = [Reading { value: f64::NAN, clipped: false }; 2];
         let measurement = Measurement {
             sample,

@@ -79,6 +79,7 @@ impl Drive {
     fn show(&mut self) {
         let code = self.axis.fault_code().map_or(0, error_code);
         let register = if code == 0 { 0 } else { error_register(code) };
+        // A fault that has gone is announced by an emergency with code 0 (CiA 301), once.
         let is_over = code == 0 && self.server.dictionary().number(at(0x603F, 0)) != 0;
         self.server.set_register(register);
         for (index, number) in [
@@ -103,6 +104,8 @@ impl Drive {
                 return Err(PublishError::NotFinite { name: STATES[place].name, got: *value });
             }
         }
+        // The torque that has acted up to the sample, as a drive would measure it, and not the one that is held
+        // next.
         let torque_nm = [held.torque_nm.x, held.torque_nm.y][place];
         let [angle_rad, rate_rad_s] = moved;
         self.server.set(at(0x6064, 0), angle_rad * spec.counts_per_rad());

@@ -131,6 +131,7 @@ impl DriveSpec {
             (0x603F, Entry::new(0, "Error code", ReadOnly, Value::U16(0)).mappable(Transmit)),
             (0x6040, Entry::new(0, "Controlword", ReadWrite, Value::U16(0)).mappable(Receive)),
             (0x6041, Entry::new(0, "Statusword", ReadOnly, Value::U16(0)).mappable(Transmit)),
+            // Option 6: slow down and stay in quick stop active.
             (0x605A, Entry::new(0, "Quick stop option code", Const, Value::I16(6))),
             (0x6060, Entry::new(0, "Modes of operation", ReadWrite, Value::I8(0)).mappable(Receive)),
             (0x6061, Entry::new(0, "Modes of operation display", ReadOnly, Value::I8(0)).mappable(Transmit)),

@@ -41,6 +41,7 @@ impl Receiver {
     /// # Errors
     /// The check that failed: the frame must not be used.
     pub fn check(&mut self, frame: &Frame) -> Result<(), FrameCheck> {
+        // Checksum and counter first: a damaged frame must not even be read.
         self.protection.lost(frame)?;
         Ok(self.message.check(frame.data())?)
     }
@@ -79,6 +80,7 @@ impl Receiver {
     /// As [`Receiver::check`], which finds all of them.
     pub fn receive(&mut self, payload: &[u8]) -> Result<bool, FrameCheck> {
         let load = self.message.load(payload)?;
+        // A payload without the load, multiplexed to other signals, leaves a waiting one.
         self.pending = load.or(self.pending);
         Ok(load.is_some())
     }

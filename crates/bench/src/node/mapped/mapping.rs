@@ -116,6 +116,7 @@ impl Incoming {
             event.signal.is_none() && event.actions.iter().all(stops)
         };
         let is_bare = self.commands.is_empty() && !self.is_sync && !self.events.is_empty();
+        // Every condition counts: a message that also arms or commands must have its exact form.
         let length = if is_bare && self.events.iter().all(only_stops) { usize::MAX } else { self.length };
         Form { format: self.format, length }
     }

@@ -73,6 +73,7 @@ impl MappedNode {
         exciter: Exciter,
         limits: GateSpec,
     ) -> MappedNode {
+        // Drives are numbered by the scenario and need not be consecutive. A gap is a drive that nothing arms.
         let of_messages = mapping.incoming.iter().map(|message| message.drive);
         let drives = of_messages.chain(mapping.outgoing.iter().map(|message| message.drive)).max();
         MappedNode {
@@ -116,6 +117,7 @@ impl MappedNode {
     fn handle_message(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
         self.receivers[index].check(frame)?;
         let drive = self.receivers[index].message.drive;
+        // Compared after the requests of this frame, which may meet a condition or violate it.
         let was_ready = self.is_ready(drive);
         // Requests come before the load: a frame that arms and commands at once must find the drive armed.
         for event in 0..self.receivers[index].message.events.len() {
@@ -293,6 +295,7 @@ impl MappedNode {
         if !self.has_published || !self.receivers.iter().any(Receiver::is_new) {
             return;
         }
+        // The first commands only arm. They are near zero, so nothing is lost when they don't act.
         if self.arming == Arming::ZeroCommand && !self.has_begun && self.is_nearly_zero() {
             return self.arm(None);
         }
@@ -357,6 +360,8 @@ impl MappedNode {
 
     /// Returns state and fault of a drive, as readings report them.
     fn status(&self, drive: usize) -> Status {
+        // The node is operational while any drive is armed. A drive that is not reports itself as
+        // pre-operational.
         let is_idle = self.state() == NodeState::Operational && !self.drives[drive];
         let state = if is_idle { NodeState::PreOperational } else { self.state() };
         Status { state, fault: self.latched_fault() }
@@ -430,6 +435,7 @@ impl PlantInterface for MappedNode {
 
     fn handle_deadline(&mut self, now_ns: u64) {
         self.core.listening.look(now_ns);
+        // In lockstep an armed plant judges when the set of commands is complete, and not by the clock.
         if self.time_base == TimeBase::Clock || !self.is_armed() {
             self.judge(now_ns);
         }

@@ -70,6 +70,8 @@ impl Sender {
         }
         let protection = &self.message.protection;
         if let Some(counter) = &protection.counter {
+            // The counter advances only when the bus has taken the frame: a frame that is built again keeps its
+            // number.
             counter.write(self.counter, payload).ok()?;
         }
         if let Some(checksum) = &protection.checksum {
@@ -98,6 +100,7 @@ fn write(signal: &Signal, value: f64, payload: &mut [u8]) -> bool {
     match signal.encode(value, payload) {
         Ok(()) => false,
         Err(EncodeError::OutOfRange { value, least, most }) => {
+            // A value beyond the signal is sent at its limit, as a real sensor would saturate, and counted.
             let _written = signal.encode(value.clamp(least, most), payload);
             true
         }

@@ -38,6 +38,7 @@ impl Form {
         if is_fd(expected) != is_fd(got) || got == FrameFormat::Remote {
             return Err(ProtectionFault::Format { got, expected });
         }
+        // CAN FD pads payloads to the next existing length, which is no error of the sender.
         let most = if is_fd(expected) { fd_length(self.length) } else { self.length };
         let got = frame.data().len();
         if got > most { Err(ProtectionFault::Long { got, most }) } else { Ok(()) }

@@ -145,6 +145,7 @@ impl Listener {
                 Source::Sample { .. } => index = Some(got as u64),
             }
         }
+        // A message may report a fault without a number for the state fault.
         heard.state = if heard.fault.is_some() { Some(NodeState::Fault) } else { heard.state };
         heard.ahead = self.ahead(step, index);
         Ok(heard)
@@ -179,6 +180,7 @@ fn write(said: Option<Said>, readings: &mut [f64; Measurement::CHANNELS]) -> u8 
 /// Returns the state with this number; if two states share it, the first in the order below.
 fn state([boot_up, idle, armed, fault]: &[f64; 4], is: impl Fn(&f64) -> bool) -> Option<NodeState> {
     let states = [
+        // Operational comes first. For a drive that reports its state no other state has that number (`says_state`).
         (armed, NodeState::Operational),
         (idle, NodeState::PreOperational),
         (fault, NodeState::Fault),

@@ -133,6 +133,7 @@ impl MappedExciter {
             sync: comes_on_sync.then_some((0, period_ns)),
         };
         exciter.check(mapping)?;
+        // A load of zero must be possible, since requests are sent with it.
         exciter.check_load(&Load::default())?;
         Ok(exciter)
     }
@@ -201,6 +202,7 @@ impl MappedExciter {
             return;
         }
         self.clear();
+        // A fault is reset before arming. So is a plant that may be in fault without reporting it.
         let is_faulted = self.drives.iter().any(|drive| drive.state == Some(NodeState::Fault));
         if is_faulted || self.begins_anew {
             self.ask(Ask::Reset);

@@ -140,6 +140,7 @@ impl Page {
         self.asks[Ask::Arm as usize] |= !event.required.is_empty();
         if let Some(signal) = &event.signal {
             let values = values(event, &signal.signal).ok_or(ExciterLack::Rest { id })?;
+            // Encoding is the only exact test of whether the signal can represent a value.
             let mut scratch = self.template.clone();
             let mut is_held = |value: &f64| signal.signal.encode(*value, &mut scratch).is_ok();
             if let Some(value) = values.into_iter().find(|value| !is_held(value)) {
@@ -192,6 +193,7 @@ fn values(event: &EventSignal, signal: &Signal) -> Option<[f64; 4]> {
     let of = |action| event.actions.iter().find(|(_, asked)| *asked == action).map(|(value, _)| *value);
     let [least, most] = signal.range();
     let asks = |value: &f64| event.actions.iter().any(|(asking, _)| asking == value);
+    // Raw values are tried from 0 up, as most protocols use a small number for "no request".
     let mut raw = (0..REST_VALUES).map(|raw| f64::from(raw) * signal.scale() + signal.offset());
     let neutral = raw.find(|value| (least..=most).contains(value) && !asks(value));
     let condition = event.required.first().copied();
@@ -213,6 +215,7 @@ pub(super) fn pages(mapping: &Mapping) -> Result<Vec<Page>, ExciterLack> {
         }
         pages.append(&mut own);
     }
+    // Conditions must hold before what they condition, and SYNC takes everything received before it.
     pages.sort_by_key(|page| (page.is_sync, !page.is_condition, page.message));
     Ok(pages)
 }

@@ -23,6 +23,7 @@ pub(super) struct Samples {
 impl Samples {
     pub fn new(listeners: &[Listener], every: u64) -> Samples {
         let parts = || listeners.iter().enumerate().filter(|(_, listener)| listener.is_of_sample);
+        // The plant sends its messages in the order of the mapping, so the last one completes the sample.
         let closing = parts().map(|(place, _)| place).next_back().unwrap_or(0);
         let counting = parts().max_by_key(|(_, listener)| listener.counts()).map_or(0, |(place, _)| place);
         Samples {
