@@ -39,7 +39,7 @@ pub enum ScenarioError {
     LoadFile {
         /// Path of the load file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the contents.
         source: LoadFileError,
     },
     /// The text is not a scenario.
@@ -48,7 +48,7 @@ pub enum ScenarioError {
     /// The scenario can't be written as TOML.
     #[error("the scenario can't be written as TOML: {reason}")]
     Write {
-        /// What the TOML writer says.
+        /// Message of the TOML writer.
         reason: String,
     },
     /// The structure's name can't be shown in a line.
@@ -85,7 +85,7 @@ pub enum ScenarioError {
     IdleLoad {
         /// Key of the load.
         name: &'static str,
-        /// Its amplitude, N or N·m.
+        /// Amplitude of that load, N or N·m.
         got: f64,
     },
     /// The section `[structure]` makes no structure, or the rig does not fit it.
@@ -133,15 +133,15 @@ pub enum ScenarioError {
     BeyondLimit {
         /// Key of the load.
         name: String,
-        /// What was given, in the unit of the key.
+        /// Value that was given, in the unit of the key.
         got: f64,
-        /// What sets the limit.
+        /// Key or property that sets the limit.
         limit_name: &'static str,
         /// The limit, in the same unit.
         limit: f64,
         /// The unit of both.
         unit: &'static str,
-        /// How to fix it.
+        /// Remedy that the message suggests, in words.
         fix: &'static str,
     },
     /// The load does not point along the shaker.
@@ -153,7 +153,7 @@ pub enum ScenarioError {
     AcrossShaker {
         /// Section of the load, `excitation` or `control`.
         section: String,
-        /// Where the shaker points, degrees.
+        /// Direction of the shaker, degrees.
         direction_deg: f64,
     },
     /// A number is outside its valid range.

@@ -36,7 +36,8 @@ impl StructureSection {
         let is_preset = self.kind == StructureKind::Preset;
         let gravity = self.gravity_m_s2.filter(|_| is_preset).map(|value| (String::from("gravity_m_s2"), value));
         let set = self.set.iter().map(|(name, value)| (name.clone(), *value));
-        // A value that the preset does not state is no value of the preset.
+        // A preset may leave parameters of its links unstated. Setting one of them replaces no value of the
+        // preset.
         let stated = |assembly: &Assembly, name: &str| {
             let parameter = assembly.parameter(name).ok()?;
             match &assembly.spec().body {

@@ -1,7 +1,7 @@
-//! Scenarios: everything about a run, in one TOML file.
+//! A scenario is everything about a run, in one TOML file.
 //!
-//! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
-//! nearest known one. The whole scenario, defaults written out, goes into the recording.
+//! Every key has a default, so that a scenario states only what it cares about. An unknown key is an error that
+//! suggests the closest known one. A recording holds the whole scenario with its defaults written out.
 
 extern crate alloc;
 
@@ -47,7 +47,7 @@ pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
 pub struct Scenario {
     /// The structure under test.
     pub structure: StructureSection,
-    /// The simulation: rate, scheme, seed, length.
+    /// Settings of the simulation: rate, scheme, seed, duration.
     pub simulation: SimulationSection,
     /// The CAN network: identifiers, profile, bit rates, timeouts, faults.
     pub network: NetworkSection,
@@ -56,12 +56,12 @@ pub struct Scenario {
     pub wire: Option<WireSection>,
     /// The instruments and the exciter: ranges, noise, converter, faults.
     pub rig: RigSpec,
-    /// What a recording holds.
+    /// Content of a recording: how often the plotting topics hold a message.
     pub recording: RecordingSection,
-    /// What the exciter controller plays, if the scenario says.
+    /// Load that the exciter's controller plays in open loop, if the scenario states one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation: Option<ExcitationSpec>,
-    /// How the exciter controller closes a loop, in place of an excitation.
+    /// Control law of the exciter's controller, in place of an excitation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlSpec>,
     /// Limits at which the exciter's controller ends the run.
@@ -70,7 +70,7 @@ pub struct Scenario {
 }
 
 impl Default for Scenario {
-    /// The scenario of an empty text.
+    /// Returns the scenario of an empty text.
     fn default() -> Scenario {
         Scenario {
             structure: StructureSection::default().with_defaults(),
@@ -86,7 +86,7 @@ impl Default for Scenario {
     }
 }
 
-/// The simulation: rate, scheme, seed, length.
+/// Settings of the simulation: rate, scheme, seed, duration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimulationSection {
@@ -99,10 +99,10 @@ pub struct SimulationSection {
     pub steps_per_sample: Option<u32>,
     /// Integration scheme of the equations of motion.
     pub scheme: Scheme,
-    /// Seed of all noise.
+    /// Seed of all random numbers: noise of the instruments, errors of the bus.
     #[serde(with = "resonarm_numeric::seed")]
     pub seed: u64,
-    /// Length of the run, s; without it the run goes on until it is stopped.
+    /// Duration of the run, s; without it the run goes on until it is stopped.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
 }
@@ -127,7 +127,7 @@ impl SimulationSection {
     }
 }
 
-/// What a recording holds.
+/// Content of a recording, as a scenario states it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingSection {
@@ -148,7 +148,7 @@ pub const READS_IMAGES: &str = "rig.converter is `instant`: the head reads image
     up to 10 % near a resonance; take a converter with a filter (`sinc5`)";
 
 impl Scenario {
-    /// Reads a scenario file, and the files that it names, as [`Scenario::read_files`] does from the scenario's folder.
+    /// Reads a scenario file and the files that it names, relative to the scenario's folder.
     ///
     /// # Errors
     /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario;
@@ -163,7 +163,8 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The files that [`Scenario::read`] reads: the scenario file itself and those that it names, as far as it can be read.
+    /// Returns the files that [`Scenario::read`] reads: the scenario file itself and those that it names, as
+    /// far as it can be read.
     pub fn files(path: &Path) -> Vec<PathBuf> {
         let mut files = vec![path.to_path_buf()];
         let text = text_file::read(path).ok();
@@ -188,8 +189,8 @@ impl Scenario {
         files
     }
 
-    /// Reads the files that the scenario names, the load of its excitation, the DBC of its wire and what its structure
-    /// is from, if it has them; their paths count from `folder`.
+    /// Reads the files that the scenario names: the load of its excitation, the DBC of its user protocol, and
+    /// the files of its structure. Paths are relative to `folder`.
     ///
     /// # Errors
     /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Wire`] of the DBC,
@@ -210,7 +211,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// Reads the files that the structure is from, or notes which FMU it is; their paths count from `folder`.
+    /// Reads the files of the structure, or notes which FMU it is; paths are relative to `folder`.
     ///
     /// # Errors
     /// [`ScenarioError::Structure`].
@@ -218,8 +219,8 @@ impl Scenario {
         Ok(self.structure.read(folder)?)
     }
 
-    /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
-    /// so that an excitation of it can't be played before [`Scenario::read_files`].
+    /// Reads a scenario from its text; messages call the text `origin`. A load file that it names is not read,
+    /// so that an excitation with it can't be played before [`Scenario::read_files`].
     ///
     /// # Errors
     /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.
@@ -238,7 +239,7 @@ impl Scenario {
     /// the timeouts, and the excitation against the exciter's limits. Values that command-line options may
     /// still replace are checked where they are used.
     ///
-    /// The limits that end a run are checked against the load and the instruments.
+    /// The limits of `[limits]` are checked against the load and the instruments.
     ///
     /// # Errors
     /// [`ScenarioError::Name`] for a name that no line can show, [`ScenarioError::Plant`] for steps a sample that no
@@ -265,7 +266,7 @@ impl Scenario {
         }
     }
 
-    /// The scenario as TOML, with every default written out.
+    /// Returns the scenario as TOML, with every default written out.
     ///
     /// # Errors
     /// [`ScenarioError::Write`] if a value can't be written.
@@ -280,8 +281,8 @@ impl Scenario {
     /// Builds the structure under test as an assembly, with its initial state and the places of the rig.
     ///
     /// # Errors
-    /// [`ScenarioError::Structure`] if the section makes none, or the rig does not fit it; of an FMU, and of a structure
-    /// that a program makes, there is no assembly.
+    /// Returns [`ScenarioError::Structure`] if the section makes no structure or the rig does not fit it. An FMU
+    /// and a structure that a program makes have no assembly.
     pub fn under_test(&self) -> Result<TestedAssembly, ScenarioError> {
         Ok(self.structure.tested(&self.rig)?)
     }
@@ -333,7 +334,7 @@ impl Scenario {
         Ok(Plant::new(&self.plant_spec(), &self.under_test()?)?)
     }
 
-    /// Whether the structure under test is an FMU.
+    /// Returns whether the structure under test is an FMU.
     pub fn is_fmu(&self) -> bool {
         self.structure.kind == StructureKind::Fmu
     }
@@ -356,7 +357,7 @@ impl Scenario {
         if f64::from(rate_hz) == got_hz && rate_hz > 0 { Ok(rate_hz) } else { Err(ScenarioError::Rate { got_hz }) }
     }
 
-    /// The length of the run in samples, if it has an end.
+    /// Returns the duration of the run in samples, if it has an end.
     ///
     /// # Errors
     /// [`ScenarioError::Value`] if the length is not a positive number, [`ScenarioError::TooLong`] if it has more than
@@ -386,7 +387,7 @@ impl Scenario {
         Sampling { rate_hz: self.simulation.rate_hz, converter: self.rig.converter }
     }
 
-    /// The exciter's controller, with the limits, at sample 0, for the simulated plant.
+    /// Returns the exciter's controller with the limits, at sample 0, for the simulated plant.
     ///
     /// # Errors
     /// [`ScenarioError::Control`] if a loop can't be closed so, [`ScenarioError::TwoControllers`] if the scenario has
@@ -432,8 +433,8 @@ impl Scenario {
         control.or(self.excitation.as_ref().map(|excitation| &excitation.amplitude))
     }
 
-    /// A controller that is steered, along the load of the scenario's control or excitation, for a plant whose
-    /// instruments have this converter.
+    /// Returns a controller that is steered along the load of the scenario's control or excitation, for a plant
+    /// whose instruments have this converter.
     ///
     /// # Errors
     /// [`ScenarioError::NoExcitation`] if it has neither; [`ScenarioError::IdleLoad`] if nothing of the structure takes

@@ -13,7 +13,7 @@ const DATA_BIT_RATE_MAX_HZ: u32 = 8_000_000;
 const BIT_ERROR_RATE_MAX: f64 = 0.01;
 
 impl Scenario {
-    /// The bus on which frames take their time, if the scenario names its bit rate.
+    /// Returns the bus on which frames take their time, if the scenario states its bit rate.
     ///
     /// # Errors
     /// [`ScenarioError::Value`] if a rate is impossible, [`ScenarioError::Rate`] as [`Scenario::wire_rate_hz`], and

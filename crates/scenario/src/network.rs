@@ -30,7 +30,7 @@ pub struct NetworkSection {
     pub command_timeout_s: f64,
     /// Longest time without a sign of life of the partner while armed, s; at most an hour.
     pub partner_timeout_s: f64,
-    /// How long each node waits for the other in lockstep, s of wall-clock time; at most an hour.
+    /// Longest time for which each node waits for the other in lockstep, s of wall-clock time; at most an hour.
     pub lockstep_timeout_s: f64,
     /// Converter of the instruments of the plant at the other end of the bus. An exciter on a bus corrects the
     /// readings for it, and `import` those of a log. `None` corrects nothing: `rig.converter` describes the

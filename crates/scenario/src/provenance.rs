@@ -14,7 +14,7 @@ impl Scenario {
     /// Returns what a recording states about its run: the whole scenario, the run loop, the protocol.
     ///
     /// # Errors
-    /// As [`Scenario::to_toml`].
+    /// The errors of [`Scenario::to_toml`].
     pub fn configuration(&self, run_loop: &str) -> Result<Configuration, ScenarioError> {
         let mut configuration = Configuration::new().with(SCENARIO, self.to_toml()?);
         // The text of the DBC goes along, since the file may have changed or be gone when the recording is

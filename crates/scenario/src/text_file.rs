@@ -19,7 +19,8 @@ const ARCHIVE_LIMIT: u64 = 1 << 30;
 /// Reads a settings file or pipe as text.
 ///
 /// # Errors
-/// What the system says; [`ErrorKind::FileTooLarge`] beyond 1 MiB, [`ErrorKind::InvalidData`] if it is no UTF-8.
+/// The error of the operating system; [`ErrorKind::FileTooLarge`] beyond 1 MiB, [`ErrorKind::InvalidData`] if
+/// the text is not UTF-8.
 pub fn read(path: &Path) -> Result<String> {
     read_at_most(path, LIMIT)
 }
@@ -35,7 +36,7 @@ pub fn read_numbers(path: &Path) -> Result<String> {
 /// Reads a network file or pipe as bytes, in any encoding.
 ///
 /// # Errors
-/// What the system says; [`ErrorKind::FileTooLarge`] beyond 16 MiB.
+/// The error of the operating system; [`ErrorKind::FileTooLarge`] beyond 16 MiB.
 pub fn read_network(path: &Path) -> Result<Vec<u8>> {
     bytes_at_most(path, NETWORK_LIMIT)
 }
@@ -43,7 +44,7 @@ pub fn read_network(path: &Path) -> Result<Vec<u8>> {
 /// Reads a file or pipe of numbers as bytes.
 ///
 /// # Errors
-/// What the system says; [`ErrorKind::FileTooLarge`] beyond 64 MiB.
+/// The error of the operating system; [`ErrorKind::FileTooLarge`] beyond 64 MiB.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     bytes_at_most(path, NUMBERS_LIMIT)
 }
@@ -51,8 +52,8 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
 /// Reads an archive of programs, which must be a regular file.
 ///
 /// # Errors
-/// What the system says; [`ErrorKind::InvalidInput`] of anything but a regular file, which may have no end or never begin;
-/// [`ErrorKind::FileTooLarge`] beyond 1 GiB.
+/// The error of the operating system; [`ErrorKind::InvalidInput`] for anything but a regular file, which may
+/// have no end or never begin; [`ErrorKind::FileTooLarge`] beyond 1 GiB.
 pub fn read_archive(path: &Path) -> Result<Vec<u8>> {
     // The check comes before the file is opened, since opening a pipe waits for its writer.
     if !std::fs::metadata(path)?.is_file() {

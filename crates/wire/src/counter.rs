@@ -131,8 +131,8 @@ impl CounterCheck {
 
     /// Checks the counter of a frame.
     ///
-    /// δ = (counter − last) mod n with the n values: 1 is the next, more means δ − 1 lost, 0 is a repetition. The
-    /// counter is kept as the last one even if it is repeated.
+    /// δ = (counter − last) mod n with the n values: 1 is the next counter, more means δ − 1 lost frames, 0 is
+    /// a repetition. The counter is kept as the last one even if it is repeated.
     ///
     /// # Errors
     /// [`CounterFault`] if it is repeated or beyond the values; the latter leaves the check as it was.

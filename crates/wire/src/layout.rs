@@ -1,7 +1,7 @@
 //! The bits of a signal in a payload, numbered as in DBC files.
 //!
-//! Bit n is bit n mod 8 of byte ⌊n / 8⌋, bit 0 the least significant of its byte. A signal is a run of bits in one of
-//! two orders, and its start bit is:
+//! Bit n is bit n mod 8 of byte ⌊n / 8⌋, and bit 0 is the least significant bit of its byte. A signal is a run
+//! of bits in one of two orders, and its start bit is:
 //!
 //! - Intel (`@1` in a DBC): the *least* significant bit; the following ones have the numbers start + 1, start + 2, …
 //! - Motorola (`@0`): the *most* significant bit; the following ones go down to bit 0 of the byte, then from bit 7 of
@@ -228,8 +228,8 @@ impl Layout {
     /// Reads the bits as an unsigned integer, whatever the number format is; `None` if the payload ends before
     /// the signal.
     ///
-    /// The bytes from the first to the last, at most 9, are one integer, in the byte order of the signal; it is
-    /// shifted to the right by the bits that are less significant than the signal's, and masked.
+    /// The bytes from the first to the last, at most 9, are taken as one integer in the byte order of the
+    /// signal. It is shifted right by the number of less significant foreign bits, and masked.
     pub fn extract_u64(&self, payload: &[u8]) -> Option<u64> {
         let window = self.window(payload.get(self.first as usize..=self.last as usize)?);
         Some((window >> self.shift) as u64 & self.mask())
@@ -274,7 +274,7 @@ impl Layout {
     /// unchanged.
     ///
     /// # Errors
-    /// As [`Layout::insert_u64`].
+    /// The errors of [`Layout::insert_u64`].
     pub fn insert_i64(&self, raw: i64, payload: &mut [u8]) -> Result<(), InsertError> {
         let unused = 64 - u32::from(self.bits);
         if raw << unused >> unused != raw {
@@ -354,7 +354,7 @@ impl fmt::Debug for Layout {
     }
 }
 
-/// As a DBC writes it: `16|12@1-`, and `float` behind a floating-point number.
+/// Writes the layout as a DBC does: `16|12@1-`, with `float` behind a floating-point number.
 impl fmt::Display for Layout {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let order = u8::from(self.byte_order == ByteOrder::Intel);

@@ -1,9 +1,9 @@
 //! User protocols on CAN: the place of a signal in a payload and its physical value, alive counters, checksums,
 //! CANopen.
 //!
-//! `no_std`: no clock, no thread, no file, no socket. Memory is allocated where something is constructed; to decode, to
-//! encode and to check allocates nothing. A payload may be shorter or longer than its message: what is read are
-//! the bits of the signal asked for, and no others.
+//! `no_std`: no clock, no thread, no file, no socket. Memory is allocated only where something is constructed;
+//! decoding, encoding and checking allocate nothing. A payload may be shorter or longer than its message, since
+//! only the bits of the requested signal are read.
 //!
 //! | | |
 //! | --- | --- |

@@ -1,8 +1,8 @@
 //! Multiplexed signals, which a payload contains only if a switch, another of its signals, has one of certain
 //! values.
 //!
-//! A switch may be multiplexed itself (extended multiplexing), so that the presence of a signal is a chain of
-//! conditions.
+//! A switch may itself be multiplexed (extended multiplexing), so that the presence of a signal is a sequence
+//! of conditions.
 
 use alloc::vec::Vec;
 use core::ops::RangeInclusive;

@@ -15,16 +15,16 @@
 //! G_h = sin y/y · 1/(1 + R Z)        R = wᵀ(K + ihωD − (hω)²M)⁻¹w        w = J₀ᵀe
 //! ```
 //!
-//! d_h grows as the h-th power of the motion, and rotates by h times its angle. Where the next try multiplies the
-//! fundamental by the complex factor q,
+//! d_h grows as the h-th power of the motion and rotates by h times its angle. Where the next try multiplies
+//! the fundamental by the complex factor q,
 //!
 //! ```text
 //! c_h ← (c_h − H_h/G_h) q^h
 //! ```
 //!
 //! cancels H_h, as far as G_h is right. The derived G_h includes neither the coil in voltage mode nor the arm's
-//! deviation from its model; so it is multiplied by the ratio to it of the secant ΔH_h/Δc_h, as the last large enough
-//! change between two tries at a frequency gave it.
+//! deviation from its model. It is therefore multiplied by a measured ratio: that of the secant ΔH_h/Δc_h to
+//! the derived one, from the last change between two tries at one frequency that was large enough.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -258,8 +258,9 @@ impl Cancellation {
     /// Ends the reading at `frequency_hz`, corrects the command, and returns whether every harmonic is below
     /// its bound in both halves.
     ///
-    /// `fundamental_n` is that of the head's force, `off` its relative deviation from the one that the last change was
-    /// made for: the motion's contribution to a harmonic of order h then deviates by h times that.
+    /// `fundamental_n` is the fundamental of the head's force, and `off` its relative deviation from the one
+    /// that the last change was made for. The motion's contribution to a harmonic of order h then deviates by h
+    /// times that.
     pub fn correct(&mut self, frequency_hz: f64, fundamental_n: f64, off: f64) -> bool {
         let Some(halves) = self.read(frequency_hz) else { return false };
         let mut is_cancelled = true;

@@ -162,15 +162,16 @@ pub struct ModeModel {
 impl ModeModel {
     /// Builds the model of the mode with this number, without an armature, as driven by multiples of `unit`.
     ///
-    /// With the shape φ of unit modal mass and the directions w = ∂x/∂q of the loads and of the accelerometers' axes at
-    /// rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. With e the unit direction of the
-    /// followed point's motion in the mode, m = 1/((e·(w·φ))(φ·d)) of every mode.
+    /// With the shape φ of unit modal mass and the directions w = ∂x/∂q of the loads and of the accelerometers'
+    /// axes at rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. With e the unit
+    /// direction of the followed point's motion in the mode, every mode has m = 1/((e·(w·φ))(φ·d)).
     ///
-    /// C is followed, or B where C moves less than a fifth as far: its noise would be more than five times as large a part
-    /// of what it reads. But a clipped reading ends a walk, so B is followed where the range of C is too small for the
-    /// largest motion, that in resonance under multiples of `unit` up to `largest`, and that of B takes more of it: with
-    /// ζ of the mode, which no spring changes, |ẍ| = |w·φ| (φ·d) `largest`/2ζ. B is not always preferred for its room,
-    /// since the farther point shows the mode more clearly beside the others.
+    /// C is followed, or B where C moves less than a fifth as far: the noise of C would then be more than five
+    /// times as large a part of its reading. But a clipped reading ends a walk. So B is followed where the
+    /// range of C is too small for the largest response, that at resonance under multiples of `unit` up to
+    /// `largest`, and B uses less of its own range. With ζ of the mode, which no spring changes, |ẍ| = |w·φ|
+    /// (φ·d) `largest`/2ζ. B is not always preferred for its room, since the farther point shows the mode more
+    /// clearly next to the others.
     ///
     /// # Errors
     /// [`NoSuchMode`] if the structure has fewer modes, or this one has no resonance.

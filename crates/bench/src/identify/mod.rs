@@ -1,9 +1,9 @@
 //! Identification: frequency responses and modes from recorded readings.
 //!
-//! A [`Record`] holds the force in the impedance head and the accelerations of B and C. [`frequency_response()`]
-//! averages it like a bench analyser; [`modes`](fn@modes) fits natural frequencies and damping ratios to it. Both use
-//! readings only, and nothing of the arm. [`joint_angles`] finds the arm's angles over time from the accelerations,
-//! given its lengths and pose.
+//! A [`Record`] holds the force in the impedance head and the accelerations of B and C.
+//! [`frequency_response()`] averages it like a bench analyser; [`modes`](fn@modes) fits natural frequencies and
+//! damping ratios to it. Both use readings only, and no model of the arm. [`joint_angles`] finds the arm's
+//! angles over time from the accelerations, given its lengths and pose.
 
 mod angle_history;
 mod double_integration;

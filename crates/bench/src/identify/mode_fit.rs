@@ -27,9 +27,9 @@
 //! A response that begins at rest and dies out goes through an exponential window e^(−γn), which turns p into p e^(−γ)
 //! and removes its end: then T is zero.
 //!
-//! An averaged response can't give the modes: the arm rings for minutes, so every segment is short against it, and the
-//! leakage of a window looks like damping. This fit finds damping ratios to one or two per cent from half a minute of
-//! record.
+//! An averaged response can't give the modes: the arm rings for minutes, so that every segment is short against
+//! it, and the leakage of a window looks like damping. This fit finds damping ratios to one or two per cent
+//! from half a minute of record.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;

@@ -128,7 +128,7 @@ impl Guard {
     /// ready.
     ///
     /// # Errors
-    /// Why not; it is counted and noted.
+    /// The reason of the rejection, which is counted and noted.
     pub fn take(&mut self, core: &mut NodeCore, state: NodeState, index: u16, load: Load) -> Result<(), Refusal> {
         let rate_hz = f64::from(self.rate_hz);
         let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);

@@ -3,12 +3,12 @@
 //! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding,
 //! range).
 //!
-//! Faults that add to the signal act before the converter, those that replace a reading after it.
+//! Faults that add to the signal act before the converter; faults that replace a reading act after it.
 //!
-//! The chain works on the samples; before sample 0 the instrument has always been at rest.
+//! The chain works on the samples. Before sample 0 the instrument has always been at rest.
 //!
-//! Gravity comes first because an accelerometer can't distinguish it from acceleration: an axis reads its transverse
-//! share of the other axis's gravity, too.
+//! Gravity comes first because an accelerometer can't distinguish it from acceleration: an axis also reads its
+//! transverse share of the other axis's gravity.
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -228,8 +228,8 @@ impl Fault {
             FaultKind::Dropout => Effect::Dropout,
             FaultKind::Drift => Effect::Drift(size / rate_hz),
             FaultKind::Noise => {
-                // The streams of x and y of all faults are numbered without gaps. The stream of a third axis lies apart and
-                // does not shift them.
+                // The streams of x and y of all faults are numbered without gaps. The stream of a third axis lies
+                // apart and does not shift them.
                 let streams = [stream, stream + 1, FIRST_THIRD_STREAM + index as u64];
                 Effect::Noise(size, Box::new(streams.map(|stream| Noise::new(seed, stream))))
             }

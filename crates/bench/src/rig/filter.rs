@@ -1,9 +1,10 @@
 //! Filters of a conditioner, applied to the samples.
 //!
-//! Both are the analog filter by the bilinear transform s = 2 rate (1 − z⁻¹)/(1 + z⁻¹), without prewarping: the
-//! response at frequency f is that of the analog filter at (rate/π) tan(πf/rate), exactly. So gain and phase are right
-//! where the arm vibrates, far below the sample rate: at a twentieth of the rate the analog frequency is 0.8 % higher,
-//! at a tenth 3 %. The corner of a low-pass is at (rate/π) atan(π·lowpass_hz/rate).
+//! Both are the analog filter transformed by s = 2 rate (1 − z⁻¹)/(1 + z⁻¹), the bilinear transform, without
+//! prewarping: the response at frequency f is that of the analog filter at (rate/π) tan(πf/rate), exactly. So
+//! gain and phase are right where the arm vibrates, far below the sample rate: at a twentieth of the rate the
+//! analog frequency is 0.8 % higher, at a tenth 3 %. The corner of a low-pass is at (rate/π)
+//! atan(π·lowpass_hz/rate).
 //!
 //! A filter of samples can't remove components that sampling has aliased. Here they are small: the arm has
 //! nothing above its second mode but the edges of the held load, and the instruments sample away from those.
@@ -28,8 +29,8 @@ impl Section {
     }
 
     /// Second-order Butterworth low-pass ω0²/(s² + √2 ω0 s + ω0²) (S. Butterworth, "On the Theory of Filter
-    /// Amplifiers", Experimental Wireless 7 (1930)). With k = ω0/(2 rate): k² (1 + z⁻¹)² / ((1 + √2 k + k²) + 2 (k² −
-    /// 1) z⁻¹ + (1 − √2 k + k²) z⁻²).
+    /// Amplifiers", Experimental Wireless 7 (1930)). With k = ω0/(2 rate) it is k² (1 + z⁻¹)² / ((1 + √2 k +
+    /// k²) + 2 (k² − 1) z⁻¹ + (1 − √2 k + k²) z⁻²).
     pub fn lowpass(corner_hz: f64, rate_hz: f64) -> Section {
         let k = PI * corner_hz / rate_hz;
         let square = k * k;

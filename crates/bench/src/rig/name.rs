@@ -11,8 +11,8 @@ const MOST_BYTES: usize = 15;
 /// Name of a sensor in a scenario: a lower-case letter, then lower-case letters, digits and underscores, at
 /// most 15.
 ///
-/// It is part of the names of the sensor's channels: `acceleration_m3_z_m_s2` is of the sensor `m3`. The impedance head
-/// has the name `head`.
+/// The name is part of the names of the sensor's channels: `acceleration_m3_z_m_s2` belongs to the sensor `m3`.
+/// The impedance head has the name `head`.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct InstrumentName {
     bytes: [u8; MOST_BYTES],

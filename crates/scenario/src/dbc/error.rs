@@ -25,7 +25,7 @@ pub enum DbcError {
     /// The text does not follow the grammar of a DBC.
     #[error("{origin}, line {line}, column {column}: expected {expected}, got {}", shown(.got))]
     Syntax {
-        /// Where the text is from.
+        /// Path or name of the text.
         origin: Arc<str>,
         /// The line, from 1 on.
         line: usize,
@@ -39,7 +39,7 @@ pub enum DbcError {
     /// There is no such message.
     #[error("{origin} has no message {name:?}{}", did_you_mean(.suggestion))]
     NoMessage {
-        /// Where the text is from.
+        /// Path or name of the text.
         origin: Arc<str>,
         /// Requested name of the message.
         name: String,
@@ -49,7 +49,7 @@ pub enum DbcError {
     /// There is no such signal in the message.
     #[error("{origin}, line {line}: message {message} has no signal {name:?}{}", did_you_mean(.suggestion))]
     NoSignal {
-        /// Where the text is from.
+        /// Path or name of the text.
         origin: Arc<str>,
         /// The line of the message, from 1 on.
         line: usize,
@@ -63,7 +63,7 @@ pub enum DbcError {
     /// The message exists, but it breaks a rule and can't be used.
     #[error("{origin}, line {line}: message {message}: {problem}")]
     Message {
-        /// Where the text is from.
+        /// Path or name of the text.
         origin: Arc<str>,
         /// The line of the message, from 1 on.
         line: usize,
@@ -75,7 +75,7 @@ pub enum DbcError {
     /// The signal exists, but it breaks a rule and can't be used.
     #[error("{origin}, line {line}: signal {signal} of {message}: {problem}")]
     Signal {
-        /// Where the text is from.
+        /// Path or name of the text.
         origin: Arc<str>,
         /// The line of the signal, from 1 on.
         line: usize,
@@ -104,7 +104,7 @@ pub enum Problem {
     IdTwice {
         /// Name of the other message with the same identifier.
         other: String,
-        /// Its line, from 1 on.
+        /// Line of the other message, from 1 on.
         line: usize,
     },
     /// Another message or signal has the name.
@@ -184,7 +184,7 @@ pub enum Problem {
     Switch {
         /// Name of the switch signal.
         switch: String,
-        /// What is wrong with it.
+        /// Rule that the switch breaks.
         problem: Box<Problem>,
     },
     /// A switch that is selected by itself.

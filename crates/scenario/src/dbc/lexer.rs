@@ -7,9 +7,9 @@
 /// A token that does not belong where it stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct SyntaxError {
-    /// Its line, from 1 on.
+    /// Line of the token, from 1 on.
     pub line: usize,
-    /// Its first character in the line, from 1 on.
+    /// First character of the token in its line, from 1 on.
     pub column: usize,
     /// Token that the parser expected.
     pub expected: &'static str,

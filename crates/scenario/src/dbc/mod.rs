@@ -1,15 +1,16 @@
 //! Reads DBC files: the messages and signals of a user's own CAN network.
 //!
-//! A third of the public files break some rule of the format. What is wrong with a message or a signal is an error only
-//! if just that one is asked for; [`Database::problems`] lists it all. Some can still be read, as a payload has one value
-//! of each: signals that share bits, integers of more than 53 bits, and messages or signals with the same name. They are
-//! decoded, and refused where they are asked for by their name, to be written or to act as a load.
+//! A third of the public DBC files break some rule of the format. A broken rule is an error only for those who
+//! ask for just this message or signal by name; [`Database::problems`] lists all of them. Some broken items can
+//! still be read, as a payload has exactly one value of each: signals that share bits, integers of more than 53
+//! bits, and messages or signals with the same name. They are decoded, and rejected when they are requested by
+//! name, to be written or to act as a load.
 //!
-//! From the attributes in use with many tools come the format of a frame (`VFrameFormat`, by its number or its word,
-//! and `CANFD_BRS`), the cycle time (`GenMsgCycleTime`) and long names (`SystemMessageLongSymbol`,
-//! `SystemSignalLongSymbol`, `SystemNodeLongSymbol`). A message with `J1939PG`, or
-//! without `VFrameFormat` and of at most 8 bytes, is a classical frame; a longer one without `VFrameFormat` is a CAN FD
-//! frame; one without `CANFD_BRS` switches its bit rate. 29-bit identifiers are those written with bit 31.
+//! Attributes that many tools use supply the format of a frame (`VFrameFormat`, by its number or its word, and
+//! `CANFD_BRS`), the cycle time (`GenMsgCycleTime`) and long names (`SystemMessageLongSymbol`,
+//! `SystemSignalLongSymbol`, `SystemNodeLongSymbol`). A message with `J1939PG`, or without `VFrameFormat` and
+//! with at most 8 bytes, is a classical frame; a longer one without `VFrameFormat` is a CAN FD frame; one
+//! without `CANFD_BRS` switches its bit rate. 29-bit identifiers are those written with bit 31.
 
 mod attributes;
 mod build;
@@ -135,12 +136,12 @@ impl Database {
         &self.origin
     }
 
-    /// The names of the nodes: those of `BU_`, then those that only messages name as their senders.
+    /// Returns the names of the nodes: those of `BU_`, then those that only messages name as their senders.
     pub fn nodes(&self) -> &[String] {
         &self.nodes
     }
 
-    /// The message of this name: the long one, or that of its `BO_`.
+    /// Returns the message of this name, either the long one or that of its `BO_`.
     ///
     /// # Errors
     /// [`DbcError::NoMessage`] with the nearest name, [`DbcError::Message`] if it can't be used.
@@ -157,12 +158,12 @@ impl Database {
         })
     }
 
-    /// The messages that can be read, in the order of the file.
+    /// Returns the messages that can be read, in the order of the file.
     pub fn messages(&self) -> impl Iterator<Item = &Message> {
         self.messages.iter().filter_map(|message| message.value.as_ref().ok())
     }
 
-    /// The message with this identifier, if it can be read.
+    /// Returns the message with this identifier, if it can be read.
     pub fn message_by_id(&self, id: Id) -> Option<&Message> {
         self.messages().find(|message| message.id == id)
     }
@@ -189,12 +190,12 @@ impl Database {
 }
 
 impl Message {
-    /// Its name: the long one, if it has one.
+    /// Returns the long name, or the symbol if there is none.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its line in the file, from 1 on.
+    /// Returns the line in the file, from 1 on.
     pub const fn line(&self) -> usize {
         self.line
     }
@@ -204,27 +205,27 @@ impl Message {
         self.id
     }
 
-    /// The format of its frames.
+    /// Returns the format of its frames.
     pub const fn format(&self) -> FrameFormat {
         self.format
     }
 
-    /// The length of its payload, bytes.
+    /// Returns the length of its payload, bytes.
     pub const fn length(&self) -> usize {
         self.length
     }
 
-    /// Its cycle time, ms; None if the file states none, or 0.
+    /// Returns the cycle time, ms; `None` if the file states none, or 0.
     pub const fn cycle_time_ms(&self) -> Option<f64> {
         self.cycle_time_ms
     }
 
-    /// The nodes that send it, that of its `BO_` first.
+    /// Returns the nodes that send it, that of its `BO_` first.
     pub fn senders(&self) -> &[String] {
         &self.senders
     }
 
-    /// The signal of this name: the long one, or that of its `SG_`.
+    /// Returns the signal of this name, either the long one or that of its `SG_`.
     ///
     /// # Errors
     /// [`DbcError::NoSignal`] with the nearest name, [`DbcError::Signal`] if it can't be used.
@@ -247,77 +248,77 @@ impl Message {
         })
     }
 
-    /// The line of a signal in the file, from 1 on; that of the message if there is no such signal.
+    /// Returns the line of a signal in the file, from 1 on, or that of the message if there is no such signal.
     pub fn line_of(&self, name: &str) -> usize {
         find(&self.signals, name).map_or(self.line, |found| found.line)
     }
 
-    /// The signals that can be read, in the order of the file.
+    /// Returns the signals that can be read, in the order of the file.
     pub fn signals(&self) -> impl Iterator<Item = &Signal> {
         self.signals.iter().filter_map(|signal| signal.value.as_ref().ok())
     }
 
-    /// The signals that can be read and written, in the order of the file.
+    /// Returns the signals that can be read and written, in the order of the file.
     fn writable_signals(&self) -> impl Iterator<Item = &Signal> {
         self.signals.iter().filter_map(|signal| signal.usable().ok())
     }
 
-    /// The codec of the whole message.
+    /// Returns the codec of the whole message.
     pub const fn codec(&self) -> Codec<'_> {
         Codec::new(self)
     }
 }
 
 impl Signal {
-    /// Its name: the long one, if it has one.
+    /// Returns the long name, or the symbol if there is none.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its bits, scale and offset.
+    /// Returns its bits, scale and offset.
     pub const fn wire(&self) -> &WireSignal {
         &self.wire
     }
 
-    /// In which payloads it is present.
+    /// Returns the condition for payloads that contain it.
     pub const fn presence(&self) -> &Presence {
         &self.presence
     }
 
-    /// Whether it selects other signals.
+    /// Returns whether it selects other signals.
     pub const fn is_switch(&self) -> bool {
         self.is_switch
     }
 
-    /// The least and the largest value that the file allows, in its unit; None if the file says nothing, which it does
-    /// by two zeros. What the bits can represent is another range: [`WireSignal::range`].
+    /// Returns the least and the largest value that the file allows, in its unit; `None` if the file states
+    /// none, which it does by two zeros. The range of the bits is another one: [`WireSignal::range`].
     pub const fn limits(&self) -> Option<[f64; 2]> {
         self.limits
     }
 
-    /// Its unit, as in the file.
+    /// Returns its unit as in the file.
     pub fn unit(&self) -> &str {
         &self.unit
     }
 
-    /// Raw numbers that have a name.
+    /// Returns the value table: raw numbers and their names.
     pub fn values(&self) -> &[(i128, String)] {
         &self.values
     }
 
-    /// The nodes that receive it.
+    /// Returns the nodes that receive it.
     pub fn receivers(&self) -> &[String] {
         &self.receivers
     }
 
-    /// Its value in a payload; None if it is not in it: the payload is too short, or it is multiplexed and not
-    /// selected.
+    /// Returns its value in a payload; `None` if the payload does not contain it, because it is too short or
+    /// selects other signals.
     pub fn decode(&self, payload: &[u8]) -> Option<f64> {
         if self.presence.is_in(payload)? { self.wire.decode(payload) } else { None }
     }
 
-    /// Its raw number in a payload if that is an integer, whether the signal is selected or not; None of a
-    /// floating-point signal that is no integer, or if the payload is too short.
+    /// Returns its raw number in a payload if that is an integer, whether the signal is selected or not; `None`
+    /// for a floating-point signal that is not an integer, or if the payload is too short.
     pub fn raw(&self, payload: &[u8]) -> Option<i128> {
         let layout = self.wire.layout();
         match layout.number() {
@@ -331,7 +332,7 @@ impl Signal {
         }
     }
 
-    /// The text that the value table has for its raw number in a payload.
+    /// Returns the name in the value table of its raw number in a payload.
     pub fn text(&self, payload: &[u8]) -> Option<&str> {
         if self.values.is_empty() {
             return None;
@@ -340,8 +341,8 @@ impl Signal {
         self.values.iter().find(|(number, _)| *number == raw).map(|(_, text)| text.as_str())
     }
 
-    /// Its value as an integer, if it has more bits than a floating-point number keeps, and its factor and offset are
-    /// integers.
+    /// Returns its value as an integer if it has more bits than a floating-point number keeps, and factor and
+    /// offset are integers.
     pub fn large_integer(&self, payload: &[u8]) -> Option<i128> {
         self.wire.check_exact().err()?;
         let integer = |number: f64| (number.fract() == 0.0 && number.abs() < 9e15).then_some(number as i128);

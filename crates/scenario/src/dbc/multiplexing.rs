@@ -26,12 +26,12 @@ pub(super) fn switches(statements: &Statements) -> HashMap<u64, Switches<'_>> {
     found
 }
 
-/// Whether a signal selects others: it is marked as one that does, or a `SG_MUL_VAL_` says so.
+/// Returns whether a signal selects others, because it is marked so or an `SG_MUL_VAL_` says so.
 pub(super) fn is_switch(signal: &SignalStatement, switches: Option<&Switches<'_>>) -> bool {
     signal.is_switch || switches.is_some_and(|of| of.values().any(|(switch, _)| *switch == signal.name))
 }
 
-/// In which payloads each signal of a message is present, or why that can't be said.
+/// Returns the payloads in which each signal of a message is present, or the problem that makes this unknown.
 pub(super) fn presences(
     message: &MessageStatement,
     layouts: &[Result<Layout, Problem>],

@@ -468,7 +468,8 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Whether the next token ends a statement: a semicolon, the end, or, where that was forgotten, a keyword.
+    /// Returns whether the next token ends a statement: a semicolon, the end of the text, or a keyword where
+    /// the semicolon was forgotten.
     fn is_at_end_of_statement(&self) -> bool {
         self.lexer.is_at_end()
             || self.lexer.next_char() == Some(';')

@@ -55,10 +55,10 @@ pub struct ElementSection {
     /// The joint of a chain that it acts about, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<usize>,
-    /// Its two ends, where neither is the ground.
+    /// Two ends of the element, where neither is the ground.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub between: Option<[String; 2]>,
-    /// Which way along its axis a contact is; positive without it.
+    /// Side of its axis on which a contact is; positive without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<Side>,
     /// Parameters of the law, by keys that end in their unit.

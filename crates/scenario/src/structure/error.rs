@@ -24,7 +24,7 @@ pub enum StructureSectionError {
     Missing {
         /// Missing key, with the verb `is` or `are`.
         missing: &'static str,
-        /// How to fix it.
+        /// Remedy that the message suggests, in words.
         fix: &'static str,
     },
     /// The structure comes from the program that runs the scenario, and no such program is running it.

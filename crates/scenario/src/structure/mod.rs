@@ -146,7 +146,7 @@ pub struct StructureSection {
     /// The modes of a modal structure.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub modes: Vec<ModeSection>,
-    /// Where the points of a modal structure are, m, for pictures; one that no mode moves may be among them.
+    /// Positions of a modal structure's points, m, for pictures; points that no mode moves may be among them.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub points: BTreeMap<String, [f64; 3]>,
     /// Point elements: springs, gaps, contacts, friction.
@@ -182,7 +182,8 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 impl StructureSection {
-    /// The same section with the defaults of its kind written out: preset and angles of a preset.
+    /// Returns the same section with the defaults of its kind written out, such as preset and angles of a
+    /// preset.
     #[must_use]
     pub fn with_defaults(mut self) -> StructureSection {
         if self.kind == StructureKind::Preset {
@@ -229,7 +230,7 @@ impl StructureSection {
         if values.is_empty() { Ok(assembly) } else { Ok(assembly.with_all(&values)?) }
     }
 
-    /// The chain of the preset at its angles, without gravity.
+    /// Returns the chain of the preset at its angles, without gravity.
     fn preset_chain(&self) -> Result<ChainSpec, StructureSectionError> {
         let preset: Preset = self.preset.as_deref().map_or(Ok(Preset::default()), str::parse)?;
         let chain = preset.chain()?;

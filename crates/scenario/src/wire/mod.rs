@@ -49,10 +49,10 @@ pub struct WireSection {
     /// Node of the plant in the DBC, the sender of all readings; without it senders are not checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub node: Option<String>,
-    /// How the plant is armed if no event arms it.
+    /// Way in which the plant is armed if no event arms it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm: Option<ArmSpec>,
-    /// What answers a sample in lockstep; without it the protocol has no lockstep.
+    /// Frames that answer a sample in lockstep; without it the protocol has no lockstep.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep: Option<LockstepSpec>,
     /// Message that synchronises, for `lockstep = "sync"` and readings with `on = "sync"`.
@@ -76,7 +76,7 @@ fn is_empty(path: &Path) -> bool {
     path.as_os_str().is_empty()
 }
 
-/// How a plant is armed when no message arms it.
+/// Way in which a plant is armed when no message arms it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ArmSpec {

@@ -1,8 +1,8 @@
 //! A CANopen node without IO (CiA 301 v4.2): object dictionary, SDO server, network management, PDOs, emergencies.
 //!
-//! [`Server`] is given frames and the time, and asked for frames. What a value means is up to a [`Device`], which
-//! judges every write of the master before it is stored: a write that it aborts changes nothing.
-//! Memory is allocated where something is constructed, and nowhere else.
+//! [`Server`] is given frames and the time, and asked for frames. The meaning of a value is up to a [`Device`],
+//! which judges every write of the master before it is stored: a write that it aborts changes nothing. Memory
+//! is allocated only where something is constructed.
 //!
 //! | identifier | what | direction |
 //! | --- | --- | --- |
@@ -14,10 +14,10 @@
 //! | 580 + node, 600 + node | SDO, answer and request | both |
 //! | 700 + node | boot-up and heartbeat | from the node |
 //!
-//! [`listen`] explains the frames between a node and its master to one who only listens.
+//! [`listen`] interprets the frames between a node and its master for someone who only listens.
 //!
-//! Left out, and aborted or ignored: block transfer, node guarding, SDO clients, time stamps, LSS, CAN FD, 29-bit
-//! identifiers.
+//! Not supported, and aborted or ignored: block transfer, node guarding, SDO clients, time stamps, LSS, CAN FD,
+//! 29-bit identifiers.
 
 mod abort;
 pub mod cia402;

@@ -420,8 +420,8 @@ impl Server {
         Handled::Taken
     }
 
-    /// Tells the master, once, that a PDO has another length than its mapping (CiA 301, section 7.5.2.36), and once that
-    /// all are right again.
+    /// Reports to the master, once, that the length of a PDO differs from its mapping (CiA 301, section
+    /// 7.5.2.36), and once that all lengths are right again.
     fn note_length(&mut self, number: u16, error: Option<LengthError>, [got, mapped]: [usize; 2]) {
         let Some(last) = self.length_errors.get_mut(usize::from(number)) else { return };
         if core::mem::replace(last, error) == error {

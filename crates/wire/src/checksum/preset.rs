@@ -1,7 +1,7 @@
 //! Named checksums: the profiles of AUTOSAR FO PRS E2EProtocol, and common ones.
 //!
-//! Where a profile fixes the places of its numbers, they count from the checksum, so that a header may stand anywhere
-//! in the payload (`offset` in the standard). The checksum lies at the byte c:
+//! Where a profile fixes the positions of its numbers, they count from the checksum, so that a header may stand
+//! anywhere in the payload (`offset` in the standard). The checksum is at byte c:
 //!
 //! | preset | checksum | counter, values | others |
 //! | --- | --- | --- | --- |
@@ -16,8 +16,8 @@
 //! | `autosar-p11-nibble` | 8 bits | 4 bits anywhere, 15 | as `autosar-p1-nibble` |
 //! | `crc8-j1850`, `crc8-2f`, `sum`, `xor` | 8 bits | any | |
 //!
-//! Profiles 4, 6 and 7 have all their numbers in Motorola's byte order; profile 5 has Intel's.
-//! The length is that of the whole payload. It and the data id are written and checked with the checksum
+//! Profiles 4, 6 and 7 have all their numbers in Motorola byte order, profile 5 in Intel byte order. The length
+//! is that of the whole payload. Length and data id are written and checked with the checksum
 //! ([`Checksum::fields`]); the counter is not, see [`crate::counter`].
 
 use alloc::string::{String, ToString};
@@ -254,8 +254,8 @@ impl Preset {
 
     /// Returns the algorithm of the preset.
     ///
-    /// Profiles 1 and 11 call the CRC-8 with 0xFF as a *continued* start value, which the CRC library inverts to 0, and
-    /// invert the result once more than it does: the plain remainder.
+    /// Profiles 1 and 11 call the CRC-8 with 0xFF as a *continued* start value, which the CRC library inverts
+    /// to 0, and invert the result once more than the library does. What remains is the plain remainder.
     pub(super) fn algorithm(self) -> Result<Algorithm, ChecksumError> {
         let crc = |width, polynomial, start, xor_out, reflect| {
             Crc::new(width, polynomial, start, xor_out, reflect).map(Algorithm::Crc)

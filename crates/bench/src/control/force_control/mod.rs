@@ -1,21 +1,21 @@
 //! Force control: at every frequency of a stepped sine, the fundamental of the force in the impedance head is brought
 //! to the wanted amplitude.
 //!
-//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force: the
-//! force H that a command c produces in the head depends on arm, shaker and frequency. Once a held command has settled,
-//! H/c is constant, and the command that would have given F is
+//! Between a shaker's coil and the arm is the armature, which near a resonance takes most of the coil's force.
+//! The force H that a command c produces in the head therefore depends on arm, shaker and frequency. Once a
+//! held command has settled, H/c is constant, and the command that would have given F is
 //!
 //! ```text
 //! c ← c F/H
 //! ```
 //!
-//! exactly for a linear arm. Where the arm's frequency changes with its amplitude, H grows with c to a power s = d ln
-//! H/d ln c other than 1, and the step is c ← c (F/H)^(1/s), with s of the last two tries where it is above 1. Where it
-//! is below, near a fold, the step is unchanged: motions with s > 0 attract, those between two folds, with s < 0,
-//! repel, so a sweep jumps where the response at constant force folds.
+//! exactly for a linear arm. Where the arm's frequency changes with its amplitude, H grows with c to a power s
+//! = d ln H/d ln c other than 1, and the step is c ← c (F/H)^(1/s), with s from the last two tries where it is
+//! above 1. Where it is below, near a fold, the step is unchanged. Periodic responses with s > 0 attract, those
+//! between two folds, with s < 0, repel, so that a sweep jumps where the response at constant force folds.
 //!
-//! While a command is held there is no feedback, so no gain has to suit arm and shaker; the vibration settles by the
-//! damping of the shaker.
+//! While a command is held there is no feedback, so that no gain has to suit arm and shaker; the vibration
+//! settles by the damping of the shaker.
 //!
 //! With a notch, F is limited to the force at which an acceleration reaches the notch.
 //!

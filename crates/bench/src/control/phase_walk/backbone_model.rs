@@ -135,7 +135,8 @@ impl BackboneModel {
         for finding in self.findings.iter().rev() {
             let x = (finding.square - square) / scale;
             let p = Vector3::new(1.0, x, if curve == FittedCurve::Parabola { x * x } else { 0.0 });
-            // The weight falls with the fourth power of a large distance, so distant points still count where no others are.
+            // The weight falls with the fourth power of a large distance, so distant points still count where no
+            // others are.
             let far = 1.0 + (x / REACH) * (x / REACH);
             // The least deviation keeps one very precise point from dominating the curve.
             let variance = finding.deviation * finding.deviation + LEAST_DEVIATION * LEAST_DEVIATION;

@@ -2,13 +2,13 @@
 //! backbone, at a lag of 90° and growing load; or, at one frequency after the other, the load that holds one
 //! amplitude of the response.
 //!
-//! The followed displacement is kept at a chosen amplitude by feedback of its envelope, so that every motion is
-//! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
-//! excitation like any other, and load and displacement are a point of the open-loop response, for any chosen amplitude. As a
-//! function of the lag φ of the displacement behind the load that response is single-valued, with or without folds (T. Zhou,
-//! G. Kerschen, "Identification of Secondary Resonances of Nonlinear Systems using Phase-Locked Loop Testing", 2024,
-//! arXiv:2401.01151). So φ is stepped, and for each φ amplitude and frequency are corrected until the load has the
-//! wanted amplitude.
+//! The followed displacement is kept at a chosen amplitude by feedback of its envelope, so that every periodic
+//! response is stable under control and settles in a fraction of a second. In steady state the feedback is a
+//! pure sine, an excitation like any other, and load and displacement are a point of the open-loop response at
+//! any chosen amplitude. As a function of the lag φ of the displacement behind the load that response is
+//! single-valued, with or without folds (T. Zhou, G. Kerschen, "Identification of Secondary Resonances of
+//! Nonlinear Systems using Phase-Locked Loop Testing", 2024, arXiv:2401.01151). So φ is stepped, and for each φ
+//! amplitude and frequency are corrected until the load has the wanted amplitude.
 //!
 //! With a the complex amplitude of the displacement, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
 //! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness
@@ -16,8 +16,9 @@
 //!
 //! Harmonics of the force in the head are cancelled on request ([`CancelHarmonics`](super::CancelHarmonics)).
 //!
-//! With the default instruments, 14 and 20 N at the tip or 12 N·m at joint 1, and five poses, a point takes 1.2 to 3.0
-//! tries, 1.6 on average, in 54 periods of mode 1 or 60 of mode 2; weaker loads, which noise covers, take more.
+//! With the default instruments, 14 and 20 N at the tip or 12 N·m at joint 1, and five poses, a point takes 1.2
+//! to 3.0 tries, 1.6 on average, in 54 periods of mode 1 or 60 of mode 2. Smaller loads, which noise covers,
+//! take more.
 
 mod backbone_model;
 mod drift_fit;

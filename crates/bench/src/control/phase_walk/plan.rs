@@ -15,8 +15,8 @@ use crate::rig::Load;
 /// Strongly Nonlinear Systems by Using Response-Controlled Stepped-Sine Testing (RCT)", Vibration 3 (2020),
 /// doi:10.3390/vibration3030019).
 ///
-/// The followed coordinate is the displacement of accelerometer C along its motion in the mode, or that of B where C
-/// moves less than a fifth as far.
+/// The followed coordinate is the displacement of accelerometer C along its motion in the mode, or that of B
+/// where C moves less than a fifth as far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {

@@ -1,17 +1,18 @@
 //! The exciter as the CANopen master of drives in cyclic synchronous torque mode (CiA 301 v4.2, CiA 402-2).
 //!
-//! It starts the drives by network management, sets their mode by SDO, enables them by controlwords, one for each
-//! statusword that it hears, and then commands a target torque for each joint with each sample:
+//! It starts the drives by network management, sets their mode by SDO, enables them by controlwords, one for
+//! each statusword that it receives, and then commands a target torque for each joint with each sample:
 //!
 //! ```text
 //! statusword   switch on disabled ─► ready to switch on ─► switched on ─► operation enabled
 //! controlword                     06                    07             0F
 //! ```
 //!
-//! A sample is the positions of all drives, which they send at SYNC: in real time a SYNC every sample period, in
-//! lockstep behind the targets that it makes act. The first sample in lockstep is answered without having heard its
-//! positions. The mapping of the PDOs is that of the drives after power-on: RPDO 1 controlword and target, TPDO 1
-//! statusword, mode and torque, TPDO 2 position and velocity.
+//! A sample consists of the positions of all drives, which they send at SYNC: in real time there is a SYNC
+//! every sample period, in lockstep one behind the targets that it makes act. The first sample in lockstep is
+//! answered before its positions have been received. The mapping of the PDOs is that of the drives after
+//! power-on: RPDO 1 has controlword and target, TPDO 1 statusword, mode and torque, TPDO 2 position and
+//! velocity.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;

@@ -1,14 +1,15 @@
 //! The plant's node as one or two CANopen drives in cyclic synchronous torque mode (CiA 301 v4.2, CiA 402-2).
 //!
-//! Targets pass the same gate as the commands of Resonarm's protocol: those of all enabled drives are composed to one
-//! load, which is judged once a sample, or in lockstep at SYNC; a refused one is counted and never acts. A drive
-//! acts only on targets that it has received since it was enabled.
+//! Targets pass the same gate as the commands of Resonarm's protocol. Those of all enabled drives are combined
+//! into one load, which is judged once per sample, or in lockstep at SYNC; a rejected one is counted and never
+//! acts. A drive acts only on targets that it has received since it was enabled.
 //!
-//! The plant is operational while a drive is in operation enabled. A fault stops all drives, each of which sends an
-//! emergency and stays in fault until its own fault reset; none is enabled but by controlwords.
+//! The plant is operational while a drive is in operation enabled. A fault stops all drives, each of which
+//! sends an emergency and stays in fault until its own fault reset. Only controlwords enable a drive.
 //!
-//! In lockstep a SYNC answers the sample published last: what the drives received before it acts from that sample on,
-//! and the PDOs that it asks for are sent with the next sample. While no drive is enabled they are sent at once.
+//! In lockstep a SYNC answers the last published sample: what the drives received before it acts from that
+//! sample on, and the PDOs that it requests are sent with the next sample. While no drive is enabled they are
+//! sent at once.
 
 mod axis;
 mod master;

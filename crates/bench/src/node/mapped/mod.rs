@@ -1,11 +1,11 @@
 //! The plant's node on a user protocol, whose messages are mapped to loads, requests and readings.
 //!
-//! Commands pass the same gate as those of Resonarm's protocol. They have no index, so the newest frames count as the
-//! answer to the sample published last, and are judged together, once a sample. A message that has not come
-//! again keeps its share of the load for as long as its timeout.
+//! Commands pass the same gate as those of Resonarm's protocol. They have no index, so the newest frames count
+//! as the answer to the last published sample, and are judged together, once per sample. A message that has not
+//! been repeated keeps its part of the load for the duration of its timeout.
 //!
-//! A drive is armed by its messages; the plant is operational as long as one drive is armed. A fault disarms all of
-//! them, and none is armed again but by a message.
+//! A drive is armed by its messages, and the plant is operational as long as one drive is armed. A fault
+//! disarms all drives, and only a message arms one again.
 
 pub mod exciter;
 mod incoming;

@@ -300,7 +300,7 @@ pub enum UffError {
     NoEnd {
         /// Number of the dataset, as the file has it.
         dataset: String,
-        /// Its first line, from 1.
+        /// First line of the dataset, from 1.
         line: usize,
     },
     /// The file has no dataset with modes.

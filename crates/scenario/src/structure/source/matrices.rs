@@ -4,13 +4,14 @@
 //! "Matrix Computations", 4th edition 2013, section 8.7): the lowest modes have the largest λ, the most exact ones.
 //! φ = ω L⁻ᵀy has unit modal mass. Then ζᵢ = φᵢᵀCφᵢ/(2ωᵢ), if φᵢᵀCφⱼ vanishes for all pairs.
 //!
-//! **Degrees of freedom without mass**, as rotations are of lumped masses, are those whose rows of M are zero. With b for
-//! these and a for the others K_ba x_a + K_bb x_b = 0, so that x_b = G x_a with G = −K_bb⁻¹ K_ba, and M_aa, K_aa + K_ab G
-//! are the matrices of x_a (R. J. Guyan, "Reduction of Stiffness and Mass Matrices", AIAA J. 3 (1965)), exact here. So is
-//! C_aa + C_ab G, if C_ba + C_bb G = 0, as that of C = αM + βK is.
+//! **Degrees of freedom without mass**, such as the rotations of lumped masses, have zero rows in M. With b for
+//! these and a for the others K_ba x_a + K_bb x_b = 0, so that x_b = G x_a with G = −K_bb⁻¹ K_ba, and M_aa,
+//! K_aa + K_ab G are the matrices of x_a (R. J. Guyan, "Reduction of Stiffness and Mass Matrices", AIAA J. 3
+//! (1965)), which is exact here. So is C_aa + C_ab G, if C_ba + C_bb G = 0, as holds for C = αM + βK.
 //!
-//! **A structure that nothing holds** has a singular K. Then K + μM takes its place, with λ = 1/(ω² + μ), for a μ between
-//! the diagonals' least ratio and, once that is known, the lowest ω² that is not 0, which keeps its digits.
+//! **A structure without supports** has a singular K. Then K + μM takes its place, with λ = 1/(ω² + μ), for a μ
+//! that is first the least ratio of the diagonals and, once that is known, the lowest ω² that is not 0, which
+//! keeps the digits.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -107,9 +108,9 @@ impl MatricesSection {
 }
 
 impl StructureSection {
-    /// The modal structure of matrices: the lowest `modes`, all if it is `None` and there are not more than 32, with
-    /// shapes at `dofs`, degrees of freedom by their rows, from 0, and participation factors of `base`, the rows that move by 1
-    /// with it along an axis.
+    /// Returns the modal structure of matrices: the lowest `modes`, or all if it is `None` and there are at
+    /// most 32. It has shapes at `dofs`, degrees of freedom by their rows, from 0, and participation factors of
+    /// `base`, the rows that move by 1 with the base along an axis.
     ///
     /// # Errors
     /// [`StructureSectionError::File`] says what is wrong with a matrix, by its name in place of a file's;

@@ -36,7 +36,7 @@ const FMU: &str = "a structure of kind `fmu`";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointSection {
-    /// Its name in the file.
+    /// Name of the joint in the file.
     pub name: String,
     /// Torsional stiffness, N·m/rad, positive.
     pub stiffness_nm_rad: f64,

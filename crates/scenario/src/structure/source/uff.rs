@@ -2,22 +2,22 @@
 //! ceas3.uc.edu/sdrluff), in ASCII: dataset 55, data at nodes, or 2414, analysis data, of normal modes, with the nodes
 //! of dataset 15, or 2411, the lines of 82, and the units of 164.
 //!
-//! Numbers stand in lines, with an exponent of E or D. Shapes are divided by the root of the modal mass. A node that a
-//! mode leaves out is at rest in it; one that all modes leave out is no point. A line passes over nodes that are no
-//! points, or have no place.
+//! Numbers stand in lines, with an exponent of E or D. Shapes are divided by the root of the modal mass. A node
+//! that is missing in a mode is at rest in it; one that is missing in all modes is not a point. A line skips
+//! nodes that are not points or have no position.
 //!
-//! Dataset 164 says how many units of the file make a metre, l, and a newton, f, for what follows it. Places are divided
-//! by l. The file's unit of mass is its unit of force times s² over its unit of length, l/f kg: with mm and mN a
-//! kilogram, with mm and N a tonne. A modal mass μ = φᵀMφ belongs to the numbers φ of its shape, so that φ/√(μ l/f) has
-//! the modal mass 1 kg, whatever the unit and the scale of φ.
+//! Dataset 164 states how many units of the file make a metre, l, and a newton, f, for what follows it.
+//! Positions are divided by l. The file's unit of mass is its unit of force times s² over its unit of length,
+//! l/f kg: a kilogram with mm and mN, a tonne with mm and N. A modal mass μ = φᵀMφ belongs to the numbers φ of
+//! its shape, so that φ/√(μ l/f) has the modal mass 1 kg, whatever the unit and the scale of φ.
 //!
-//! Test software also writes normal modes as complex ones: with a complex eigenvalue λ = σ + jω (analysis type 3), complex
-//! numbers at the nodes, or both. Then f = |λ|/2π and ζ = −σ/|λ|. A complex shape φ of a normal mode is a real one, ψ,
-//! turned by an angle: φ = ψ exp(jθ). The real parts of φ exp(−jθ) have the sum of squares (Σ|φᵢ|² + Re(exp(−2jθ) Σφᵢ²))/2,
-//! which is largest for 2θ = arg Σφᵢ²; what is left in the imaginary parts has (Σ|φᵢ|² − |Σφᵢ²|)/2. The mode is taken as
-//! normal if the root of that over Σ|φᵢ|² is at most [`MOST_IMAGINARY`]. Instead of the modal mass such a file has modal A,
-//! a = φᵀ(2λM + C)φ = 2jωμ exp(2jθ) with ψᵀCψ = −2σμ, so that μ = a exp(−2jθ)/2jω, which must be real within the same
-//! share.
+//! Test software also writes normal modes as complex ones: with a complex eigenvalue λ = σ + jω (analysis type
+//! 3), complex numbers at the nodes, or both. Then f = |λ|/2π and ζ = −σ/|λ|. A complex shape φ of a normal
+//! mode is a real one, ψ, rotated by an angle: φ = ψ exp(jθ). The real parts of φ exp(−jθ) have the sum of
+//! squares (Σ|φᵢ|² + Re(exp(−2jθ) Σφᵢ²))/2, which is largest for 2θ = arg Σφᵢ²; what remains in the imaginary
+//! parts has (Σ|φᵢ|² − |Σφᵢ²|)/2. The mode counts as normal if the root of that over Σ|φᵢ|² is at most
+//! [`MOST_IMAGINARY`]. In place of the modal mass such a file has modal A, a = φᵀ(2λM + C)φ = 2jωμ exp(2jθ)
+//! with ψᵀCψ = −2σμ, so that μ = a exp(−2jθ)/2jω, which must be real within the same share.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -466,7 +466,7 @@ fn kind(records: &mut Records<'_>, what: &'static str) -> Result<[i64; 6], UffEr
     Ok(kind)
 }
 
-/// Whether values are complex, in single or in double precision.
+/// Returns whether values are complex, in single or in double precision.
 const fn has_complex_values(kind: &[i64; 6]) -> bool {
     matches!(kind[4], 5 | 6)
 }

@@ -1,9 +1,10 @@
 //! The exciter's node on a user protocol: the plant's mapping with the roles exchanged.
 //!
-//! It arms the plant by the mapping's events, lets its controller answer each sample of readings with a load, disarms.
-//! A sample is whole with the last of its messages in the order of the mapping, if all the others have come since the
-//! sample before; an index or a counter in them counts the lost ones. A wire has no heartbeats, so that the plant is
-//! known by its readings alone: silence while it is armed is a fault.
+//! It arms the plant by the mapping's events, lets its controller answer each sample of readings with a load,
+//! and disarms the plant. A sample is complete with the last of its messages in the order of the mapping, if
+//! all the others have come since the sample before; an index or a counter in them counts the lost ones. A user
+//! protocol has no heartbeats, so the plant is known by its readings only: silence while it is armed is a
+//! fault.
 
 mod listener;
 mod page;
