@@ -8,20 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._dtypes import Array
-from ._resonarm import arm_channels
 from .recording import Recording
 from .session import Report
-from .words import Fault, NodeState, Signal
+from .words import Fault, NodeState, RecordingPart
 
-SIGNALS: tuple[Signal, ...] = get_args(Signal)
 LOADS = ("force_n", "torque_nm")
-PLACES = {
-    component: (part, vector, place)
-    for part in ("states", "samples")
-    for vector, components in arm_channels(part)
-    for place, component in enumerate(components)
-}
-"""Where a channel is: its part of a recording, its vector there, its place in the vector."""
+PARTS: tuple[RecordingPart, ...] = ("samples", "states")
+"""The parts of a recording that have signals."""
 ROWS = 8
 """Rows that a failure shows before and after the failing sample."""
 
@@ -52,23 +45,30 @@ class Result:
         path = str(self.recording.path)
         return f"<Result: plant {self.plant['outcome']}{exciter}, {self.plant['samples']} samples, {path!r}>"
 
-    def signal(self, name: Signal) -> tuple[Array, Array]:
-        """Times, s, and values of a reading, such as `acceleration_c_x_m_s2`, or of the held load, such as `force_x_n`
-        or `torque1_nm`: a channel by its name in the CSV of `resonarm export`."""
+    def signal(self, name: str) -> tuple[Array, Array]:
+        """Times, s, and values of a channel of the recording by its name in the CSV of `resonarm export`: a reading of
+        any sensor, such as `acceleration_c_x_m_s2`, the held load, such as `force_x_n` or `torque1_nm`, or a state,
+        such as `alpha1_rad`."""
         _samples, times, values = self._rows(name)
         return times, values
 
-    def _rows(self, name: Signal) -> tuple[Array, Array, Array]:
+    def _rows(self, name: str) -> tuple[Array, Array, Array]:
         """The samples, times and values of a signal."""
-        if name not in SIGNALS:
-            raise ValueError(f"there is no signal {name!r}, only {', '.join(SIGNALS)}")
-        part, vector, place = PLACES[name]
-        rows = self.recording.states if part == "states" else self.recording.samples
-        if vector in LOADS and len(rows) and rows["is_end"][-1]:
-            rows = rows[:-1]  # The state at the end of a run has no load.
-        return rows["sample"], rows["time_s"], rows[vector][:, place]
+        known: list[str] = []
+        for part in PARTS:
+            for vector, components in self.recording.channels(part):
+                known += components
+                if name not in components:
+                    continue
+                rows = self.recording.read(part)
+                if vector in LOADS and len(rows) and rows["is_end"][-1]:
+                    rows = rows[:-1]  # The state at the end of a run has no load.
+                # A vector of one component, too, has two dimensions; a channel alone has one.
+                values = rows[vector] if rows[vector].ndim == 1 else rows[vector][:, components.index(name)]
+                return rows["sample"], rows["time_s"], values
+        raise ValueError(f"there is no signal {name!r}, only {', '.join(known)}")
 
-    def _finite(self, name: Signal) -> tuple[Array, Array, Array]:
+    def _finite(self, name: str) -> tuple[Array, Array, Array]:
         """The same, if every value is a number."""
         __tracebackhide__ = True
         samples, times, values = self._rows(name)
@@ -78,7 +78,7 @@ class Result:
             self.fail(f"{name} is {what} at sample {samples[at]} ({times[at]:g} s)", name, int(samples[at]))
         return samples, times, values
 
-    def fail(self, message: str, name: Signal, at: int) -> None:
+    def fail(self, message: str, name: str, at: int) -> None:
         """Raises AssertionError with a signal from some samples before the sample `at` to some after."""
         __tracebackhide__ = True
         samples, times, values = self._rows(name)
@@ -216,7 +216,7 @@ class Result:
         __tracebackhide__ = True
         _number("limit_n", limit_n)
         self._check_end()
-        signals: dict[str, Signal] = {"x": "force_x_n", "y": "force_y_n"}
+        signals = {"x": "force_x_n", "y": "force_y_n"}
         for axis, name in signals.items():
             samples, _times, values = self._finite(name)
             above = np.flatnonzero(np.abs(values) >= limit_n)
@@ -241,7 +241,7 @@ class Result:
         if bad_end:
             self._fail_at_the_end(bad_end)
 
-    def amplitude(self, name: Signal, frequency_hz: float, from_s: float = 0.0, to_s: float = math.inf) -> float:
+    def amplitude(self, name: str, frequency_hz: float, from_s: float = 0.0, to_s: float = math.inf) -> float:
         """Amplitude of the sine at a frequency in a signal, by least squares together with an offset, over an interval
         of at least a period. Raises ValueError for intervals and frequencies that the run can't resolve."""
         __tracebackhide__ = True
@@ -287,7 +287,7 @@ class Result:
 
     def assert_settled(
         self,
-        name: Signal,
+        name: str,
         frequency_hz: float,
         *,
         from_s: float,

@@ -73,18 +73,5 @@ RecordingPart = Literal["states", "samples", "frames", "ticks", "events"]
 """A part of a recording: its records of one kind."""
 Reading = Literal["head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2"]
 """A reading of the instruments, by its name."""
-Signal = Literal[
-    "acceleration_b_x_m_s2",
-    "acceleration_b_y_m_s2",
-    "acceleration_c_x_m_s2",
-    "acceleration_c_y_m_s2",
-    "head_force_x_n",
-    "head_force_y_n",
-    "force_x_n",
-    "force_y_n",
-    "torque1_nm",
-    "torque2_nm",
-]
-"""A reading, or the held load, along an axis or of a joint."""
 Format = Literal["parquet", "mf4", "blf"]
 """A format of export."""
