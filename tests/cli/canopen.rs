@@ -97,13 +97,13 @@ fn frames_that_break_the_rules_of_canopen_are_refused() {
     assert_snapshot!(decoded(folder.path(), 1, frames), @r#"
     203#0F  RPDO 1 of node 3 refused: its 1 bytes end before Controlword
     283#01020304  TPDO 2 of node 3 refused: its 4 bytes end before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
-    603#40  SDO request to node 3 refused: it has 1 bytes, and 8 belong into it
-    583#C200000000000000  SDO answer of node 3 refused: 0xc2 is no command of a transfer, expedited or in segments
+    603#40  SDO request to node 3 refused: it has 1 bytes: expected 8
+    583#C200000000000000  SDO answer of node 3 refused: 0xc2 is not a command of an expedited or segmented transfer
     603#2300300111223344  SDO request to node 3 (write 3000:01 unknown object) bytes=4 "11 22 33 44"
-    703#06  Heartbeat of node 3 refused: 0x06 is no state of a node: 0x00, 0x04, 0x05 and 0x7f are
-    000#0300  NMT refused: 0x03 is no command of network management: 0x01, 0x02, 0x80, 0x81 and 0x82 are
-    083#00  EMCY of node 3 refused: it has 1 bytes, and 8 belong into it
-    603#R8  SDO request to node 3 refused: it is a remote frame, and a data frame belongs here
+    703#06  Heartbeat of node 3 refused: 0x06 is not a state of a node: expected 0x00, 0x04, 0x05 or 0x7f
+    000#0300  NMT refused: 0x03 is not a command of network management: expected 0x01, 0x02, 0x80, 0x81 or 0x82
+    083#00  EMCY of node 3 refused: it has 1 bytes: expected 8
+    603#R8  SDO request to node 3 refused: expected a data frame, got a remote frame
     205#00  of none of the drives
     604#4008100000000000  SDO request to node 4 (read 1008 Device name)
     584#4108100010000000  SDO answer of node 4 (segments of 1008 Device name) bytes=16

@@ -97,7 +97,7 @@ pub enum Step {
 pub enum CounterFault {
     /// The counter equals the previous one: a repeated frame, or a loss of exactly one frame less than there
     /// are values.
-    #[error("counter {counter} comes again")]
+    #[error("counter {counter} was repeated")]
     Repeated {
         /// Counter of the frame.
         counter: u64,

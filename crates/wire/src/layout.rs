@@ -37,19 +37,19 @@ pub enum Number {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LayoutError {
     /// The width is not 1 to 64 bits.
-    #[error("it has {got} bits: 1 to 64 do")]
+    #[error("it has {got} bits: it must have 1 to 64")]
     Bits {
         /// Width that was given, bits.
         got: u64,
     },
     /// The width of a floating-point number is not 32 or 64 bits.
-    #[error("it is a floating-point number of {got} bits: 32 or 64 do")]
+    #[error("it is a floating-point number of {got} bits: it must have 32 or 64")]
     FloatBits {
         /// Width that was given, bits.
         got: u64,
     },
     /// The payload is longer than that of any frame.
-    #[error("the payload has {got} bytes: at most {PAYLOAD_MAX_BYTES} do")]
+    #[error("the payload has {got} bytes: it may have at most {PAYLOAD_MAX_BYTES}")]
     Payload {
         /// Length that was given, bytes.
         got: usize,

@@ -85,7 +85,7 @@ fn what_is_wrong_is_named() {
     message(&mut decoder, "100#00000100");
     let repeated = message(&mut decoder, "100#0000FF00");
     let Outcome::Refused(fault) = repeated.outcome else { panic!("{:?}", repeated.outcome) };
-    assert_eq!((fault.to_string().as_str(), fault.kind()), ("counter 0 comes again", "counter"));
+    assert_eq!((fault.to_string().as_str(), fault.kind()), ("counter 0 was repeated", "counter"));
     assert_eq!(
         meanings(&message(&mut decoder, "100#00000101")),
         "load torque1_nm=0; arm, unchanged; loads count; counter"
@@ -146,7 +146,7 @@ fn a_frame_of_another_form_is_refused() {
         encoder_counts_per_turn = 4096 }] }";
     let mut drives = Decoder::of_scenario(&Scenario::parse(text, "test").unwrap()).unwrap().unwrap();
     for frame in ["201##10F00C800", "080##1", "000##10100", "601##14041600000000000"] {
-        assert_eq!(why(&mut drives, frame), "it is a CAN FD frame, and CANopen has classic frames alone");
+        assert_eq!(why(&mut drives, frame), "expected a classic frame, as CANopen has, got a CAN FD frame");
     }
-    assert_eq!(why(&mut drives, "080#0102"), "it has 2 bytes, and 1 belong into it");
+    assert_eq!(why(&mut drives, "080#0102"), "it has 2 bytes: expected 1");
 }

@@ -178,8 +178,8 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 11: message NoFdLength: its length is 9 bytes: CAN FD has 0 to 8, 12, 16, 20, 24, 32, 48 or 64
     bench.dbc, line 12: message NoFormat: its VFrameFormat is new: StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) and ExtendedCAN_FD (15) are known
     bench.dbc, line 15: signal past of Signals: from start bit 60 its 8 bits take 9 bytes, and the payload has 8
-    bench.dbc, line 16: signal none of Signals: it has 0 bits: 1 to 64 do
-    bench.dbc, line 17: signal wide of Signals: it has 65 bits: 1 to 64 do
+    bench.dbc, line 16: signal none of Signals: it has 0 bits: it must have 1 to 64
+    bench.dbc, line 17: signal wide of Signals: it has 65 bits: it must have 1 to 64
     bench.dbc, line 18: signal zero of Signals: its factor is 0: it must be a finite number other than 0
     bench.dbc, line 19: signal infinite of Signals: its factor is inf: it must be a finite number other than 0
     bench.dbc, line 20: signal half of Signals: SIG_VALTYPE_ says that it has 32 bits, and it has 16

@@ -146,7 +146,7 @@ pub enum Sdo {
 #[non_exhaustive]
 pub enum Malformed {
     /// The frame has the wrong length.
-    #[error("it has {got} bytes, and {expected} belong into it")]
+    #[error("it has {got} bytes: expected {expected}")]
     Length {
         /// The bytes that it has.
         got: usize,
@@ -154,34 +154,34 @@ pub enum Malformed {
         expected: usize,
     },
     /// The command of network management is unknown.
-    #[error("{got:#04x} is no command of network management: 0x01, 0x02, 0x80, 0x81 and 0x82 are")]
+    #[error("{got:#04x} is not a command of network management: expected 0x01, 0x02, 0x80, 0x81 or 0x82")]
     NmtCommand {
         /// First byte of the frame.
         got: u8,
     },
     /// The node id is above 127.
-    #[error("{got} is no node id: 0 is all nodes, 1 to {NODE_ID_MAX} is one")]
+    #[error("{got} is not a node id: expected 0 for all nodes, or 1 to {NODE_ID_MAX}")]
     NodeId {
         /// Second byte of the frame.
         got: u8,
     },
     /// The state in a heartbeat is unknown.
-    #[error("{got:#04x} is no state of a node: 0x00, 0x04, 0x05 and 0x7f are")]
+    #[error("{got:#04x} is not a state of a node: expected 0x00, 0x04, 0x05 or 0x7f")]
     NmtState {
         /// Byte of the frame.
         got: u8,
     },
     /// The SDO command is unknown, or one of block transfers, which these nodes don't support.
-    #[error("{got:#04x} is no command of a transfer, expedited or in segments")]
+    #[error("{got:#04x} is not a command of an expedited or segmented transfer")]
     SdoCommand {
         /// First byte of the frame.
         got: u8,
     },
     /// The frame is a remote frame, and only PDOs can be requested.
-    #[error("it is a remote frame, and a data frame belongs here")]
+    #[error("expected a data frame, got a remote frame")]
     Remote,
     /// The frame is a CAN FD frame, and CANopen uses classical frames only.
-    #[error("it is a CAN FD frame, and CANopen has classic frames alone")]
+    #[error("expected a classic frame, as CANopen has, got a CAN FD frame")]
     Fd,
 }
 

@@ -23,7 +23,7 @@ pub use preset::{DataId, Preset, PresetError, UnknownPreset};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ChecksumError {
     /// The width is not 1 to 64 bits.
-    #[error("a checksum of {got} bits: 1 to 64 do")]
+    #[error("the checksum has {got} bits: it must have 1 to 64")]
     Width {
         /// Width that was given, bits.
         got: u8,
@@ -82,7 +82,7 @@ pub enum ChecksumFault {
         needed: usize,
     },
     /// The checksum differs from the computed one.
-    #[error("the checksum is {got:#x}, and {expected:#x} is right")]
+    #[error("the checksum is {got:#x}, expected {expected:#x}")]
     Wrong {
         /// Checksum in the payload.
         got: u64,
@@ -90,7 +90,7 @@ pub enum ChecksumFault {
         expected: u64,
     },
     /// A fixed field that belongs to the protection is wrong.
-    #[error("the {field} in the payload is {got:#x}, and {expected:#x} is right")]
+    #[error("the {field} in the payload is {got:#x}, expected {expected:#x}")]
     Field {
         /// Field that is wrong.
         field: FieldKind,

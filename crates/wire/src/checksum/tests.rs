@@ -185,5 +185,5 @@ fn checks_the_fields_of_a_profile() {
     let other = Preset::AutosarP4.checksum(motorola(71, 32), None, &DataId::One(8), 12).unwrap();
     let wrong = ChecksumFault::Field { field: FieldKind::DataId, got: 7, expected: 8 };
     assert_eq!(other.check(ID, &payload), Err(wrong));
-    assert_eq!(wrong.to_string(), "the data id in the payload is 0x7, and 0x8 is right");
+    assert_eq!(wrong.to_string(), "the data id in the payload is 0x7, expected 0x8");
 }
