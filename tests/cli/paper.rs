@@ -136,7 +136,7 @@ fn bad_input_is_refused_with_the_accepted_values() {
     assert_snapshot!(measured("fig9", "none.json"), @"resonarm: can't read none.json: No such file or directory (os error 2)");
     assert_snapshot!(measured("fig4", "none.json"), @"resonarm: --measured is for `paper fig9`: leave it out, or make that figure");
     fs::write(folder.path().join("walk.json"), r#"{ "configuration": {}, "points": [] }"#).unwrap();
-    assert_snapshot!(measured("fig9", "walk.json"), @"resonarm: walk.json is no document of `experiment fig9 --json`: missing field `structure` at line 1 column 21");
+    assert_snapshot!(measured("fig9", "walk.json"), @"resonarm: walk.json is not a document of `experiment fig9 --json`: missing field `structure` at line 1 column 21");
     assert!(!folder.path().join("out").exists());
     fs::write(folder.path().join("file"), "").unwrap();
     let output = paper(folder.path(), &["fig3", "--out", "file/out"]);

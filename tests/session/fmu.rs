@@ -205,11 +205,11 @@ fn fault(version: u8, fault: u32) -> String {
 fn what_it_does_in_place_of_a_step_ends_the_run_in_words() {
     insta::assert_snapshot!(fault(3, 1), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it returned Error");
     insta::assert_snapshot!(fault(3, 2), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it returned Discard");
-    insta::assert_snapshot!(fault(3, 3), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it asks to end the simulation");
-    insta::assert_snapshot!(fault(3, 4), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it came to 0.02025 s in place of the step's end");
+    insta::assert_snapshot!(fault(3, 3), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it requested the end of the simulation");
+    insta::assert_snapshot!(fault(3, 4), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it stopped at 0.02025 s, not at the end of the step");
     insta::assert_snapshot!(fault(3, 5), @"the simulation failed at sample 20: the FMU fails: fmi3GetFloat64 at 0.0205 s: it gave NaN");
     insta::assert_snapshot!(fault(2, 1), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it returned Error");
-    insta::assert_snapshot!(fault(2, 3), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it asks to end the simulation");
+    insta::assert_snapshot!(fault(2, 3), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it requested the end of the simulation");
     insta::assert_snapshot!(fault(2, 4), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it returned Discard");
     insta::assert_snapshot!(fault(3, 10), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it ended its own process with exit code 0, as licence checks and STOP of Fortran do");
     insta::assert_snapshot!(fault(2, 10), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it ended its own process with exit code 0, as licence checks and STOP of Fortran do");

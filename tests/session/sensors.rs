@@ -173,5 +173,5 @@ fn says_what_is_wrong_with_a_sensor() {
     insta::assert_snapshot!(says("[[rig.faults]]\ninstrument = 'm3'\nkind = 'stuck'\nfrom_s = 1\n"), @r#"simulation: rig.faults, number 1: `instrument` is "m3": expected "head", or the name of a sensor in [rig.sensors]"#);
     let fault =
         "[rig.sensors.m3]\nat = 'tip.x'\n[[rig.faults]]\ninstrument = 'm3'\naxis = 'y'\nkind = 'stuck'\nfrom_s = 1\n";
-    insta::assert_snapshot!(says(fault), @"simulation: rig.faults, number 1: `axis` says nothing about this kind of fault of this instrument: leave it out");
+    insta::assert_snapshot!(says(fault), @"simulation: rig.faults, number 1: `axis` does not apply to this kind of fault of this instrument: leave it out");
 }

@@ -26,7 +26,7 @@ pub enum BusError {
     },
     /// A memory bus was asked for by its address.
     #[error(
-        "a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter \
+        "a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter \
          together on one; between processes use vcan0 or another CAN interface"
     )]
     MemoryIsNotShared,
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn bus_messages_say_how_to_continue() {
         assert_snapshot!(BusError::Closed, @"the bus is closed");
-        assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+        assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
         assert_snapshot!(BusError::NoPythonCan, @"this build has no python-can; `cargo build --release --features python-can` makes one that has");
     }
 

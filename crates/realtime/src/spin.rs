@@ -153,7 +153,7 @@ impl fmt::Display for Spin {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SpinError {
     /// The text is no spin time.
-    #[error("`{got}` is none of auto, off and a number of microseconds above 0")]
+    #[error("`{got}` is not a setting of spinning: expected auto, off, or a number of microseconds above 0")]
     Text {
         /// The text.
         got: String,
@@ -235,6 +235,6 @@ mod tests {
         for wrong in ["0", "-1", "NaN", "inf", "1e300", "on"] {
             assert!(wrong.parse::<Spin>().is_err(), "{wrong}");
         }
-        insta::assert_snapshot!("on".parse::<Spin>().unwrap_err(), @"`on` is none of auto, off and a number of microseconds above 0");
+        insta::assert_snapshot!("on".parse::<Spin>().unwrap_err(), @"`on` is not a setting of spinning: expected auto, off, or a number of microseconds above 0");
     }
 }

@@ -62,7 +62,7 @@ pub enum Abort {
     },
     /// The next periodic response, predicted from the points so far, is out of reach.
     #[error(
-        "no motion of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude_m:.3} m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90\u{b0}, or another load"
+        "no response of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude_m:.3} m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90\u{b0}, or another load"
     )]
     OutOfBand {
         /// Lag that the next point should have, degrees.

@@ -72,7 +72,7 @@ pub enum RigError {
     },
     /// A fault has a key that means nothing for it.
     #[error(
-        "rig.faults, number {number}: `{key}` says nothing about this kind of fault of this instrument: leave it out"
+        "rig.faults, number {number}: `{key}` does not apply to this kind of fault of this instrument: leave it out"
     )]
     FaultKeyIdle {
         /// Number of the fault, from 1.

@@ -396,7 +396,7 @@ mod tests {
         insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = -1"), @"rig.faults, number 2: `from_s` is -1: it must be zero or a positive number");
         insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = 1\nto_s = 0.9999"), @"rig.faults, number 2: `to_s` is 0.9999: it must be at least a sample later than `from_s`");
         insta::assert_snapshot!(c("kind = 'drift'\nfrom_s = 1"), @"rig.faults, number 2: `rate_m_s2_per_s` is missing: add it, or change `kind`");
-        insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_n = 2"), @"rig.faults, number 2: `rms_n` says nothing about this kind of fault of this instrument: leave it out");
+        insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_n = 2"), @"rig.faults, number 2: `rms_n` does not apply to this kind of fault of this instrument: leave it out");
         insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_m_s2 = -2"), @"rig.faults, number 2: `rms_m_s2` is -2: it must be zero or a positive number");
         insta::assert_snapshot!(says("instrument = 'head'\nkind = 'spike'\nfrom_s = 1\namplitude_n = nan"), @"rig.faults, number 2: `amplitude_n` is NaN: it must be a number");
         let many: String =

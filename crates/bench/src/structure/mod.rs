@@ -92,10 +92,10 @@ pub enum ForeignFault {
     #[error("it returned {0}")]
     Status(&'static str),
     /// It asks to end the simulation.
-    #[error("it asks to end the simulation")]
+    #[error("it requested the end of the simulation")]
     Terminates,
     /// It came to another time than that of the step's end.
-    #[error("it came to {reached_s} s in place of the step's end", reached_s = short(.reached_s))]
+    #[error("it stopped at {reached_s} s, not at the end of the step", reached_s = short(.reached_s))]
     Reached {
         /// Where it came to, s.
         reached_s: f64,

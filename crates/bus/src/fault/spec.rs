@@ -136,7 +136,7 @@ pub enum FaultError {
         key: &'static str,
     },
     /// A fault states a key that its kind does not use.
-    #[error("network.faults, number {number}: `{key}` says nothing about this kind of fault: leave it out")]
+    #[error("network.faults, number {number}: `{key}` does not apply to this kind of fault: leave it out")]
     KeyIdle {
         /// Which fault, from 1 on.
         number: usize,

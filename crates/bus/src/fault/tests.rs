@@ -202,8 +202,8 @@ fn says_what_is_wrong_with_a_fault() {
     insta::assert_snapshot!(says("kind = 'jitter'\nfrom_s = 1\ndelay_s = 0"), @"network.faults, number 2: `delay_s` is 0: it must be a positive number of seconds, at most 10");
     insta::assert_snapshot!(says("kind = 'babble'\nfrom_s = 1"), @"network.faults, number 2: `rate_hz` is missing: add it, or change `kind`");
     insta::assert_snapshot!(says("kind = 'babble'\nfrom_s = 1\nrate_hz = 1e6"), @"network.faults, number 2: `rate_hz` is 1000000: it must be a positive number, at most 100000");
-    insta::assert_snapshot!(says("kind = 'bus_off'\nfrom_s = 1\ndirection = 'send'"), @"network.faults, number 2: `direction` says nothing about this kind of fault: leave it out");
-    insta::assert_snapshot!(says("kind = 'link_down'\nfrom_s = 1\ncount = 1"), @"network.faults, number 2: `count` says nothing about this kind of fault: leave it out");
+    insta::assert_snapshot!(says("kind = 'bus_off'\nfrom_s = 1\ndirection = 'send'"), @"network.faults, number 2: `direction` does not apply to this kind of fault: leave it out");
+    insta::assert_snapshot!(says("kind = 'link_down'\nfrom_s = 1\ncount = 1"), @"network.faults, number 2: `count` does not apply to this kind of fault: leave it out");
     let many = fault("kind = 'loss'\nfrom_s = 1").repeat(MOST_FAULTS + 1);
     insta::assert_snapshot!(check(&faults(&many)).unwrap_err(), @"network.faults are 65: at most 64 are taken");
 }

@@ -23,7 +23,7 @@ pub enum MeasuredError {
         source: std::io::Error,
     },
     /// It is another document.
-    #[error("{origin} is no document of `experiment fig9 --json`: {source}")]
+    #[error("{origin} is not a document of `experiment fig9 --json`: {source}")]
     Parse {
         /// Its name.
         origin: String,
@@ -351,7 +351,7 @@ mod tests {
         insta::assert_snapshot!(says("/zones/1/range_hz/1", 30.into()), @"zones.json: zone 2: range_hz, its end, is 30: it must be larger than its start");
         insta::assert_snapshot!(says("/zones/0/up/points/1/frequency_hz", 0.into()), @"zones.json: zone 1: frequency_hz of a point is 0: it must be a positive number");
         insta::assert_snapshot!(says("/zones/0/walk/points/0/readings/tip.y/amplitude", (-0.5).into()), @"zones.json: zone 1: amplitude of a point is -0.5: it must be zero or a positive number");
-        insta::assert_snapshot!(says("/configuration", serde_json::json!({})), @"zones.json is no document of `experiment fig9 --json`: missing field `structure` at line 1 column 19");
+        insta::assert_snapshot!(says("/configuration", serde_json::json!({})), @"zones.json is not a document of `experiment fig9 --json`: missing field `structure` at line 1 column 19");
         insta::assert_snapshot!(says("/configuration/structure/links", [0; 0].into()), @"zones.json: structure: `links` are missing: add a table [[structure.links]] for every link, from the base out");
         let mut unsettled = document();
         for zone in unsettled["zones"].as_array_mut().unwrap() {

@@ -195,6 +195,6 @@ fn says_why_it_gives_up() {
     the accelerometer at B was clipped at 22.1317 Hz: drive less, or give it more range (`rig.sensors.b.range_m_s2`; the classic profile carries 1638 m/s²)
     the loop asks for 612.3 N at 22.1317 Hz, the exciter has 600 N: drive less, or raise the limit if the exciter has more
     3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the arm is not the one that the scenario describes
-    no motion of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load
+    no response of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load
     ");
 }
