@@ -233,7 +233,7 @@ BAD = {
     "`state.alpha1_rad` can't be set in step mode: it is calculated": lambda slave: slave.setFloat64([23], [1.0]),
     "parameters are fixed once": lambda slave: slave.setUInt64([30], [1]),
     "`load.force_x_n` is NaN: it must be a finite number": lambda slave: slave.setFloat64([3], [float("nan")]),
-    "none of this FMU: it does not begin as one": lambda slave: slave.deserializeFMUState(b"garbage1"),
+    "not a state of this FMU: it does not begin as one": lambda slave: slave.deserializeFMUState(b"garbage1"),
     "providesDirectionalDerivatives is false": lambda slave: slave.getDirectionalDerivative([5], [1], [1.0], 1),
     "fmi3SetTime": lambda slave: slave.fmi3SetTime(slave.component, 1.0),
 }

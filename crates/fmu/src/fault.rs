@@ -203,7 +203,7 @@ pub enum Fault {
         sample: u64,
     },
     /// A saved state that is not of this FMU.
-    #[error("{call}: the state is none of this FMU: {reason}")]
+    #[error("{call}: the bytes are not a state of this FMU: {reason}")]
     Saved {
         /// The call.
         call: &'static str,
@@ -227,8 +227,8 @@ pub enum Fault {
     NeedsEventMode,
     /// Bytes that end within an operation.
     #[error(
-        "`{name}`: the operation at byte {at} is of {expected} bytes, and {got} are there: the bytes were cut, or are none of \
-         FMI-LS-BUS"
+        "`{name}`: the operation at byte {at} is of {expected} bytes, and {got} are there: the bytes were cut, or are not operations \
+         of FMI-LS-BUS"
     )]
     Operation {
         /// The terminal.
@@ -264,7 +264,7 @@ pub enum Fault {
         expected_hz: u32,
     },
     /// Something panicked, which is a defect of the library.
-    #[error("{call}: the library failed inside: {reason}; please report it")]
+    #[error("{call}: internal error in the library: {reason}; please report it")]
     Panic {
         /// The call.
         call: &'static str,

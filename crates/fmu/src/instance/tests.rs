@@ -86,7 +86,7 @@ fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
         assert!(matches!(fresh.deserialize(&bytes[..cut]), Err(Fault::Saved { .. })), "{cut}");
     }
     let error = fresh.deserialize(&[&bytes[..], &[0]].concat()).unwrap_err();
-    insta::assert_snapshot!(error, @"fmi3DeserializeFMUState: the state is none of this FMU: it ends before its last number, or behind it");
+    insta::assert_snapshot!(error, @"fmi3DeserializeFMUState: the bytes are not a state of this FMU: it ends before its last number, or behind it");
 }
 
 #[test]

@@ -61,7 +61,7 @@ pub enum RunError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The run has come to its end, its recording has not.
-    #[error("the run is not recorded to its end: {0}; `resonarm inspect` says what is there")]
+    #[error("the recording lacks the end of the run: {0}; `resonarm inspect` says what is there")]
     NotRecorded(RecordingError),
     /// The simulation failed.
     #[error("the simulation failed at {0}")]
@@ -70,9 +70,7 @@ pub enum RunError {
     #[error("a measurement can't be sent: {0}")]
     Encode(#[from] PublishError),
     /// The system has no thread left for the run.
-    #[error(
-        "the run needs a thread more, and the system gives none: {source}; end other programs, or raise `ulimit -u`"
-    )]
+    #[error("the operating system denied the run another thread: {source}; end other programs, or raise `ulimit -u`")]
     NoThread {
         /// What the system said.
         source: std::io::Error,
