@@ -53,7 +53,7 @@ fn faults_that_a_bus_cannot_simulate() {
 #[test]
 fn rates_and_times_that_cannot_be() {
     assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
-    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");
+    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: it must be an integer from 1 to 65535 Hz");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--rate-hz", "nan"]), @r"
     error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number
 

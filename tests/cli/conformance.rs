@@ -140,7 +140,7 @@ fn scenarios_that_cannot_be() {
     For more information, try '--help'.
     ");
     assert_snapshot!(on(own, &["--torque-nm", "0"]), @"resonarm: --torque-nm must be a number above 0 N m");
-    assert_snapshot!(on("examples/odrive/drives.toml", &["--mode", "lockstep"]), @r#"resonarm: [wire] says nothing of lockstep: give `lockstep = "command"` or `lockstep = "sync"`, or run in real time"#);
+    assert_snapshot!(on("examples/odrive/drives.toml", &["--mode", "lockstep"]), @r#"resonarm: [wire] does not define lockstep: give `lockstep = "command"` or `lockstep = "sync"`, or run in real time"#);
     assert_snapshot!(on(drives, &["--case", "x"]), @r#"resonarm: there is no case "x", only plant-rates, plant-requests, plant-frames, plant-counters, plant-arms, plant-commands-act, plant-wrong-checksum, plant-repeated-counter, plant-counter-jump, plant-length, plant-not-finite, plant-too-large, plant-command-timeout, plant-disarm, plant-reset, plant-stop, plant-objects, plant-aborts, plant-states, plant-heartbeats, plant-positions, plant-not-enabled, plant-emergencies"#);
     assert_snapshot!(conformance(2, &["--bus", "nobody0", "--torque-nm", "3"]), @r"
     error: the following required arguments were not provided:

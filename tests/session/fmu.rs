@@ -275,7 +275,7 @@ fn refused(scenario: Scenario, mode: Mode) -> String {
 
 #[test]
 fn what_can_not_be_is_refused_before_the_run() {
-    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is somebody's program, and nothing bounds the time of its steps: take the mode free or lockstep");
+    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: take the mode free or lockstep");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { fault = 8 }"), Mode::Free), @"mass3.fmu: fmi3EnterInitializationMode returned Error");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { masse = 8 }"), Mode::Free), @"mass3.fmu: structure.parameters: the FMU has no variable `masse`, did you mean `mass`?");
     let mut other = scenario(3, "");

@@ -95,7 +95,7 @@ pub enum ScenarioError {
     #[error("network: {0}")]
     Network(#[from] NetworkError),
     /// The protocol can't state the sample rate.
-    #[error("simulation.rate_hz is {got_hz}: the wire states it as a whole number of hertz from 1 to 65535", got_hz = short(.got_hz))]
+    #[error("simulation.rate_hz is {got_hz}: it must be an integer from 1 to 65535 Hz", got_hz = short(.got_hz))]
     Rate {
         /// Sample rate that was given, Hz.
         got_hz: f64,

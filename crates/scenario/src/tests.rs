@@ -59,8 +59,8 @@ fn says_what_is_wrong_with_the_numbers() {
         };
         checks().unwrap_err().to_string()
     };
-    insta::assert_snapshot!(says("simulation.rate_hz = 0"), @"simulation.rate_hz is 0: the wire states it as a whole number of hertz from 1 to 65535");
-    insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: the wire states it as a whole number of hertz from 1 to 65535");
+    insta::assert_snapshot!(says("simulation.rate_hz = 0"), @"simulation.rate_hz is 0: it must be an integer from 1 to 65535 Hz");
+    insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: it must be an integer from 1 to 65535 Hz");
     insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
     insta::assert_snapshot!(says("network.base_id = 0x205"), @"network: base identifier 0x205 is not a multiple of 0x10: take 0x200");
     insta::assert_snapshot!(says("network.exciter_id = 1"), @"network: plant and exciter can't both have the node id 1");

@@ -174,7 +174,7 @@ pub enum Problem {
     #[error("it is multiplexed, and the message has several switches: SG_MUL_VAL_ has to say which is its")]
     SeveralSwitches,
     /// A switch that isn't there.
-    #[error("its switch {switch:?} is no signal of the message")]
+    #[error("its switch {switch:?} is not a signal of the message")]
     UnknownSwitch {
         /// The name of the switch.
         switch: String,

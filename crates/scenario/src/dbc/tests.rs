@@ -190,7 +190,7 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 25: signal selected of Signals: it is multiplexed, and the message has no switch, a signal marked M
     bench.dbc, line 27: signal all of Wide: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
     bench.dbc, line 31: signal either of Switches: it is multiplexed, and the message has several switches: SG_MUL_VAL_ has to say which is its
-    bench.dbc, line 32: signal named of Switches: its switch "nothing" is no signal of the message
+    bench.dbc, line 32: signal named of Switches: its switch "nothing" is not a signal of the message
     bench.dbc, line 33: signal round of Switches: its switches select each other in a circle
     bench.dbc, line 34: signal beyond of Switches: the switch can't be 300: it goes up to 255
     bench.dbc, line 38: signal switch of Outside: from start bit 4 its 8 bits take 2 bytes, and the payload has 1

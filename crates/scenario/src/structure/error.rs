@@ -42,7 +42,7 @@ pub enum StructureSectionError {
         kind: &'static str,
     },
     /// The key has no meaning for this kind of structure.
-    #[error("structure: `{key}` says nothing about a structure of kind `{kind}`: leave it out")]
+    #[error("structure: `{key}` does not apply to a structure of kind `{kind}`: leave it out")]
     Idle {
         /// Key that has no meaning there.
         key: &'static str,
@@ -279,7 +279,7 @@ pub enum StructureSectionError {
     OfFmu,
     /// An FMU can't run in real time, since nothing bounds the time of its steps.
     #[error(
-        "structure: `kind` is fmu: an FMU is somebody's program, and nothing bounds the time of its steps: take the mode free or lockstep"
+        "structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: take the mode free or lockstep"
     )]
     FmuInRealTime,
     /// The FMU can't be the structure under test.

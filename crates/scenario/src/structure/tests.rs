@@ -82,10 +82,10 @@ fn what_makes_no_preset_is_said() {
     insta::assert_snapshot!(says("[structure]\nangles_deg = [0, 400]"), @"structure: link 2: `angle_deg` is 400: it must be a number from -360 to 360 degrees");
     insta::assert_snapshot!(says("[structure]\ngravity_m_s2 = 9.81"), @"structure: gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.mass_kg, link1.centre_of_mass_m, link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
     insta::assert_snapshot!(says("[structure]\ninitial = [0.0]"), @"structure.initial has 1 numbers: give 4, the coordinates and their rates");
-    insta::assert_snapshot!(says("[structure]\npoints = { tip = [0, 0, 0] }"), @"structure: `points` says nothing about a structure of kind `preset`: leave it out");
+    insta::assert_snapshot!(says("[structure]\npoints = { tip = [0, 0, 0] }"), @"structure: `points` does not apply to a structure of kind `preset`: leave it out");
     insta::assert_snapshot!(says(&CHAIN.replace("kind = \"chain\"", "preset = 'irb1600-fitted'")), @r#"structure: `links` is given, and not the kind of structure: add `kind = "chain"`"#);
     insta::assert_snapshot!(says(&CHAIN.replace("kind =", "preset = 'irb1600-fitted'\nkind =")), @"structure: `preset` is irb1600-fitted, a structure of its own, and `kind` is chain: leave one of them out");
-    insta::assert_snapshot!(says(&MODAL.replace("kind =", "angles_deg = [0, 0]\nkind =")), @"structure: `angles_deg` says nothing about a structure of kind `modal`: leave it out");
+    insta::assert_snapshot!(says(&MODAL.replace("kind =", "angles_deg = [0, 0]\nkind =")), @"structure: `angles_deg` does not apply to a structure of kind `modal`: leave it out");
 }
 
 #[test]
@@ -124,11 +124,11 @@ fn element(lines: &str) -> String {
 #[test]
 fn what_makes_no_structure_is_said() {
     insta::assert_snapshot!(says("[structure]\nkind = \"chain\"\n"), @"structure: `links` are missing: add a table [[structure.links]] for every link, from the base out");
-    insta::assert_snapshot!(says(&format!("{MODAL}[[structure.links]]\nlength_m = 1\nmass_kg = 1\ncentre_of_mass_m = 1\ninertia_kg_m2 = 1\nangle_deg = 1\nstiffness_nm_rad = 1\ndamping_nm_s_rad = 1\n")), @"structure: `links` says nothing about a structure of kind `modal`: leave it out");
+    insta::assert_snapshot!(says(&format!("{MODAL}[[structure.links]]\nlength_m = 1\nmass_kg = 1\ncentre_of_mass_m = 1\ninertia_kg_m2 = 1\nangle_deg = 1\nstiffness_nm_rad = 1\ndamping_nm_s_rad = 1\n")), @"structure: `links` does not apply to a structure of kind `modal`: leave it out");
     insta::assert_snapshot!(says(&MODAL.replace(r#", "mid.x" = 0.35"#, "")), @"structure.modes, number 2: `shape` lacks `mid.x`: give it in every mode, 0 where it does not move");
     insta::assert_snapshot!(says(&CHAIN.replace("mass_kg = 6.0", "mass_kg = 0.0")), @"structure: link 2: `mass_kg` is 0: it must be a positive number");
     insta::assert_snapshot!(says(&MODAL.replace("kind =", "lines = [[\"mid\", \"tip\"]]\npoints = { tip = [0, 0, 1] }\nkind =")), @"structure.lines: nothing says where `mid` is: give its place in [structure.points]; there are tip");
-    insta::assert_snapshot!(says(&CHAIN.replace("kind =", "lines = [[\"joint1\", \"tip\"]]\nkind =")), @"structure: `lines` says nothing about a structure of kind `chain`: leave it out");
+    insta::assert_snapshot!(says(&CHAIN.replace("kind =", "lines = [[\"joint1\", \"tip\"]]\nkind =")), @"structure: `lines` does not apply to a structure of kind `chain`: leave it out");
     insta::assert_snapshot!(says(&format!("{CHAIN}initial = [0.0, 0.0]\n")), @"structure.initial has 2 numbers: give 6, the coordinates and their rates");
     insta::assert_snapshot!(says(&format!("{MODAL}[rig.exciter]\nat = \"top\"\n")), @"rig.exciter: `at` is `top`: the points are mid, tip");
     insta::assert_snapshot!(says(&MODAL.replace("tip.", "top.")), @"rig.exciter: `at` is missing: name the point that it acts on; there are mid, top");
@@ -159,7 +159,7 @@ fn the_programs_own_structure_is_the_programs() {
     }
     insta::assert_snapshot!(says("[structure]\nkind = \"own\"\n"), @"structure: `kind` is own: the program that runs the scenario makes the structure, as resonarm.run(…, structure=…) in Python; the scenario alone has none");
     insta::assert_snapshot!(own(MODAL), @"structure: `kind` is modal, and the program has a structure of its own: leave [structure] out, or make `kind` own");
-    insta::assert_snapshot!(own("[structure]\nkind = \"own\"\ninitial = [1.0]\n"), @"structure: `initial` says nothing about a structure of kind `own`: leave it out");
-    insta::assert_snapshot!(own("[structure]\nkind = \"own\"\nfile = \"a.uff\"\n"), @"structure: `file` says nothing about a structure of kind `own`: leave it out");
+    insta::assert_snapshot!(own("[structure]\nkind = \"own\"\ninitial = [1.0]\n"), @"structure: `initial` does not apply to a structure of kind `own`: leave it out");
+    insta::assert_snapshot!(own("[structure]\nkind = \"own\"\nfile = \"a.uff\"\n"), @"structure: `file` does not apply to a structure of kind `own`: leave it out");
     insta::assert_snapshot!(own("[rig.sensors.b]\nat = \"tip\"\n"), @"rig.sensors.b: `at` is given, and the program that makes the structure says where it is: leave it out");
 }

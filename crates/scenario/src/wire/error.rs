@@ -347,7 +347,7 @@ pub enum WireError {
     },
     /// The run is in lockstep, and the mapping does not say what answers a sample.
     #[error(
-        "[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
+        "[wire] does not define lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
     )]
     NoLockstep,
     /// The section names neither a DBC nor a preset.

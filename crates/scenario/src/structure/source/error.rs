@@ -24,7 +24,7 @@ pub enum StructureFileError {
 #[non_exhaustive]
 pub enum UrdfError {
     /// The file is not XML.
-    #[error("it is no XML: {reason}")]
+    #[error("it is not XML: {reason}")]
     Xml {
         /// Message of the XML parser, with the position.
         reason: String,
@@ -40,7 +40,7 @@ pub enum UrdfError {
         got: String,
     },
     /// The XML describes something other than a robot.
-    #[error("it is no robot: its root is <{got}>, not <robot>")]
+    #[error("it is not a robot: its root is <{got}>, not <robot>")]
     NotARobot {
         /// Tag of the root element.
         got: String,
@@ -482,7 +482,7 @@ pub enum UffFault {
 #[non_exhaustive]
 pub enum MatrixError {
     /// The file is not in NumPy's format.
-    #[error("it is no NumPy file: {what}")]
+    #[error("it is not a NumPy file: {what}")]
     NotNpy {
         /// Violated rule of the format.
         what: &'static str,

@@ -91,12 +91,12 @@ fn files_that_are_no_matrix_are_said() {
         assert_eq!(from.chars().count(), to.chars().count(), "the length of the header stays");
         says(&changed.chars().map(|letter| letter as u8).collect::<Vec<_>>())
     };
-    insta::assert_snapshot!(says(b"PK\x03\x04"), @r"it is no NumPy file: it does not begin with \x93NUMPY");
-    insta::assert_snapshot!(with("\u{1}\u{0}", "\u{4}\u{0}"), @"it is no NumPy file: its version is not 1.0, 2.0 or 3.0");
-    insta::assert_snapshot!(says(&file[..30]), @"it is no NumPy file: it ends inside the header");
-    insta::assert_snapshot!(with("descr", "descs"), @"it is no NumPy file: the header lacks `descr`, `fortran_order` or `shape`");
-    insta::assert_snapshot!(with("descr", "des\u{ff}r"), @"it is no NumPy file: the header is no text");
-    insta::assert_snapshot!(with("False", "Never"), @"it is no NumPy file: `fortran_order` is neither True nor False");
+    insta::assert_snapshot!(says(b"PK\x03\x04"), @r"it is not a NumPy file: it does not begin with \x93NUMPY");
+    insta::assert_snapshot!(with("\u{1}\u{0}", "\u{4}\u{0}"), @"it is not a NumPy file: its version is not 1.0, 2.0 or 3.0");
+    insta::assert_snapshot!(says(&file[..30]), @"it is not a NumPy file: it ends inside the header");
+    insta::assert_snapshot!(with("descr", "descs"), @"it is not a NumPy file: the header lacks `descr`, `fortran_order` or `shape`");
+    insta::assert_snapshot!(with("descr", "des\u{ff}r"), @"it is not a NumPy file: the header is no text");
+    insta::assert_snapshot!(with("False", "Never"), @"it is not a NumPy file: `fortran_order` is neither True nor False");
     insta::assert_snapshot!(with("<f8", ">f8"), @r#"its numbers are of type ">f8": save float64, numpy.save(path, matrix.astype("<f8"))"#);
     insta::assert_snapshot!(with("(2, 2)", "(2, 1)"), @"its shape is (2, 1): it must be square, with 1 to 1000 rows");
     insta::assert_snapshot!(with("(2, 2)", "( 4,) "), @"its shape is ( 4,): it must be square, with 1 to 1000 rows");

@@ -54,8 +54,8 @@ fn what_was_read_is_written_and_needs_no_file() {
 fn keys_that_contradict_are_refused() {
     insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'none.uff'\n"), @"can't read examples/none.uff: No such file or directory (os error 2); paths count from the scenario's folder");
     insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\nmatrices = { mass = 'm', stiffness = 'k' }\n"), @"structure: give `file` or `matrices`, not both: modes come from one of them");
-    insta::assert_snapshot!(says("[structure]\nfile = 'arm6.urdf'\n"), @"structure: `file` says nothing about a structure of kind `preset`: leave it out");
-    insta::assert_snapshot!(says("[structure]\nkind = 'chain'\nmatrices = { mass = 'm', stiffness = 'k' }\n"), @"structure: `matrices` says nothing about a structure of kind `chain`: leave it out");
+    insta::assert_snapshot!(says("[structure]\nfile = 'arm6.urdf'\n"), @"structure: `file` does not apply to a structure of kind `preset`: leave it out");
+    insta::assert_snapshot!(says("[structure]\nkind = 'chain'\nmatrices = { mass = 'm', stiffness = 'k' }\n"), @"structure: `matrices` does not apply to a structure of kind `chain`: leave it out");
     insta::assert_snapshot!(says("[structure]\nkind = 'chain'\ntip = 'tool0'\n"), @"structure: `tip` is of a chain with the `file` of a robot, URDF: leave it out");
     insta::assert_snapshot!(says("[structure]\nkind = 'chain'\njoints = [{ name = 'a', stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]\n"), @"structure: `joints` is of a chain with the `file` of a robot, URDF: leave it out");
     insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nnodes = { tip = 1 }\n"), @"structure: `nodes` is of a modal structure with the `file` of its modes, UFF: leave it out");

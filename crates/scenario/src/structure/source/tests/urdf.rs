@@ -158,9 +158,9 @@ fn of(from: &str, to: &str, joints: &[&str]) -> String {
 #[test]
 fn what_is_no_robot_is_said() {
     let both = ["shoulder", "elbow"];
-    insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"base\">", &both), @"it is no XML: expected 'link' tag, not 'robot' at 13:1");
-    insta::assert_snapshot!(of("<robot name=\"two\">", "<robot name=\"two\" xmlns=\"\">&payload;", &both), @"it is no XML: unknown entity reference 'payload' at 1:28");
-    insta::assert_snapshot!(chain("<sdf/>", &[], None).unwrap_err(), @"it is no robot: its root is <sdf>, not <robot>");
+    insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"base\">", &both), @"it is not XML: expected 'link' tag, not 'robot' at 13:1");
+    insta::assert_snapshot!(of("<robot name=\"two\">", "<robot name=\"two\" xmlns=\"\">&payload;", &both), @"it is not XML: unknown entity reference 'payload' at 1:28");
+    insta::assert_snapshot!(chain("<sdf/>", &[], None).unwrap_err(), @"it is not a robot: its root is <sdf>, not <robot>");
     insta::assert_snapshot!(of("<link name=\"base\"/>", "<link/>", &both), @"line 2: <link> lacks `name`");
     insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"ten\"/>", &both), @r#"line 3: `value` is "ten": it must be a finite number"#);
     insta::assert_snapshot!(of("0.5 0 0", "0.5 0", &both), @r#"line 11: `xyz` is "0.5 0": it must be three finite numbers"#);
