@@ -155,7 +155,7 @@ fn bad_input_has_exit_code_2() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the response is quasi-static");
     insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
     insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --points=3"), @r"
     error: the following required arguments were not provided:

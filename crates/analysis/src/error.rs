@@ -54,7 +54,7 @@ pub enum AnalysisError {
         size: usize,
     },
     /// No solution was found where one was sought.
-    #[error("no solution at {at}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
+    #[error("no solution at {at}: {refusal}; start elsewhere, away from a resonance, or lower the excitation")]
     NoSolution {
         /// λ.
         at: Place,
@@ -64,7 +64,7 @@ pub enum AnalysisError {
     /// A branch could not be followed further.
     #[error(
         "the branch could not be followed beyond {at} (arclength {arclength}, step {step:.1e}): {refusal}; \
-         try smaller steps, more harmonics, or to start from the other end", arclength = rounded(.arclength, 3)
+         take smaller steps or more harmonics, or start from the other end", arclength = rounded(.arclength, 3)
     )]
     Stuck {
         /// λ at the last point.
@@ -85,7 +85,9 @@ pub enum AnalysisError {
         to: Place,
     },
     /// The series of a motion does not end.
-    #[error("at {at} the motion needs more than {harmonics} harmonics; try to allow more, or less excitation")]
+    #[error(
+        "at {at} the response needs more than {harmonics} harmonics; allow more harmonics, or lower the excitation"
+    )]
     TooManyHarmonics {
         /// λ.
         at: Place,
@@ -116,7 +118,7 @@ pub enum AnalysisError {
     },
     /// The excitation does not bring a mode to quadrature.
     #[error(
-        "mode {mode}, {at}, is not driven by this excitation: the mode is nowhere 90° behind it; try another excitation"
+        "mode {mode}, {at}, is not driven by this excitation: its response is nowhere 90° behind the load; try another excitation"
     )]
     NotDriven {
         /// The mode, 1 or 2.
@@ -153,7 +155,7 @@ pub enum AnalysisError {
     },
     /// Small motions of a structure are not linear.
     #[error(
-        "element {element}, {law}, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, \
+        "element {element}, {law}, acts at infinitesimal amplitude, and a backbone begins as a linear mode; leave the element out, \
          or give a contact a gap"
     )]
     NotLinear {
@@ -163,7 +165,9 @@ pub enum AnalysisError {
         law: &'static str,
     },
     /// A structure without damping can't have an element.
-    #[error("element {element}, {law}, dissipates: there is no structure without damping that has it")]
+    #[error(
+        "element {element}, {law}, dissipates energy, so the undamped structure is not defined: leave the element out"
+    )]
     Dissipates {
         /// The number of the element, from 1.
         element: usize,

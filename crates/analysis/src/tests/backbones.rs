@@ -149,7 +149,7 @@ fn a_mode_that_is_not_driven_is_an_error() {
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly, tip, 1.0);
     let options = BackboneOptions::new(&forced, 0, 0.1, f64::INFINITY, vec![tip]);
-    insta::assert_snapshot!(super::super::backbone(&forced, &options).unwrap_err(), @"mode 1, 20.429754 Hz, is not driven by this excitation: the mode is nowhere 90° behind it; try another excitation");
+    insta::assert_snapshot!(super::super::backbone(&forced, &options).unwrap_err(), @"mode 1, 20.429754 Hz, is not driven by this excitation: its response is nowhere 90° behind the load; try another excitation");
 }
 
 /// A load too weak for the first amplitude still gives a curve, which ends there; one that ends early keeps its points.
@@ -173,8 +173,8 @@ fn a_backbone_refuses_what_it_can_not_begin_with() {
         let options = BackboneOptions::new(forced, mode, 0.01, 10.0, vec![forced.drives()[0].0]);
         super::super::backbone(forced, &options).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, or give a contact a gap");
-    insta::assert_snapshot!(friction.undamped().unwrap_err(), @"element 1, friction, dissipates: there is no structure without damping that has it");
+    insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, acts at infinitesimal amplitude, and a backbone begins as a linear mode; leave the element out, or give a contact a gap");
+    insta::assert_snapshot!(friction.undamped().unwrap_err(), @"element 1, friction, dissipates energy, so the undamped structure is not defined: leave the element out");
     let cubic = single(1e-3, Law::Cubic { stiffness3: 1e7, stiffness5: 0.0 });
     insta::assert_snapshot!(refusal(&cubic, 4), @"there is no mode 5: the structure has modes 1 to 1");
 }

@@ -544,7 +544,7 @@ fn what_has_no_steady_state_is_refused() {
         super::backbone(&forced, &BackboneOptions::new(&forced, 0, 1e-3, f64::INFINITY, vec![tip])).unwrap_err();
     insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
     let refused = time_domain::StroboscopicMap::new(&forced, 20.0).unwrap_err();
-    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and the damping that it has on its soft supports");
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and the damping that it has on its soft supports");
 }
 
 /// An overdamped mode beside one that oscillates: the closed form of the response, and, with a spring too weak to act,

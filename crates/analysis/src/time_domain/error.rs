@@ -19,7 +19,7 @@ pub enum TimeDomainError {
     /// A period of the excitation has too many steps.
     #[error(
         "excitation frequency {got_hz} Hz: a period would take {steps:.1e} steps, more than {most}; go no lower than \
-         {lowest_hz:.2e} Hz, where the motion is quasi-static", got_hz = short(.got_hz))]
+         {lowest_hz:.2e} Hz, where the response is quasi-static", got_hz = short(.got_hz))]
     FrequencyTooLow {
         /// The given value, Hz.
         got_hz: f64,
@@ -50,7 +50,9 @@ pub enum TimeDomainError {
         most: u32,
     },
     /// Vibration never dies out.
-    #[error("mode {mode} has the damping ratio {damping_ratio:e}: without damping no motion settles; give it damping")]
+    #[error(
+        "mode {mode} has the damping ratio {damping_ratio:e}: without damping no response settles; give it damping"
+    )]
     Undamped {
         /// Its number, from 1.
         mode: usize,
@@ -59,7 +61,7 @@ pub enum TimeDomainError {
     },
     /// Nothing holds the structure.
     #[error(
-        "mode {mode} is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and \
+        "mode {mode} is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and \
          the damping that it has on its soft supports"
     )]
     Rigid {
@@ -86,7 +88,7 @@ pub enum TimeDomainError {
     #[error(transparent)]
     Structure(#[from] StructureError),
     /// A stop was requested.
-    #[error("stopped before the motion had settled")]
+    #[error("stopped before the response had settled")]
     Stopped,
 }
 

@@ -419,9 +419,9 @@ fn stops_and_refuses() {
     insta::assert_snapshot!(refusal(&forced, 0.0), @"excitation frequency 0 Hz: it must be a positive number");
     insta::assert_snapshot!(refusal(&forced, f64::NAN), @"excitation frequency NaN Hz: it must be a positive number");
     let (arm, joint) = arm(60.0, 1.0);
-    insta::assert_snapshot!(refusal(&arm, 1e-6), @"excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(refusal(&arm, 1e-6), @"excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the response is quasi-static");
     insta::assert_snapshot!(refusal(&arm.with_amplitude(f64::INFINITY), 20.0), @"the amplitude of the excitation is not finite: torque and force must be numbers");
-    insta::assert_snapshot!(refusal(&forced.undamped().unwrap(), 20.0), @"mode 1 has the damping ratio 0e0: without damping no motion settles; give it damping");
+    insta::assert_snapshot!(refusal(&forced.undamped().unwrap(), 20.0), @"mode 1 has the damping ratio 0e0: without damping no response settles; give it damping");
     let options = SettleOptions { time_constants: 0.0, ..SettleOptions::default() };
     insta::assert_snapshot!(settle(&map, &[read], &rest(&forced), &options, &|| false).unwrap_err(), @"time_constants is 0: it must be a positive number");
     let map = StroboscopicMap::new(&arm.with_amplitude(1e12), 20.0).unwrap();
