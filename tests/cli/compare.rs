@@ -112,7 +112,7 @@ fn reports_documents_that_can_t_be_compared() {
     assert_eq!(resonarm(folder, &walk).code, 0);
     assert_snapshot!(complaint(folder, 2, &["compare", "none.json"]), @"resonarm: none.json can't be read: No such file or directory (os error 2)");
     fs::write(folder.join("text.json"), "frequency").unwrap();
-    assert_snapshot!(complaint(folder, 2, &["compare", "text.json"]), @"resonarm: text.json is no document of `experiment walk --json`: expected ident at line 1 column 2");
+    assert_snapshot!(complaint(folder, 2, &["compare", "text.json"]), @"resonarm: text.json is not a document of `experiment walk --json`: expected ident at line 1 column 2");
     let loads = complaint(folder, 2, &["compare", "backbone.json"]);
     assert!(loads.starts_with("resonarm: backbone.json: its points are of loads from "), "{loads}");
     let mut empty: Value = serde_json::from_str(&fs::read_to_string(folder.join("backbone.json")).unwrap()).unwrap();

@@ -153,7 +153,8 @@ impl Compare {
             text_file::read_numbers(&self.file)
         };
         let text = read.map_err(|source| Failure::usage(format!("{name} can't be read: {source}")))?;
-        let foreign = |source| Failure::usage(format!("{name} is no document of `experiment walk --json`: {source}"));
+        let foreign =
+            |source| Failure::usage(format!("{name} is not a document of `experiment walk --json`: {source}"));
         let MeasuredDocument { configuration, points } = serde_json::from_str(&text).map_err(foreign)?;
         let Configuration { structure, drive } = configuration;
         let mut configuration = json!({ "structure": structure.clone() });
