@@ -86,7 +86,7 @@ pub enum AnalysisError {
     },
     /// The series of a motion does not end.
     #[error(
-        "at {at} the response needs more than {harmonics} harmonics; allow more harmonics, or lower the excitation"
+        "at {at} the response needs more than {harmonics} harmonics; lower the excitation, or allow more harmonics"
     )]
     TooManyHarmonics {
         /// λ.
@@ -95,7 +95,7 @@ pub enum AnalysisError {
         harmonics: usize,
     },
     /// A branch has more points than were allowed.
-    #[error("the branch has more than {points} points and has come to {at}; try to allow more points or larger steps")]
+    #[error("the branch has more than {points} points and has come to {at}; allow more points or larger steps")]
     TooManyPoints {
         /// The most that was allowed.
         points: usize,

@@ -96,7 +96,7 @@ pub enum TimeDomainError {
 fn reason(error: &StepError) -> alloc::string::String {
     match error {
         StepError::NotFinite { t_s } | StepError::Integrate(IntegrateError::NotFinite { t_s }) => {
-            alloc::format!("the motion grows beyond all bounds, {t_s:.2e} s after phase 0; try less excitation")
+            alloc::format!("the response grows without bound, {t_s:.2e} s after phase 0; lower the excitation")
         }
         StepError::Integrate(source) => alloc::format!("{source}"),
         other => alloc::format!("{other}"),

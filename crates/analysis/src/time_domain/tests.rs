@@ -425,5 +425,5 @@ fn stops_and_refuses() {
     let options = SettleOptions { time_constants: 0.0, ..SettleOptions::default() };
     insta::assert_snapshot!(settle(&map, &[read], &rest(&forced), &options, &|| false).unwrap_err(), @"time_constants is 0: it must be a positive number");
     let map = StroboscopicMap::new(&arm.with_amplitude(1e12), 20.0).unwrap();
-    insta::assert_snapshot!(settle(&map, &[joint], &[0.0; 4], &SettleOptions::default(), &|| false).unwrap_err(), @"excited at 20 Hz: the motion grows beyond all bounds, 1.06e-3 s after phase 0; try less excitation");
+    insta::assert_snapshot!(settle(&map, &[joint], &[0.0; 4], &SettleOptions::default(), &|| false).unwrap_err(), @"excited at 20 Hz: the response grows without bound, 1.06e-3 s after phase 0; lower the excitation");
 }

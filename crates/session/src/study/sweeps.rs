@@ -297,7 +297,7 @@ mod tests {
             sweeps.sweeps[sweep] = Sweep { forced, frequency_hz, over: Coordinate::Amplitude, values: values.into() };
         }
         let error = computed(sweeps, None).unwrap_err().to_string();
-        assert!(error.starts_with("excited at 11 Hz: the motion grows beyond all bounds"), "{error}");
+        assert!(error.starts_with("excited at 11 Hz: the response grows without bound"), "{error}");
     }
 
     #[test]
