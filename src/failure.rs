@@ -332,7 +332,7 @@ fn continuation_hint(error: &AnalysisError) -> &'static str {
 fn kept_so_far(motions: &usize) -> String {
     match motions {
         0 => String::new(),
-        1 => String::from("; the motion before that is in the results"),
-        _ => format!("; the {motions} motions before that are in the results"),
+        1 => String::from("; the response before that is in the results"),
+        _ => format!("; the {motions} responses before that are in the results"),
     }
 }
