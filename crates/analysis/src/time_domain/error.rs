@@ -61,8 +61,8 @@ pub enum TimeDomainError {
     },
     /// Nothing holds the structure.
     #[error(
-        "mode {mode} is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and \
-         the damping that it has on its soft supports"
+        "mode {mode} is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency \
+         and the damping that it has on its soft supports"
     )]
     Rigid {
         /// Its number, from 1.
