@@ -140,8 +140,8 @@ pub enum PlantSpecError {
     Initial(Vec<f64>),
     /// A structure with other channels than a plant takes.
     #[error(
-        "the structure has {inputs} inputs, {outputs} outputs and {states} states: a plant takes the {} loads and {} \
-         outputs of the arm, in their order, and at most {MOST_STATES} states", LOADS.len(), OUTPUTS.len()
+        "the structure has {inputs} inputs, {outputs} outputs and {states} states: a plant takes the {} loads and the {} \
+         outputs of every rig, in their order, and at most {MOST_STATES} states", LOADS.len(), OUTPUTS.len()
     )]
     Channels {
         /// The number of its inputs.

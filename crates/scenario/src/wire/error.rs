@@ -129,13 +129,13 @@ pub enum WireError {
         other: String,
     },
     /// Two signals command the same load.
-    #[error("{place}: it commands {input}, as signal {other} does already: leave one out")]
+    #[error("{place}: it commands {input}, as message {other} does already: leave one out")]
     InputTwice {
         /// Signal that the error is about.
         place: Place,
         /// Load that is commanded twice.
         input: ChannelName,
-        /// Message of the other signal.
+        /// Message that commands it already.
         other: String,
     },
     /// The exciter of the scenario does not take this load.
