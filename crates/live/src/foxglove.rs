@@ -248,7 +248,8 @@ fn numbers<R: Numbers>(table: &Channels, dt_s: f64) -> Batcher<NumberBatch<R>> {
 
 /// Time of a sample, ns of the UNIX epoch.
 fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
-    start_unix_ns.saturating_add((sample as f64 * dt_s * 1e9) as u64)
+    // Rounded, as in recordings: cut off, every few samples would be 1 ns early.
+    start_unix_ns.saturating_add(libm::round(sample as f64 * dt_s * 1e9) as u64)
 }
 
 /// The first messages to a client.
@@ -359,6 +360,13 @@ mod tests {
     fn frame(sample: u64, direction: Direction, id: u16) -> Record {
         let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(id), &[1, 2]).unwrap();
         Record::Frame(FrameRecord { sample, direction, time_ns: 7 * sample, bus_timestamp_ns: None, frame })
+    }
+
+    /// Sample 1025 of a bench at 1 kHz was at 1024999999 ns: the product of floating-point numbers is below 1.025 s.
+    #[test]
+    fn times_of_samples_are_whole_milliseconds() {
+        let wrong = (0..100_000_u64).find(|sample| time_ns((5, 1e-3), *sample) != 5 + sample * 1_000_000);
+        assert_eq!(wrong, None);
     }
 
     #[test]

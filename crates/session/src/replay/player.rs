@@ -147,7 +147,7 @@ impl<C: Clock> Player<'_, C> {
                 played.latest_s = played.latest_s.max(self.clock.now_ns().saturating_sub(due_ns) as f64 * 1e-9);
             }
         }
-        Ok(first_ns.map(|_| length_ns.saturating_add((origin.dt_s * 1e9) as u64)))
+        Ok(first_ns.map(|_| length_ns.saturating_add(libm::round(origin.dt_s * 1e9) as u64)))
     }
 
     /// Sleeps until `due_ns`; `false` if it was asked to stop before.
