@@ -1,4 +1,4 @@
-//! Discrete Fourier transforms, the same bits on every machine.
+//! Discrete Fourier transforms whose results are bit-identical on every machine.
 
 use alloc::vec::Vec;
 use core::f64::consts::PI;
@@ -35,6 +35,7 @@ impl Fft {
             return;
         }
         let unused = usize::BITS - length.trailing_zeros();
+        // Bit reversal is its own inverse, so each pair is swapped once, when its smaller index comes.
         for i in 0..length {
             let j = i.reverse_bits() >> unused;
             if i < j {
@@ -118,7 +119,7 @@ impl Lines {
     }
 }
 
-/// e^(−πi j/N).
+/// e^(−πi j/N), N being `period`.
 fn turn(j: u64, period: u64) -> Complex<f64> {
     let (sine, cosine) = libm::sincos(-PI * (j as f64 / period as f64));
     Complex::new(cosine, sine)

@@ -19,6 +19,8 @@ pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option
                 (pivot, largest) = (row, size);
             }
         }
+        // One division a column: the rows below are multiplied by the inverse of the pivot. Where the pivot is 0 or
+        // NaN the inverse is not finite, which is how a singular matrix is noticed.
         let inverse = 1.0 / flat[pivot * n + column];
         if !inverse.is_finite() {
             return None;
@@ -40,7 +42,8 @@ pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option
     for row in (0..n).rev() {
         let (left, solved) = right.split_at_mut(row + 1);
         let own = &flat[row * n..(row + 1) * n];
-        // Each sum adds in the order of the columns whatever M is, so its bits don't depend on M.
+        // Each sum adds in the order of the columns whatever M is, so its bits don't depend on M. It starts at −0,
+        // since −0 + x is x for every x, −0 included.
         let mut known = [-0.0; M];
         for (factor, sides) in own[row + 1..].iter().zip(solved) {
             known.iter_mut().zip(sides).for_each(|(sum, side)| *sum += factor * *side);
@@ -55,6 +58,7 @@ pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option
 pub fn solve_complex(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
     let n = right.len();
     for column in 0..n {
+        // The magnitude decides on the pivot; `hypot` does not overflow where re² + im² would.
         let sizes = (column..n).map(|row| libm::hypot(matrix[row * n + column].re, matrix[row * n + column].im));
         let (pivot, largest) =
             sizes.enumerate().fold((0, 0.0), |best, (i, size)| if size > best.1 { (i, size) } else { best });

@@ -50,6 +50,7 @@ impl Noise {
     /// G. E. P. Box, M. E. Muller, "A Note on the Generation of Random Normal Deviates", Ann. Math. Statist. 29 (1958):
     /// with u, v uniform, u in (0, 1], √(−2 ln u) cos 2πv is standard normal.
     pub fn normal(&mut self) -> f64 {
+        // One more than the upper 53 bits: u is never 0, whose logarithm is not finite.
         let u = ((self.bits() >> 11) + 1) as f64 * STEP;
         let v = self.uniform();
         libm::sqrt(-2.0 * libm::log(u)) * libm::cos(TAU * v)

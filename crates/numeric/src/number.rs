@@ -1,4 +1,4 @@
-//! Numbers in messages.
+//! Numbers in messages: exact in the fewest digits, or rounded, but never hundreds of digits long.
 
 use core::fmt;
 

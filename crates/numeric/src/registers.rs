@@ -5,10 +5,10 @@
 
 /// A computation. All that it calls and that shall use the registers is `#[inline(always)]`, as is its `run`.
 pub trait Task {
-    /// Its result.
+    /// Result of the computation.
     type Output;
 
-    /// Computes it.
+    /// Carries out the computation.
     fn run(self) -> Self::Output;
 }
 
@@ -39,7 +39,7 @@ mod x86 {
         avx512_detection::get()
     }
 
-    /// Whether they have AVX2.
+    /// Whether the processor and the operating system have AVX2; queried once.
     pub fn has_avx2() -> bool {
         avx2_detection::get()
     }
