@@ -38,7 +38,7 @@ impl Version {
     }
 }
 
-/// A variable.
+/// A variable as the description states it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Variable {
     pub reference: u32,
@@ -60,7 +60,7 @@ pub(crate) struct Description {
     pub version: Version,
     pub identifier: String,
     pub token: String,
-    /// What wrote it.
+    /// Tool that wrote the FMU, by `generationTool`.
     pub tool: Option<String>,
     pub own_step_s: Option<f64>,
     pub variables: BTreeMap<String, Variable>,
@@ -81,7 +81,7 @@ fn is_true(node: &Node<'_, '_>, name: &str) -> bool {
 }
 
 impl Description {
-    /// Reads a description.
+    /// Reads the text of `modelDescription.xml`, and checks what a structure needs of it.
     pub fn parse(text: &str) -> Result<Description, ImportError> {
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         let document = Document::parse_with_options(text, options);
@@ -177,6 +177,8 @@ fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, V
         };
         let of_type = typed.attribute("declaredType").and_then(|name| types.get(name)).copied().unwrap_or_default();
         let causality = node.attribute("causality").unwrap_or("local");
+        // By default the start values of parameters and inputs are exact, those of other variables if `initial` says
+        // so.
         let starts = causality == "parameter" || causality == "input" || node.attribute("initial") == Some("exact");
         let variable = Variable {
             reference,
@@ -187,6 +189,8 @@ fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, V
             is_relative: is_true(&typed, "relativeQuantity") || of_type.1,
             elements: None,
         };
+        // The length of an array may be the start value of a structural parameter, which can come behind the array:
+        // lengths are looked up when all variables are read.
         if let Some(start) = node.attribute("start").and_then(|text| text.trim().parse().ok()) {
             sizes.insert(reference, start);
         }

@@ -11,15 +11,15 @@ pub enum ImportError {
     /// The archive is none.
     #[error("not a ZIP archive, as an FMU is: {reason}")]
     Zip {
-        /// What is wrong.
+        /// What keeps the file from being a ZIP archive.
         reason: String,
     },
     /// A name in the archive that would leave its folder.
     #[error("`{name}` in the archive {what}: names must stay within the FMU; nothing of it is unpacked")]
     Name {
-        /// The name.
+        /// Name of the entry in the archive.
         name: String,
-        /// What it does.
+        /// What is wrong with the name or its entry, such as `is absolute`.
         what: &'static str,
     },
     /// The archive is too large when it is unpacked.
@@ -28,9 +28,9 @@ pub enum ImportError {
          its archive; pack its resources less densely if it really has so many"
     )]
     TooLarge {
-        /// The entry.
+        /// Entry at which the limit is exceeded.
         name: String,
-        /// The limit, MB.
+        /// Limit of the unpacked size, MB.
         most_mb: u64,
     },
     /// The archive has more entries than an FMU.
@@ -40,60 +40,60 @@ pub enum ImportError {
     Entries {
         /// How many it has.
         got: usize,
-        /// The limit.
+        /// Most entries that are read.
         most: usize,
     },
     /// A file of every FMU is missing.
     #[error("no `{name}` in the archive: it is no FMU")]
     NoFile {
-        /// The file.
+        /// Name of the file that is missing.
         name: &'static str,
     },
     /// The folder of an instance can't be written.
     #[error("can't unpack the FMU into a temporary folder: {reason}; TMPDIR names another place for it")]
     Unpack {
-        /// Why.
+        /// Error of the operating system.
         reason: String,
     },
-    /// The description is no XML that is read here.
+    /// The description can't be read as XML of FMI.
     #[error("modelDescription.xml: {reason}")]
     Xml {
-        /// Why.
+        /// What is wrong with the text.
         reason: String,
     },
     /// The description lacks something.
     #[error("modelDescription.xml: <{element}> has no {attribute}")]
     Lacks {
-        /// The element.
+        /// Name of the XML element.
         element: String,
         /// The attribute or element that it lacks.
         attribute: &'static str,
     },
-    /// A text in the description that says nothing.
+    /// An attribute in the description has an invalid value.
     #[error("modelDescription.xml: {attribute} of `{of}` is `{got}`: it must be {expected}")]
     Attribute {
         /// The element or variable.
         of: String,
-        /// The attribute.
+        /// Name of the attribute.
         attribute: &'static str,
-        /// Its text.
+        /// Text that the attribute has.
         got: String,
-        /// What is valid.
+        /// What the attribute must be.
         expected: &'static str,
     },
     /// Another version of FMI.
     #[error("fmiVersion is `{got}`: FMUs of FMI 2.0 and 3.0 are taken")]
     Version {
-        /// The version.
+        /// Value of `fmiVersion` in the description.
         got: String,
     },
-    /// Not for co-simulation.
+    /// The FMU does not support co-simulation.
     #[error("the FMU has no co-simulation, only {has}: export it for co-simulation")]
     NoCoSimulation {
-        /// What it has.
+        /// Interfaces that it supports instead.
         has: String,
     },
-    /// It needs a tool.
+    /// The FMU can't run without the tool that wrote it.
     #[error("the FMU needs its tool to run (needsExecutionTool): export one that runs alone")]
     NeedsTool,
     /// No library for this machine.
@@ -113,21 +113,21 @@ pub enum ImportError {
     /// The library lacks a function.
     #[error("the library of the FMU has no function `{name}`")]
     Function {
-        /// The function.
+        /// Name of the function, as FMI spells it.
         name: String,
     },
     /// The process in which the FMU is to run can't be started.
     #[error("can't start a process for the FMU: {reason}")]
     Process {
-        /// Why.
+        /// Error of the operating system.
         reason: String,
     },
     /// The FMU ended its process, or lost its connection, before the simulation began or as it was let go.
     #[error("{during} the FMU, {fault}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
     Ended {
-        /// What was being done.
+        /// What was being done: `loading` or `unloading`.
         during: &'static str,
-        /// What it did.
+        /// How the process ended, or that the connection was lost.
         fault: ForeignFault,
         /// The last message of the FMU.
         log: Option<String>,
@@ -135,9 +135,9 @@ pub enum ImportError {
     /// A call before the simulation failed.
     #[error("{call} returned {status}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
     Call {
-        /// The function.
+        /// Name of the function that failed.
         call: String,
-        /// What it returned.
+        /// Name of the status that the function returned.
         status: &'static str,
         /// The last message of the FMU.
         log: Option<String>,
@@ -145,7 +145,7 @@ pub enum ImportError {
     /// The outputs at the start can't be read.
     #[error("{reason}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
     Start {
-        /// What failed.
+        /// What is wrong with an output, as a sentence.
         reason: String,
         /// The last message of the FMU.
         log: Option<String>,
@@ -158,9 +158,9 @@ pub enum ImportError {
     Variable {
         /// The key that names it.
         key: String,
-        /// The name.
+        /// Name that the scenario gives.
         name: String,
-        /// The nearest one.
+        /// Variable of the FMU with the most similar name, if one is similar enough.
         nearest: Option<String>,
     },
     /// A variable of another causality.
@@ -168,9 +168,9 @@ pub enum ImportError {
     Causality {
         /// The key that names it.
         key: String,
-        /// The variable.
+        /// Name of the variable in the FMU.
         name: String,
-        /// Its causality.
+        /// Causality that the variable has.
         got: String,
         /// What it must be.
         expected: &'static str,
@@ -180,11 +180,11 @@ pub enum ImportError {
     Type {
         /// The key that names it.
         key: String,
-        /// The variable.
+        /// Name of the variable in the FMU.
         name: String,
-        /// Its type.
+        /// Type that the variable has.
         got: String,
-        /// The type that is.
+        /// Type of real numbers in this version of FMI.
         expected: &'static str,
     },
     /// An array where a number is needed, or an element that it does not have.
@@ -194,17 +194,17 @@ pub enum ImportError {
     Element {
         /// The key that names it.
         key: String,
-        /// The variable.
+        /// Name of the array in the FMU.
         name: String,
-        /// How many it has.
+        /// Number of elements of the array.
         elements: usize,
     },
     /// Another number of values than the parameter has.
     #[error("structure.parameters: `{name}` has {expected} numbers, and {got} are given")]
     Length {
-        /// The parameter.
+        /// Name of the parameter in the FMU.
         name: String,
-        /// Numbers given.
+        /// Number of values that the scenario gives.
         got: usize,
         /// The number of its elements.
         expected: usize,
@@ -212,9 +212,9 @@ pub enum ImportError {
     /// A number that is not finite.
     #[error("structure.parameters: `{name}` is {got}: it must be finite")]
     Value {
-        /// The parameter.
+        /// Name of the parameter in the FMU.
         name: String,
-        /// The value.
+        /// Value that the scenario gives.
         got: f64,
     },
     /// A unit of another quantity.
@@ -222,13 +222,13 @@ pub enum ImportError {
     Unit {
         /// The key that names it.
         key: String,
-        /// The variable.
+        /// Name of the variable in the FMU.
         name: String,
-        /// Its unit.
+        /// Name of the variable's unit.
         unit: String,
-        /// Its exponents.
+        /// Exponents of the unit in SI base units, such as `kg·m·s^-2`.
         got: String,
-        /// The exponents of the quantity.
+        /// Exponents that the quantity needs.
         expected: String,
     },
     /// A key that names no degree of freedom.
@@ -236,9 +236,9 @@ pub enum ImportError {
         "structure.{key}: `{got}` names no degree of freedom: write point and axis, as in \"tip.x\", or joint1, or mode1"
     )]
     Dof {
-        /// The section.
+        /// Section of `structure` that has the key: `inputs` or `outputs`.
         key: &'static str,
-        /// The text.
+        /// The key as the scenario has it.
         got: String,
     },
     /// A degree of freedom on which no load acts.
@@ -250,11 +250,11 @@ pub enum ImportError {
     /// Nothing is read or driven where an instrument or the exciter is.
     #[error("rig.{instrument}: nothing of structure.{section} is at `{at}`; there are {known}")]
     Place {
-        /// The instrument.
+        /// Section of `rig` that states the place, such as `sensors.b`.
         instrument: &'static str,
         /// The section in which it has to be.
         section: &'static str,
-        /// Where it is.
+        /// Place that the scenario states.
         at: String,
         /// The degrees of freedom that there are.
         known: String,
@@ -264,12 +264,12 @@ pub enum ImportError {
     Missing {
         /// The degree of freedom.
         dof: String,
-        /// The key.
+        /// Key of the variable that is missing.
         missing: &'static str,
-        /// What needs it.
+        /// What needs the variable, as a sentence.
         why: &'static str,
     },
-    /// A key that is of the other way to read.
+    /// A force is mapped although the FMU is read after each step.
     #[error(
         "structure.outputs.\"{dof}\": `force` is of an FMU that samples it itself: leave it out, or take `read = \"end\"`"
     )]
@@ -292,11 +292,11 @@ pub enum ImportError {
         "structure.outputs: {got} {what} with displacement and velocity: a recording has {what} 1 to {most}, without a gap"
     )]
     Coordinates {
-        /// What they are.
+        /// What kind of coordinates they are: points, joints or modes.
         what: &'static str,
         /// How many there are.
         got: usize,
-        /// The most.
+        /// Most coordinates of this kind in a recording.
         most: usize,
     },
     /// One of our own FMUs, which has sampled its motion already.
@@ -304,7 +304,7 @@ pub enum ImportError {
         "structure: `read` is middle, and the FMU, of {tool}, samples its motion itself: take `read = \"end\"`, and the variables `true.…`"
     )]
     SamplesItself {
-        /// What wrote it.
+        /// Tool that wrote the FMU.
         tool: String,
     },
 }

@@ -26,7 +26,7 @@ pub(crate) struct Instance {
     is_over: bool,
     request: Vec<u8>,
     body: Vec<u8>,
-    /// After the pipes, so that an FMU that waits at one of them ends.
+    /// Declared after the pipes, so that it is dropped after them: an FMU that waits at one of them ends then.
     _guard: Guard,
 }
 
@@ -173,6 +173,7 @@ impl Instance {
         let missed_s = reached_s.filter(|reached_s| !is_there(*reached_s));
         let function = self.function(call);
         match (call, missed_s) {
+            // Tested first: an FMU that asks for the end may also discard the step, or stop before its end.
             _ if terminates => Err(failed(function, ForeignFault::Terminates)),
             (StepCall::Set | StepCall::Step, _) => {
                 Err(failed(function, ForeignFault::Status(status_name(Some(status)))))

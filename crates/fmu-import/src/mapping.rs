@@ -45,7 +45,7 @@ pub(crate) type Axes = [Option<Slot>; 2];
 /// What is set and read of an FMU.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Mapping {
-    /// Values of parameters.
+    /// Values of parameters, by value reference.
     pub parameters: Vec<(u32, Vec<f64>)>,
     /// Variables that are set, and where each load is in them, in the order of [`LOADS`].
     pub set: Block,
@@ -110,6 +110,8 @@ impl Mapping {
             *slot = Some(self.set.slot(&variable));
         }
         let is_driven = |slots: &[Option<Slot>]| slots.iter().any(Option::is_some);
+        // Where the scenario names no exciter, torques at the joints suffice. One that it names must be driven
+        // itself.
         if is_driven(&self.inputs[2..]) || (spec.exciter.is_none() && is_driven(&self.inputs)) {
             return Ok(());
         }
@@ -154,6 +156,7 @@ impl Mapping {
                 all.push((Dof::parse("outputs", dof)?, dof, displacement, velocity));
             }
         }
+        // The sort is stable: points stay in the order of their names.
         all.sort_by_key(|(kind, ..)| *kind);
         let Some((first, one, ..)) = all.first().copied() else { return Ok(()) };
         let kind = core::mem::discriminant(&first);

@@ -101,7 +101,7 @@ pub(crate) enum Answer {
     Ended { status: i32 },
 }
 
-/// An invalid answer.
+/// Error for bytes that are no valid answer.
 fn invalid() -> Error {
     Error::from(ErrorKind::InvalidData)
 }
@@ -125,6 +125,7 @@ impl Answer {
 
     fn bytes(&self, values: &[f64]) -> Vec<u8> {
         let values = || values.iter().flat_map(|value| value.to_ne_bytes());
+        // In front of a text stands its status: one byte says whether there is one, four bytes hold it.
         let text = |status: Option<i32>, text: &str| {
             let status = status.map_or([0; 5], |status| {
                 let [a, b, c, d] = status.to_ne_bytes();

@@ -1,4 +1,4 @@
-//! An FMU that was read: from it instances begin.
+//! An FMU that was read and checked, from which instances are started.
 
 use crate::archive::Archive;
 use crate::description::Description;

@@ -1,4 +1,4 @@
-//! What is wanted of an FMU: which of its variables is what.
+//! Specification of an imported FMU: which of its variables the plant sets and reads.
 
 use std::collections::BTreeMap;
 
@@ -20,16 +20,16 @@ pub enum ReadAt {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OutputsOf {
-    /// Displacement from rest.
+    /// Variable with the displacement from rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displacement: Option<String>,
-    /// Its rate.
+    /// Variable with the rate of the displacement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity: Option<String>,
-    /// The rate of that.
+    /// Variable with the acceleration, the rate of `velocity`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acceleration: Option<String>,
-    /// The force in the impedance head, of an FMU that samples it itself.
+    /// Variable with the force in the impedance head, of an FMU that samples it itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force: Option<String>,
 }
@@ -38,14 +38,14 @@ pub struct OutputsOf {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Numbers {
-    /// Of a scalar.
+    /// Value of a scalar parameter.
     One(f64),
-    /// Of an array.
+    /// Values of an array parameter.
     Many(Vec<f64>),
 }
 
 impl Numbers {
-    /// The numbers.
+    /// The values; a scalar has one.
     pub fn as_slice(&self) -> &[f64] {
         match self {
             Numbers::One(number) => core::slice::from_ref(number),

@@ -110,12 +110,15 @@ impl Held {
     fn try_step(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
         let source = Arc::clone(&self.source);
         let mapping = &source.mapping;
+        // Compared by their bits: +0 and −0 are different inputs, and a NaN would never equal itself.
         let changes = self.loads.as_ref().map(|set| set.map(f64::to_bits)) != Some(loads.map(f64::to_bits));
         if changes {
             for (slot, load) in mapping.inputs.iter().zip(loads) {
                 slot.iter().for_each(|slot| self.set[slot.index] = slot.conversion.of_si(*load));
             }
         }
+        // Both are taken out of `self`, which `instance` borrows as a whole, and put back before an error is
+        // returned.
         let (set, mut next) = (core::mem::take(&mut self.set), core::mem::take(&mut self.next));
         let done =
             self.instance(t_s).and_then(|instance| instance.step(t_s, source.step_s, (changes, &set), &mut next));

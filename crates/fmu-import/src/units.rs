@@ -10,7 +10,7 @@ const NAMES: [&str; 7] = ["kg", "m", "s", "A", "K", "mol", "cd"];
 /// Exponents of base units.
 pub(crate) type Exponents = [i32; NAMES.len()];
 
-/// A unit.
+/// A unit that the description defines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Unit {
     /// Exponents; `None` of a unit that doesn't say what it is in SI.
@@ -27,7 +27,7 @@ pub(crate) struct Conversion {
 }
 
 impl Conversion {
-    /// None at all.
+    /// The conversion that changes nothing.
     pub const NONE: Conversion = Conversion { factor: 1.0, offset: 0.0 };
 
     pub fn new(factor: f64, offset: f64) -> Conversion {
@@ -36,6 +36,7 @@ impl Conversion {
 
     /// The SI value of a variable's value.
     pub fn to_si(self, value: f64) -> f64 {
+        // The number is passed on as it is: 1 · x + 0 would turn −0 into +0.
         if self == Conversion::NONE { value } else { self.factor * value + self.offset }
     }
 

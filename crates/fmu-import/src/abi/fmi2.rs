@@ -1,4 +1,4 @@
-//! FMI 2.0.
+//! The C interface of FMI 2.0 for co-simulation, as far as a structure needs it.
 
 use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
@@ -7,22 +7,22 @@ use std::sync::Arc;
 use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StartError, StepOutcome, function, text};
 use crate::message::Answers;
 
-/// `fmi2CoSimulation`.
+/// `fmi2CoSimulation` of `fmi2Type`, the kind of instance that is created.
 const CO_SIMULATION: c_int = 1;
-/// `fmi2Boolean`.
+/// `fmi2False` and `fmi2True`, the values of `fmi2Boolean`.
 const FALSE: c_int = 0;
 const TRUE: c_int = 1;
 /// `fmi2DoStepStatus`, `fmi2LastSuccessfulTime` and `fmi2Terminated` of `fmi2StatusKind`.
 const LAST_SUCCESSFUL_TIME: c_int = 2;
 const TERMINATED: c_int = 3;
-/// `fmi2Discard`.
+/// `fmi2Discard` of `fmi2Status`: the FMU did not complete the step.
 const DISCARD: c_int = 2;
 
-/// `fmi2CallbackFunctions`.
+/// `fmi2CallbackFunctions`: what the FMU may call in this process.
 #[repr(C)]
 struct Callbacks {
-    /// It takes further arguments as `printf` does. They are not read: on Linux, on both machines, those that are
-    /// named are where a function without further ones expects them.
+    /// Takes further arguments as `printf` does. They are not read: on x86-64 and AArch64 Linux the named arguments
+    /// are where a function without further ones expects them.
     logger: unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char),
     allocate: unsafe extern "C" fn(usize, usize) -> *mut c_void,
     free: unsafe extern "C" fn(*mut c_void),
@@ -46,9 +46,9 @@ type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, c_int) -> c_int;
 type GetRealStatus = unsafe extern "C" fn(*mut c_void, c_int, *mut f64) -> c_int;
 type GetBooleanStatus = unsafe extern "C" fn(*mut c_void, c_int, *mut c_int) -> c_int;
 
-/// An instance.
+/// An instance of FMI 2.0 with the functions of its library.
 pub(crate) struct Fmi2 {
-    /// Dropped first, as the instance reads the callbacks.
+    /// The first field, so that it is dropped first: until the instance is freed it may use the callbacks.
     handle: Handle,
     _callbacks: Box<Callbacks>,
     setup: Setup,
@@ -90,7 +90,7 @@ fn uri(folder: &CStr) -> CString {
 }
 
 impl Fmi2 {
-    /// An instance that is made; [`begin`](super::begin) begins its simulation.
+    /// Creates an instance; [`begin`](super::begin) starts its simulation.
     pub fn new(library: Library, spec: &InstanceSpec<'_>, answers: Arc<Answers>) -> Result<Fmi2, StartError> {
         let instantiate = function!(library, Instantiate, c"fmi2Instantiate");
         let setup = function!(library, Setup, c"fmi2SetupExperiment");
@@ -154,8 +154,9 @@ impl Fmi for Fmi2 {
         self.handle.called("fmi2ExitInitializationMode", status)
     }
 
-    /// One that is discarded says how far it came.
+    /// Makes a communication step. If the FMU discards it, asks how far it came.
     fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome {
+        // TRUE: no state from before this point is returned to, so the FMU need not keep one.
         // SAFETY: an instance.
         let status = unsafe { (self.step)(self.handle.pointer, from_s, step_s, TRUE) };
         let called = self.handle.called("fmi2DoStep", status);

@@ -1,4 +1,4 @@
-//! FMI 3.0.
+//! The C interface of FMI 3.0 for co-simulation, as far as a structure needs it.
 
 use core::ffi::{c_char, c_int, c_void};
 use std::sync::Arc;
@@ -26,7 +26,7 @@ type SetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *const f6
 type GetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *mut f64, usize) -> c_int;
 type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, bool, *mut bool, *mut bool, *mut bool, *mut f64) -> c_int;
 
-/// An instance.
+/// An instance of FMI 3.0 with the functions of its library.
 pub(crate) struct Fmi3 {
     handle: Handle,
     enter: EnterInitialization,
@@ -46,8 +46,8 @@ unsafe extern "C" fn log(environment: *mut c_void, status: c_int, _category: *co
 }
 
 impl Fmi3 {
-    /// An instance that is made; [`begin`](super::begin) begins its simulation. It handles its events itself: event
-    /// mode is not asked for, nor that it may return early.
+    /// Creates an instance; [`begin`](super::begin) starts its simulation. Event mode and early return are not used:
+    /// the FMU handles its events itself and completes each step.
     pub fn new(library: Library, spec: &InstanceSpec<'_>, answers: Arc<Answers>) -> Result<Fmi3, StartError> {
         let instantiate = function!(library, Instantiate, c"fmi3InstantiateCoSimulation");
         let enter = function!(library, EnterInitialization, c"fmi3EnterInitializationMode");
@@ -64,6 +64,7 @@ impl Fmi3 {
                 c"structure".as_ptr(),
                 spec.token.as_ptr(),
                 spec.resources.as_ptr(),
+                // visible, loggingOn, eventModeUsed and earlyReturnAllowed.
                 false,
                 false,
                 false,

@@ -36,7 +36,7 @@ impl StartError {
     }
 }
 
-/// A loaded library.
+/// The shared library of an FMU, which is unloaded when this is dropped.
 pub(crate) struct Library {
     handle: *mut c_void,
 }
@@ -104,7 +104,7 @@ unsafe fn text<'a>(text: *const core::ffi::c_char) -> std::borrow::Cow<'a, str> 
     if text.is_null() { "".into() } else { unsafe { CStr::from_ptr(text) }.to_string_lossy() }
 }
 
-/// With what an instance is made, and begins.
+/// What an instance is created with, and the values with which its simulation begins.
 #[derive(Debug)]
 pub(crate) struct InstanceSpec<'a> {
     pub token: &'a CStr,
@@ -130,17 +130,17 @@ impl Called {
     }
 }
 
-/// What a communication step came to.
+/// Outcome of a communication step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepOutcome {
     pub called: Called,
-    /// Whether it asks to end the simulation.
+    /// Whether the FMU asks to end the simulation.
     pub terminates: bool,
-    /// The time up to which it came, if it says so, s.
+    /// Time that the FMU says it has reached, s; `None` if it does not say.
     pub reached_s: Option<f64>,
 }
 
-/// An instance of either version.
+/// An instance of FMI 2.0 or 3.0.
 pub(crate) trait Fmi {
     /// Sets variables; arrays have several values.
     fn set(&mut self, references: &[u32], values: &[f64]) -> Called;
@@ -148,16 +148,16 @@ pub(crate) trait Fmi {
     /// Reads variables; arrays have several values.
     fn get(&mut self, references: &[u32], values: &mut [f64]) -> Called;
 
-    /// Begins the initialization, at time 0.
+    /// Enters initialization mode, for a simulation that begins at time 0.
     fn enter_initialization(&mut self) -> Called;
 
-    /// Ends the initialization.
+    /// Leaves initialization mode: the first communication step may follow.
     fn exit_initialization(&mut self) -> Called;
 
-    /// A communication step. No state from before it is returned to.
+    /// Makes a communication step of `step_s` from `from_s` on, s. No state from before it is returned to.
     fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome;
 
-    /// What both versions have.
+    /// The part that both versions share: pointer, messages and statuses.
     fn handle(&mut self) -> &mut Handle;
 }
 
@@ -166,8 +166,9 @@ fn check(called: Called) -> Result<(), StartError> {
     if called.is_good() { Ok(()) } else { Err(StartError::of(called)) }
 }
 
-/// Takes up parameters and inputs, and begins the simulation at 0.
+/// Sets parameters and inputs, and begins the simulation at time 0.
 pub(crate) fn begin(fmu: &mut dyn Fmi, spec: &InstanceSpec<'_>) -> Result<(), StartError> {
+    // Parameters come before initialization mode, in which the FMU computes its start from them.
     for (reference, values) in spec.parameters {
         let called = fmu.set(&[*reference], values);
         check(called)?;
@@ -191,7 +192,7 @@ type Free = unsafe extern "C" fn(*mut c_void);
 /// What instances of both versions have: the pointer, what passes on their messages, and how they end.
 pub(crate) struct Handle {
     pointer: *mut c_void,
-    /// The instance has its address.
+    /// Kept here because the instance has its address, as the environment of its messages.
     _said: Box<Said>,
     /// Whether the simulation has begun.
     is_running: bool,
@@ -239,6 +240,7 @@ impl Drop for Handle {
             if self.worst < Handle::FATAL {
                 (self.free)(self.pointer);
             } else {
+                // Unloading would run code of a library of which nothing may be called any more.
                 core::mem::forget(self.library.take());
             }
         }
