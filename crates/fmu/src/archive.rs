@@ -19,6 +19,7 @@ pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 pub(crate) fn pack(files: &Files) -> io::Result<Vec<u8>> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, data) in files {
+        // Date and permissions are fixed: those of the build machine would change the bytes of the archive.
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Deflated)
             .compression_level(Some(LEVEL))

@@ -63,7 +63,7 @@ pub enum TxClock {
 pub struct Settings {
     /// How it is connected.
     pub interface: Interface,
-    /// What it simulates.
+    /// What the FMU simulates.
     pub role: Role,
     /// By which clock its frames leave it.
     pub clock: TxClock,
@@ -82,7 +82,7 @@ struct Versioned {
 /// What an FMU is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Content {
-    /// Its settings.
+    /// Interface, role, clock and number of nodes.
     pub settings: Settings,
     /// Its scenario, with the files that it names.
     pub scenario: Scenario,
@@ -130,6 +130,7 @@ impl Content {
             return Err(Fault::Version { got: versioned.version, library: VERSION });
         }
         let content = Content { settings: versioned.settings, scenario: Scenario::read(&folder.join(SCENARIO))? };
+        // The token follows from what was read, so a scenario that was edited after the export is noticed.
         let expected = self::token(&content.files()?);
         if token == expected { Ok(content) } else { Err(Fault::Token { got: token.to_string(), expected }) }
     }
@@ -153,6 +154,7 @@ pub fn token(files: &BTreeMap<String, Vec<u8>>) -> String {
     let hash =
         |hash: u128, bytes: &[u8]| bytes.iter().fold(hash, |h, byte| (h ^ u128::from(*byte)).wrapping_mul(PRIME));
     let of_all = files.iter().fold(OFFSET, |all, (name, data)| {
+        // The lengths are hashed, too: else bytes could move from a name to its data, or to the next file, unnoticed.
         let lengths = [name.len() as u64, data.len() as u64].map(u64::to_le_bytes);
         [name.as_bytes(), &lengths.concat(), data].into_iter().fold(all, hash)
     });

@@ -37,6 +37,7 @@ pub(crate) fn model_description(name: &str, token: &str, content: &Content, vari
     variables.iter().enumerate().for_each(|(reference, variable)| xml += &element(reference, variable));
     xml += "  </ModelVariables>\n  <ModelStructure>\n";
     let outputs = || variables.iter().enumerate().filter(|(_, variable)| variable.causality == Causality::Output);
+    // No output depends on an input of the same instant: loads act from a sample on, and are felt at the next.
     for (reference, _) in outputs() {
         let _ = writeln!(xml, "    <Output valueReference=\"{reference}\" dependencies=\"\"/>");
     }

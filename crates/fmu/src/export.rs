@@ -47,20 +47,20 @@ pub enum ExportError {
     /// The library can't be read.
     #[error("{}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the library's file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The file is no library for an FMU.
     #[error("{}: {reason}", path.display())]
     Library {
-        /// The file.
+        /// Path of the file that was read.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
     },
-    /// An FMU within an FMU.
+    /// The structure of the scenario is an FMU already.
     #[error(
         "structure: `kind` is fmu: it is one already; the exciter and the bus of the scenario can be written, by --role"
     )]
@@ -68,13 +68,13 @@ pub enum ExportError {
     /// A role that the interface does not have.
     #[error("--role {role}: the interface `signals` has the plant alone; take --interface can")]
     Role {
-        /// The role.
+        /// Role that was asked for.
         role: &'static str,
     },
     /// A bus with fewer nodes than two, or with more than fit.
     #[error("--nodes {got}: a bus has from 2 to {most} nodes", most = MOST_NODES)]
     Nodes {
-        /// Their number.
+        /// Number of nodes that was asked for.
         got: u8,
     },
     /// The FMU can't run its scenario.
@@ -83,9 +83,9 @@ pub enum ExportError {
     /// The FMU can't be written.
     #[error("{}: {source}", path.display())]
     Write {
-        /// The file.
+        /// Path of the FMU's file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
@@ -94,7 +94,7 @@ pub enum ExportError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Library {
     bytes: Vec<u8>,
-    /// `x86_64-linux` or `aarch64-linux`.
+    /// Folder of the library in an FMU: `x86_64-linux` or `aarch64-linux`.
     platform: &'static str,
 }
 
@@ -138,6 +138,7 @@ impl Library {
                 return refused(String::from("no 64-bit little-endian ELF file, as a library for an FMU is"));
             }
         };
+        // A library of another version would refuse the resources, but only in the importer.
         if !bytes.windows(MARK.len()).any(|window| window == MARK.as_bytes()) {
             return refused(format!("not {LIBRARY} of version {VERSION}, which this program packs"));
         }
@@ -145,14 +146,14 @@ impl Library {
     }
 }
 
-/// What was written.
+/// Summary of an FMU that was written.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Summary {
-    /// The FMU.
+    /// Path of the FMU's file.
     pub path: PathBuf,
-    /// Its size, bytes.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// Its instantiation token.
+    /// Instantiation token of the FMU.
     pub token: String,
     /// The machine that it is for, as FMI calls it.
     pub platform: &'static str,
@@ -191,7 +192,7 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
     let resources = content.files().map_err(Fault::from)?;
     let token = token(&resources);
     let variables = model::variables(content)?;
-    // Whatever keeps it from running is said now.
+    // Builds the model once, so that an error in the scenario is reported now and not in the importer.
     model::build(content, &Parameters::of(&content.scenario))?;
     let scenario = content.scenario.to_toml().map_err(Fault::from)?;
     let platform = library.platform;

@@ -19,7 +19,7 @@ pub enum Fault {
     /// The resources lack a file, or it can't be read.
     #[error("{}: {reason}: the FMU must be unpacked whole, and `resourcePath` name its folder `resources`", path.display())]
     Resource {
-        /// The file.
+        /// File that can't be read.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
@@ -30,9 +30,9 @@ pub enum Fault {
     /// The resources are of another version than the library.
     #[error("the resources are of version {got}, the library of {library}: export the FMU anew by `resonarm fmu`")]
     Version {
-        /// Of the resources.
+        /// Version that wrote the resources.
         got: String,
-        /// Of the library.
+        /// Version of the library.
         library: &'static str,
     },
     /// The token is not that of the resources.
@@ -41,15 +41,15 @@ pub enum Fault {
          different FMUs, or were edited"
     )]
     Token {
-        /// What the importer gave.
+        /// Token that the importer gave.
         got: String,
-        /// Of the resources.
+        /// Token that follows from the resources.
         expected: String,
     },
     /// A kind of instance that the FMU does not offer.
     #[error("{call}: the FMU is one for co-simulation alone: call fmi3InstantiateCoSimulation")]
     NotCoSimulation {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
     },
     /// The scenario is impossible.
@@ -58,7 +58,7 @@ pub enum Fault {
     /// The run can't be made.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// The simulation failed.
+    /// The plant failed during the simulation.
     #[error("the simulation failed at {0}")]
     Plant(#[from] PlantError),
     /// A recording can't be written.
@@ -67,33 +67,33 @@ pub enum Fault {
     /// A text is not UTF-8.
     #[error("{call}: {what} is not UTF-8")]
     NotUtf8 {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// The argument.
+        /// Name of the argument.
         what: &'static str,
     },
     /// A pointer is null.
     #[error("{call}: {what} is NULL")]
     Null {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// The argument.
+        /// Name of the argument.
         what: &'static str,
     },
     /// The call is not one of this state.
     #[error("{call} is not allowed in {state}: it is in {legal}")]
     WrongState {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
         /// The state of the instance.
         state: State,
-        /// The states in which it is.
+        /// States in which the call is allowed.
         legal: &'static str,
     },
     /// The function is not one of this FMU.
     #[error("{call}: this FMU does not have what it is for: {why}")]
     NotOffered {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
         /// What the model description says of it.
         why: &'static str,
@@ -101,53 +101,53 @@ pub enum Fault {
     /// No variable has the value reference.
     #[error("{call}: no variable has the value reference {got}: they are from 0 to {most}")]
     UnknownReference {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// The value reference.
+        /// Value reference that was given.
         got: u32,
-        /// The largest one.
+        /// Largest value reference of the FMU.
         most: u32,
     },
     /// A variable of another type.
     #[error("{call}: `{name}` is of the type {is}")]
     WrongType {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// The variable.
+        /// Name of the variable.
         name: String,
-        /// Its type.
+        /// FMI type of the variable.
         is: &'static str,
     },
     /// A variable that can't be set now.
     #[error("{call}: `{name}` can't be set in {state}: {why}")]
     NotSettable {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// The variable.
+        /// Name of the variable.
         name: String,
         /// The state of the instance.
         state: State,
-        /// When it can.
+        /// When the variable can be set, as a sentence.
         why: &'static str,
     },
     /// Another number of values than of value references.
     #[error("{call}: {values} values for {references} value references")]
     Lengths {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// Value references given.
+        /// Number of value references given.
         references: usize,
-        /// Values given.
+        /// Number of values given.
         values: usize,
     },
     /// A value that a variable can't have.
     #[error("`{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The variable.
+        /// Name of the variable.
         name: String,
-        /// The value.
+        /// Value that was given.
         got: f64,
-        /// The valid values.
+        /// Values that the variable can have.
         expected: &'static str,
     },
     /// A load beyond the exciter's limits or direction.
@@ -160,12 +160,12 @@ pub enum Fault {
         force_n: [f64; 2],
         /// Torque at the joints, N·m.
         torque_nm: [f64; 2],
-        /// Largest force, N.
+        /// Largest force of the exciter, N.
         limit_n: f64,
-        /// Largest torque, N·m.
+        /// Largest torque of the exciter, N·m.
         limit_nm: f64,
     },
-    /// The start time is none.
+    /// The start time is not finite.
     #[error("fmi3EnterInitializationMode: the start time is {got_s} s: it must be finite")]
     StartTime {
         /// What was given, s.
@@ -182,13 +182,13 @@ pub enum Fault {
     /// The length of a step is impossible.
     #[error("fmi3DoStep: the step is of {got_s} s: it must be finite and not negative")]
     StepSize {
-        /// Its length, s.
+        /// Length of the step, s.
         got_s: f64,
     },
     /// Time does not advance by the step.
     #[error("fmi3DoStep: the step of {got_s} s is too small: at {at_s} s time does not advance by it")]
     StepTooSmall {
-        /// Its length, s.
+        /// Length of the step, s.
         got_s: f64,
         /// Where it begins, s.
         at_s: f64,
@@ -205,19 +205,19 @@ pub enum Fault {
     /// A saved state that is not of this FMU.
     #[error("{call}: the bytes are not a state of this FMU: {reason}")]
     Saved {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// What differs.
+        /// What is wrong with the state, as a sentence.
         reason: &'static str,
     },
     /// A buffer of another length than the state has.
     #[error("{call}: {got} bytes: the state has {expected}")]
     SavedLength {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// The length given.
+        /// Length of the importer's buffer, bytes.
         got: usize,
-        /// The length of the state.
+        /// Length of the state, bytes.
         expected: usize,
     },
     /// The importer does not use event mode, without which no frame moves.
@@ -231,19 +231,19 @@ pub enum Fault {
          of FMI-LS-BUS"
     )]
     Operation {
-        /// The terminal.
+        /// Name of the terminal.
         name: String,
-        /// Where it begins.
+        /// Byte at which the operation begins.
         at: usize,
         /// The bytes that are left from there on.
         got: usize,
-        /// Its length.
+        /// Length of the operation, bytes.
         expected: usize,
     },
     /// Frames that nobody fetches.
     #[error("`{name}`: {bytes} bytes wait to be sent: the importer lets the clock `{name}.Tx_Clock` not tick")]
     Untaken {
-        /// The terminal.
+        /// Name of the terminal.
         name: String,
         /// The bytes that wait.
         bytes: usize,
@@ -258,17 +258,17 @@ pub enum Fault {
         node: usize,
         /// The key of the bus's scenario.
         key: &'static str,
-        /// Of the node, Hz.
+        /// Bit rate of the node, bit/s.
         got_hz: u32,
-        /// Of the bus, Hz.
+        /// Bit rate of the bus, bit/s.
         expected_hz: u32,
     },
     /// Something panicked, which is a defect of the library.
     #[error("{call}: internal error in the library: {reason}; please report it")]
     Panic {
-        /// The call.
+        /// Name of the FMI function.
         call: &'static str,
-        /// What it said.
+        /// Message of the panic.
         reason: String,
     },
 }

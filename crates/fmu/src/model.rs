@@ -22,13 +22,13 @@ pub(crate) struct Parameters {
     pub angles_deg: Vec<f64>,
     pub seed: u64,
     pub noise: bool,
-    /// Empty for none.
+    /// Path of the recording; empty for none.
     pub recording: String,
     pub overwrite: bool,
 }
 
 impl Parameters {
-    /// Those of the scenario.
+    /// The parameters that the scenario states.
     pub fn of(scenario: &Scenario) -> Parameters {
         Parameters {
             angles_deg: scenario.structure.angles_deg.clone(),
@@ -75,7 +75,7 @@ pub(crate) enum Saved {
     Node(Box<SavedNode>),
 }
 
-/// What an instance simulates.
+/// The simulation behind an instance: the plant by signals, a CAN node or the bus.
 pub(crate) trait Model {
     /// The simulation begins: a recording is opened.
     fn begin(&mut self) -> Result<(), Fault>;
@@ -102,7 +102,7 @@ pub(crate) trait Model {
     /// The intervals of countdown clocks are asked for.
     fn before_interval(&mut self) {}
 
-    /// The state now.
+    /// Saves the state, to return to it later.
     fn save(&mut self) -> Result<Saved, Fault>;
 
     /// Returns to a state.

@@ -63,13 +63,13 @@ pub(crate) struct SavedNode {
 }
 
 impl Node {
-    /// The plant's node.
+    /// Creates the node of the plant.
     pub fn plant(session: Session, clock: TxClock) -> Result<Node, Fault> {
         let plant = session.hosted_plant(true)?;
         Ok(Node::of(End::Plant(Box::new(plant)), session, clock))
     }
 
-    /// The exciter's.
+    /// Creates the node of the exciter controller.
     pub fn exciter(session: Session, clock: TxClock) -> Result<Node, Fault> {
         let exciter = session.hosted_exciter()?;
         Ok(Node::of(End::Exciter(exciter), session, clock))
@@ -211,6 +211,8 @@ impl Model for Node {
     fn step(&mut self, span: Span, _inputs: &Inputs) -> Result<bool, Fault> {
         self.begin_samples()?;
         let last = reached(span.to_s, self.session.scenario().simulation.rate_hz);
+        // The samples of the step are simulated one by one, each at its own time, and frames are exchanged in
+        // between, as in a free run.
         while let End::Plant(plant) = &mut self.end
             && plant.plant().sample() < last
         {
@@ -238,6 +240,8 @@ impl Model for Node {
             self.begin_samples()?;
         }
         self.schedule();
+        // Sample 0 waits until no frame moves. With a triggered clock the importer has to be kept iterating until
+        // then; a countdown clock brings it back by itself.
         Ok(self.terminal.tx_clock() || (!self.samples && !self.terminal.counts_down()))
     }
 

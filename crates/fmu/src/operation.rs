@@ -39,10 +39,10 @@ pub(crate) enum BusErrorCode {
     Acknowledgement = 5,
 }
 
-/// An operation.
+/// An operation of FMI-LS-BUS, as far as a node or the bus acts on it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Operation {
-    /// A frame.
+    /// A frame on its way from or to a node.
     Transmit(Frame),
     /// The frame of this identifier was sent.
     Confirm(u32),
@@ -54,7 +54,7 @@ pub(crate) enum Operation {
     FdBaudRate(u32),
     /// Frames that lose the arbitration are sent later; `false` asks for them to be discarded.
     Buffers(bool),
-    /// The sender's state.
+    /// Error state of the sender's CAN controller.
     Status(Status),
     /// The receiver could not read these bytes that the sender of the operation has got from it.
     FormatError(Vec<u8>),
@@ -63,13 +63,14 @@ pub(crate) enum Operation {
 }
 
 impl Operation {
-    /// Appends its bytes.
+    /// Appends the operation as bytes.
     pub fn write(&self, bytes: &mut Vec<u8>) {
         match self {
             Operation::Transmit(frame) => write_frame(frame, bytes),
             Operation::Confirm(id) => write(bytes, CONFIRM, &[&id.to_le_bytes()]),
             Operation::BusError { id, code, is_sender } => {
-                // The node that sees an error first is its sender here: the wire has no length.
+                // A bus without length has no node that detects an error first: it is said to be the sender of the
+                // frame.
                 let flag = if *is_sender { 1 } else { 2 };
                 write(bytes, BUS_ERROR, &[&id.to_le_bytes(), &[*code as u8, flag, u8::from(*is_sender)]]);
             }
@@ -100,6 +101,7 @@ impl Operation {
             }
             (CONFIRM, id) => Operation::Confirm(number(id)?),
             (BUS_ERROR, [id @ .., code @ (1..=6), _flag @ (1 | 2), is_sender @ (0 | 1)]) => {
+                // Only a missing acknowledgement counts differently at the sender; all other causes are alike.
                 let code = if *code == 5 { BusErrorCode::Acknowledgement } else { BusErrorCode::Bit };
                 Operation::BusError { id: number(id)?, code, is_sender: *is_sender == 1 }
             }
@@ -136,6 +138,7 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Result<Operation, Ope
         };
         let Some((head, _)) = rest.split_first_chunk::<HEAD>() else { return Err(truncated(HEAD)) };
         let [code, length] = [&head[..4], &head[4..]].map(|half| half.try_into().map_or(0, u32::from_le_bytes));
+        // A length below that of the head would not advance, and the loop would never end.
         let length = (length as usize).max(HEAD);
         let Some((operation, behind)) = rest.split_at_checked(length) else { return Err(truncated(length)) };
         let read = Operation::read(code, &operation[HEAD..]);

@@ -99,6 +99,7 @@ impl Signals {
 
     /// Advances to the next sample and measures it.
     fn advance(&mut self, load: Load) -> Result<(), Fault> {
+        // Taken before the plant advances, but recorded only if it does: a hold that fails is not in the recording.
         let before = self.state(load, false);
         self.now.plant.advance(&load)?;
         self.record(|_| before);

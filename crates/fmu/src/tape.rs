@@ -27,9 +27,9 @@ pub(crate) struct Tape {
     waiting: VecDeque<Record>,
     /// Records that went to the file.
     written: u64,
-    /// The place of the last of them.
+    /// Sample of the last of them, and whether it is of the hold behind the sample's reading.
     last_written: Option<(u64, bool)>,
-    /// Of the states that the importer holds.
+    /// Marks of the states that the importer holds.
     marks: Vec<Weak<Mark>>,
 }
 
@@ -43,7 +43,7 @@ impl Tape {
         Ok(Some(Tape { recorder, channel, waiting, written: 0, last_written: None, marks: Vec::new() }))
     }
 
-    /// Takes a record.
+    /// Appends a record, which may still be taken back.
     pub fn push(&mut self, record: Record) {
         self.waiting.push_back(record);
     }
@@ -58,6 +58,7 @@ impl Tape {
     /// Takes back what came after the mark. Of a state without one, that was read from bytes, at sample `sample`, what
     /// came after the reading of that sample.
     pub fn rewind(&mut self, mark: Option<&Mark>, sample: u64) -> Result<(), Fault> {
+        // `None` where records behind the state are in the file already: those can't be taken back.
         let kept = match mark {
             Some(mark) => mark.records.checked_sub(self.written),
             None if self.last_written.is_some_and(|last| last > (sample, false)) => None,

@@ -7,17 +7,17 @@ use crate::operation::{self, Operation};
 /// The most bytes that wait for the importer: seconds of a full bus.
 const MOST_BYTES: usize = 1 << 20;
 
-/// A terminal.
+/// A terminal, with the operations that wait to be sent and those that have come.
 #[derive(Clone, Debug)]
 pub(crate) struct Terminal {
     name: String,
     clock: TxClock,
-    /// Operations to send.
+    /// Operations that wait to be sent, as bytes.
     outgoing: Vec<u8>,
     /// Whether the importer has let a countdown clock tick in this iteration.
     ticks: bool,
     incoming: Vec<Operation>,
-    /// To what came and could not be read, to be sent in the next iteration.
+    /// Format errors that answer what could not be read; they are sent in the next iteration.
     answers: Vec<Operation>,
     /// When a countdown clock ticks next, ns from the start.
     due_ns: Option<u64>,
@@ -30,9 +30,9 @@ pub(crate) struct Terminal {
 pub enum Interval {
     /// Not known: the clock does not tick for now.
     Unknown,
-    /// As said before.
+    /// The interval that was stated before still holds.
     Unchanged(f64),
-    /// A new one, from this event on.
+    /// A new interval, from this event on.
     Changed(f64),
 }
 

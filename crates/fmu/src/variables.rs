@@ -11,13 +11,13 @@ use resonarm_bench::structure::{Channel, LOADS, Quantity};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
     Time,
-    /// One of [`LOADS`].
+    /// A load, by its place in [`LOADS`].
     Load(usize),
     /// One of the outputs of the structure, as the instrument reads it.
     Reading(usize),
-    /// Whether it was beyond the range.
+    /// Whether that reading was beyond the range of the instrument.
     Clipped(usize),
-    /// The same before the instrument.
+    /// The same output as the converter samples it, before the instrument.
     Sampled(usize),
     /// A state of the structure.
     State(usize),
@@ -31,16 +31,16 @@ pub(crate) enum Source {
     Overwrite,
     /// The state of a node, as in its heartbeat.
     NodeState,
-    /// Why the plant's node has faulted.
+    /// Code of the fault that the plant's node has latched.
     FaultCode,
     /// Samples that the exciter has answered.
     Played,
-    /// Responses that it has read.
+    /// Responses that the exciter has read.
     Responses,
     /// Frames on the bus.
     Frames,
     ErrorFrames,
-    /// Of the terminal of this number, from 0.
+    /// Data that come in at the terminal of this number, from 0.
     RxData(usize),
     RxClock(usize),
     TxData(usize),
@@ -72,7 +72,7 @@ impl Kind {
     }
 }
 
-/// Its part in the model.
+/// Part of a variable in the model, as FMI calls it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Causality {
     Independent,
@@ -81,7 +81,7 @@ pub(crate) enum Causality {
     Output,
 }
 
-/// A variable.
+/// A variable of the FMU.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Variable {
     pub name: String,
@@ -207,6 +207,7 @@ fn takes(plant: &Plant, index: usize) -> bool {
     let mut loads = [0.0; LOADS.len()];
     loads[index] = 1e-3 * if index < 2 { limit_nm } else { limit_n };
     let load = load(&loads);
+    // Tried on a copy: a structure refuses a load only when it is advanced.
     loads[index] != 0.0 && plant.exciter().can_produce(&load) && plant.clone().advance(&load).is_ok()
 }
 

@@ -10,7 +10,7 @@ fn same_length(call: &'static str, references: usize, values: usize) -> Result<(
     if references == values { Ok(()) } else { Err(Fault::Lengths { call, references, values }) }
 }
 
-/// Bytes, which the importer has until the next call.
+/// Returns bytes, which stay valid until the next call on the instance.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetBinary(
     instance: *mut c_void,
@@ -37,7 +37,7 @@ pub unsafe extern "C" fn fmi3GetBinary(
     }
 }
 
-/// Takes bytes, of which nothing is kept.
+/// Sets bytes. They are read at once: no pointer of the importer is kept.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetBinary(
     instance: *mut c_void,
@@ -63,7 +63,7 @@ pub unsafe extern "C" fn fmi3SetBinary(
     }
 }
 
-/// Whether clocks tick.
+/// Returns which clocks tick in this iteration of event mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetClock(
     instance: *mut c_void,
@@ -75,6 +75,7 @@ pub unsafe extern "C" fn fmi3GetClock(
     // SAFETY: as the standard states; what is written is a `bool`.
     unsafe {
         on(instance, CALL, |handle| {
+            // Written as bytes: the importer's memory may hold values that no `bool` of Rust may have.
             let values = slice_mut(CALL, "values", values.cast::<u8>(), count)?;
             for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
                 *value = u8::from(handle.instance.clock(CALL, *reference)?);
@@ -84,7 +85,7 @@ pub unsafe extern "C" fn fmi3GetClock(
     }
 }
 
-/// Lets clocks tick.
+/// Lets input clocks tick in this iteration of event mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetClock(
     instance: *mut c_void,
@@ -105,7 +106,7 @@ pub unsafe extern "C" fn fmi3SetClock(
     }
 }
 
-/// When countdown clocks tick.
+/// Returns when countdown clocks tick next.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetIntervalDecimal(
     instance: *mut c_void,

@@ -1,4 +1,4 @@
-//! Version, instances, the states of FMI, steps.
+//! Functions for the life of an instance: version, instantiation, the states of FMI, steps.
 
 use core::ffi::{c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,7 +8,7 @@ use super::{ERROR, FATAL, Handle, Log, LogMessage, OK, give, on, reason, text};
 use crate::Fault;
 use crate::instance::Instance;
 
-/// The version of FMI.
+/// Returns the version of FMI.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     }
 }
 
-/// The FMU is none for model exchange.
+/// Returns NULL: the FMU does not support model exchange.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateModelExchange(
     _name: *const c_char,
@@ -80,7 +80,7 @@ pub extern "C" fn fmi3InstantiateModelExchange(
     refuse(Log { environment, message: log_message }, "fmi3InstantiateModelExchange")
 }
 
-/// The FMU is none for scheduled execution.
+/// Returns NULL: the FMU does not support scheduled execution.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateScheduledExecution(
     _name: *const c_char,
@@ -113,7 +113,7 @@ pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut c_void) {
     }
 }
 
-/// Begins the initialization.
+/// Enters initialization mode, for a simulation that begins at `start_s`, s.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3EnterInitializationMode(
     instance: *mut c_void,
@@ -175,7 +175,7 @@ pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
     }
 }
 
-/// Simulates a step: never a part of it.
+/// Simulates a step, always to its end: there is no early return.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DoStep(
     instance: *mut c_void,

@@ -21,17 +21,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::Fault;
 use crate::instance::Instance;
 
-/// `fmi3Status`.
+/// `fmi3OK` of `fmi3Status`: the call succeeded.
 const OK: c_int = 0;
-/// The call failed; the instance can be reset.
+/// `fmi3Error`: the call failed; the instance can be reset.
 const ERROR: c_int = 3;
-/// The instance can't be used any more.
+/// `fmi3Fatal`: the instance can't be used any more.
 const FATAL: c_int = 4;
 
-/// `fmi3LogMessageCallback`.
+/// `fmi3LogMessageCallback`, with environment, status, category and message.
 type LogMessage = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
-/// Where messages go.
+/// The importer's callback for messages, with its environment.
 #[derive(Clone, Copy)]
 struct Log {
     environment: *mut c_void,

@@ -31,14 +31,14 @@ unsafe fn hand_out(call: &'static str, to: *mut *mut c_void, state: SavedInstanc
     Ok(())
 }
 
-/// Saves the state.
+/// Saves the state of the instance.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(instance: *mut c_void, state: *mut *mut c_void) -> c_int {
     // SAFETY: as the standard states.
     unsafe { on(instance, "fmi3GetFMUState", |handle| hand_out("fmi3GetFMUState", state, handle.instance.save()?)) }
 }
 
-/// Returns to a state.
+/// Returns the instance to a saved state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut c_void, state: *mut c_void) -> c_int {
     const CALL: &str = "fmi3SetFMUState";
@@ -46,7 +46,7 @@ pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut c_void, state: *mut c_vo
     unsafe { on(instance, CALL, |handle| handle.instance.restore(saved(CALL, state)?)) }
 }
 
-/// Frees a state.
+/// Frees a saved state, and sets the importer's pointer to NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(instance: *mut c_void, state: *mut *mut c_void) -> c_int {
     // SAFETY: as the standard states; a state is freed once, as its pointer becomes NULL.
@@ -63,7 +63,7 @@ pub unsafe extern "C" fn fmi3FreeFMUState(instance: *mut c_void, state: *mut *mu
     }
 }
 
-/// The length of a state as bytes.
+/// Returns the length of a saved state as bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     instance: *mut c_void,
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     }
 }
 
-/// A state as bytes.
+/// Writes a saved state as bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializeFMUState(
     instance: *mut c_void,
@@ -103,7 +103,7 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     }
 }
 
-/// A state from bytes.
+/// Reads a saved state from bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DeserializeFMUState(
     instance: *mut c_void,

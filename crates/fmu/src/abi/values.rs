@@ -1,4 +1,4 @@
-//! Values of variables.
+//! Getters and setters of variables that are numbers, truth values or texts.
 
 use core::ffi::{c_char, c_int, c_void};
 use std::ffi::CString;
@@ -70,7 +70,7 @@ numbers! {
     fmi3GetBoolean, fmi3SetBoolean: u8, boolean, Boolean, u8::from, |value: u8| value != 0;
 }
 
-/// Texts, which the importer has until the next call.
+/// Returns texts, which stay valid until the next call on the instance.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetString(
     instance: *mut c_void,
@@ -97,7 +97,7 @@ pub unsafe extern "C" fn fmi3GetString(
     }
 }
 
-/// Sets texts.
+/// Sets variables of the type String.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetString(
     instance: *mut c_void,

@@ -19,13 +19,13 @@ use crate::variables::Variable;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// Made, or reset.
+    /// Created or reset, and not yet initialized.
     Instantiated,
-    /// Initialization mode.
+    /// In initialization mode.
     Initialization,
-    /// Event mode.
+    /// In event mode, in which clocks tick and frames move.
     Event,
-    /// Step mode.
+    /// In step mode, in which time advances.
     Step,
     /// The simulation has ended.
     Terminated,
@@ -90,13 +90,15 @@ pub struct Instance {
     time_s: f64,
     parameters: Parameters,
     inputs: Inputs,
-    /// Made when it is asked for first, and anew when a parameter is set.
+    /// Built when it is first needed, and again after a parameter is set.
     model: Option<Box<dyn Model>>,
 }
 
-/// What a call may be made in.
+/// States before the simulation, in which parameters may be set.
 const BEFORE: [State; 2] = [State::Instantiated, State::Initialization];
+/// States in which inputs may be set.
 const ALIVE: [State; 4] = [State::Instantiated, State::Initialization, State::Event, State::Step];
+/// States in which variables may be read.
 const READABLE: [State; 5] = [State::Instantiated, State::Initialization, State::Event, State::Step, State::Terminated];
 
 impl Instance {
@@ -125,7 +127,7 @@ impl Instance {
         })
     }
 
-    /// The state.
+    /// The state in which the instance is.
     pub fn state(&self) -> State {
         self.state
     }
@@ -160,7 +162,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Leaves it.
+    /// Leaves initialization mode, and begins the simulation.
     ///
     /// # Errors
     /// [`Fault::WrongState`]; what is wrong with the parameters; a recording that can't be created.
@@ -225,6 +227,7 @@ impl Instance {
     /// # Errors
     /// A recording that can't be finished.
     pub fn reset(&mut self) -> Result<(), Fault> {
+        // The instance is reset even if its recording can't be finished; that error is returned at the end.
         let ended = self.model.take().map_or(Ok(()), |mut model| model.end());
         self.state = State::Instantiated;
         self.parameters = Parameters::of(&self.content.scenario);
@@ -288,6 +291,7 @@ impl Instance {
             let reason = "its instantiation token is another one";
             return Err(Fault::Saved { call: "fmi3SetFMUState", reason });
         }
+        // With other parameters it is another plant, which has to be built before its state can be restored.
         if saved.parameters != self.parameters {
             self.model = None;
             self.parameters = saved.parameters.clone();

@@ -85,6 +85,7 @@ pub(crate) fn read(
     }
     let more = Readings::new(more, clipped).ok_or_else(|| refused("a mark belongs to no reading"))?;
     let count = rest.length()?;
+    // Checked before the numbers are read: a damaged count can't ask for more than there are bytes.
     if rest.bytes.len() != count.saturating_mul(8) {
         return Err(refused("it ends before its last number, or behind it"));
     }

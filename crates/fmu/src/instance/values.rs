@@ -47,7 +47,7 @@ impl Instance {
         }
     }
 
-    /// The same of the type UInt64.
+    /// The value of a variable of the type UInt64.
     ///
     /// # Errors
     /// As [`Instance::float64`].
@@ -59,7 +59,7 @@ impl Instance {
         }
     }
 
-    /// The same of the type Boolean.
+    /// The value of a variable of the type Boolean.
     ///
     /// # Errors
     /// As [`Instance::float64`].
@@ -72,7 +72,7 @@ impl Instance {
         }
     }
 
-    /// The same of the type String.
+    /// The value of a variable of the type String.
     ///
     /// # Errors
     /// As [`Instance::float64`].
