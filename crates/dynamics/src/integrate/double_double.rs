@@ -40,6 +40,7 @@ fn two_sum(a: f64, b: f64) -> DoubleDouble {
 
 /// A number as its first 26 bits and the rest (Veltkamp, in the paper above).
 fn halves(x: f64) -> (f64, f64) {
+    // 2²⁷ + 1: the product pushes the lower bits out, and the difference brings the upper 26 back.
     let scaled = x * 134_217_729.0;
     let high = scaled - (scaled - x);
     (high, x - high)
@@ -55,6 +56,8 @@ fn two_product(a: f64, b: f64) -> DoubleDouble {
 impl Add for DoubleDouble {
     type Output = DoubleDouble;
     fn add(self, other: DoubleDouble) -> DoubleDouble {
+        // The errors of both sums are kept: if only the low parts were added, digits would be lost where the high
+        // parts cancel.
         let (highs, lows) = (two_sum(self.high, other.high), two_sum(self.low, other.low));
         let first = two_sum(highs.high, highs.low + lows.high);
         two_sum(first.high, first.low + lows.low)

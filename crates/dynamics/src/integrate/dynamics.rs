@@ -24,11 +24,11 @@ pub struct Rates<T, const N: usize = 2> {
 /// ẍ and its derivatives at a motion, by row and column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jacobian<const N: usize> {
-    /// ẍ.
+    /// ẍ at the motion.
     pub acceleration: [f64; N],
     /// ∂ẍ/∂x, 1/s² for coordinates of one unit.
     pub by_position: [[f64; N]; N],
-    /// ∂ẍ/∂ẋ, 1/s.
+    /// ∂ẍ/∂ẋ, 1/s, by row and column.
     pub by_velocity: [[f64; N]; N],
 }
 
@@ -73,7 +73,7 @@ pub trait StageEquation<const N: usize> {
 
 /// What is done with the equation of the stages; a trait, since a closure can't be generic.
 pub trait SolveStages<const N: usize> {
-    /// The result.
+    /// Type of the solution.
     type Solution;
 
     /// Solves for the stages.

@@ -1,4 +1,4 @@
-//! Errors of integrators.
+//! Errors of the integrators: rates that don't fit, and steps that can't be made.
 
 use thiserror::Error;
 
@@ -12,7 +12,7 @@ pub enum IntegrateError {
     /// The rate is not a positive number.
     #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
-        /// The given value, Hz.
+        /// Rate that was given, Hz.
         got_hz: f64,
     },
     /// Steps so short that rounding outweighs the change they make.
@@ -21,7 +21,7 @@ pub enum IntegrateError {
          rounding"
     )]
     RateTooHigh {
-        /// The given value, Hz.
+        /// Rate that was given, Hz.
         got_hz: f64,
         /// The highest rate that would do, Hz.
         most_hz: f64,
@@ -32,9 +32,9 @@ pub enum IntegrateError {
         got_hz = short(.got_hz), needed_hz = short(.needed_hz)
     )]
     RateTooLow {
-        /// The scheme.
+        /// Scheme that was chosen.
         scheme: Scheme,
-        /// The given value, Hz.
+        /// Rate that was given, Hz.
         got_hz: f64,
         /// The lowest rate that would do, Hz.
         needed_hz: f64,
@@ -47,7 +47,7 @@ pub enum IntegrateError {
     NoConvergence {
         /// Start of the step, s.
         t_s: f64,
-        /// Iterations made.
+        /// Number of iterations made.
         iterations: usize,
         /// The last relative correction of the stage accelerations.
         correction: f64,

@@ -9,12 +9,12 @@ use crate::real::Real;
 /// An explicit method for steps of one length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExplicitMethod {
-    /// h, s.
+    /// Step length h, s.
     pub(crate) step_s: f64,
     pub(crate) kind: Explicit,
 }
 
-/// Which method.
+/// The explicit methods; the classical one has constants of its own, since it is written out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Explicit {
     Rk4(Rk4Step),

@@ -112,6 +112,7 @@ fn product<const N: usize>(a: &Blocks<N>, b: &Blocks<N>) -> Blocks<N> {
 /// c += a b.
 fn add_product<const N: usize>(c: &mut [[DoubleDouble; N]; N], a: &[[DoubleDouble; N]; N], b: &[[DoubleDouble; N]; N]) {
     for (c, a) in c.iter_mut().zip(a) {
+        // Most entries are zero, those of all blocks below the diagonal but Λ among them.
         for (factor, b) in a.iter().zip(b).filter(|(factor, _)| factor.high != 0.0) {
             for (sum, value) in c.iter_mut().zip(b).filter(|(_, value)| value.high != 0.0) {
                 *sum = *sum + *factor * *value;
@@ -127,6 +128,7 @@ fn powers<const N: usize>(generator: &Blocks<N>, tau: DoubleDouble) -> Vec<Block
     };
     let norm = generator.iter().flat_map(|blocks| (0..N).map(|row| row_norm(blocks, row))).fold(0.0, f64::max);
     let needed = libm::ceil(libm::log2(norm * tau.high / SERIES_NORM)).max(0.0) as usize;
+    // At least one halving a level: each squaring then is the exponential of the next longer part.
     let halvings = needed.max(LEVELS - 1);
     let shortest = DoubleDouble::new(libm::scalbn(1.0, -(halvings as i32))) * tau;
     let mut exponential = series(generator, shortest);
@@ -192,6 +194,7 @@ fn step<const S: usize, const N: usize>(
 
 /// An entry of e^{τL} − I, in SI units.
 fn state_entry<const N: usize>(blocks: &Blocks<N>, row: usize, column: usize, unit_rad_s: f64) -> DoubleDouble {
+    // In units of time of 1/ω a position keeps its number, and a velocity is in units of ω.
     let unit = [1.0, unit_rad_s];
     let own = DoubleDouble::new(if row == column { 1.0 } else { 0.0 });
     let entry = blocks[row / N][column / N][row % N][column % N];
@@ -207,6 +210,7 @@ fn slope_entry<const N: usize>(
     column: usize,
     unit_rad_s: f64,
 ) -> DoubleDouble {
+    // In units of time of 1/ω an acceleration N is N/ω². A position gets that, and a velocity, in units of ω, N/ω.
     let unit = [unit_rad_s * unit_rad_s, unit_rad_s];
     let of_powers = &blocks[row / N][2..];
     let terms = factors.iter().zip(of_powers).map(|(factor, block)| *factor * block[row % N][column]);

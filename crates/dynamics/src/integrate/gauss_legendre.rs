@@ -99,6 +99,7 @@ impl<const S: usize> Tableau<S> {
         let Nodes { b, c } = self.nodes();
         let h = DoubleDouble::new(h_s);
         let sum = |term: &dyn Fn(usize) -> DoubleDouble| (0..S).map(term).fold(DoubleDouble::default(), |s, x| s + x);
+        // Of a slope Aⱼ the position of stage i gets h² (a²)ᵢⱼ, the velocity h aᵢⱼ.
         let stage = |i: usize, j: usize| [h * h * sum(&|k| a(i, k) * a(k, j)), h * a(i, j)];
         let weight = |j: usize| [h * h * sum(&|i| b[i] * a(i, j)), h * b[j]];
         Step::new(&MethodCoefficients {

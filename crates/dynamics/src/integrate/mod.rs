@@ -96,7 +96,7 @@ impl<const N: usize> Integrator<N> {
         Ok(Integrator { scheme, step_s, method: Method::new(scheme, dynamics, step_s) })
     }
 
-    /// The scheme.
+    /// The scheme by which it steps.
     pub fn scheme(&self) -> Scheme {
         self.scheme
     }

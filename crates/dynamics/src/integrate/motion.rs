@@ -5,7 +5,7 @@ use crate::real::Real;
 /// Position and velocity of N coordinates, of one system or of several side by side, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion<T, const N: usize = 2> {
-    /// The coordinates.
+    /// Coordinates, each in its unit.
     pub x: [T; N],
     /// Their rates, 1/s of their unit.
     pub v: [T; N],

@@ -7,7 +7,7 @@ use core::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// A one-step method.
+/// A one-step method by its name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scheme {
@@ -35,11 +35,11 @@ pub enum Scheme {
 }
 
 impl Scheme {
-    /// Every scheme.
+    /// All schemes, the explicit ones first.
     pub const ALL: [Scheme; 6] =
         [Scheme::Rk4, Scheme::Dop853, Scheme::Gl4, Scheme::Gl6, Scheme::Exponential, Scheme::Exponential8];
 
-    /// Its name.
+    /// Name of the scheme, as scenarios have it.
     pub const fn name(self) -> &'static str {
         match self {
             Scheme::Rk4 => "rk4",
@@ -99,9 +99,9 @@ impl fmt::Display for Scheme {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no integration scheme `{got}`: the schemes are {known}")]
 pub struct UnknownScheme {
-    /// The given value.
+    /// Name that was given.
     pub got: String,
-    /// The existing names.
+    /// Names of all schemes.
     pub known: String,
 }
 

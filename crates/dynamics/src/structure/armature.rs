@@ -27,16 +27,16 @@ use super::position::Position;
 pub enum Coil {
     /// The amplifier holds the current.
     Current {
-        /// Bl, N/A, positive.
+        /// Force factor Bl, N/A, positive.
         force_factor_n_a: f64,
     },
     /// The amplifier holds the voltage.
     Voltage {
-        /// Bl, N/A, positive.
+        /// Force factor Bl, N/A, positive.
         force_factor_n_a: f64,
-        /// R, Ω, positive.
+        /// Resistance R, Ω, positive.
         resistance_ohm: f64,
-        /// L, H, not negative.
+        /// Inductance L, H, not negative.
         inductance_h: f64,
     },
 }
@@ -53,7 +53,7 @@ pub struct Armature {
     pub stiffness_n_m: f64,
     /// c, N·s/m, not negative.
     pub damping_n_s_m: f64,
-    /// The coil.
+    /// The coil, and what its amplifier holds.
     pub coil: Coil,
 }
 
@@ -68,16 +68,16 @@ pub(super) struct Push {
 /// The motion of an armature at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ArmatureMotion {
-    /// s, m.
+    /// Displacement s from rest, m.
     pub displacement_m: f64,
-    /// ṡ, m/s.
+    /// Velocity ṡ of the armature, m/s.
     pub velocity_m_s: f64,
     /// The part of s̈ that is due to the velocity, q̇ᵀ ∂²s/∂q² q̇, m/s².
     pub drift_m_s2: f64,
 }
 
 impl Coil {
-    /// Bl, N/A.
+    /// Force factor Bl of the coil, N/A.
     pub const fn force_factor_n_a(&self) -> f64 {
         match *self {
             Coil::Current { force_factor_n_a } | Coil::Voltage { force_factor_n_a, .. } => force_factor_n_a,
@@ -117,6 +117,7 @@ impl Coil {
 
     /// The current to which the amplifier drives it, A: F/Bl − Bl ṡ/R in voltage mode, else F/Bl.
     pub fn settled_a(&self, blocked_n: f64, velocity_m_s: f64) -> f64 {
+        // F/Bl is V/R: the command F is the force of the blocked armature, in which the voltage V drives V/R.
         blocked_n / self.force_factor_n_a() - self.back_a_s_m() * velocity_m_s
     }
 
@@ -181,6 +182,8 @@ impl Armature {
     /// Bounds of what it adds to ω² of the fastest motion, 1/s², and of its decay rate, 1/s: k, with Bl²/L of a coil,
     /// and c, with Bl²/R, over the mass that it meets.
     pub(super) fn bounds(&self, of: &Assembly) -> [f64; 2] {
+        // wᵀ(M + m wwᵀ)⁻¹w = wᵀM⁻¹w/(1 + m wᵀM⁻¹w) (J. Sherman, W. J. Morrison, 1950): the armature's own mass counts
+        // in what its spring and coil move.
         let mobility = self.mobility_1_kg(of) * self.high_frequency_force_share(of);
         let coil_n_m = self
             .coil

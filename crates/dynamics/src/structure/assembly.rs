@@ -22,7 +22,7 @@ use super::spec::{Axis, BASE, BodySpec, ElementSpec, Place, StructureSpec};
 pub enum CoordinateUnit {
     /// rad: deflections of joints.
     Radian,
-    /// m·√kg: modal coordinates.
+    /// m·√kg, of modal coordinates.
     MetreRootKilogram,
 }
 
@@ -50,7 +50,7 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// n.
+    /// Number n of coordinates.
     pub fn coordinates(&self) -> usize {
         self.coordinates
     }
@@ -61,11 +61,11 @@ impl Linear {
 pub struct Linearised {
     /// M(q) a + c(q, v) + D v + K q + g(q) − g(0) − p.
     pub unbalance: Vec<f64>,
-    /// ∂/∂q.
+    /// Derivatives of the unbalance by q.
     pub by_position: Vec<f64>,
-    /// ∂/∂v.
+    /// Derivatives of the unbalance by v.
     pub by_velocity: Vec<f64>,
-    /// ∂/∂a = M(q).
+    /// Derivatives of the unbalance by a: M(q).
     pub by_acceleration: Vec<f64>,
 }
 
@@ -91,7 +91,7 @@ impl Linearised {
     }
 }
 
-/// What vibrates.
+/// Body of a structure, on which the elements act.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Body {
     Chain(Box<Chain>),
@@ -121,11 +121,14 @@ impl Assembly {
             BodySpec::Chain(chain) => Body::Chain(Box::new(Chain::new(chain)?)),
             BodySpec::Modal(modal) => Body::Modal(Modal::new(modal)?),
         };
+        // Made in stages: elements look up their places in the assembly, and its modes need the elements.
         let mut assembly =
             Assembly { spec: spec.clone(), body, elements: Vec::new(), element_states: 0, modes: Vec::new() };
         assembly.elements = assembly.placed(&spec.elements)?;
         assembly.element_states = assembly.elements.iter().filter(|element| element.state.is_some()).count();
         let is_free = matches!(&assembly.body, Body::Modal(modal) if modal.is_free());
+        // The modes of a held structure are found from the factors of K, which has none where a rigid mode makes it
+        // singular.
         let found = if is_free { free_modes(&assembly.linear()) } else { modes(&assembly.linear()) };
         let is_possible = |hz: f64| hz.is_finite() && (hz > 0.0 || is_free);
         assembly.modes = found
@@ -170,7 +173,7 @@ impl Assembly {
         StructureError::Frequencies { lowest_hz: range(f64::min), highest_hz: range(f64::max) }
     }
 
-    /// What it was made of.
+    /// The specification that it was made of.
     pub fn spec(&self) -> &StructureSpec {
         &self.spec
     }
@@ -241,6 +244,7 @@ impl Assembly {
     /// # Errors
     /// [`StructureError::UnknownPlace`] lists the names.
     pub fn dof(&self, name: &str) -> Result<Dof, StructureError> {
+        // `joint2` alone is the deflection of joint 2, and `joint2.x` the place of joint 2 along x.
         let found = match &self.body {
             Body::Chain(chain) => chain_dof(chain.n, name),
             Body::Modal(modal) => modal
@@ -287,7 +291,7 @@ impl Assembly {
         }
     }
 
-    /// The elements.
+    /// The elements, in the order of the specification.
     pub fn elements(&self) -> &[Element] {
         &self.elements
     }
@@ -311,6 +315,7 @@ impl Assembly {
     /// The displacement from rest, m or rad.
     pub fn displacement(&self, dof: Dof, q: &[f64]) -> f64 {
         match dof.0 {
+            // The coordinate itself: no sines and cosines are needed.
             At::Joint(joint) => q[joint],
             _ => self.at(q).displacement(dof),
         }

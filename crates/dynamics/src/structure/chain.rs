@@ -40,7 +40,7 @@ const CORRECTION_LIMIT_RAD: f64 = 1e-9;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Chain {
     pub n: usize,
-    /// c, kg·m², symmetric.
+    /// c_ij of the kinetic energy, kg·m², symmetric.
     pub inertia: PerLink<PerLink>,
     /// l, m, and p_j = m_j lc_j + l_j Σ_{k>j} m_k, kg·m.
     pub length_m: PerLink,
@@ -48,7 +48,7 @@ pub(super) struct Chain {
     /// δ, rad, and whether it is 0 for all links.
     pub moment_turn_rad: PerLink,
     pub is_straight: bool,
-    /// w, N·m.
+    /// w of the weight, N·m.
     pub weight_nm: PerLink,
     /// k, N·m/rad, and d, N·m·s/rad.
     pub stiffness: PerLink,
@@ -60,7 +60,7 @@ pub(super) struct Chain {
     pub sag_rad: PerLink,
 }
 
-/// Where [`Chain::linearise`] writes.
+/// Slices that [`Chain::linearise`] writes to.
 pub(super) struct LinearisedSlices<'a> {
     pub unbalance: &'a mut [f64],
     pub by_position: &'a mut [f64],
@@ -74,7 +74,7 @@ pub(super) struct Turned {
     turn: PerLink<Turn<f64>>,
     sine: PerLink,
     cosine: PerLink,
-    /// Of θ + δ.
+    /// Sine and cosine of θ + δ.
     moment_sine: PerLink,
     moment_cosine: PerLink,
 }
@@ -98,7 +98,7 @@ pub(super) struct Moving<T, const N: usize> {
     pub turn: [Turn<T>; N],
     pub sine: [T; N],
     pub cosine: [T; N],
-    /// Of the moments.
+    /// Sine and cosine of the moments' angles, θ + δ.
     pub moment_sine: [T; N],
     pub moment_cosine: [T; N],
     pub rate: [T; N],
@@ -222,6 +222,8 @@ impl Chain {
                 residual[i] += self.stiffness[i] * sag[i];
                 tangent[i * n + i] += self.stiffness[i];
             }
+            // Where the tangent is not positive definite, the weight turns the links further than the springs hold, and
+            // the chain is said to collapse.
             super::modes::cholesky(n, &mut tangent[..n * n])?;
             super::modes::solve_cholesky(n, &tangent[..n * n], &mut residual[..n]);
             let largest = residual.iter().fold(0.0_f64, |largest, change| largest.max(change.abs()));
@@ -238,6 +240,7 @@ impl Chain {
         let none = [0.0; MOST_LINKS];
         let turn = [Turn::none(); MOST_LINKS];
         let mut turned = Turned { turn, sine: none, cosine: none, moment_sine: none, moment_cosine: none };
+        // One running sum gives the turn of every link, as the deflections add up from the base out.
         let mut angle_rad = 0.0;
         for (i, q) in q[..self.n].iter().enumerate() {
             angle_rad += q;
@@ -282,6 +285,7 @@ impl Chain {
         let mass = &mut mass[..n * n];
         for (k, entry) in mass.iter_mut().enumerate() {
             let (i, j) = (k / n, k % n);
+            // cos 0 is 1, which the sum of rounded squares need not be.
             *entry = self.inertia[i][j] * if i == j { 1.0 } else { links.between(i, j).1 };
         }
         sum_both_outwards(n, mass);
@@ -342,6 +346,8 @@ impl Chain {
                 let ((sine, cosine), inertia) = (links.between(i, j), self.inertia[i][j]);
                 let square = rate[j] * rate[j];
                 unbalance[i] += inertia * (cosine * acceleration[j] + sine * square);
+                // sin 0 = 0: of the diagonal the inertia is left, and the derivative by its own angle comes from the
+                // others.
                 if i == j {
                     by_acceleration[i][i] = inertia;
                     continue;
@@ -385,7 +391,7 @@ impl Chain {
         0.5 * (kinetic + springs) + weight_j
     }
 
-    /// q̇ᵀDq̇, W.
+    /// Power that the dampers turn into heat, q̇ᵀDq̇, W.
     pub fn loss_w(&self, v: &[f64]) -> f64 {
         self.damping.iter().zip(v).map(|(damping, v)| damping * (v * v)).sum()
     }

@@ -22,9 +22,9 @@ const TERMS: usize = 5;
 /// The circuit, for one step length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circuit {
-    /// Bl, N/A.
+    /// Force factor Bl, N/A.
     pub force_factor_n_a: f64,
-    /// R, Ω.
+    /// Resistance R of the coil, Ω.
     pub resistance_ohm: f64,
     /// hR/L: how often the current decays by e over a step; infinite without inductance.
     pub decay: f64,
@@ -65,6 +65,7 @@ impl Circuit {
     /// the current changes too slowly for the closed form.
     pub fn new(coil: &Coil, step_s: f64) -> Option<Circuit> {
         let Coil::Voltage { force_factor_n_a, resistance_ohm, inductance_h } = *coil else { return None };
+        // Infinite without inductance, for which the sums below are Ohm's law.
         let decay = step_s * resistance_ohm / inductance_h;
         (decay >= LEAST_DECAY).then_some(Circuit { force_factor_n_a, resistance_ohm, decay })
     }
@@ -84,7 +85,7 @@ impl Circuit {
 }
 
 impl Current {
-    /// Zero current.
+    /// A current that stays zero.
     pub const ZERO: Current = Current { q: [0.0; TERMS], transient_a: 0.0, decay: f64::INFINITY };
 
     /// The coefficients of q, and i(0) − q(0), the factor of e^{−λx}; 0 without inductance.

@@ -23,22 +23,22 @@ pub enum Branch {
 pub struct Reaction {
     /// f, which acts on the structure as −f.
     pub force: f64,
-    /// ∂f/∂x.
+    /// ∂f/∂x, the stiffness there.
     pub by_position: f64,
-    /// ∂f/∂v.
+    /// ∂f/∂v, the damping there.
     pub by_velocity: f64,
-    /// ∂f/∂z.
+    /// ∂f/∂z, by the inner state.
     pub by_state: f64,
 }
 
 /// The rate of an element's state and its derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StateRate {
-    /// ż.
+    /// ż, the rate of the inner state.
     pub rate: f64,
-    /// ∂ż/∂v.
+    /// ∂ż/∂v, by the velocity.
     pub by_velocity: f64,
-    /// ∂ż/∂z.
+    /// ∂ż/∂z, by the state itself.
     pub by_state: f64,
 }
 
@@ -49,7 +49,7 @@ pub(super) struct Margin {
     pub value: f64,
     /// Its rate, where it goes with the displacement or the state; of one that goes with the velocity none.
     pub rate: Option<f64>,
-    /// The branch beyond.
+    /// The branch that the element is on then.
     pub to: Branch,
 }
 
@@ -63,12 +63,12 @@ pub struct Element {
 }
 
 impl Element {
-    /// Its law.
+    /// The law of its force.
     pub fn law(&self) -> &Law {
         &self.law
     }
 
-    /// Where it acts.
+    /// Degree of freedom at which it acts.
     pub fn at(&self) -> Dof {
         self.at
     }
@@ -153,8 +153,10 @@ impl Law {
             }
             Law::Friction { stiffness, slip } => {
                 let most = slip / stiffness;
+                // At its limit it slips while it moves outwards; as soon as it turns back, it sticks.
                 by_sign(state >= most && velocity > 0.0, state <= -most && velocity < 0.0)
             }
+            // |v| has a kink at v = 0, so each direction is a branch.
             Law::Lugre { .. } => by_sign(velocity >= 0.0, true),
         }
     }
@@ -188,6 +190,7 @@ impl Law {
             (Law::Gap { gap, .. }, Lower) => [moving(-position - gap, -velocity, Inner), None],
             (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, Inner) => {
                 let [pressed, pushing] = self.contact(position, velocity);
+                // The contact closes where both are positive, that is, where the smaller one is.
                 [moving(-pressed.min(pushing), -side.sign() * velocity, Upper), None]
             }
             (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, _) => {
@@ -258,6 +261,7 @@ impl Law {
             },
             Law::Tanh { slip, velocity: scale } => {
                 let share = libm::tanh(velocity / scale);
+                // 1 − tanh² as a product, without cancellation where tanh is near ±1.
                 let by_velocity = slip / scale * (1.0 - share) * (1.0 + share);
                 Reaction { force: slip * share, by_velocity, ..Reaction::default() }
             }
@@ -283,6 +287,7 @@ impl Law {
                 let (g, slope) = stribeck_force(coulomb, breakaway, stribeck, velocity);
                 let sign = if branch == Branch::Lower { -1.0 } else { 1.0 };
                 let by_state = -bristle_stiffness * (sign * velocity) / g;
+                // With s = sign v: ∂/∂v of v − σ0 s v z/g(v) is 1 − σ0 s z (1/g − v g′/g²).
                 StateRate {
                     rate: velocity + by_state * state,
                     by_velocity: 1.0 - bristle_stiffness * sign * state / g * (1.0 - velocity * slope / g),
@@ -344,6 +349,7 @@ impl Law {
             }
             Law::HuntCrossley { stiffness, gap, side, .. } => {
                 let depth = side.sign() * position - gap;
+                // ∫ k δ^1.5 dδ = ⅖ k δ^2.5.
                 0.4 * stiffness * power_three_halves(depth) * depth
             }
             Law::Friction { stiffness, .. } | Law::Lugre { bristle_stiffness: stiffness, .. } => {
@@ -354,7 +360,7 @@ impl Law {
         }
     }
 
-    /// ∂E/∂x and ∂E/∂z.
+    /// ∂E/∂x and ∂E/∂z of the stored energy.
     fn energy_gradient(&self, position: f64, state: f64) -> (f64, f64) {
         match *self {
             Law::Cubic { .. } => (self.reaction(Branch::Inner, position, 0.0, state).force, 0.0),
@@ -374,7 +380,7 @@ impl Law {
     }
 }
 
-/// δ and δ̇.
+/// How deep a contact is pressed, δ, negative where it is open, and its rate δ̇.
 fn pressed(side: Side, position: f64, velocity: f64, gap: f64) -> (f64, f64) {
     (side.sign() * position - gap, side.sign() * velocity)
 }

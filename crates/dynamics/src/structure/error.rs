@@ -1,4 +1,4 @@
-//! Errors of structures.
+//! Errors of structures: impossible values, unknown names, elements that don't fit together.
 
 use alloc::format;
 use alloc::string::String;
@@ -18,9 +18,9 @@ pub enum StructureError {
         what: &'static str,
         /// How many are given.
         got: usize,
-        /// The valid numbers.
+        /// Least number that is valid.
         least: usize,
-        /// The valid numbers.
+        /// Largest number that is valid.
         most: usize,
     },
     /// A value is impossible.
@@ -28,17 +28,17 @@ pub enum StructureError {
     Value {
         /// The part that it belongs to, such as `link 2`.
         part: String,
-        /// The value.
+        /// Name of the value.
         name: &'static str,
-        /// The given value.
+        /// Value that was given.
         got: f64,
-        /// The valid values.
+        /// What the value must be.
         expected: &'static str,
     },
     /// A shape with a number too few or too many.
     #[error("shape `{name}` has {got} numbers: it must have one for each of the {expected} modes")]
     Shape {
-        /// Point and axis.
+        /// Point and axis of the shape.
         name: String,
         /// How many are given.
         got: usize,
@@ -48,29 +48,29 @@ pub enum StructureError {
     /// The name of a point that names can't be made of.
     #[error("the name of a point is `{got}`: it must have at least one character, and no dot")]
     PointName {
-        /// The given name.
+        /// Name that was given.
         got: String,
     },
     /// Two shapes of one point and axis.
     #[error("there are two shapes `{name}`: a point has one for each axis")]
     ShapeTwice {
-        /// Point and axis.
+        /// Point and axis of the shapes.
         name: String,
     },
     /// No place has this name.
     #[error("there is no `{got}` in this structure: there are {known}")]
     UnknownPlace {
-        /// The given name.
+        /// Name that was given.
         got: String,
-        /// The existing names.
+        /// Names of the places that there are.
         known: String,
     },
     /// No preset has this name.
     #[error("there is no preset `{got}`: the presets are {known}")]
     UnknownPreset {
-        /// The given value.
+        /// Name that was given.
         got: String,
-        /// The existing names.
+        /// Names of all presets.
         known: String,
     },
     /// A preset's text can't be read.
@@ -98,9 +98,9 @@ pub enum StructureError {
     /// No parameter has this name.
     #[error("there is no parameter `{got}` in this structure: there are {known}")]
     UnknownParameter {
-        /// The given name.
+        /// Name that was given.
         got: String,
-        /// The existing names.
+        /// Names of the parameters that there are.
         known: String,
     },
     /// A joint that the structure doesn't have.
@@ -122,7 +122,7 @@ pub enum StructureError {
     Fixed {
         /// The number of the element, from 1.
         element: usize,
-        /// The place.
+        /// Name of the place.
         place: String,
     },
     /// An element between a joint and a point.
@@ -130,9 +130,9 @@ pub enum StructureError {
     MixedEnds {
         /// The number of the element, from 1.
         element: usize,
-        /// One end.
+        /// Place of one end.
         at: String,
-        /// The other.
+        /// Place of the other end.
         to: String,
     },
     /// An element with both ends at one place.
@@ -140,7 +140,7 @@ pub enum StructureError {
     SameEnds {
         /// The number of the element, from 1.
         element: usize,
-        /// The place.
+        /// Name of the place.
         at: String,
     },
     /// Two contacts that meet at one place.
@@ -150,7 +150,7 @@ pub enum StructureError {
         first: usize,
         /// Number of the second.
         second: usize,
-        /// The place.
+        /// Name of the place.
         at: String,
     },
     /// The springs can't hold the weight.
@@ -167,9 +167,9 @@ pub enum StructureError {
          stiffnesses and inertias are out of proportion"
     )]
     Frequencies {
-        /// The lowest, Hz.
+        /// Estimate of the lowest frequency, Hz.
         lowest_hz: f64,
-        /// The highest, Hz.
+        /// Estimate of the highest frequency, Hz.
         highest_hz: f64,
     },
 }

@@ -77,7 +77,7 @@ impl<const N: usize> LinksLoad<f64, N> {
         lanes
     }
 
-    /// Times a factor.
+    /// The load multiplied by a factor.
     #[inline(always)]
     pub fn times(&self, factor: f64) -> LinksLoad<f64, N> {
         let mut load = *self;
@@ -166,6 +166,7 @@ impl<T: Real, const N: usize> Kernel<T, N> {
             *force = tip - self.weight_nm[i] * self.moment_rest[i].cosine_change(at.turn[i]);
             power = power + *force * at.rate[i];
         }
+        // X_i and Y_i in two passes: from the base out for the links before i, from the tip in for those behind it.
         let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
         let mut squares = at.rate;
         for i in 0..N {
@@ -225,6 +226,7 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         torque: &[T; N],
         mut force: [T; N],
     ) -> [T; N] {
+        // The torque of joint i turns link i, and link i − 1 the other way.
         for i in 0..N {
             force[i] = force[i] + torque[i];
             if i + 1 < N {
@@ -244,6 +246,7 @@ impl<T: Real, const N: usize> Kernel<T, N> {
                 force[i] = force[i] - lower[k][i] * force[k];
             }
         }
+        // From the tip in, so that the entry before is still φ̈.
         for i in (1..N).rev() {
             force[i] = force[i] - force[i - 1];
         }
@@ -352,6 +355,7 @@ impl<const N: usize> Links<N> {
             fastest_hz = modes.and_then(|modes| modes.last().map(|mode| mode.frequency_hz)).unwrap_or(f64::NAN);
             let law = Law::Linear { stiffness: armature.stiffness_n_m, damping: armature.damping_n_s_m };
             let along = SmoothElement::along(law, armature.dofs(), chain);
+            // Spring and damper of the armature act as an element does; its mass is added to H.
             elements.push(along.clone());
             SmoothMass::new(armature.mass_kg, along)
         });
@@ -488,6 +492,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
             let mut rows = [[0.0; N]; N];
             for n in 0..N {
                 let mut column = [0.0; N];
+                // A load on turn i counts in row and column of every joint up to i: their entry sums it from the
+                // outer joint out.
                 for (row, entry) in column.iter_mut().enumerate() {
                     *entry = -(matrix[row * N + n] + turning[row.max(n)]);
                 }
@@ -552,6 +558,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         loads: &StageLoads<LinksLoad<f64, N>, S>,
         solve: V,
     ) -> V::Solution {
+        // A held load is the same in all lanes, and is spread over them without gathering.
         let load = if loads.held { loads.at(0).splat() } else { LinksLoad::gather(|lane| loads.at(lane)) };
         solve.solve(&Stages { kernel: &self.lanes, load, smooth: &self.smooth })
     }

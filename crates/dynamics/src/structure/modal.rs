@@ -23,9 +23,9 @@ const MOST_SHAPES: usize = 256;
 /// The constants of the modes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Modal {
-    /// ω, rad/s.
+    /// Natural angular frequencies ω, rad/s.
     pub omega_rad_s: Vec<f64>,
-    /// ζ.
+    /// Damping ratios ζ, dimensionless.
     pub damping_ratio: Vec<f64>,
     pub shapes: Vec<ShapeSpec>,
 }
@@ -162,16 +162,17 @@ pub(super) struct Rates {
 impl Rates {
     pub fn new(omega_rad_s: f64, damping_ratio: f64) -> Rates {
         let root = libm::sqrt((damping_ratio - 1.0) * (damping_ratio + 1.0));
+        // ω/(ζ + √(ζ² − 1)) equals ω (ζ − √(ζ² − 1)), which would cancel for large ζ.
         Rates { slow: omega_rad_s / (damping_ratio + root), half_gap: omega_rad_s * root }
     }
 
-    /// b.
+    /// The faster decay rate b, 1/s.
     pub fn fast(&self) -> f64 {
         self.slow + 2.0 * self.half_gap
     }
 }
 
-/// `point.axis`.
+/// Name of a shape, `point.axis`.
 pub(super) fn shape_name(shape: &ShapeSpec) -> String {
     format!("{}.{}", shape.point, shape.axis)
 }

@@ -103,6 +103,7 @@ pub(super) fn free_modes(of: &Linear) -> Option<Vec<StructureMode>> {
         if !(square.is_finite() && square >= -rounding) {
             return None;
         }
+        // A rigid mode is exactly at 0 Hz: one at a rounding error above would be a mode of some microhertz.
         let omega = if square <= rounding { 0.0 } else { libm::sqrt(square) };
         solve_upper(n, &factor, y);
         let largest = y.iter().fold(0.0_f64, |largest, &y| if y.abs() > largest.abs() { y } else { largest });
@@ -138,6 +139,8 @@ fn diagonalise(n: usize, s: &mut [f64]) -> Option<Vec<f64>> {
                 }
                 turned = true;
                 let theta = (s[q * n + q] - s[p * n + p]) / (2.0 * off);
+                // The smaller root, a turn of at most 45°, with which the sweeps converge (Golub and Van Loan,
+                // section 8.5).
                 let t = libm::copysign(1.0 / (theta.abs() + libm::sqrt(1.0 + theta * theta)), theta);
                 rotate(n, s, &mut vectors, [p, q], t);
             }
@@ -163,6 +166,7 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
     for k in 0..n {
         turn(s, k * n + p, k * n + q);
     }
+    // Zero but for rounding, and the test for convergence looks at it.
     (s[p * n + q], s[q * n + p]) = (0.0, 0.0);
 }
 
@@ -184,6 +188,7 @@ fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
     for (k, mode) in modes.iter_mut().enumerate() {
         let own = damping[k * n + k];
         let modal = if own == 0.0 { 0.0 } else { own / (2.0 * omega[k]) };
+        // Where the damping couples no modes, the ratio of the mode alone is exact.
         let is_coupled = (0..n).any(|j| j != k && (damping[k * n + j] != 0.0 || damping[j * n + k] != 0.0));
         let rayleigh = if modal < 1.0 && is_coupled { damped_ratio(&omega, &damping, k) } else { None };
         mode.damping_ratio = rayleigh.unwrap_or(modal);
@@ -207,6 +212,7 @@ fn damped_ratio(omega: &[f64], damping: &[f64], k: usize) -> Option<f64> {
         }
         let root = square_root(damper * damper - mass * stiffness * 4.0);
         let roots = [(-damper + root) / (mass * 2.0), (-damper - root) / (mass * 2.0)];
+        // Of a conjugate pair the eigenvalue above the real axis.
         let next = if roots[0].im >= roots[1].im { roots[0] } else { roots[1] };
         let change = size(next - lambda);
         lambda = next;
@@ -222,8 +228,10 @@ fn damped_ratio(omega: &[f64], damping: &[f64], k: usize) -> Option<f64> {
         if solve_complex(&mut matrix, &mut u).is_none() {
             return Some(-lambda.re / size(lambda));
         }
+        // Only the direction counts; near the eigenvalue the length grows without bound.
         let largest = u.iter().map(|entry| size(*entry)).fold(0.0, f64::max);
         u.iter_mut().for_each(|entry| *entry /= Complex::new(largest, 0.0));
+        // Another mode has taken over, and its eigenvalue would be found.
         if size(u[k]) < 0.5 {
             return None;
         }

@@ -29,9 +29,9 @@ pub enum Parameter {
 /// A value of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinkField {
-    /// Its length, m.
+    /// Length of the link, m.
     Length,
-    /// Its mass, kg.
+    /// Mass of the link, kg.
     Mass,
     /// The distance of its centre of mass from its joint, m.
     CentreOfMass,
@@ -52,7 +52,7 @@ pub enum LinkField {
 pub enum ModeField {
     /// Its natural frequency, Hz.
     Frequency,
-    /// Its damping ratio.
+    /// Its damping ratio, dimensionless.
     DampingRatio,
 }
 
@@ -94,7 +94,7 @@ impl LinkField {
         LinkField::Damping,
     ];
 
-    /// Key and unit.
+    /// Key in a scenario, and unit.
     const fn words(self) -> (&'static str, &'static str) {
         match self {
             LinkField::Length => ("length_m", "m"),
@@ -125,7 +125,7 @@ impl LinkField {
 impl ModeField {
     const ALL: [ModeField; 2] = [ModeField::Frequency, ModeField::DampingRatio];
 
-    /// Key and unit.
+    /// Key in a scenario, and unit.
     const fn words(self) -> (&'static str, &'static str) {
         match self {
             ModeField::Frequency => ("frequency_hz", "Hz"),
@@ -201,6 +201,7 @@ impl Parameter {
                 let element = spec.elements.get_mut(part(element))?;
                 let is_joint = usize::from(matches!(element.at, Place::Joint(_)));
                 let (Value(keys, _), value) = values_of(&mut element.law).into_iter().nth(usize::from(field.index))?;
+                // A parameter of another structure may have this place with another key; it is none of this one.
                 (keys[is_joint] == field.key).then_some(value)
             }
             _ => None,
@@ -286,6 +287,7 @@ impl Assembly {
         for (parameter, value) in values {
             let own = parameter.of(&mut spec).ok_or_else(|| self.unknown_parameter(parameter.to_string()))?;
             *own = *value;
+            // What is given here is stated, whatever the source leaves out.
             if let BodySpec::Chain(chain) = &mut spec.body {
                 chain.unstated.retain(|unstated| unstated != parameter);
             }

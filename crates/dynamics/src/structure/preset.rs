@@ -34,10 +34,10 @@ struct PresetFile {
 }
 
 impl Preset {
-    /// Every preset.
+    /// All presets that come with the program.
     pub const ALL: [Preset; 2] = [Preset::Irb1600Table1, Preset::Irb1600Fitted];
 
-    /// Its name.
+    /// Name of the preset, as a scenario has it.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::Irb1600Table1 => "irb1600-table1",

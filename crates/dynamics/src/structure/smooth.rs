@@ -49,7 +49,7 @@ impl<const N: usize> SmoothElement<N> {
         }
     }
 
-    /// x and v.
+    /// Displacement x and velocity v of the element.
     #[inline(always)]
     fn position_and_velocity<T: Real>(&self, motion: &Motion<T, N>, at: &Moving<T, N>, rest: &[Angle<T>; N]) -> (T, T) {
         let (mut position, mut velocity) = (T::splat(0.0), T::splat(0.0));
@@ -122,23 +122,23 @@ pub(super) struct SmoothMass<const N: usize> {
     along: SmoothElement<N>,
 }
 
-/// It in motion.
+/// The mass at a motion of the links.
 pub(super) struct MovingMass<T, const N: usize> {
-    /// m, kg.
+    /// The mass m, kg.
     pub mass_kg: T,
-    /// w and w′.
+    /// w and w′ by each turn.
     pub direction: [T; N],
     curvature: [T; N],
 }
 
 impl<T: Real, const N: usize> MovingMass<T, N> {
-    /// m w_i w_j.
+    /// Entry i, j of m wwᵀ.
     #[inline(always)]
     pub fn between(&self, i: usize, j: usize) -> T {
         self.mass_kg * self.direction[i] * self.direction[j]
     }
 
-    /// Σ w′ φ̇².
+    /// Σ w′ φ̇², the part of s̈ that is due to the velocity.
     #[inline(always)]
     pub fn drift(&self, at: &Moving<T, N>) -> T {
         let mut drift = T::splat(0.0);
@@ -164,7 +164,7 @@ impl<const N: usize> SmoothMass<N> {
         SmoothMass { mass_kg, along }
     }
 
-    /// s.
+    /// Displacement s from rest, m.
     pub fn displacement_m(&self, motion: &Motion<f64, N>, at: &Moving<f64, N>, rest: &[Angle<f64>; N]) -> f64 {
         self.along.position_and_velocity(motion, at, rest).0
     }

@@ -65,7 +65,7 @@ impl ChainSpec {
     }
 }
 
-/// A vibration mode.
+/// A vibration mode of a modal structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModeSpec {
@@ -80,16 +80,16 @@ pub struct ModeSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
-    /// Along x.
+    /// Along the x axis.
     X,
-    /// Along y.
+    /// Along the y axis.
     Y,
-    /// Along z; a planar chain has none.
+    /// Along the z axis, which a planar chain does not have.
     Z,
 }
 
 impl Axis {
-    /// Every axis.
+    /// All axes, x first.
     pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 
     /// Its name: `x`, `y`, `z`.
@@ -120,7 +120,7 @@ pub const BASE: &str = "base";
 pub struct ShapeSpec {
     /// Name of the point, without a dot, such as `tip`.
     pub point: String,
-    /// The axis.
+    /// Axis along which it moves.
     pub axis: Axis,
     /// φ of each mode, mass-normalised, 1/√kg: the displacement is Σ φ q. Of the base the participation factor Γ = φᵀMr, √kg,
     /// with the displacements r of all masses as the base moves by 1.
@@ -137,12 +137,12 @@ pub struct ModalSpec {
     pub shapes: Vec<ShapeSpec>,
 }
 
-/// What vibrates.
+/// What vibrates: a chain of links, or modes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BodySpec {
     /// A planar chain of links with compliant joints.
     Chain(ChainSpec),
-    /// Vibration modes.
+    /// Vibration modes with their shapes.
     Modal(ModalSpec),
 }
 
@@ -150,15 +150,15 @@ pub enum BodySpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
-    /// Towards positive displacements.
+    /// Contact towards positive displacements.
     #[default]
     Positive,
-    /// Towards negative displacements.
+    /// Contact towards negative displacements.
     Negative,
 }
 
 impl Side {
-    /// 1 or −1.
+    /// 1 for positive displacements, −1 for negative ones.
     pub const fn sign(self) -> f64 {
         match self {
             Side::Positive => 1.0,
@@ -175,58 +175,58 @@ impl Side {
 pub enum Law {
     /// f = k3 x³ + k5 x⁵: a spring that hardens, or softens.
     Cubic {
-        /// k3, N/m³.
+        /// Cubic stiffness k3, N/m³.
         stiffness3: f64,
-        /// k5, N/m⁵.
+        /// Quintic stiffness k5, N/m⁵.
         stiffness5: f64,
     },
     /// f = k (max(x − g, 0) + min(x + g, 0)): backlash, or a stop on both sides.
     Gap {
-        /// k, N/m, positive.
+        /// Stiffness k beyond the gap, N/m, positive.
         stiffness: f64,
-        /// g, m, not negative.
+        /// Gap g on either side, m, not negative.
         gap: f64,
     },
     /// Contact on one side, f = max(0, k δ + c δ̇) for δ = x − g > 0 (W. Voigt, 1892): it never pulls.
     KelvinVoigt {
-        /// k, N/m, positive.
+        /// Contact stiffness k, N/m, positive.
         stiffness: f64,
-        /// c, N·s/m, not negative.
+        /// Contact damping c, N·s/m, not negative.
         damping: f64,
-        /// g, m, not negative.
+        /// Displacement g at which it touches, m, not negative.
         gap: f64,
-        /// Which side.
+        /// Side on which the contact is.
         side: Side,
     },
     /// Contact on one side, f = k δ^1.5 max(0, 1 + λ δ̇) for δ = x − g > 0 (K. H. Hunt, F. R. E. Crossley, "Coefficient
     /// of Restitution Interpreted as Damping in Vibroimpact", J. Appl. Mech. 42 (1975)): it never pulls.
     HuntCrossley {
-        /// k, N/m^1.5, positive.
+        /// Contact stiffness k, N/m^1.5, positive.
         stiffness: f64,
-        /// λ, s/m, not negative.
+        /// Dissipation λ, s/m, not negative.
         damping: f64,
-        /// g, m, not negative.
+        /// Displacement g at which it touches, m, not negative.
         gap: f64,
-        /// Which side.
+        /// Side on which the contact is.
         side: Side,
     },
     /// Elastic Coulomb friction, f = k z with ż = v while |k z| < R, else k z = ±R (G. M. Jenkins, "Analysis of the
     /// Stress-Strain Relationships in Reactor Grade Graphite", Br. J. Appl. Phys. 13 (1962)).
     Friction {
-        /// k, N/m, positive.
+        /// Stiffness k while it sticks, N/m, positive.
         stiffness: f64,
-        /// R, N, positive.
+        /// Slip force R, N, positive.
         slip: f64,
     },
     /// f = σ0 z + σ1 ż + σ2 v with ż = v − σ0 |v| z / g(v) and g = Fc + (Fs − Fc) exp(−(v/vs)²) (C. Canudas de Wit, H.
     /// Olsson, K. J. Åström, P. Lischinsky, "A New Model for Control of Systems with Friction", IEEE Trans. Automatic
     /// Control 40 (1995)).
     Lugre {
-        /// σ0, N/m, positive.
+        /// Bristle stiffness σ0, N/m, positive.
         bristle_stiffness: f64,
-        /// σ1, N·s/m, not negative.
+        /// Bristle damping σ1, N·s/m, not negative.
         bristle_damping: f64,
-        /// σ2, N·s/m, not negative.
+        /// Viscous damping σ2, N·s/m, not negative.
         viscous: f64,
         /// Fc, N, positive: the force of slow sliding.
         coulomb: f64,
@@ -237,16 +237,16 @@ pub enum Law {
     },
     /// f = k x + c v: a spring, a damper, or both.
     Linear {
-        /// k, N/m, not negative.
+        /// Stiffness k, N/m, not negative.
         stiffness: f64,
-        /// c, N·s/m, not negative; not zero where `stiffness` is.
+        /// Damping c, N·s/m, not negative; not zero where `stiffness` is.
         damping: f64,
     },
     /// f = R tanh(v/v0): Coulomb friction, smoothed.
     Tanh {
-        /// R, N, positive.
+        /// Force R of fast sliding, N, positive.
         slip: f64,
-        /// v0, m/s, positive.
+        /// Velocity v0 within which it is smoothed, m/s, positive.
         velocity: f64,
     },
 }
@@ -284,7 +284,7 @@ pub enum Place {
     Dof {
         /// Name of the point, one of [`Assembly::points`](super::Assembly::points).
         point: String,
-        /// The axis.
+        /// Axis along which it acts.
         axis: Axis,
     },
     /// At a joint of a chain, about it; joint 1 is at the base.
@@ -301,21 +301,21 @@ impl Place {
     }
 }
 
-/// A point element.
+/// A point element: a force law between two places, or between a place and the ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElementSpec {
     /// Where it acts; its displacement is that of this place less that of the other.
     pub at: Place,
     /// Its other end, of the same kind; `None` is the ground.
     pub to: Option<Place>,
-    /// Its law.
+    /// Law of its force.
     pub law: Law,
 }
 
-/// A structure.
+/// What a structure is made of: its body and its elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructureSpec {
-    /// What vibrates.
+    /// Body that the elements act on.
     pub body: BodySpec,
     /// The elements, at most [`MOST_ELEMENTS`](super::MOST_ELEMENTS).
     pub elements: Vec<ElementSpec>,

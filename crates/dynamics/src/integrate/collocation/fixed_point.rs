@@ -69,11 +69,13 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
         let next = stages.slope(&states, acceleration);
         let size = size::<S, N>(less(next, slopes)) / size::<S, N>(acceleration);
         slopes = next;
+        // The first slopes are compared with zeros, which says nothing of how fast the iteration converges.
         match (made_of, before) {
             (MadeOf::Start, _) => made_of = MadeOf::Rounded,
             (MadeOf::Rounded, None) => before = Some(size),
             (MadeOf::Rounded, Some(known)) => {
                 let ratio = size / known;
+                // The slopes now err by about ρ times this correction, and the last iteration leaves ρ times that.
                 if size * ratio * ratio <= LEFT_LIMIT {
                     made_of = MadeOf::Whole;
                 } else if ratio > SLOWEST || ratio.is_nan() {

@@ -38,18 +38,18 @@ const ENERGY_WHOLE_J: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 /// A method of S stages for N coordinates at one step length. Lanes beyond the last stage repeat it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step<const S: usize, const N: usize> {
-    /// h, s.
+    /// Step length h, s.
     h_s: f64,
     /// Nodes and weights of the quadrature under the method.
     c: [f64; S],
     b: [f64; S],
-    /// Sᵢ.
+    /// Sᵢ, which multiplies the state at the start.
     start: Square<Wide, N>,
     /// Aᵢⱼ of every j.
     stage: [Matrix<Wide, N>; S],
     /// Aᵢⱼ of every j, rounded.
     rounded: [Columns<Wide, N>; S],
-    /// E, Wⱼ.
+    /// E, and Wⱼ of every j, for the end of the step.
     end: Square<f64, N>,
     weights: [Matrix<f64, N>; S],
 }
@@ -57,7 +57,7 @@ pub(super) struct Step<const S: usize, const N: usize> {
 /// The matrices of a method for a step length, by stage, row and column. They are computed once, so by functions that
 /// are compiled once.
 pub(super) struct MethodCoefficients<'a, const S: usize> {
-    /// h, s.
+    /// Step length h, s.
     pub h_s: f64,
     /// Nodes and weights of the quadrature under the method.
     pub c: [DoubleDouble; S],
@@ -66,7 +66,7 @@ pub(super) struct MethodCoefficients<'a, const S: usize> {
     pub start: &'a dyn Fn(usize, usize, usize) -> DoubleDouble,
     /// Aᵢⱼ: i, j, row, column.
     pub stage: &'a dyn Fn(usize, usize, usize, usize) -> DoubleDouble,
-    /// E: row, column.
+    /// E, by row and column.
     pub end: &'a dyn Fn(usize, usize) -> DoubleDouble,
     /// Wⱼ: j, row, column.
     pub weight: &'a dyn Fn(usize, usize, usize) -> DoubleDouble,
@@ -74,6 +74,7 @@ pub(super) struct MethodCoefficients<'a, const S: usize> {
 
 impl<const S: usize, const N: usize> Step<S, N> {
     pub fn new(of: &MethodCoefficients<S>) -> Step<S, N> {
+        // Lanes beyond the last stage repeat it: they compute finite numbers that nobody reads.
         let last = |i: usize| i.min(S - 1);
         let (mut c, mut b) = ([0.0; S], [0.0; S]);
         let (mut stage, mut rounded, mut weights) =
@@ -170,7 +171,7 @@ fn add_square_product<T: Real, const N: usize>(
 /// Up to so many coordinates the sums of all rows of a [`Motion`] of [`Wide`] fit in the registers of SSE2 and NEON.
 const NARROW: usize = 2;
 
-/// matrix · y.
+/// The product matrix · y of a matrix by columns.
 #[inline(always)]
 fn product<T: Real, const N: usize>(matrix: &Columns<T, N>, y: &[f64; N]) -> Motion<T, N> {
     // From the first product on: 0 + (−0) would be 0.
@@ -216,7 +217,7 @@ pub(super) type LinearPart<const N: usize> = [[[f64; N]; N]; 2];
 /// A method of S stages for the step and its parts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Collocation<const S: usize, const N: usize> {
-    /// Λ.
+    /// Λ; zero for Gauss–Legendre.
     pub linear: LinearPart<N>,
     /// The step lengths h, h/2, h/4 …
     pub levels: Vec<Step<S, N>>,
@@ -243,6 +244,7 @@ impl<const S: usize, const N: usize> Collocation<S, N> {
         let mut level = self.first_level(dynamics, y);
         loop {
             match self.parts(level, dynamics, t_s, y, excitation) {
+                // Whatever failed in these parts, smaller ones may do; only in the smallest it is an error.
                 Err(_) if level + 1 < LEVELS => level += 1,
                 result => return result,
             }
@@ -303,7 +305,7 @@ struct Stages<'a, D: Dynamics<N>, const S: usize, const N: usize> {
     dynamics: &'a D,
     loads: StageLoads<D::Load, S>,
     y: Motion<f64, N>,
-    /// Sᵢ y.
+    /// Sᵢ y of every stage.
     from_start: Motion<Wide, N>,
 }
 
@@ -318,6 +320,7 @@ impl<const S: usize, const N: usize> Step<S, N> {
         excitation: &impl Excitation<D::Load>,
     ) -> Result<Motion<f64, N>, IntegrateError> {
         let mut from_start = Motion::splat(0.0);
+        // The small terms first, as in `finish`.
         add_square_product(&mut from_start, &self.start.low, y);
         add_square_product(&mut from_start, &self.start.high, y);
         let held = excitation.is_constant();
@@ -355,6 +358,7 @@ impl<const S: usize, const N: usize> Step<S, N> {
         }
         add_square_product(&mut change, &self.end.high, &stages.y);
         let next = stages.y.zip(&change, |y, change| y + change);
+        // Stages can converge to a wrong step. The energy shows it: it changes by more or less than the work done.
         let (before, after) = (stages.dynamics.energy_j(&stages.y), stages.dynamics.energy_j(&next));
         let defect_j = libm::fabs(after - before - solution.work_j);
         if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after).max(ENERGY_WHOLE_J) {
@@ -389,7 +393,7 @@ impl<D: Dynamics<N>, const S: usize, const N: usize> Stages<'_, D, S, N> {
         slope
     }
 
-    /// All Yᵢ.
+    /// The states Yᵢ of all stages, by matrices of 79 bits.
     #[inline(always)]
     fn states(&self, slopes: &[Wide; N]) -> Motion<Wide, N> {
         let mut change = self.from_start;

@@ -63,6 +63,8 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
                 by_v[n] -= stages.linear[1][row][n];
             }
             let by_y = || by_x.iter().chain(&by_v);
+            // Rounded matrices do here: an error in Newton's matrix slows the convergence, but does not move the
+            // solution.
             for (j, (entries, columns)) in matrix[i][row].iter_mut().zip(&stages.step.rounded).enumerate() {
                 for (column, (entry, block)) in entries.iter_mut().zip(columns).enumerate() {
                     let block = block.x.iter().chain(&block.v);
@@ -81,6 +83,8 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
         // NaN counts as infinite.
         size = if libm::fabs(*step) <= size { size } else { libm::fabs(*step) };
     }
+    // The power before the correction: at the last one it changes by 1e-9 of itself, and the energy balance asks for
+    // a thousandth.
     let power_w = |i: usize| stages.dynamics.rates(&states.lane(i), stages.loads.at(i)).power_w;
     Some((size / largest, stages.work_j(power_w)))
 }

@@ -15,7 +15,7 @@ use crate::structure::dof::{At, Dof};
 use crate::structure::links::{Links, LinksLoad};
 use crate::structure::spec::Axis;
 
-/// A chain of N links in motion.
+/// A chain of N links in motion, with what steps and drives it.
 #[derive(Clone, Debug)]
 pub(super) struct Stepped<const N: usize> {
     pub links: Links<N>,
@@ -107,6 +107,7 @@ impl<const N: usize> Stepped<N> {
         let Some(driver) = &self.driver else { return self.load(load) };
         let coil = &driver.armature.coil;
         let current_a = current_a.unwrap_or_else(|| {
+            // The velocity does not depend on the load, so any load will do to read it.
             let velocity_m_s = self.links.armature(&self.motion, &self.load(&[0.0])).velocity;
             coil.current_a(driver.current_a, load.first().copied().unwrap_or(0.0), velocity_m_s)
         });
@@ -117,7 +118,7 @@ impl<const N: usize> Stepped<N> {
 /// How loads vary over a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Course<'a> {
-    /// By this factor.
+    /// Constant, multiplied by this factor.
     Held(f64),
     /// As a step's load does.
     Step(&'a StepLoad<'a>),

@@ -22,10 +22,10 @@ const PASS_LIMIT: f64 = 1e-12;
 #[derive(Clone, Debug)]
 pub(super) struct Driver {
     pub armature: Armature,
-    /// In voltage mode.
+    /// Circuit of a coil in voltage mode; `None` in current mode.
     circuit: Option<Circuit>,
     step_s: f64,
-    /// At the end of the last step.
+    /// Current at the end of the last step, A.
     pub current_a: f64,
 }
 
@@ -52,6 +52,7 @@ impl<const N: usize> Stepped<N> {
         let voltage_v = blocked_a * circuit.resistance_ohm;
         let start_a = self.start_a(driver, &circuit, blocked_a);
         let [start_m, start_m_s, start_change] = self.stroke(driver, &self.motion, start_a);
+        // The first guess: the acceleration at the start lasts over the whole step.
         let mut stroke = Stroke {
             velocity_m_s: [start_m_s, start_m_s + start_change],
             change_m_s: [start_change; 2],
@@ -64,6 +65,7 @@ impl<const N: usize> Stepped<N> {
             let next = self.step(t_s, &self.driven(course, &[1.0]))?;
             let end_a = current.at(1.0);
             let [end_m, end_m_s, end_change] = self.stroke(driver, &next, end_a);
+            // Relative to all currents of the step, so that one that passes through zero converges, too.
             let size_a = end_a.abs() + blocked_a.abs() + start_a.abs();
             change = (end_a - before_a).abs() / size_a.max(CURRENT_WHOLE_A);
             if change <= PASS_LIMIT {

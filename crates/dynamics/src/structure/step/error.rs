@@ -1,4 +1,4 @@
-//! Errors of steps.
+//! Errors of stepping a structure: rates and coils that don't fit, and steps that can't be made.
 
 use thiserror::Error;
 
@@ -12,7 +12,7 @@ pub enum StepError {
     /// The rate is not a positive number.
     #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
-        /// The given value, Hz.
+        /// Rate that was given, Hz.
         got_hz: f64,
     },
     /// At this rate the scheme is unstable, or makes less than one step a period.
@@ -21,9 +21,9 @@ pub enum StepError {
         got_hz = short(.got_hz), needed_hz = short(.needed_hz)
     )]
     RateTooLow {
-        /// The scheme.
+        /// Scheme that was chosen.
         scheme: Scheme,
-        /// The given value, Hz.
+        /// Rate that was given, Hz.
         got_hz: f64,
         /// The lowest rate that would do, Hz.
         needed_hz: f64,
@@ -37,7 +37,7 @@ pub enum StepError {
     TooStiff {
         /// Start of the step, s; 0 before the first.
         t_s: f64,
-        /// The most parts.
+        /// Most parts of a step.
         most: u32,
         /// The lowest rate that would do, Hz.
         needed_hz: f64,
@@ -71,7 +71,7 @@ pub enum StepError {
     /// Another number of loads than the drive has degrees of freedom.
     #[error("{got} loads: the drive has {expected} degrees of freedom")]
     Loads {
-        /// Loads given.
+        /// Number of loads given.
         got: usize,
         /// The number of degrees of freedom.
         expected: usize,
@@ -85,7 +85,7 @@ pub enum StepError {
         got: usize,
         /// The number of states.
         states: usize,
-        /// [`Stepper::saved_len`](super::Stepper::saved_len).
+        /// The length of a whole saved state, [`Stepper::saved_len`](super::Stepper::saved_len).
         all: usize,
     },
 }

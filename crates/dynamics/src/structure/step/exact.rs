@@ -45,7 +45,7 @@ use crate::structure::modal::{Modal, Rates, mode_transient};
 struct Flow {
     position: [f64; 3],
     velocity: [f64; 3],
-    /// ω², 2σ.
+    /// Stiffness ω², 1/s², and damping 2σ, 1/s.
     stiffness: f64,
     damping: f64,
 }
@@ -85,12 +85,14 @@ impl Flow {
         }
     }
 
-    /// With ζ ≥ 1.
+    /// The flow of a mode with ζ ≥ 1, which does not oscillate.
     fn overdamped(omega_rad_s: f64, damping_ratio: f64, h_s: f64) -> Flow {
         let (sigma, square) = (damping_ratio * omega_rad_s, omega_rad_s * omega_rad_s);
         let [c, s] = mode_transient(omega_rad_s, damping_ratio, h_s);
         let rates = Rates::new(omega_rad_s, damping_ratio);
         let (slow, fast, gap) = (rates.slow, rates.fast(), 2.0 * rates.half_gap);
+        // Where 2sh is small, the quotients of the module's head cancel, and its left sides are taken. The last of
+        // them cancels itself in steps that are short against all rates: there it is the series.
         let (back, held) = if gap * h_s > MOST_TURN {
             let back = (fast * libm::exp(-fast * h_s) - slow * libm::exp(-slow * h_s)) / gap;
             (back, (libm::expm1(-fast * h_s) / fast - libm::expm1(-slow * h_s) / slow) / gap)
@@ -145,7 +147,7 @@ impl Flow {
     }
 }
 
-/// Modes in motion.
+/// Modes in motion, with their flows over a step.
 #[derive(Clone, Debug)]
 struct Exact {
     step_s: f64,
@@ -174,6 +176,7 @@ pub(super) fn engine(modal: &Modal, assembly: &Assembly, drive: &[Dof], rate_hz:
 impl Exact {
     /// What a sine with these peaks of the forces adds to the position and the rate of each mode in a step from a time.
     fn sine(&mut self, peaks: &[f64; MOST_MODES], omega_rad_s: f64, t_s: f64) -> [[f64; 2]; MOST_MODES] {
+        // The NaN before the first sine is unequal to every Ω.
         if self.driven_rad_s != omega_rad_s {
             for (driven, &(omega, zeta)) in self.driven.iter_mut().zip(&self.modes) {
                 *driven = Flow::driven(omega, zeta, omega_rad_s, self.step_s);
@@ -183,6 +186,7 @@ impl Exact {
         let (sine, cosine) = libm::sincos(omega_rad_s * t_s);
         let mut added = [[0.0; 2]; MOST_MODES];
         for ((added, driven), peak) in added.iter_mut().zip(&self.driven).zip(peaks) {
+            // Im(p e^{iΩt} A) = p (Re A sin Ωt + Im A cos Ωt).
             *added = driven.map(|driven| peak * (driven.re * sine + driven.im * cosine));
         }
         added
@@ -191,6 +195,7 @@ impl Exact {
     /// One step, with what the forces add to the position and the rate of a mode.
     fn step(&mut self, t_s: f64, added: impl Fn(usize, &Flow) -> [f64; 2]) -> Result<(), StepError> {
         let n = self.flows.len();
+        // Into copies: after an error the state is as before.
         let [mut q, mut v] = [[0.0; MOST_MODES]; 2];
         let mut finite = true;
         for (i, flow) in self.flows.iter().enumerate() {

@@ -8,7 +8,7 @@ const RELATIVE_BRACKET: f64 = 4.0 * f64::EPSILON;
 /// The end of a part, with the state S there.
 pub(super) struct Located<S> {
     pub state: S,
-    /// Its length, s.
+    /// Length of the part, s.
     pub after_s: f64,
 }
 
@@ -31,12 +31,14 @@ pub(super) fn locate<S>(h_s: f64, before: f64, trial: impl Fn(f64) -> (S, f64)) 
         if width <= RELATIVE_BRACKET * h_s {
             break;
         }
+        // Near a multiple root the false position creeps, and halving the bracket is faster.
         let slow = count - checkpoint.0 >= 3 && width > 0.5 * checkpoint.1;
         if count - checkpoint.0 >= 3 {
             checkpoint = (count, width);
         }
         let secant = low.0 + width * (low.1 / (low.1 - high.1));
         let at = if slow || !(secant > low.0 && secant < high.0) { low.0 + 0.5 * width } else { secant };
+        // The ends are neighbours: no number is left between them.
         if at <= low.0 || at >= high.0 {
             break;
         }
@@ -44,6 +46,7 @@ pub(super) fn locate<S>(h_s: f64, before: f64, trial: impl Fn(f64) -> (S, f64)) 
         let is_low = margin >= 0.0;
         if is_low {
             low = (at, margin);
+            // The end that stays for the second time counts for half, or it would never move.
             high.1 *= if last_low == Some(true) { 0.5 } else { 1.0 };
         } else {
             (high, state) = ((at, margin), next);

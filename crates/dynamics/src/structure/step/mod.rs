@@ -37,7 +37,7 @@ use crate::integrate::Scheme;
 
 /// What makes the steps of a structure.
 trait Engine: fmt::Debug + Send + Sync {
-    /// The state.
+    /// State at the end of the last step.
     fn state(&self) -> StateRef<'_>;
     /// Takes up a state; the slices are of the right lengths.
     fn set(&mut self, state: StateRef);
@@ -78,7 +78,7 @@ pub enum StepLoad<'a> {
     Sine {
         /// The peaks, N or N·m.
         amplitude: &'a [f64],
-        /// Ω, rad/s.
+        /// Angular frequency Ω, rad/s.
         omega_rad_s: f64,
     },
 }
@@ -170,7 +170,7 @@ impl Stepper {
         Ok(Stepper { assembly, scheme, step_s, loads: 1, armature: Some(*armature), engine })
     }
 
-    /// The structure.
+    /// The structure that is stepped.
     pub fn assembly(&self) -> &Assembly {
         &self.assembly
     }
@@ -180,17 +180,17 @@ impl Stepper {
         self.scheme
     }
 
-    /// The step, s.
+    /// Length of a step, s.
     pub fn step_s(&self) -> f64 {
         self.step_s
     }
 
-    /// The coordinates q.
+    /// The coordinates q, n numbers.
     pub fn position(&self) -> &[f64] {
         self.engine.state().q
     }
 
-    /// q̇.
+    /// Their rates q̇, n numbers.
     pub fn velocity(&self) -> &[f64] {
         self.engine.state().v
     }
@@ -340,6 +340,7 @@ impl Stepper {
     /// [`StepError::Saved`] if the numbers are more or fewer, or one is not finite; nothing changes then.
     pub fn restore(&mut self, saved: &[f64]) -> Result<(), StepError> {
         let (n, states) = (self.assembly.coordinates(), self.states());
+        // A number that is not finite counts as the end, so that the message says where it is.
         let finite = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
         if finite != saved.len() || (finite != states && finite != self.saved_len()) {
             return Err(self.not_saved(finite));

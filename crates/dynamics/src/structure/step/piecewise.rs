@@ -50,11 +50,11 @@ struct State {
     q: [f64; MOST_COORDINATES],
     v: [f64; MOST_COORDINATES],
     z: [f64; MOST_ELEMENTS],
-    /// In the coil of a shaker, A.
+    /// Current in the coil of a shaker, A.
     current_a: f64,
 }
 
-/// Its rate but for q̇, which is v.
+/// The rate of a state; that of q is v itself.
 #[derive(Clone, Copy, Debug)]
 struct Slope {
     acceleration: [f64; MOST_COORDINATES],
@@ -131,6 +131,7 @@ pub(super) fn engine(
     if let Some(armature) = armature {
         check_coil(&armature.coil, f64::from(MOST_PARTS) * COIL_DECAY / stepped.step_s)?;
     }
+    // A rate that is too low already at rest is refused now.
     stepped.parts(0.0, stepped.step_s, &stepped.state)?;
     Ok(Box::new(stepped))
 }
@@ -188,6 +189,7 @@ impl Piecewise {
             if let Some(state) = element.state {
                 z[state] = element.law.state_rate(branches[i], velocity, own).rate;
             }
+            // Elements that are open need no direction.
             if pull == 0.0 {
                 continue;
             }
@@ -285,6 +287,8 @@ impl Piecewise {
             if let Some(Margin { to, .. }) = margins.into_iter().flatten().find(|margin| margin.value < 0.0) {
                 self.branches[i] = to;
                 self.events += 1;
+                // Only such a contact starts with a force like t^1.5, which a method of order 8 follows in short
+                // parts alone.
                 rough |= to == Branch::Upper && matches!(element.law, Law::HuntCrossley { .. });
                 if let Some(own) = element.state {
                     state.z[own] = element.law.state_on(to, state.z[own]);
@@ -307,12 +311,15 @@ impl Piecewise {
 
     /// In how many parts the next `h_s` are made from a state.
     fn parts(&self, t_s: f64, h_s: f64, state: &State) -> Result<u32, StepError> {
+        // Within a part an element may be pressed further, and be stiffer, than where the part starts.
         let reach_s = (PHASE_RAD / libm::sqrt(self.fastest_squared)).min(h_s);
         let [squared, decay] = self.armature_bounds;
         let (at, mut squared, mut decay) = (self.at(state), self.fastest_squared + squared, decay);
         for (i, element) in self.assembly.elements().iter().enumerate() {
             let (position, velocity) = self.element_motion(i, element, &at, state);
             let [stiffness, damping, rate] = element.law.steepest(position, velocity, reach_s);
+            // Each element adds a matrix of rank one to K, and so at most this to the largest ω² (H. Weyl's
+            // inequality).
             squared += self.mobility[i] * stiffness;
             decay += self.mobility[i] * damping + rate;
         }
@@ -356,6 +363,7 @@ impl Piecewise {
             };
             let before = self.margin(&state);
             let mut located = locate(h_s, before, trial);
+            // No margin is negative at the end, but one may have been in between: a short contact, or a short slip.
             if located.after_s == h_s
                 && let Some(dip_s) = self.dip_s(&state, &located.state, h_s)
                 && trial(dip_s).1 < 0.0
@@ -442,6 +450,7 @@ fn dip_s([start, end]: [Margin; 2], h_s: f64) -> Option<f64> {
     }
     let drop = start.value - end.value;
     let (a, b) = (6.0 * drop + 3.0 * (fall + rise), -6.0 * drop - 4.0 * fall - 2.0 * rise);
+    // Both roots without cancellation (q = −½ (B + sign(B) √(B² − 4AC)), then q/A and C/q).
     let larger = -0.5 * (b + libm::copysign(libm::sqrt((b * b - 4.0 * a * fall).max(0.0)), b));
     let at = [larger / a, fall / larger].into_iter().find(|at| *at > 0.0 && *at < 1.0)?;
     let (back, turn) = (1.0 - at, at * (1.0 - at));
@@ -477,6 +486,7 @@ impl Engine for Piecewise {
                 Ok(())
             }
             Err(error) => {
+                // The state was not touched yet; the branches were.
                 self.branches = branches;
                 [self.events, self.fallbacks] = counters;
                 Err(error)

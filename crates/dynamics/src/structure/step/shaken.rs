@@ -35,7 +35,7 @@ struct Shaken {
     assembly: Assembly,
     armature: Armature,
     step_s: f64,
-    /// w, n numbers.
+    /// Direction w of the armature, n numbers.
     direction: Vec<f64>,
     /// exp(Ah) − 1 in q, q̇ and i by rows, each with its factor of F at the end.
     flow: Vec<f64>,
@@ -149,7 +149,7 @@ fn product(size: usize, a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 impl Shaken {
-    /// q and q̇.
+    /// The coordinates q and their rates q̇.
     fn motion(&self) -> (&[f64], &[f64]) {
         self.numbers[..2 * self.direction.len()].split_at(self.direction.len())
     }
@@ -173,6 +173,7 @@ impl Engine for Shaken {
         let (states, mut next) = (self.numbers.len(), [0.0; MOST_NUMBERS]);
         let mut finite = true;
         for ((next, row), number) in next.iter_mut().zip(self.flow.chunks_exact(states + 1)).zip(&self.numbers) {
+            // The change is summed first, and added to the number last, so that a small one keeps its digits.
             let change = row.iter().zip(&self.numbers).map(|(factor, number)| factor * number).sum::<f64>();
             *next = number + (change + row[states] * blocked_n);
             finite &= next.is_finite();
