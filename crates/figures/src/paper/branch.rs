@@ -1,4 +1,4 @@
-//! Branches of forced motions, and the values read from them.
+//! Branches of periodic responses to a forcing, and the values read from them.
 
 use serde::{Serialize, Serializer};
 
@@ -29,7 +29,7 @@ fn angles_deg(arm: &Assembly) -> Vec<f64> {
     }
 }
 
-/// β2, degrees.
+/// β2, the angle of link 2 against link 1, degrees.
 pub(super) fn beta2_deg(arm: &Assembly) -> f64 {
     angles_deg(arm).get(1).copied().unwrap_or(f64::NAN)
 }
@@ -71,9 +71,9 @@ impl Drive {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stability {
-    /// They do.
+    /// Small disturbances die out.
     Stable,
-    /// They grow.
+    /// Small disturbances of the orbit grow.
     Unstable,
     /// The motion is a bifurcation, where the stability changes or the branch turns.
     Marginal,
@@ -89,7 +89,7 @@ impl Serialize for Event {
     }
 }
 
-/// A periodic motion.
+/// A periodic response, stable or not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Motion {
     /// Frequency of the excitation, Hz.
@@ -101,7 +101,7 @@ pub struct Motion {
     pub largest: Vec<f64>,
     /// The amplitude of its fundamental.
     pub amplitude: Vec<f64>,
-    /// Its stability.
+    /// Whether small disturbances die out.
     pub stability: Stability,
     /// The kind of bifurcation, if it is one.
     pub bifurcation: Option<Event>,
@@ -308,6 +308,7 @@ fn joined(branch: &Branch) -> Vec<Motion> {
     let mut found = branch.bifurcations.iter().peekable();
     let mut motions = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
     for (index, orbit) in branch.orbits.iter().enumerate() {
+        // A bifurcation states the index of the orbit behind it.
         while let Some(event) = found.next_if(|found| found.index <= index) {
             motions.push(Motion::new(&event.orbit, Some(event.kind)));
         }

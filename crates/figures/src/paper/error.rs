@@ -25,9 +25,9 @@ pub enum PaperError {
     Analysis {
         /// The name of the preset or of the structure.
         structure: String,
-        /// The pose, degrees.
+        /// β2 of the pose, degrees.
         beta2_deg: f64,
-        /// The excitation.
+        /// The excitation in words.
         drive: String,
         /// The reason, and what to try.
         source: Box<AnalysisError>,
@@ -43,7 +43,7 @@ pub enum PaperError {
     NoMotion {
         /// The name of the preset or of the structure.
         structure: String,
-        /// The pose, degrees.
+        /// β2 of the pose, degrees.
         beta2_deg: f64,
         /// Start of the range, Hz.
         from_hz: f64,

@@ -52,7 +52,7 @@ enum Varied {
 /// The curves of one panel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Panel {
-    /// Its title.
+    /// Title of the panel.
     pub title: String,
     /// The number of the reading that is shown, from 1: the joint of this link, or a degree of freedom that was measured.
     pub reading: usize,
@@ -81,29 +81,29 @@ pub enum Abscissa {
 /// A branch with its name in the figure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LabelledCurve {
-    /// Its name.
+    /// Name of the curve.
     pub label: String,
-    /// Its motions.
+    /// The branch of periodic responses.
     #[serde(flatten)]
     pub branch: ForcedBranch,
 }
 
-/// A figure's data.
+/// Data of a figure: its curves, panels and conditions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FigureCurves {
-    /// Which figure.
+    /// Figure of the paper that this is.
     pub figure: Figure,
     /// The name of the preset or of the structure.
     pub name: String,
     /// The links, the same in all curves but for their angles, which each curve has.
     pub links: Vec<Link>,
-    /// Its title.
+    /// Title of the figure.
     pub title: String,
     /// The conditions under which it was computed.
     pub conditions: String,
-    /// Its panels.
+    /// Panels, which refer to the curves.
     pub panels: Vec<Panel>,
-    /// Its curves.
+    /// Curves, of which a panel shows some.
     pub curves: Vec<LabelledCurve>,
     /// Points measured on a bench, drawn over the curves of every panel.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -250,6 +250,7 @@ impl Plan {
         for &beta2_deg in &four.beta2_deg {
             let (arm, label) = (subject.bent(beta2_deg)?, pose(beta2_deg));
             let zone = zone_hz(natural_hz(&arm)[1]);
+            // Panels (a) and (b) show the same curves, panel (c) others, under the torque of the second zone.
             whole.push(self.over_frequency(label.clone(), arm.clone(), (Drive::Torque1, torque), settings.range_hz));
             zones.push(self.over_frequency(label, arm, (Drive::Torque1, second), zone));
         }
@@ -320,7 +321,7 @@ fn pose(beta2_deg: f64) -> String {
 /// Fig. 3: natural frequencies over β2.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NaturalFrequencies {
-    /// The preset.
+    /// Preset that they belong to.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
     /// The links of the straight arm.

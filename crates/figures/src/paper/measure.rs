@@ -43,6 +43,7 @@ impl ForcedBranch {
         for motion in &self.motions {
             let hz = motion.frequency_hz;
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            // The stable segments over this frequency, interpolated; a vertical one has no single amplitude there.
             for [a, b] in stable.iter().filter(|[a, b]| a.0.min(b.0) <= hz && hz <= a.0.max(b.0) && a.0 != b.0) {
                 let amplitude = a.1 + (b.1 - a.1) * (hz - a.0) / (b.0 - a.0);
                 (least, most) = (least.min(amplitude), most.max(amplitude));

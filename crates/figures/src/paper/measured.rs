@@ -17,17 +17,17 @@ pub enum MeasuredError {
     /// The file can't be read.
     #[error("can't read {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// File that can't be read.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// It is another document.
     #[error("{origin} is not a document of `experiment fig9 --json`: {source}")]
     Parse {
-        /// Its name.
+        /// Name of the document.
         origin: String,
-        /// The difference.
+        /// Where and how the document differs.
         source: serde_json::Error,
     },
     /// The structure is invalid.
@@ -35,7 +35,7 @@ pub enum MeasuredError {
     Structure {
         /// Name of the document.
         origin: String,
-        /// The reason.
+        /// What is wrong with the structure.
         source: StructureSectionError,
     },
     /// It was not measured on a structure with a tip that is driven along x.
@@ -61,11 +61,11 @@ pub enum MeasuredError {
         origin: String,
         /// The zone, from 1.
         zone: usize,
-        /// The key.
+        /// Key of the number.
         key: &'static str,
-        /// The value.
+        /// Value in the document.
         got: f64,
-        /// The accepted values.
+        /// What the number must be.
         expected: &'static str,
     },
     /// No point in it settled.
@@ -89,7 +89,7 @@ pub enum Way {
 }
 
 impl Way {
-    /// Every way.
+    /// All ways of measuring.
     pub const ALL: [Way; 3] = [Way::Up, Way::Down, Way::Walk];
 
     /// In words, for figures.
@@ -102,7 +102,7 @@ impl Way {
     }
 }
 
-/// A measured motion.
+/// A measured periodic response.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeasuredPoint {
     /// How it was measured.
@@ -130,7 +130,7 @@ pub struct MeasuredZone {
 pub struct MeasuredZones {
     /// The name of the preset, or that of the structure.
     pub name: String,
-    /// The structure.
+    /// The structure that was measured.
     pub structure: Assembly,
     /// The structure in words.
     pub label: String,
@@ -179,7 +179,7 @@ struct Reading {
 }
 
 impl MeasuredZones {
-    /// Reads a file.
+    /// Reads the document from a file.
     ///
     /// # Errors
     /// [`MeasuredError::Read`] if it can't be read; else as [`MeasuredZones::parse`].
@@ -199,6 +199,7 @@ impl MeasuredZones {
             serde_json::from_str(text).map_err(|source| MeasuredError::Parse { origin: name(), source })?;
         let stated = document.configuration.structure;
         let word = |key: &str| stated[key].as_str().map(str::to_owned);
+        // A structure that is given by its preset has no name of its own.
         let called = word("name").or(word("preset")).unwrap_or_else(|| String::from("structure"));
         let angles = stated["angles_deg"].as_array().map_or(String::new(), |angles| {
             let angles: Vec<String> =
@@ -250,6 +251,7 @@ fn read_at(zones: &[Zone]) -> Vec<String> {
         points().filter_map(|point| point.readings.get(name)).map(|reading| reading.amplitude).fold(0.0, f64::max)
     };
     let mut best: BTreeMap<&str, &String> = BTreeMap::new();
+    // The names are in order: of axes with equal amplitudes the first one is kept.
     for name in names {
         let point = name.split('.').next().unwrap_or_default();
         let kept = best.entry(point).or_insert(name);

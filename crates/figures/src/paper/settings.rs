@@ -17,15 +17,15 @@ pub struct Settings {
     pub length2_m: f64,
     /// First and last frequency of Figs. 4 and 7, Hz.
     pub range_hz: [f64; 2],
-    /// Fig. 4.
+    /// Parameters of Fig. 4.
     pub figure4: Figure4,
-    /// Fig. 5.
+    /// Parameters of Fig. 5.
     pub figure5: Figure5,
     /// The line of Fig. 6.
     pub line: Line,
-    /// Fig. 7.
+    /// Parameters of Fig. 7.
     pub figure7: Figure7,
-    /// Fig. 9.
+    /// Parameters of Fig. 9.
     pub figure9: Figure9,
     /// The force pulse of Section 1.
     pub pulse: Pulse,
@@ -37,10 +37,10 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PerPreset<T> {
-    /// For `irb1600-fitted`.
+    /// The value for `irb1600-fitted`.
     #[serde(rename = "irb1600-fitted")]
     pub fitted: T,
-    /// For `irb1600-table1`.
+    /// The value for `irb1600-table1`.
     #[serde(rename = "irb1600-table1")]
     pub table1: T,
 }
@@ -59,7 +59,7 @@ impl<T> PerPreset<T> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figure4 {
-    /// Poses, degrees, ascending.
+    /// β2 of the poses, degrees, ascending.
     pub beta2_deg: Vec<f64>,
     /// Amplitude of the torque in panels (a) and (b), N·m.
     pub torque_nm: PerPreset<f64>,
@@ -73,7 +73,7 @@ pub struct Figure4 {
 pub struct Figure5 {
     /// Frequency of the torque, Hz.
     pub frequency_hz: f64,
-    /// Poses, degrees, ascending.
+    /// β2 of the poses, degrees, ascending.
     pub beta2_deg: PerPreset<Vec<f64>>,
     /// The torque at which the curves end, N·m.
     pub largest_torque_nm: PerPreset<f64>,
@@ -107,7 +107,7 @@ pub struct Figure7 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Figure9 {
-    /// Pose, degrees.
+    /// β2 of the pose, degrees.
     pub beta2_deg: f64,
     /// First and last frequency, Hz.
     pub range_hz: [f64; 2],
@@ -119,13 +119,13 @@ pub struct Figure9 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pulse {
-    /// Its peak, N.
+    /// Peak of the force, N.
     pub force_n: f64,
     /// The amplitude that the paper states, m.
     pub amplitude_m: f64,
-    /// Pose, degrees.
+    /// β2 of the pose, degrees.
     pub beta2_deg: f64,
-    /// Its length, s.
+    /// Length of the pulse, s.
     pub length_s: f64,
 }
 
@@ -158,9 +158,9 @@ pub enum SettingsError {
     /// The file can't be read.
     #[error("can't read the settings {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// File that can't be read.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The text is no settings file.
@@ -169,17 +169,17 @@ pub enum SettingsError {
     /// A number is impossible.
     #[error("{key} has {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The key.
+        /// Key of the number.
         key: String,
-        /// The given value.
+        /// Value in the file.
         got: f64,
-        /// The accepted values.
+        /// What the number must be.
         expected: &'static str,
     },
     /// A list has too few numbers.
     #[error("{key} has {got} values: it must have at least {least}")]
     Count {
-        /// The key.
+        /// Key of the list.
         key: String,
         /// How many there are.
         got: usize,
@@ -189,11 +189,11 @@ pub enum SettingsError {
     /// A list or a range is not ascending.
     #[error("{key} has {after} after {before}: its values must ascend", after = short(.after), before = short(.before))]
     Order {
-        /// The key.
+        /// Key of the list.
         key: String,
-        /// A value.
+        /// A value of the list.
         before: f64,
-        /// The next one.
+        /// The value that follows it.
         after: f64,
     },
     /// The tip can't reach the line.
@@ -203,7 +203,7 @@ pub enum SettingsError {
         beta2_deg = short(.beta2_deg), reach_m = rounded(.reach_m, 3), height_m = short(.height_m)
     )]
     Line {
-        /// The pose, degrees.
+        /// β2 of the pose, degrees.
         beta2_deg: f64,
         /// Distance of the tip from joint 1, m.
         reach_m: f64,
@@ -283,6 +283,7 @@ impl Scan {
     fn check(&self) -> Result<(), SettingsError> {
         ascending("scan.torque_nm", &self.torque_nm, 1)?;
         ascending("scan.force_n", &self.force_n, 2)?;
+        // Unlike the other ranges, heights may be zero or negative.
         self.height_m.iter().try_for_each(|height_m| finite("scan.height_m", *height_m))?;
         in_order("scan.height_m", &self.height_m, 1)?;
         ascending("scan.pulse_length_s", &self.pulse_length_s, 1)?;

@@ -7,7 +7,7 @@ use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, Struct
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
     preset: Preset,
-    /// The straight chain.
+    /// Chain of the preset, straight.
     chain: ChainSpec,
     height_m: f64,
 }
@@ -24,11 +24,12 @@ impl Subject {
     /// [`PaperError::Structure`] if the preset's file can't be read.
     pub fn new(preset: Preset, settings: &Settings) -> Result<Subject, PaperError> {
         let mut chain = straight(preset)?;
+        // Neither preset knows l2 from the paper: it is a choice of the settings.
         chain.links.iter_mut().skip(1).for_each(|link| link.length_m = settings.length2_m);
         Ok(Subject { preset, chain, height_m: settings.line.height_m })
     }
 
-    /// The preset.
+    /// The preset that the arm is of.
     pub fn preset(&self) -> Preset {
         self.preset
     }

@@ -94,6 +94,7 @@ pub(super) fn range(coordinate: Coordinate, panels: &[&Panel]) -> Result<(f64, f
         return Ok((0.0, 1.0)); // no panel: the range is not used
     };
     let (low, high) = axis.range.unwrap_or_else(|| data_range(coordinate, axis.scale, panels));
+    // Between two finite ends the difference may overflow.
     let ordered = low.is_finite() && high.is_finite() && low < high && (high - low).is_finite();
     if !ordered || (axis.scale == Scale::Log && low <= 0.0) {
         return Err(PlotError::Range { axis: axis.label.clone(), low, high });

@@ -43,6 +43,7 @@ impl Subtitle {
         if fits(&self.line) {
             return self.line.clone();
         }
+        // From the shortest text on, until one no longer fits.
         let ends = self.line.match_indices(", ").map(|(end, _)| format!("{}, …", &self.line[..end]));
         let mut fitting = ends.enumerate().take_while(|(index, text)| *index == 0 || fits(text));
         fitting.by_ref().last().map_or_else(|| self.line.clone(), |(_, text)| text)

@@ -22,10 +22,12 @@ pub(super) fn runs(points: impl Iterator<Item = Point>, area: &Rect) -> Vec<Vec<
             before = None;
             continue;
         };
+        // A point behind a gap is alone until another follows; `finish` draws it as a dot if none does.
         alone = before.is_none();
         if let Some(start) = before {
             match segment(start, point, area) {
                 Some((from, to)) => {
+                    // The line has left the area and comes back elsewhere: a new run begins.
                     if current.last() != Some(&from) {
                         finish(&mut runs, &mut current, None, area);
                         current.push(from);
@@ -74,6 +76,7 @@ pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)>
             leave = leave.min(q / p);
         }
     }
+    // The ends as they are, without rounding, so that neighbouring segments meet in one point.
     let at = |t: f64| match t {
         0.0 => a,
         1.0 => b,

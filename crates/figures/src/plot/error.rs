@@ -24,22 +24,22 @@ pub enum PlotError {
     NoPoints {
         /// Title of the figure.
         title: String,
-        /// Which panel.
+        /// Number of the panel.
         panel: usize,
     },
     /// A coordinate is infinite.
     #[error(
         "point {point} of series {series} in panel {panel} is at ({x}, {y}); coordinates must be finite, or NaN for a gap", x = short(.x), y = short(.y))]
     NotFinite {
-        /// Which panel.
+        /// Number of the panel.
         panel: usize,
         /// Which series in it.
         series: usize,
         /// Which point of that.
         point: usize,
-        /// Its x coordinate.
+        /// x coordinate of the point.
         x: f64,
-        /// Its y coordinate.
+        /// y coordinate of the point.
         y: f64,
     },
     /// A value on a logarithmic axis isn't positive.
@@ -47,7 +47,7 @@ pub enum PlotError {
         "point {point} of series {series} in panel {panel} is at {value} on the logarithmic axis `{axis}`; values must be \
          positive there: leave the point out, put NaN for a gap, or take a linear axis", value = short(.value))]
     NotPositive {
-        /// Which panel.
+        /// Number of the panel.
         panel: usize,
         /// Which series in it.
         series: usize,
@@ -55,7 +55,7 @@ pub enum PlotError {
         point: usize,
         /// Label of the axis.
         axis: String,
-        /// The value.
+        /// Value of the point there.
         value: f64,
     },
     /// An axis can't have this range.
@@ -64,17 +64,17 @@ pub enum PlotError {
     Range {
         /// Label of the axis.
         axis: String,
-        /// The requested beginning.
+        /// Requested beginning of the axis.
         low: f64,
-        /// The requested end.
+        /// Requested end of the axis.
         high: f64,
     },
     /// The image would be too large.
     #[error("an image of {width} x {height} pixels can't be drawn; give the figure fewer panels, or write it as SVG")]
     TooLarge {
-        /// Its width, pixels.
+        /// Width of the image, pixels.
         width: u32,
-        /// Its height, pixels.
+        /// Height of the image, pixels.
         height: u32,
     },
     /// A font of the figures can't be read.
@@ -88,15 +88,15 @@ pub enum PlotError {
     /// The image can't be encoded.
     #[error("the PNG image can't be encoded: {why}")]
     Encode {
-        /// The encoder's message.
+        /// Message of the PNG encoder.
         why: String,
     },
     /// The file can't be written.
     #[error("can't write {}: {source}; check that the folder exists and that you may write there", path.display())]
     Write {
-        /// The file.
+        /// File that was to be written.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         source: io::Error,
     },
 }

@@ -53,6 +53,8 @@ pub(super) fn scene(figure: &Figure) -> Result<Scene, PlotError> {
     let mut drafts = drafts(figure, &fonts)?;
     let width = if figure.columns == 1 { WIDTH_ALONE } else { WIDTH_OF_COLUMN * figure.columns as f64 };
     let (heading, top) = heading(figure, &fonts, width);
+    // A legend below its panel makes the row taller, and with it the plots move. Legends only move down, so the loop
+    // ends.
     let (plots, height) = loop {
         let (plots, height) = plot_areas(figure, &drafts, top, width);
         if !move_legends_below(&mut drafts, &plots) {
@@ -80,6 +82,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
     let draft = |(index, panel): (usize, &'a Panel)| {
         let sharing = sharing_x(figure, index);
         let y_range = axis::range(Coordinate::Y, &[panel])?;
+        // The margin depends on the tick labels, and these on the height of the plot, which is fixed.
         let height = plot_height(figure);
         let map = AxisMap { scale: panel.y.scale, low: y_range.0, high: y_range.1, from: height, to: 0.0 };
         let y_ticks = ticks::ticks(&map, &|_| TICK_SIZE * 2.4);

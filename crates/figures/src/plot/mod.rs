@@ -138,9 +138,9 @@ fn write_file(path: &Path, bytes: &[u8]) -> Result<(), PlotError> {
 pub struct Panel {
     /// A title, for figures with several panels.
     pub title: Option<String>,
-    /// The horizontal axis.
+    /// The horizontal axis of all series.
     pub x: Axis,
-    /// The vertical axis.
+    /// The vertical axis of all series.
     pub y: Axis,
     /// The series, the last on top.
     pub series: Vec<Series>,
@@ -153,7 +153,7 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// An empty panel.
+    /// A panel without series between two axes.
     pub fn new(x: Axis, y: Axis) -> Self {
         Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), rows: Vec::new(), legend: Legend::Auto }
     }
@@ -199,7 +199,7 @@ impl Panel {
 pub struct Note {
     /// The point (x, y).
     pub at: (f64, f64),
-    /// The words.
+    /// Words of the note.
     pub text: String,
 }
 
@@ -209,15 +209,15 @@ pub enum Legend {
     /// In the corner of the panel where it covers no data; if there is none, below the panel.
     #[default]
     Auto,
-    /// Below the panel.
+    /// Below its own panel.
     Below,
     /// Below all panels, across the width of the figure: for a legend that holds for several panels.
     Bottom,
-    /// No legend.
+    /// Nowhere: the panel has no legend.
     None,
 }
 
-/// An axis.
+/// An axis with its label, scale and range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// The quantity with its unit, for example `frequency (Hz)`.

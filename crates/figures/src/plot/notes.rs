@@ -34,6 +34,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>, mut 
         .flat_map(|series| clip::runs(on_page(series, &cell.x, &cell.y), &cell.plot))
         .collect();
     taken.extend(cell.legend_at.map(|place| cell.entries.area(place.corner, place.columns)));
+    // One after the other, each clear of those before it.
     for note in &cell.panel.notes {
         let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
         if cell.plot.contains(at) {

@@ -13,10 +13,11 @@ use super::{Series, Style};
 
 const MINOR_TICK_LENGTH: f64 = 3.0;
 const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };
-/// Draws the panel.
+/// Draws the panel with its axes, series, names and legend.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     let room = |label: &str| (fonts.width(label, TICK_SIZE, Weight::Regular) + 1.5 * TICK_SIZE).max(4.0 * TICK_SIZE);
     let x_ticks = ticks::ticks(&cell.x, &room);
+    // In the order of drawing: the data cover the grid, the names the data, and the frame cuts them all off.
     grid(shapes, &cell, &x_ticks);
     for series in &cell.panel.series {
         match series.style {
@@ -61,6 +62,7 @@ fn tiles(shapes: &mut Vec<Shape>, cell: &Cell<'_>, series: &Series, fill: Rgb, [
     let mut rows: Vec<Rect> = Vec::new();
     let mut points: Vec<(f64, f64)> =
         series.points.iter().copied().filter(|(x, y)| !x.is_nan() && !y.is_nan()).collect();
+    // Row by row from the left, so that neighbours follow each other and become one rectangle.
     points.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.total_cmp(&b.0)));
     for (x, y) in points {
         let (left, right) = (cell.x.px(x - width / 2.0), cell.x.px(x + width / 2.0));

@@ -14,8 +14,9 @@ const SCALE: f64 = 300.0 / 96.0;
 const MAX_SIDE: u32 = 20_000;
 const PIXELS_PER_METRE: u32 = 11_811; // 300 dpi
 
-/// The image.
+/// Draws the scene as a PNG image.
 pub(super) fn image(scene: &Scene) -> Result<Vec<u8>, PlotError> {
+    // Rounded up, so that nothing is cut off at the lower and the right edge.
     let [width, height] = [scene.width, scene.height].map(|length| libm::ceil(length * SCALE) as u32);
     let canvas = if width.max(height) > MAX_SIDE { None } else { Pixmap::new(width, height) };
     let mut canvas = canvas.ok_or(PlotError::TooLarge { width, height })?;

@@ -4,13 +4,13 @@ use super::style::{Dash, Marker};
 
 /// A position: x to the right, y down.
 pub(super) type Point = [f64; 2];
-/// Red, green, blue.
+/// Red, green and blue, sRGB.
 pub(super) type Rgb = [u8; 3];
 
 pub(super) const BLACK: Rgb = [0, 0, 0];
 pub(super) const WHITE: Rgb = [255, 255, 255];
 
-/// A whole figure.
+/// A figure, laid out as shapes.
 pub(super) struct Scene {
     pub width: f64,
     pub height: f64,
@@ -75,7 +75,7 @@ pub(super) enum Direction {
     Upwards,
 }
 
-/// An upright rectangle.
+/// A rectangle with sides along the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rect {
     pub left: f64,

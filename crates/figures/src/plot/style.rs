@@ -4,27 +4,27 @@
 /// 2008, grey, and, for stable and unstable branches, two of the vibrant scheme of P. Tol, "Colour Schemes", 2021.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Color {
-    /// Stable branches: blue.
+    /// Blue, for stable branches.
     Stable,
-    /// Unstable branches: red.
+    /// Red, for unstable branches.
     Unstable,
-    /// Black.
+    /// Black of Okabe and Ito.
     Black,
     /// Grey, for elements behind the data.
     Grey,
-    /// Blue.
+    /// Blue of Okabe and Ito.
     Blue,
-    /// Orange.
+    /// Orange of Okabe and Ito.
     Orange,
-    /// Bluish green.
+    /// Bluish green of Okabe and Ito.
     Green,
-    /// Vermillion.
+    /// Vermillion of Okabe and Ito.
     Vermillion,
-    /// Sky blue.
+    /// Sky blue of Okabe and Ito.
     SkyBlue,
-    /// Reddish purple.
+    /// Reddish purple of Okabe and Ito.
     Purple,
-    /// Yellow; faint on white, for areas rather than lines.
+    /// Yellow of Okabe and Ito; faint on white, for areas rather than lines.
     Yellow,
 }
 
@@ -52,27 +52,27 @@ impl Color {
 pub enum Style {
     /// Joined by a line.
     Line {
-        /// Its colour.
+        /// Colour of the line.
         color: Color,
-        /// Its width, px.
+        /// Width of the line, px.
         width: f64,
-        /// Its dashes.
+        /// Dashes of the line.
         dash: Dash,
     },
-    /// Each marked.
+    /// Each as a marker.
     Markers {
-        /// Their colour.
+        /// Colour of the markers.
         color: Color,
-        /// Their shape.
+        /// Shape of the markers.
         shape: Marker,
-        /// Their width, px.
+        /// Width of the markers, px.
         size: f64,
         /// Filled with their colour, or with white inside an outline.
         filled: bool,
     },
     /// Each the centre of a rectangle; rectangles beside each other leave no gap.
     Tiles {
-        /// Their colour.
+        /// Colour of the rectangles.
         color: Color,
         /// Their width, in units of the x axis.
         width: f64,
@@ -84,9 +84,9 @@ pub enum Style {
 /// The dashes of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
-    /// None.
+    /// A solid line, without dashes.
     Solid,
-    /// Long dashes.
+    /// Long dashes with short gaps.
     Dashed,
     /// A dash, a dot: the chain line of technical drawings.
     Chain,
@@ -106,9 +106,9 @@ impl Dash {
 /// The shape of a marker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Marker {
-    /// A circle.
+    /// A circle as wide as the marker.
     Circle,
-    /// A square.
+    /// A square with its corners on that circle.
     Square,
     /// A triangle, point up.
     Triangle,

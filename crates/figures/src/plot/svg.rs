@@ -6,7 +6,7 @@ use super::font::FAMILY;
 use super::scene::{Anchor, Direction, Point, Rgb, Scene, Shape, Stroke, Text, Weight};
 use super::style::{Dash, Marker};
 
-/// The document.
+/// Writes the scene as an SVG document.
 pub(super) fn document(scene: &Scene) -> String {
     let (width, height) = (number(scene.width), number(scene.height));
     let mut out = format!(

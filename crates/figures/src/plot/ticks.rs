@@ -8,7 +8,7 @@ use super::axis::AxisMap;
 pub(super) struct Ticks {
     /// Values with their labels.
     pub labelled: Vec<(f64, String)>,
-    /// Values between them.
+    /// Values of minor ticks, between those with labels.
     pub minor: Vec<f64>,
     /// The power of ten common to all labels, for example `×10⁻³`.
     pub factor: Option<String>,
@@ -20,6 +20,7 @@ const MINOR_APART: f64 = 6.0;
 /// The ticks of `axis`: as many as fit, where a label needs `room(label)` px along the axis.
 pub(super) fn ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
     match axis.scale {
+        // Within a factor of three a logarithmic axis is nearly linear, and has no two powers of ten.
         Scale::Log if axis.high / axis.low >= 3.0 => log_ticks(axis, room),
         Scale::Linear | Scale::Log => linear_ticks(axis, room, decimal_steps(axis.high - axis.low)),
         Scale::Degrees if axis.high - axis.low >= 60.0 => linear_ticks(axis, room, degree_steps()),
@@ -69,6 +70,7 @@ fn linear_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64, steps: Vec<Step>) ->
 fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     let size = step.mantissa as f64 * power_of_ten(step.exponent);
     let inside = |n: i64| n as f64 * size;
+    // A tick at the very end of the axis counts, though its quotient may be a rounding error off.
     let (first, last) = (libm::ceil(axis.low / size - 1e-9) as i64, libm::floor(axis.high / size + 1e-9) as i64);
     let largest = axis.low.abs().max(axis.high.abs());
     let magnitude = libm::floor(libm::log10(largest)) as i32;

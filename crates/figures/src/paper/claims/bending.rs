@@ -72,6 +72,7 @@ pub(super) fn characters_change(survey: &Survey<'_>) -> Judgement {
             words.push(format!("zone {}: stiff at {stiff}, soft at {soft} poses", mode + 1));
             numbers.push(number(format!("stiff poses of zone {}", mode + 1), stiff as f64, ""));
             numbers.push(number(format!("soft poses of zone {}", mode + 1), soft as f64, ""));
+            // A pose that could not be computed matters only as long as it could still turn the answer into a yes.
             match all.iter().find_map(|bent| bent.as_ref().err()) {
                 Some(why) if stiff == 0 || soft == 0 => Err(why.clone()),
                 _ => Ok(stiff > 0 && soft > 0),

@@ -48,6 +48,7 @@ pub(super) fn signed(value: f64) -> String {
 /// Whether all parts hold, if that is known: one that doesn't is enough for `false`.
 pub(super) fn all_hold(parts: impl Iterator<Item = Seen<bool>>) -> Seen<bool> {
     let (mut unknown, mut holds) = (None, true);
+    // All parts are asked: a later one that does not hold settles the matter.
     for part in parts {
         match part {
             Ok(part) => holds &= part,

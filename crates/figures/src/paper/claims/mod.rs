@@ -41,7 +41,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// In words.
+    /// The verdict in words.
     pub const fn words(self) -> &'static str {
         match self {
             Verdict::Holds => "holds",
@@ -73,14 +73,14 @@ pub struct Case {
     pub verdict: Verdict,
     /// The result in words with rounded numbers, or why it could not be computed.
     pub value: String,
-    /// The numbers.
+    /// Numbers behind the verdict, not rounded.
     pub numbers: Vec<Number>,
 }
 
 /// The verdict on a statement for a preset.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// The preset.
+    /// Preset that the statement was judged for.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
     /// Whether the statement holds, in all cases together.
@@ -89,14 +89,14 @@ pub struct Finding {
     pub over: &'static str,
     /// The index of the figures' case.
     pub own: usize,
-    /// The cases.
+    /// Verdicts on the single cases.
     pub cases: Vec<Case>,
 }
 
 /// A statement of the paper and its verdicts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Claim {
-    /// A name.
+    /// Name of the statement in lists and documents.
     pub id: &'static str,
     /// The section of the paper that makes it.
     pub section: &'static str,
@@ -114,7 +114,7 @@ pub struct Claim {
 /// The statements, checked against the computed results.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Each statement.
+    /// The statements with their verdicts.
     pub claims: Vec<Claim>,
 }
 
@@ -149,6 +149,7 @@ pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + S
     }
     let all = &statements::STATEMENTS;
     begin(jobs.len() + all.len() * subjects.len());
+    // First all curves, then the statements: many statements are judged on one curve, which is computed once.
     let seen = on_all_cores(&jobs, |(index, job)| survey::done(&subjects[*index], settings, *job), &done);
     let mut seen = seen.into_iter();
     let surveys: Vec<Survey<'_>> = subjects

@@ -34,12 +34,14 @@ fn amplitude_m(arm: &Assembly, pulse: &HalfSine) -> Result<f64, PaperError> {
     let mut largest = 0.0_f64;
     for k in 0..((pulse.length_s + WATCHED_S) * RATE_HZ) as u64 {
         let t_s = k as f64 / RATE_HZ;
+        // Half a period of a sine is the pulse, and is exact inside the steps.
         let load = if t_s < pulse.length_s {
             StepLoad::Sine { amplitude: &[pulse.force_n], omega_rad_s: PI / pulse.length_s }
         } else {
             StepLoad::Held(&[0.0])
         };
         stepper.advance_under(t_s, &load)?;
+        // The pulse displaces the arm, too, but the statement is about the vibration that it leaves.
         if t_s >= pulse.length_s {
             largest = largest.max(displacement_m(arm, stepper.position(), &tip));
         }

@@ -118,7 +118,7 @@ pub(super) enum Job {
     Pose5(f64),
 }
 
-/// Its result.
+/// Result of a job.
 pub(super) enum Done {
     View(Box<View>),
     Folds(Folds),
@@ -180,6 +180,7 @@ pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, P
         let zones = move |beta2_deg| [0, 1].map(|mode| Job::Place(Place { driven, beta2_deg, mode }));
         poses.into_iter().flat_map(zones)
     });
+    // Statements share zones: each is computed once.
     let mut jobs: Vec<Job> = Vec::new();
     for place in places {
         if !jobs.contains(&place) {
@@ -233,7 +234,7 @@ fn folds_over_torque(subject: &Subject, settings: &Settings, beta2_deg: f64) -> 
 }
 
 impl<'a> Survey<'a> {
-    /// Collects the results.
+    /// Collects the results of the jobs.
     pub fn new(subject: &'a Subject, settings: &'a Settings, done: impl Iterator<Item = Done>) -> Survey<'a> {
         let mut survey = Survey { subject, settings, views: Vec::new(), over_torque: Vec::new() };
         for done in done {
