@@ -15,7 +15,7 @@ use crate::starting_plant::without_plant;
 use resonarm_bench::structure::{ChannelName, READINGS};
 use resonarm_numeric::number::short;
 
-/// What is compared.
+/// Selection and tolerance of a comparison of two recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DiffOptions {
     /// The records. Those of the real-time loop's punctuality, [`RecordingPart::Ticks`], are never the same twice: they
@@ -24,7 +24,7 @@ pub struct DiffOptions {
     /// How much a channel may differ, as a share of its largest magnitude in the first recording; at 0 every bit
     /// counts.
     pub tolerance: f64,
-    /// Of these samples.
+    /// Range of samples that are compared.
     pub samples: RangeInclusive<u64>,
 }
 
@@ -33,9 +33,9 @@ pub struct DiffOptions {
 pub struct Difference {
     /// Whether all records that were compared are the same within the tolerance, and none is in one recording alone.
     pub same: bool,
-    /// The tolerance.
+    /// Tolerance with which the values were compared.
     pub tolerance: f64,
-    /// Part by part.
+    /// Result for each kind of records.
     pub parts: Vec<PartDifference>,
     /// What differs in what they say of themselves, by its key; it does not make them different.
     pub configuration: Vec<KeyDifference>,
@@ -44,7 +44,7 @@ pub struct Difference {
 /// How records of one kind differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PartDifference {
-    /// The kind.
+    /// Name of the kind of records.
     pub part: &'static str,
     /// Records that are in both.
     pub compared: u64,
@@ -65,9 +65,9 @@ pub struct FirstDifference {
     pub sample: u64,
     /// The channel, or the mark, `is_end` or `clipped`; of frames and events, `frame` or `event`.
     pub what: ChannelName,
-    /// In A.
+    /// Value in recording A.
     pub a: String,
-    /// In B.
+    /// Value in recording B.
     pub b: String,
 }
 
@@ -78,7 +78,7 @@ pub struct ChannelDifference {
     pub name: ChannelName,
     /// The largest difference, in that unit.
     pub largest: f64,
-    /// Where.
+    /// Sample at which the difference is largest.
     pub sample: u64,
     /// The largest magnitude in A, in that unit, which the tolerance is a share of.
     pub magnitude: f64,

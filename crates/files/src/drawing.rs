@@ -20,7 +20,7 @@ const DRAWN_OF_SIZE: f64 = 0.12;
 pub enum DrawnMotion {
     /// By the turns of links.
     Links {
-        /// Their lengths, m.
+        /// Lengths of the links, m.
         lengths_m: Vec<f64>,
         /// Their angles at rest against the x axis, rad.
         angles_rad: Vec<f64>,

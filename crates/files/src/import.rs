@@ -71,7 +71,7 @@ pub enum SampleClock {
 enum WireLog {
     /// Messages of a DBC.
     Mapped(Box<Gatherer>),
-    /// CANopen drives.
+    /// Objects and SYNC messages of CANopen drives.
     Drives(Box<DriveGatherer>),
 }
 
@@ -110,12 +110,12 @@ impl WireLog {
     }
 }
 
-/// What was imported.
+/// Result of an import: the new recording, and what was left out of it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Imported {
-    /// The recording.
+    /// Path of the new recording.
     pub path: PathBuf,
-    /// Frames in it.
+    /// Number of frames in the recording.
     pub frames: u64,
     /// The interface, or the channel, of the frames; `None` if the log names none.
     pub interface: Option<String>,
@@ -158,9 +158,9 @@ pub enum ImportError {
     /// The log is a folder, a pipe or a device.
     #[error("can't read {}: it is {got}, expected a regular file, since a log is read twice", log.display())]
     NotAFile {
-        /// The log.
+        /// Path of the log.
         log: PathBuf,
-        /// What it is.
+        /// Kind of the file, such as a folder or a pipe.
         got: &'static str,
     },
     /// There is nothing to import.
@@ -170,7 +170,7 @@ pub enum ImportError {
         unreadable.as_ref().map_or(String::new(), |error| format!("; {error}"))
     )]
     Empty {
-        /// The log.
+        /// Path of the log.
         log: PathBuf,
         /// The interface that was asked for.
         interface: Option<String>,
@@ -180,7 +180,7 @@ pub enum ImportError {
     /// A frame that was seen before the first, by more than [`DISORDER_NS`].
     #[error("{}: frame {frame} is {early_ns} ns earlier than the first: the log is not in order", log.display())]
     Order {
-        /// The log.
+        /// Path of the log.
         log: PathBuf,
         /// The frame, from 1 on.
         frame: u64,

@@ -23,7 +23,7 @@ pub struct RecordingStatistics {
     pub lost_frames: u64,
     /// Frames of other networks and protocols.
     pub foreign_frames: u64,
-    /// Events, by name.
+    /// Number of events by their name.
     pub events: BTreeMap<String, u64>,
 }
 
@@ -32,11 +32,11 @@ pub struct RecordingStatistics {
 pub struct ChannelStatistics {
     /// Its name, with the unit.
     pub name: ChannelName,
-    /// The least value.
+    /// Smallest value in the recording.
     pub least: f64,
-    /// The largest.
+    /// Largest value in the recording.
     pub largest: f64,
-    /// The mean.
+    /// Arithmetic mean over all samples.
     pub mean: f64,
     /// The root of the mean square.
     pub rms: f64,

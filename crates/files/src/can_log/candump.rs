@@ -70,7 +70,7 @@ pub struct CandumpLine {
 /// What a line of `candump` holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CandumpContent {
-    /// A frame.
+    /// A data or remote frame that was on the bus.
     Frame(Frame),
     /// A report of the CAN controller, which was never on the bus.
     ErrorFrame(ErrorFrame),

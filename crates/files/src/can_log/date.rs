@@ -12,11 +12,11 @@ const DAY_S: u64 = 86_400;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Date {
     pub year: u64,
-    /// 1 to 12.
+    /// Month of the year, 1 to 12.
     pub month: u64,
-    /// 1 to 31.
+    /// Day of the month, 1 to 31.
     pub day: u64,
-    /// Days since Sunday.
+    /// Day of the week as the number of days since Sunday, 0 to 6.
     pub weekday: u64,
     pub hour: u64,
     pub minute: u64,

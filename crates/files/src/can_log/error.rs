@@ -16,15 +16,15 @@ pub enum CanLogError {
     /// The file can't be read.
     #[error("can't read {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the log that can't be read.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// A line is not valid in its format.
     #[error("{}, line {line}: {source}", path.display())]
     Line {
-        /// The file.
+        /// Path of the log with the line.
         path: PathBuf,
         /// The line, from 1 on.
         line: u64,
@@ -34,11 +34,11 @@ pub enum CanLogError {
     /// The rest of a BLF log can't be read.
     #[error("{}, byte {offset}: {fault}", path.display())]
     Blf {
-        /// The file.
+        /// Path of the BLF log.
         path: PathBuf,
         /// Where the object, or its container, begins, bytes from the start of the file.
         offset: u64,
-        /// The fault.
+        /// Reason why the log can't be read from there on.
         fault: BlfFault,
     },
     /// A line is too long.
@@ -77,16 +77,16 @@ pub enum CanLogError {
     /// A date of an ASC log.
     #[error("{got:?} is not a date such as Sat Sep 30 15:06:13.191 2017")]
     Date {
-        /// The text found.
+        /// Text that stands in place of the date.
         got: String,
     },
     /// A time of a candump log.
     #[error("{got:?} is not a time in brackets such as (12.345678)")]
     Time {
-        /// The text found.
+        /// Text that stands in place of the time.
         got: String,
     },
-    /// An impossible frame.
+    /// The line describes a frame that CAN does not allow.
     #[error("{0}")]
     Frame(FrameError),
 }

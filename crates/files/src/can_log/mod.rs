@@ -31,7 +31,7 @@ pub struct LoggedFrame {
     pub interface: Option<String>,
     /// Whether the logging node received or sent it, if the log says so.
     pub direction: Option<Direction>,
-    /// The frame.
+    /// Frame as it was on the bus.
     pub frame: Frame,
 }
 
@@ -48,7 +48,7 @@ pub enum LogFormat {
 }
 
 impl LogFormat {
-    /// All formats.
+    /// All formats that can be read.
     pub const ALL: [LogFormat; 3] = [LogFormat::Candump, LogFormat::Asc, LogFormat::Blf];
 
     /// The name, as flags use it.

@@ -14,7 +14,7 @@ pub enum Fault {
     Short {
         /// The bytes of the payload.
         got: usize,
-        /// The signal.
+        /// Name of the first signal that does not fit into the payload.
         signal: String,
     },
     /// Its checksum or counter is wrong.
@@ -23,9 +23,9 @@ pub enum Fault {
     /// A signal that the mapping uses is no finite number.
     #[error("{signal} is {value}, no finite number")]
     NotFinite {
-        /// The signal.
+        /// Name of the signal that is not finite.
         signal: String,
-        /// Its value.
+        /// Value of the signal: infinite or NaN.
         value: f64,
     },
     /// A frame of CANopen that breaks its rules.

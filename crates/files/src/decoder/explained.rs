@@ -6,19 +6,19 @@ use super::roles::{MessageRoles, action_name};
 use resonarm_protocol::Frame;
 use resonarm_scenario::dbc::{Message, Signal};
 
-/// A frame explained.
+/// Explanation of one frame: whether it belongs to the protocol, and what it says.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Decoded {
     /// No message of the DBC has its identifier, or the one that has it can't be used; of CANopen drives, none has it.
     Foreign,
     /// It asks for a message: a remote frame, or one without data of a message that is sent on request.
     Request {
-        /// The message.
+        /// Name of the requested message.
         message: String,
         /// Whether the plant answers.
         is_answered: bool,
     },
-    /// A message.
+    /// A message with its signals.
     Message(DecodedMessage),
 }
 
@@ -36,10 +36,10 @@ pub enum Outcome {
     Unmapped,
 }
 
-/// A message explained.
+/// Explanation of a message and of each of its signals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodedMessage {
-    /// Its name.
+    /// Name of the message in the DBC.
     pub message: String,
     /// The nodes that send it, according to the DBC; of CANopen drives the master, or a node and its joint.
     pub senders: Vec<String>,
@@ -62,10 +62,10 @@ impl DecodedMessage {
     }
 }
 
-/// A signal explained.
+/// Explanation of one signal of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodedSignal {
-    /// Its name.
+    /// Name of the signal in the DBC.
     pub name: String,
     /// Its value, in its unit; `None` if the payload ends before it.
     pub value: Option<f64>,
@@ -82,7 +82,7 @@ pub struct DecodedSignal {
 /// An integer of more than 53 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LargeInteger {
-    /// The raw number.
+    /// Raw integer, before factor and offset.
     pub raw: i128,
     /// The value, if that is an integer, too.
     pub value: Option<i128>,

@@ -12,20 +12,20 @@ use resonarm_numeric::number::short;
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Meaning {
-    /// The alive counter.
+    /// The alive counter of the message.
     Counter,
-    /// The checksum.
+    /// The checksum of the message.
     Checksum,
-    /// A load.
+    /// A load that the plant is commanded.
     Load {
         /// Its key in a scenario.
         name: &'static str,
-        /// N or N·m.
+        /// Value of the load, in `unit`.
         value: f64,
-        /// The unit.
+        /// Unit of the load: N or N·m.
         unit: &'static str,
     },
-    /// A request.
+    /// A request of the operator to the plant.
     Request {
         /// Its key in a scenario: `arm`, `disarm`, `reset` or `stop`.
         action: &'static str,
@@ -45,14 +45,14 @@ pub enum Meaning {
         name: ChannelName,
         /// In the unit of the channel.
         value: f64,
-        /// The unit.
+        /// Unit of the channel.
         unit: &'static str,
     },
     /// Whether a reading is beyond the range of its sensor.
     Clipped {
         /// The name of its channel.
         name: ChannelName,
-        /// Whether it is.
+        /// Whether the reading is clipped.
         is_clipped: bool,
     },
     /// The state of the plant.
@@ -79,9 +79,9 @@ pub enum Meaning {
 /// An object of a CANopen drive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ObjectName {
-    /// Its index.
+    /// Index in the object dictionary.
     pub index: u16,
-    /// Its subindex.
+    /// Subindex in the object dictionary.
     pub subindex: u8,
     /// Its name, and that of the entry if it has several.
     pub name: String,

@@ -20,7 +20,7 @@ pub enum ExportError {
     /// A file can't be written.
     #[error("can't write {}: {source}", path.display())]
     Write {
-        /// The file.
+        /// Path of the file that can't be written.
         path: PathBuf,
         /// What the system says.
         source: io::Error,
@@ -28,7 +28,7 @@ pub enum ExportError {
     /// The format can't hold what was asked for.
     #[error("{format} holds no {part}, only {}; csv holds all", names(.format.parts()))]
     RecordingPart {
-        /// The format.
+        /// Export format that was requested.
         format: ExportFormat,
         /// What was asked for.
         part: RecordingPart,
@@ -36,13 +36,13 @@ pub enum ExportError {
     /// The moving arm in a format that has no room for it.
     #[error("{format} holds no moving arm, only foxglove does")]
     MovingArm {
-        /// The format.
+        /// Export format that was requested.
         format: ExportFormat,
     },
     /// Vibrations can't be drawn so many times as large.
     #[error("vibrations can't be drawn {} times as large: it must be above 0", short(.got))]
     Magnification {
-        /// How many times.
+        /// Requested magnification of the vibrations.
         got: f64,
     },
     /// Nothing says where the points of the structure are.
@@ -57,7 +57,7 @@ pub enum ExportError {
     /// There is nothing to write.
     #[error("the recording has nothing that {format} holds: {}", names(.format.parts()))]
     Nothing {
-        /// The format.
+        /// Export format that was requested.
         format: ExportFormat,
     },
     /// No sample lies between the two times.
@@ -66,27 +66,27 @@ pub enum ExportError {
         short(.from_s), short(.to_s), short(.first_s), short(.last_s)
     )]
     Interval {
-        /// From here, s.
+        /// Start of the requested interval, s.
         from_s: f64,
-        /// To here, s.
+        /// End of the requested interval, s.
         to_s: f64,
         /// The recording's first sample, s.
         first_s: f64,
-        /// Its last, s.
+        /// The recording's last sample, s.
         last_s: f64,
     },
     /// A sound file has a whole number of samples a second.
     #[error("a sound file has a whole number of samples a second, the recording {}", short(.rate_hz))]
     Rate {
-        /// Samples a second.
+        /// Sampling rate of the recording, Hz.
         rate_hz: f64,
     },
     /// A sound file states its length in 32 bits.
     #[error("{rows} samples of {channels} channels are more than a sound file holds, 4 GiB: choose a time range")]
     Long {
-        /// Samples.
+        /// Number of samples to be written.
         rows: u64,
-        /// Channels.
+        /// Number of channels to be written.
         channels: usize,
     },
 }
@@ -99,7 +99,7 @@ fn names(parts: &[RecordingPart]) -> String {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{}", unknown_format(.got))]
 pub struct UnknownExportFormat {
-    /// The text.
+    /// Text that names no export format.
     pub got: String,
 }
 
@@ -116,6 +116,6 @@ fn unknown_format(got: &str) -> String {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("it is one of {}", names(&RecordingPart::ALL))]
 pub struct UnknownRecordingPart {
-    /// The text.
+    /// Text that names no part of a recording.
     pub got: String,
 }

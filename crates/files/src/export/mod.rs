@@ -41,7 +41,7 @@ pub enum ExportFormat {
 }
 
 impl ExportFormat {
-    /// All formats.
+    /// All formats to which a recording can be exported.
     pub const ALL: [ExportFormat; 7] = [
         ExportFormat::Csv,
         ExportFormat::Log(LogFormat::Candump),
@@ -125,7 +125,7 @@ impl FromStr for ExportFormat {
 /// A file that was written.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ExportedFile {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
     /// Rows of a table, samples of a waveform, frames of a log.
     pub rows: u64,

@@ -18,12 +18,12 @@ pub enum RecordingPart {
     Frames,
     /// How punctual the real-time loop was.
     Ticks,
-    /// What happened.
+    /// Events of the run, such as changes of state and faults.
     Events,
 }
 
 impl RecordingPart {
-    /// All parts.
+    /// All kinds of records.
     pub const ALL: [RecordingPart; 5] = [
         RecordingPart::States,
         RecordingPart::Samples,
@@ -75,7 +75,7 @@ impl FromStr for RecordingPart {
 pub struct Selection {
     /// Which records, in order and each at most once.
     pub parts: Vec<RecordingPart>,
-    /// Of which samples.
+    /// Range of samples whose records are wanted.
     pub samples: RangeInclusive<u64>,
     /// The moving arm as well, its vibrations drawn so many times as large; only [`ExportFormat::Foxglove`] holds it.
     pub magnification: Option<f64>,

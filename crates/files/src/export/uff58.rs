@@ -17,7 +17,7 @@ use resonarm_bench::structure::{Axis, Channel, Quantity};
 const DELIMITER: &str = "    -1";
 /// Values in a line.
 const IN_LINE: u64 = 4;
-/// Specific data types.
+/// Specific data types of dataset 58: time here, and none in the next constant.
 const TIME: u32 = 17;
 const NONE: u32 = 0;
 
@@ -87,7 +87,7 @@ pub(super) fn write(
     Ok(exported)
 }
 
-/// Dataset 164: SI.
+/// Writes dataset 164, which states that all numbers are in SI units.
 fn units(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{DELIMITER}\n{:6}{:74}", 164, "")?;
     writeln!(out, "{:10}{:<20}{:10}", 1, "SI: Meter (newton)", 2)?;
@@ -136,12 +136,12 @@ fn e20(value: f64) -> String {
     format!("{:>20}", exponential(value, 12))
 }
 
-/// FORTRAN's E13.5.
+/// Formats a number like FORTRAN's E13.5.
 fn e13(value: f64) -> String {
     format!("{:>13}", exponential(value, 5))
 }
 
-/// `-1.23e-4` as `-1.23000e-04`.
+/// Formats a number with an exponent of at least two digits and a sign: `-1.23e-4` becomes `-1.23000e-04`.
 fn exponential(value: f64, places: usize) -> String {
     let text = format!("{value:.places$e}");
     match text.split_once('e') {

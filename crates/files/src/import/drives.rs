@@ -153,7 +153,7 @@ impl DriveGatherer {
         Some(Record::State(state_record(sample, &row, self.changes.at(sample))))
     }
 
-    /// What was gathered.
+    /// Returns what was gathered from all frames.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
         let missing = (0..ARM_STATES).filter(|place| self.came >> place & 1 == 0);

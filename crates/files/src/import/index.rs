@@ -9,7 +9,7 @@ pub(super) enum Numbering {
     Sample(u64),
     /// The alive counter, modulo this: one frame a sample.
     Counter(u64),
-    /// Time stamps alone.
+    /// Nothing but the time stamps of the frames.
     Time,
 }
 
@@ -27,7 +27,7 @@ pub(super) enum Placed {
 /// A frame that was placed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor {
-    /// The sample.
+    /// Sample of the recording to which the frame belongs.
     pub sample: u64,
     /// What its message says: index or counter.
     pub raw: Option<u64>,

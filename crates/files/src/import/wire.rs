@@ -104,7 +104,7 @@ impl Gatherer {
         }
     }
 
-    /// The newest sample.
+    /// Returns the newest sample to which a frame was assigned.
     fn now(&self) -> Option<u64> {
         self.last.map(|last| last.sample)
     }
@@ -162,7 +162,7 @@ impl Gatherer {
         Some(Record::State(state_record(sample, &row, self.loads.at(sample))))
     }
 
-    /// What was gathered.
+    /// Returns what was gathered from all frames.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
         if let Some(rows) = &self.readings {

@@ -37,7 +37,7 @@ pub struct WireImport {
 /// A channel that the wire does not carry every sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Missing {
-    /// Its name.
+    /// Name of the channel, as in recordings.
     pub channel: ChannelName,
     /// Whether the wire carries it now and then; else it does not at all.
     pub is_carried: bool,

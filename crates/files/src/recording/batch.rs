@@ -84,7 +84,7 @@ impl<B: Batch> Batcher<B> {
             || (self.rows > 0 && self.batch.first_sample().checked_add(u64::from(self.rows)) != Some(B::sample(row)))
     }
 
-    /// Appends a row.
+    /// Appends a row to the batch.
     pub fn append(&mut self, row: &B::Row) {
         if self.rows == 0 {
             self.batch.begin(B::sample(row), self.dt_s);

@@ -7,9 +7,9 @@ pub struct BuildInfo {
     pub version: String,
     /// Commit of the sources, `-dirty` behind it if they were edited since; `unknown` for a build without git.
     pub git_commit: String,
-    /// Target triple.
+    /// Target triple for which the program was compiled.
     pub target: String,
-    /// `debug` or `release`.
+    /// Profile of the build: `debug` or `release`.
     pub profile: String,
     /// What `rustc --version` says.
     pub compiler: String,

@@ -57,7 +57,7 @@ pub(super) struct Decimator {
     series: Option<(u64, u64)>,
 }
 
-/// A filtered row.
+/// A row that has passed the low-pass filter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Decimated {
     /// The index of the row for which it stands.
@@ -188,7 +188,7 @@ fn taps(every: u64) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// sin(πx)/(πx).
+/// Returns the normalised sinc function, sin(πx)/(πx).
 fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
 }

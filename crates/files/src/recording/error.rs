@@ -17,13 +17,13 @@ pub enum RecordingError {
     /// The file is there already, and overwriting was not asked for.
     #[error("recording `{path}` already exists: name another file, or allow overwriting it (--overwrite)")]
     Exists {
-        /// The file.
+        /// Path of the existing file.
         path: PathBuf,
     },
     /// The file can't be created.
     #[error("can't create recording `{path}`: {source}; name a file in a directory that exists and is writable")]
     Create {
-        /// The file.
+        /// Path of the file that can't be created.
         path: PathBuf,
         /// What the system says.
         source: Arc<io::Error>,
@@ -33,7 +33,7 @@ pub enum RecordingError {
     Option {
         /// Name of the option.
         option: &'static str,
-        /// Its value.
+        /// Value that the option has.
         got: String,
         /// Which values it may have.
         expected: &'static str,
@@ -41,7 +41,7 @@ pub enum RecordingError {
     /// Writing failed, for example because the disk is full.
     #[error("can't write recording `{path}`: {source}")]
     Write {
-        /// The file.
+        /// Path of the recording that can't be written.
         path: PathBuf,
         /// What the system says.
         source: Arc<io::Error>,
@@ -49,7 +49,7 @@ pub enum RecordingError {
     /// The MCAP library refused a record.
     #[error("can't write recording `{path}`: {source}")]
     Format {
-        /// The file.
+        /// Path of the recording that can't be written.
         path: PathBuf,
         /// What the library says.
         source: Arc<McapError>,
@@ -57,13 +57,13 @@ pub enum RecordingError {
     /// The writer thread ended by itself.
     #[error("the thread that writes recording `{path}` has died")]
     WriterDied {
-        /// The file.
+        /// Path of the recording that is incomplete.
         path: PathBuf,
     },
     /// The file can't be opened or read.
     #[error("can't read recording `{path}`: {source}")]
     Open {
-        /// The file.
+        /// Path of the recording that can't be read.
         path: PathBuf,
         /// What the system says.
         source: Arc<io::Error>,
@@ -71,15 +71,15 @@ pub enum RecordingError {
     /// The path leads to a folder, a pipe or a device.
     #[error("can't read recording `{path}`: it is {got}, expected a regular file")]
     NotAFile {
-        /// The path.
+        /// Path at which there is no regular file.
         path: PathBuf,
-        /// What is there.
+        /// Kind of file that is there, such as a folder.
         got: &'static str,
     },
     /// The file is something else.
     #[error("`{path}` is not an MCAP file: it begins with {}", begins(.got))]
     NotMcap {
-        /// The file.
+        /// Path of the file that is not MCAP.
         path: PathBuf,
         /// Its first bytes, at most 8.
         got: Vec<u8>,
@@ -87,7 +87,7 @@ pub enum RecordingError {
     /// The file ends inside a record: the run that wrote it was killed, or a copy was cut short.
     #[error("recording `{path}` ends at byte {file_bytes} inside the record that begins at byte {offset}")]
     Truncated {
-        /// The file.
+        /// Path of the truncated recording.
         path: PathBuf,
         /// Where the first record begins that is not whole, bytes.
         offset: u64,
@@ -97,11 +97,11 @@ pub enum RecordingError {
     /// A checksum or a layout is wrong.
     #[error("recording `{path}` is damaged in the record that begins at byte {offset}: {cause}")]
     Damaged {
-        /// The file.
+        /// Path of the damaged recording.
         path: PathBuf,
         /// Where the record begins, bytes.
         offset: u64,
-        /// What is wrong.
+        /// Checksum or layout that is wrong.
         cause: String,
     },
     /// The file is an MCAP file, but not a recording.
@@ -109,7 +109,7 @@ pub enum RecordingError {
         "`{path}` is an MCAP file without metadata `{name}`: it was not recorded by resonarm{}", but_by(.library)
     )]
     NotARecording {
-        /// The file.
+        /// Path of the MCAP file.
         path: PathBuf,
         /// Name of the metadata record.
         name: &'static str,
@@ -121,7 +121,7 @@ pub enum RecordingError {
         "recording `{path}` can't be read beyond byte {readable_bytes}, before its metadata `{name}`: nothing is left of it"
     )]
     NothingLeft {
-        /// The file.
+        /// Path of the unreadable recording.
         path: PathBuf,
         /// Name of the metadata record.
         name: &'static str,
@@ -131,11 +131,11 @@ pub enum RecordingError {
     /// An entry of the metadata is missing or has a value that makes no sense.
     #[error("recording `{path}` states `{key}` as `{got}` in its metadata `{name}`, expected {expected}")]
     Metadata {
-        /// The file.
+        /// Path of the recording with this metadata.
         path: PathBuf,
         /// Name of the metadata record.
         name: &'static str,
-        /// The key.
+        /// Key of the metadata entry.
         key: String,
         /// Its value; empty if it is missing.
         got: String,
@@ -148,7 +148,7 @@ pub enum RecordingError {
          format {FORMAT}: read it with the program that wrote it", version = env!("CARGO_PKG_VERSION")
     )]
     OtherFormat {
-        /// The file.
+        /// Path of the recording in the other format.
         path: PathBuf,
         /// Version of its format.
         format: u32,
@@ -161,7 +161,7 @@ pub enum RecordingError {
          version of resonarm that wrote it"
     )]
     Schema {
-        /// The file.
+        /// Path of the recording with this topic.
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
@@ -173,7 +173,7 @@ pub enum RecordingError {
     /// A topic has other channels than the table.
     #[error("recording `{path}` has {cause}, in topic `{topic}`: read it with the version of resonarm that wrote it")]
     Channels {
-        /// The file.
+        /// Path of the recording with this topic.
         path: PathBuf,
         /// Name of the topic.
         topic: String,
@@ -186,7 +186,7 @@ pub enum RecordingError {
          set `Options::channels` to those of the plant"
     )]
     Row {
-        /// The file.
+        /// Path of the recording that is being written.
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
@@ -200,7 +200,7 @@ pub enum RecordingError {
         "recording `{path}` has no topic `{topic}`: it was taken out by another tool; go back to the original file"
     )]
     MissingTopic {
-        /// The file.
+        /// Path of the recording without the topic.
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
@@ -211,7 +211,7 @@ pub enum RecordingError {
         in_all(*.gaps), why_not_continuous(*.expected, *.got)
     )]
     Gap {
-        /// The file.
+        /// Path of the recording with the gap.
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
@@ -225,13 +225,13 @@ pub enum RecordingError {
     /// There is nothing to recover.
     #[error("recording `{path}` is whole: there is nothing to recover")]
     Whole {
-        /// The file.
+        /// Path of the undamaged recording.
         path: PathBuf,
     },
     /// A file is damaged or cut short so that no message is left.
     #[error("nothing of recording `{path}` could be recovered: {integrity}; no file was written")]
     NothingRecovered {
-        /// The file.
+        /// Path of the recording from which nothing was recovered.
         path: PathBuf,
         /// What is wrong with it.
         integrity: Integrity,
@@ -247,21 +247,21 @@ pub enum RecordingError {
     /// The file is not at its path any more.
     #[error("recording `{path}` was deleted, moved or replaced while it was written: what was recorded is not there")]
     Gone {
-        /// The path.
+        /// Path at which the recording was created.
         path: PathBuf,
     },
     /// A recording can't be read and written over at once.
     #[error("recording `{path}` can't be written over itself: name another file for the result")]
     SameFile {
-        /// The file.
+        /// Path that is both source and destination.
         path: PathBuf,
     },
     /// A recording is not of the run that the one before it is of, or does not follow it.
     #[error("recording `{path}` can't be joined to the one before it: it has {got}, expected {expected}")]
     Apart {
-        /// The file.
+        /// Path of the recording that does not follow.
         path: PathBuf,
-        /// What it has.
+        /// Property in which the recording differs.
         got: String,
         /// What would follow the recording before it.
         expected: String,
@@ -269,7 +269,7 @@ pub enum RecordingError {
     /// More names of events than can be copied.
     #[error("recording `{path}` has events of more than {most} names: it can't be copied")]
     Names {
-        /// The file.
+        /// Path of the recording with these events.
         path: PathBuf,
         /// How many there may be.
         most: usize,
@@ -277,7 +277,7 @@ pub enum RecordingError {
     /// A record came after the recording was finished.
     #[error("recording `{path}` is finished: it takes no more records")]
     Finished {
-        /// The file.
+        /// Path of the finished recording.
         path: PathBuf,
     },
 }

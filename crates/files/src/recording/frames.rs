@@ -52,7 +52,7 @@ impl FrameBatcher {
             })
     }
 
-    /// Appends a frame.
+    /// Appends a frame to the batch.
     pub fn append(&mut self, frame: &FrameRecord) {
         self.frames.push(*frame);
     }

@@ -133,25 +133,25 @@ pub enum ChannelsError {
     /// A channel that this version does not know.
     #[error("channel `{name}`, which this version does not know")]
     Unknown {
-        /// Its name.
+        /// Name of the unknown channel.
         name: String,
     },
     /// A channel is missing.
     #[error("no channel `{name}`")]
     Missing {
-        /// Its name.
+        /// Name of the missing channel.
         name: String,
     },
     /// Two channels have one name or one field.
     #[error("channel `{name}` twice, or two channels in its field")]
     Doubled {
-        /// The name.
+        /// Name that two channels have.
         name: String,
     },
     /// A field has another type than it should.
     #[error("field `{name}` of another type than it should have")]
     Type {
-        /// The name.
+        /// Name of the field with the other type.
         name: String,
     },
 }

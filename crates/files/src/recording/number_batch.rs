@@ -98,7 +98,7 @@ pub struct NumberBatch<R> {
 }
 
 impl<R: Numbers> NumberBatch<R> {
-    /// An empty batch.
+    /// Returns an empty batch for rows of this layout.
     pub fn new(layout: Arc<Layout>) -> NumberBatch<R> {
         let columns = vec![Vec::new(); layout.fields.len()];
         NumberBatch { layout, first_sample: 0, dt_s: 0.0, columns, clipped: Vec::new(), ends: false, row: PhantomData }

@@ -1,4 +1,4 @@
-//! How to record.
+//! Options of a recording: format, compression, and what happens to an existing file.
 
 use std::time::Duration;
 
@@ -55,7 +55,7 @@ impl TimeBase {
 pub enum FlushPolicy {
     /// As soon as this much time has passed since the last flush, give or take the 5 ms at which the writer polls.
     Interval {
-        /// The time.
+        /// Time between two flushes.
         interval: Duration,
         /// A monotonic clock; only differences count.
         clock: fn() -> Duration,
@@ -68,7 +68,7 @@ pub enum FlushPolicy {
 /// How chunks are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
-    /// Not at all.
+    /// Chunks are written without compression.
     None,
     /// Zstandard (RFC 8878), one frame a chunk.
     Zstd,
@@ -77,7 +77,7 @@ pub enum Compression {
 /// What to do if the file is there already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Refuse with [`RecordingError::Exists`].
+    /// Return [`RecordingError::Exists`] and leave the file unchanged.
     Refuse,
     /// Replace it, at the time that [`Naming`] says; until then it stays as it is. What is no regular file, such as a
     /// pipe, is written to.
@@ -93,7 +93,7 @@ pub enum Naming {
     Whole,
 }
 
-/// How to record.
+/// Options with which a recording is written.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Time from one sample to the next, s; finite and positive.

@@ -64,7 +64,7 @@ impl Plots {
         self.readings.push(record.sample, &record.values(), clipped, &mut self.readings_ready);
     }
 
-    /// Nothing more comes.
+    /// Marks the end of the run: no further records come.
     pub fn end(&mut self) {
         self.states.end(&mut self.states_ready);
         self.readings.end(&mut self.readings_ready);

@@ -68,7 +68,7 @@ impl Recording {
         Ok(scenario)
     }
 
-    /// The file.
+    /// Returns the path of the recording.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -144,7 +144,7 @@ pub struct Clipped {
 }
 
 impl Clipped {
-    /// None of them.
+    /// No reading is clipped.
     pub const NONE: Clipped =
         Clipped { acceleration_b: [false; 2], acceleration_c: [false; 2], head_force: [false; 2] };
 
@@ -194,7 +194,7 @@ pub struct FrameRecord {
     pub time_ns: u64,
     /// When the kernel or the adapter saw it, nanoseconds of the UNIX epoch, where known.
     pub bus_timestamp_ns: Option<u64>,
-    /// The frame.
+    /// The frame as it was sent or received.
     pub frame: Frame,
 }
 

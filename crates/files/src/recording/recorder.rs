@@ -97,7 +97,7 @@ impl Recorder {
         }
     }
 
-    /// The file.
+    /// Returns the path of the recording.
     pub fn path(&self) -> &Path {
         &self.shared.path
     }

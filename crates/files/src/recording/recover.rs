@@ -10,14 +10,14 @@ use super::sink::Sink;
 use super::{Compression, Existing, Integrity, RecordingError};
 use crate::staged::{Staged, same_file};
 
-/// What was recovered.
+/// Result of a recovery: the new file, and what the old one lacks.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Recovered {
-    /// The new file.
+    /// Path of the new file.
     pub path: PathBuf,
-    /// Its size, bytes.
+    /// Size of the new file, bytes.
     pub bytes: u64,
-    /// Messages recovered.
+    /// Number of messages that were recovered.
     pub messages: u64,
     /// What was wrong with the old file.
     pub source: Integrity,
@@ -31,9 +31,9 @@ pub struct Recovered {
 /// Samples that are missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct MissingSamples {
-    /// The first.
+    /// Index of the first missing sample.
     pub first: u64,
-    /// The last.
+    /// Index of the last missing sample.
     pub last: u64,
 }
 

@@ -26,7 +26,7 @@ const OUR_METADATA: &[u8] = b"resonarm.";
 pub struct LostChunk {
     /// Where it begins, bytes.
     pub offset: u64,
-    /// Its size, bytes.
+    /// Size of the lost part, bytes.
     pub bytes: u64,
     /// First and last log time that it states of itself, ns, where it can be believed.
     pub log_times_ns: Option<(u64, u64)>,
@@ -42,7 +42,7 @@ pub(super) enum Piece {
     Chunk {
         /// Where it begins, bytes.
         offset: u64,
-        /// Its size, bytes.
+        /// Size of the chunk in the file, bytes.
         bytes: u64,
     },
     /// Something that carries no data.

@@ -92,7 +92,7 @@ pub enum MessageType {
     FrameBatch,
     /// Timing of consecutive ticks of the loop.
     TickBatch,
-    /// Something that happened.
+    /// An event of the run, such as a change of state.
     Event,
 }
 
@@ -123,7 +123,7 @@ impl MessageType {
         }
     }
 
-    /// Its full name.
+    /// Returns the full name of the protobuf message, with its package.
     pub const fn name(self) -> &'static str {
         match self {
             MessageType::StepBatch => "resonarm.v1.StepBatch",

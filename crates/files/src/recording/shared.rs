@@ -39,7 +39,7 @@ pub(super) enum Control {
 /// How a recording ends.
 #[derive(Debug)]
 pub(super) enum Ending {
-    /// With these statistics.
+    /// The run is complete; these statistics are written at the end.
     Whole(BTreeMap<String, String>),
     /// With these statistics, and what it was made from, which was not whole: nor is it.
     Partial { statistics: BTreeMap<String, String>, made_from: BTreeMap<String, String> },

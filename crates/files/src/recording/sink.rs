@@ -109,7 +109,7 @@ impl Sink {
         Ok(())
     }
 
-    /// Writes one message.
+    /// Encodes one message and writes it to the file.
     pub fn message(
         &mut self,
         message_type: MessageType,
@@ -171,7 +171,7 @@ impl Sink {
         Ok(())
     }
 
-    /// The file.
+    /// Returns the path of the recording.
     pub fn path(&self) -> &Path {
         &self.path
     }

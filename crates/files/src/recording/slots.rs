@@ -36,9 +36,9 @@ enum Content<Other> {
 /// What is in a ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Entry<'a, Other = Infallible> {
-    /// A record.
+    /// A record of the run.
     Record(&'a Record),
-    /// Something else.
+    /// A value that is not part of the recording.
     Other(Other),
 }
 

@@ -38,7 +38,7 @@ pub enum RunTime {
     Simulated,
     /// The answers of a partner.
     Lockstep,
-    /// The machine's clock.
+    /// The clock of the machine.
     RealTime,
 }
 
@@ -52,7 +52,7 @@ pub enum Integrity {
     Unfinished,
     /// Every record of the file is in order, but records are missing, or are there more than once.
     Incomplete {
-        /// What is wrong.
+        /// Description of the missing or repeated records.
         cause: String,
     },
     /// The file ends inside a record: the run was killed, or a copy was cut short.
@@ -72,7 +72,7 @@ pub enum Integrity {
         file_bytes: u64,
         /// The last sample that can be read, if any.
         last_sample: Option<u64>,
-        /// What is wrong.
+        /// Checksum or layout that is wrong.
         cause: String,
     },
 }
@@ -102,9 +102,9 @@ impl fmt::Display for Integrity {
 /// What a recording holds, in numbers: see [`Recording::summary`](super::Recording::summary).
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct RecordingSummary {
-    /// The file.
+    /// Path of the recording.
     pub path: PathBuf,
-    /// Its size, bytes.
+    /// Size of the file, bytes.
     pub file_bytes: u64,
     /// Whether it is whole.
     pub integrity: Integrity,

@@ -28,16 +28,16 @@ const POLL: Duration = Duration::from_millis(5);
 /// Records taken from one channel before the next has its turn.
 const TURN: usize = 4096;
 
-/// What was written.
+/// Result of writing: the file, and the number of messages in it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Summary {
-    /// The file.
+    /// Path of the finished file.
     pub path: PathBuf,
-    /// Its size, bytes.
+    /// Size of the file, bytes.
     pub bytes: u64,
     /// Messages in each topic, by its name in the file; of batched topics the batches.
     pub messages: BTreeMap<&'static str, u64>,
-    /// States recorded.
+    /// Number of states in the recording.
     pub samples: u64,
     /// Records lost because a channel was full, by the channel's name.
     pub lost: BTreeMap<String, u64>,

@@ -10,7 +10,7 @@ pub enum BlfFault {
     /// The file has another signature.
     #[error("it is not a BLF log: it begins with {:?}, not with LOGG", got.escape_ascii().to_string())]
     Signature {
-        /// The first bytes.
+        /// First bytes of the file, in place of the signature `LOGG`.
         got: Vec<u8>,
     },
     /// The head of the file states no date.
@@ -24,15 +24,15 @@ pub enum BlfFault {
     Short {
         /// Bytes that the head states.
         expected: u64,
-        /// Bytes found.
+        /// Size of the file, bytes.
         got: u64,
     },
     /// The file ends inside its head or inside an object.
     #[error("the log is cut short: {expected} bytes are expected, {got} are there")]
     Truncated {
-        /// Bytes expected.
+        /// Bytes that are needed from this place on.
         expected: usize,
-        /// Bytes found.
+        /// Bytes that are left in the file.
         got: usize,
     },
     /// The last container ends inside an object, and no container follows.
@@ -47,9 +47,9 @@ pub enum BlfFault {
     /// An object states an impossible length.
     #[error("an object states a length of {got} bytes, expected {least} to {most}")]
     Length {
-        /// The length stated.
+        /// Length that the object states, bytes.
         got: u32,
-        /// The least possible.
+        /// Smallest length that an object can have, bytes.
         least: usize,
         /// The largest that is read.
         most: usize,
@@ -57,23 +57,23 @@ pub enum BlfFault {
     /// An object that is too short for its kind.
     #[error("an object of kind {kind} has {got} bytes, expected at least {expected}")]
     Object {
-        /// The kind.
+        /// Number of the object's kind in BLF.
         kind: u32,
-        /// Its bytes.
+        /// Length of the object, bytes.
         got: usize,
-        /// Bytes expected.
+        /// Smallest length of an object of this kind, bytes.
         expected: usize,
     },
     /// A container with an unknown method of compression.
     #[error("a container is compressed by method {got}; known are 0, none, and 2, deflate")]
     Compression {
-        /// The method.
+        /// Number of the compression method.
         got: u16,
     },
     /// A container that can't be inflated.
     #[error("a container can't be inflated: {cause}")]
     Inflate {
-        /// The cause.
+        /// Error that the decompressor reports.
         cause: String,
     },
     /// A container that holds more or less than it states.
@@ -87,27 +87,27 @@ pub enum BlfFault {
     /// The head of a frame's object has an unknown version.
     #[error("the head of a frame has version {got}; known are 1 and 2")]
     Version {
-        /// The version.
+        /// Version number of the object's head.
         got: u16,
     },
     /// The head of a frame is too short for its time.
     #[error("the head of a frame states a length of {got} bytes, expected at least {least}")]
     Head {
-        /// The length stated.
+        /// Length that the head states, bytes.
         got: u16,
-        /// The least possible.
+        /// Smallest length with which the head contains the time, bytes.
         least: usize,
     },
     /// A DLC that no frame has.
     #[error("a frame has DLC {got}, expected 0 to 15")]
     Dlc {
-        /// The DLC.
+        /// Data length code that the object states.
         got: u8,
     },
     /// The time of a frame has an unknown unit.
     #[error("the time of a frame has unit {got}; known are 1, 10 µs, and 2, 1 ns")]
     Unit {
-        /// The unit.
+        /// Number of the time unit that the object states.
         got: u32,
     },
     /// The time of a frame does not fit 64 bits.
@@ -119,10 +119,10 @@ pub enum BlfFault {
     /// An identifier that is too large to be standard and is not marked as extended.
     #[error("identifier {got:#X} does not fit 11 bits, and is not marked as extended")]
     Id {
-        /// The identifier.
+        /// Identifier as the object states it.
         got: u32,
     },
-    /// An impossible frame.
+    /// The object describes a frame that CAN does not allow.
     #[error(transparent)]
     Frame(#[from] FrameError),
 }

@@ -45,7 +45,7 @@ const REMOTE: u8 = 0x80;
 /// Directions. Larger values are requests to send, which are not frames on the bus.
 const RECEIVED: u8 = 0;
 const SENT: u8 = 1;
-/// In an identifier.
+/// Bit of an identifier that marks it as extended, with 29 bits.
 const EXTENDED: u32 = 0x8000_0000;
 
 /// Flags of [`CAN_FD_MESSAGE`]: those of CAN FD that [`vector`](super::vector) has, shifted.

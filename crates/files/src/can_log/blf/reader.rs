@@ -32,7 +32,7 @@ pub(in crate::can_log) struct Reader {
     taken: usize,
 }
 
-/// Why reading stops.
+/// Reason why reading the log stops.
 enum Stop {
     Io(io::Error),
     Fault(BlfFault),
