@@ -38,7 +38,7 @@ impl Version {
     }
 }
 
-/// A variable as the description states it.
+/// A variable of the model description.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Variable {
     pub reference: u32,
@@ -60,7 +60,7 @@ pub(crate) struct Description {
     pub version: Version,
     pub identifier: String,
     pub token: String,
-    /// Tool that wrote the FMU, by `generationTool`.
+    /// Tool that generated the FMU.
     pub tool: Option<String>,
     pub own_step_s: Option<f64>,
     pub variables: BTreeMap<String, Variable>,
@@ -81,7 +81,7 @@ fn is_true(node: &Node<'_, '_>, name: &str) -> bool {
 }
 
 impl Description {
-    /// Reads the text of `modelDescription.xml`, and checks what a structure needs of it.
+    /// Parses the text of a modelDescription.xml.
     pub fn parse(text: &str) -> Result<Description, ImportError> {
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         let document = Document::parse_with_options(text, options);

@@ -11,7 +11,7 @@ pub enum ImportError {
     /// The archive is none.
     #[error("not a ZIP archive, as an FMU is: {reason}")]
     Zip {
-        /// What keeps the file from being a ZIP archive.
+        /// Error that reading the archive reports.
         reason: String,
     },
     /// A name in the archive that would leave its folder.
@@ -19,7 +19,7 @@ pub enum ImportError {
     Name {
         /// Name of the entry in the archive.
         name: String,
-        /// What is wrong with the name or its entry, such as `is absolute`.
+        /// Description of how the name would leave the folder.
         what: &'static str,
     },
     /// The archive is too large when it is unpacked.
@@ -28,9 +28,9 @@ pub enum ImportError {
          its archive; pack its resources less densely if it really has so many"
     )]
     TooLarge {
-        /// Entry at which the limit is exceeded.
+        /// Name of the entry at which the limit was exceeded.
         name: String,
-        /// Limit of the unpacked size, MB.
+        /// Largest unpacked size, MB.
         most_mb: u64,
     },
     /// The archive has more entries than an FMU.
@@ -40,13 +40,13 @@ pub enum ImportError {
     Entries {
         /// How many it has.
         got: usize,
-        /// Most entries that are read.
+        /// Largest number of entries that is read.
         most: usize,
     },
     /// A file of every FMU is missing.
     #[error("no `{name}` in the archive: it is no FMU")]
     NoFile {
-        /// Name of the file that is missing.
+        /// Name of the missing file.
         name: &'static str,
     },
     /// The folder of an instance can't be written.
@@ -58,7 +58,7 @@ pub enum ImportError {
     /// The description can't be read as XML of FMI.
     #[error("modelDescription.xml: {reason}")]
     Xml {
-        /// What is wrong with the text.
+        /// Error of the parser, with its place.
         reason: String,
     },
     /// The description lacks something.
@@ -76,21 +76,21 @@ pub enum ImportError {
         of: String,
         /// Name of the attribute.
         attribute: &'static str,
-        /// Text that the attribute has.
+        /// Text of the attribute.
         got: String,
-        /// What the attribute must be.
+        /// Description of the valid texts.
         expected: &'static str,
     },
     /// Another version of FMI.
     #[error("fmiVersion is `{got}`: FMUs of FMI 2.0 and 3.0 are taken")]
     Version {
-        /// Value of `fmiVersion` in the description.
+        /// FMI version that the description states.
         got: String,
     },
     /// The FMU does not support co-simulation.
     #[error("the FMU has no co-simulation, only {has}: export it for co-simulation")]
     NoCoSimulation {
-        /// Interfaces that it supports instead.
+        /// Interface types that the FMU has instead.
         has: String,
     },
     /// The FMU can't run without the tool that wrote it.
@@ -113,13 +113,13 @@ pub enum ImportError {
     /// The library lacks a function.
     #[error("the library of the FMU has no function `{name}`")]
     Function {
-        /// Name of the function, as FMI spells it.
+        /// Name of the missing function.
         name: String,
     },
     /// The process in which the FMU is to run can't be started.
     #[error("can't start a process for the FMU: {reason}")]
     Process {
-        /// Error of the operating system.
+        /// Reason why the process could not be started.
         reason: String,
     },
     /// The FMU ended its process, or lost its connection, before the simulation began or as it was let go.
@@ -127,7 +127,7 @@ pub enum ImportError {
     Ended {
         /// What was being done: `loading` or `unloading`.
         during: &'static str,
-        /// How the process ended, or that the connection was lost.
+        /// How the process or its connection ended.
         fault: ForeignFault,
         /// The last message of the FMU.
         log: Option<String>,
@@ -135,9 +135,9 @@ pub enum ImportError {
     /// A call before the simulation failed.
     #[error("{call} returned {status}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
     Call {
-        /// Name of the function that failed.
+        /// Name of the FMI function that failed.
         call: String,
-        /// Name of the status that the function returned.
+        /// Status that the function returned, in words.
         status: &'static str,
         /// The last message of the FMU.
         log: Option<String>,
@@ -145,7 +145,7 @@ pub enum ImportError {
     /// The outputs at the start can't be read.
     #[error("{reason}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
     Start {
-        /// What is wrong with an output, as a sentence.
+        /// Description of what could not be read.
         reason: String,
         /// The last message of the FMU.
         log: Option<String>,
@@ -158,9 +158,9 @@ pub enum ImportError {
     Variable {
         /// The key that names it.
         key: String,
-        /// Name that the scenario gives.
+        /// Name that is not in the FMU.
         name: String,
-        /// Variable of the FMU with the most similar name, if one is similar enough.
+        /// Variable with the nearest name, if any is near enough.
         nearest: Option<String>,
     },
     /// A variable of another causality.
@@ -168,9 +168,9 @@ pub enum ImportError {
     Causality {
         /// The key that names it.
         key: String,
-        /// Name of the variable in the FMU.
+        /// Name of the variable.
         name: String,
-        /// Causality that the variable has.
+        /// Causality of the variable in the FMU.
         got: String,
         /// What it must be.
         expected: &'static str,
@@ -180,9 +180,9 @@ pub enum ImportError {
     Type {
         /// The key that names it.
         key: String,
-        /// Name of the variable in the FMU.
+        /// Name of the variable.
         name: String,
-        /// Type that the variable has.
+        /// Type of the variable in the FMU.
         got: String,
         /// Type of real numbers in this version of FMI.
         expected: &'static str,
@@ -194,7 +194,7 @@ pub enum ImportError {
     Element {
         /// The key that names it.
         key: String,
-        /// Name of the array in the FMU.
+        /// Name of the array variable.
         name: String,
         /// Number of elements of the array.
         elements: usize,
@@ -202,9 +202,9 @@ pub enum ImportError {
     /// Another number of values than the parameter has.
     #[error("structure.parameters: `{name}` has {expected} numbers, and {got} are given")]
     Length {
-        /// Name of the parameter in the FMU.
+        /// Name of the parameter.
         name: String,
-        /// Number of values that the scenario gives.
+        /// Number of values given in the scenario.
         got: usize,
         /// The number of its elements.
         expected: usize,
@@ -212,9 +212,9 @@ pub enum ImportError {
     /// A number that is not finite.
     #[error("structure.parameters: `{name}` is {got}: it must be finite")]
     Value {
-        /// Name of the parameter in the FMU.
+        /// Name of the parameter.
         name: String,
-        /// Value that the scenario gives.
+        /// Value given in the scenario.
         got: f64,
     },
     /// A unit of another quantity.
@@ -222,11 +222,11 @@ pub enum ImportError {
     Unit {
         /// The key that names it.
         key: String,
-        /// Name of the variable in the FMU.
+        /// Name of the variable.
         name: String,
-        /// Name of the variable's unit.
+        /// Unit of the variable in the FMU.
         unit: String,
-        /// Exponents of the unit in SI base units, such as `kg·m·s^-2`.
+        /// Exponents of the unit in SI base units.
         got: String,
         /// Exponents that the quantity needs.
         expected: String,
@@ -236,9 +236,9 @@ pub enum ImportError {
         "structure.{key}: `{got}` names no degree of freedom: write point and axis, as in \"tip.x\", or joint1, or mode1"
     )]
     Dof {
-        /// Section of `structure` that has the key: `inputs` or `outputs`.
+        /// Section of the structure with the key.
         key: &'static str,
-        /// The key as the scenario has it.
+        /// Text that names no degree of freedom.
         got: String,
     },
     /// A degree of freedom on which no load acts.
@@ -250,11 +250,11 @@ pub enum ImportError {
     /// Nothing is read or driven where an instrument or the exciter is.
     #[error("rig.{instrument}: nothing of structure.{section} is at `{at}`; there are {known}")]
     Place {
-        /// Section of `rig` that states the place, such as `sensors.b`.
+        /// Name of the instrument in the scenario.
         instrument: &'static str,
         /// The section in which it has to be.
         section: &'static str,
-        /// Place that the scenario states.
+        /// Degree of freedom at which the instrument is.
         at: String,
         /// The degrees of freedom that there are.
         known: String,
@@ -264,9 +264,9 @@ pub enum ImportError {
     Missing {
         /// The degree of freedom.
         dof: String,
-        /// Key of the variable that is missing.
+        /// Key of the missing variable, such as `velocity`.
         missing: &'static str,
-        /// What needs the variable, as a sentence.
+        /// Reason why the variable is needed.
         why: &'static str,
     },
     /// A force is mapped although the FMU is read after each step.
@@ -292,11 +292,11 @@ pub enum ImportError {
         "structure.outputs: {got} {what} with displacement and velocity: a recording has {what} 1 to {most}, without a gap"
     )]
     Coordinates {
-        /// What kind of coordinates they are: points, joints or modes.
+        /// Kind of the coordinates, in words.
         what: &'static str,
         /// How many there are.
         got: usize,
-        /// Most coordinates of this kind in a recording.
+        /// Largest number that a recording holds.
         most: usize,
     },
     /// One of our own FMUs, which has sampled its motion already.
@@ -304,7 +304,7 @@ pub enum ImportError {
         "structure: `read` is middle, and the FMU, of {tool}, samples its motion itself: take `read = \"end\"`, and the variables `true.…`"
     )]
     SamplesItself {
-        /// Tool that wrote the FMU.
+        /// Tool that generated the FMU.
         tool: String,
     },
 }

@@ -45,7 +45,7 @@ pub(crate) type Axes = [Option<Slot>; 2];
 /// What is set and read of an FMU.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Mapping {
-    /// Values of parameters, by value reference.
+    /// Values of parameters by their value reference, set before initialization.
     pub parameters: Vec<(u32, Vec<f64>)>,
     /// Variables that are set, and where each load is in them, in the order of [`LOADS`].
     pub set: Block,

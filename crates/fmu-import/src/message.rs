@@ -101,7 +101,7 @@ pub(crate) enum Answer {
     Ended { status: i32 },
 }
 
-/// Error for bytes that are no valid answer.
+/// Returns the error for an answer that breaks the protocol.
 fn invalid() -> Error {
     Error::from(ErrorKind::InvalidData)
 }

@@ -20,10 +20,10 @@ pub enum ReadAt {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OutputsOf {
-    /// Variable with the displacement from rest.
+    /// Variable of the displacement from rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displacement: Option<String>,
-    /// Variable with the rate of the displacement.
+    /// Variable of the velocity, the rate of `displacement`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity: Option<String>,
     /// Variable with the acceleration, the rate of `velocity`.
@@ -38,14 +38,14 @@ pub struct OutputsOf {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Numbers {
-    /// Value of a scalar parameter.
+    /// The value of a scalar.
     One(f64),
-    /// Values of an array parameter.
+    /// The elements of an array.
     Many(Vec<f64>),
 }
 
 impl Numbers {
-    /// The values; a scalar has one.
+    /// Returns the numbers; a scalar is a slice of one.
     pub fn as_slice(&self) -> &[f64] {
         match self {
             Numbers::One(number) => core::slice::from_ref(number),

@@ -10,7 +10,7 @@ const NAMES: [&str; 7] = ["kg", "m", "s", "A", "K", "mol", "cd"];
 /// Exponents of base units.
 pub(crate) type Exponents = [i32; NAMES.len()];
 
-/// A unit that the description defines.
+/// A unit by its exponents, factor and offset in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Unit {
     /// Exponents; `None` of a unit that doesn't say what it is in SI.
@@ -27,7 +27,7 @@ pub(crate) struct Conversion {
 }
 
 impl Conversion {
-    /// The conversion that changes nothing.
+    /// The conversion that leaves every number unchanged.
     pub const NONE: Conversion = Conversion { factor: 1.0, offset: 0.0 };
 
     pub fn new(factor: f64, offset: f64) -> Conversion {

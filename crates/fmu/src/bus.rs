@@ -26,7 +26,7 @@ struct Port {
     waiting: VecDeque<Frame>,
 }
 
-/// The bus with the terminals of its nodes.
+/// Model of a CAN bus to which nodes of other FMUs are connected.
 pub(crate) struct BusModel {
     clock: VirtualClock,
     ports: Vec<Port>,

@@ -63,7 +63,7 @@ pub enum TxClock {
 pub struct Settings {
     /// How it is connected.
     pub interface: Interface,
-    /// What the FMU simulates.
+    /// Part of the test rig that the FMU simulates.
     pub role: Role,
     /// By which clock its frames leave it.
     pub clock: TxClock,
@@ -82,7 +82,7 @@ struct Versioned {
 /// What an FMU is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Content {
-    /// Interface, role, clock and number of nodes.
+    /// Settings with which it was exported.
     pub settings: Settings,
     /// Its scenario, with the files that it names.
     pub scenario: Scenario,

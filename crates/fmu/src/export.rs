@@ -47,7 +47,7 @@ pub enum ExportError {
     /// The library can't be read.
     #[error("{}: {source}", path.display())]
     Read {
-        /// Path of the library's file.
+        /// Path of the library.
         path: PathBuf,
         /// Error of the operating system.
         source: io::Error,
@@ -55,7 +55,7 @@ pub enum ExportError {
     /// The file is no library for an FMU.
     #[error("{}: {reason}", path.display())]
     Library {
-        /// Path of the file that was read.
+        /// Path of the file that can't be used as a library.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
@@ -68,13 +68,13 @@ pub enum ExportError {
     /// A role that the interface does not have.
     #[error("--role {role}: the interface `signals` has the plant alone; take --interface can")]
     Role {
-        /// Role that was asked for.
+        /// Name of the role that was requested.
         role: &'static str,
     },
     /// A bus with fewer nodes than two, or with more than fit.
     #[error("--nodes {got}: a bus has from 2 to {most} nodes", most = MOST_NODES)]
     Nodes {
-        /// Number of nodes that was asked for.
+        /// Requested number of nodes.
         got: u8,
     },
     /// The FMU can't run its scenario.
@@ -83,7 +83,7 @@ pub enum ExportError {
     /// The FMU can't be written.
     #[error("{}: {source}", path.display())]
     Write {
-        /// Path of the FMU's file.
+        /// Path of the FMU that can't be written.
         path: PathBuf,
         /// Error of the operating system.
         source: io::Error,
@@ -94,7 +94,7 @@ pub enum ExportError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Library {
     bytes: Vec<u8>,
-    /// Folder of the library in an FMU: `x86_64-linux` or `aarch64-linux`.
+    /// Platform as FMI names it: `x86_64-linux` or `aarch64-linux`.
     platform: &'static str,
 }
 
@@ -146,12 +146,12 @@ impl Library {
     }
 }
 
-/// Summary of an FMU that was written.
+/// Result of an export: the FMU and its key figures.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Summary {
-    /// Path of the FMU's file.
+    /// Path of the FMU.
     pub path: PathBuf,
-    /// Size of the file, bytes.
+    /// Size of the FMU, bytes.
     pub bytes: u64,
     /// Instantiation token of the FMU.
     pub token: String,

@@ -19,7 +19,7 @@ pub enum Fault {
     /// The resources lack a file, or it can't be read.
     #[error("{}: {reason}: the FMU must be unpacked whole, and `resourcePath` name its folder `resources`", path.display())]
     Resource {
-        /// File that can't be read.
+        /// Path of the resource.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
@@ -30,7 +30,7 @@ pub enum Fault {
     /// The resources are of another version than the library.
     #[error("the resources are of version {got}, the library of {library}: export the FMU anew by `resonarm fmu`")]
     Version {
-        /// Version that wrote the resources.
+        /// Version of the resources.
         got: String,
         /// Version of the library.
         library: &'static str,
@@ -43,13 +43,13 @@ pub enum Fault {
     Token {
         /// Token that the importer gave.
         got: String,
-        /// Token that follows from the resources.
+        /// Instantiation token stored in the resources.
         expected: String,
     },
     /// A kind of instance that the FMU does not offer.
     #[error("{call}: the FMU is one for co-simulation alone: call fmi3InstantiateCoSimulation")]
     NotCoSimulation {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
     },
     /// The scenario is impossible.
@@ -58,7 +58,7 @@ pub enum Fault {
     /// The run can't be made.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// The plant failed during the simulation.
+    /// The simulation of the plant failed.
     #[error("the simulation failed at {0}")]
     Plant(#[from] PlantError),
     /// A recording can't be written.
@@ -67,23 +67,23 @@ pub enum Fault {
     /// A text is not UTF-8.
     #[error("{call}: {what} is not UTF-8")]
     NotUtf8 {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
-        /// Name of the argument.
+        /// Name of the argument that is not UTF-8.
         what: &'static str,
     },
     /// A pointer is null.
     #[error("{call}: {what} is NULL")]
     Null {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
-        /// Name of the argument.
+        /// Name of the argument that is NULL.
         what: &'static str,
     },
     /// The call is not one of this state.
     #[error("{call} is not allowed in {state}: it is in {legal}")]
     WrongState {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
         /// The state of the instance.
         state: State,
@@ -93,7 +93,7 @@ pub enum Fault {
     /// The function is not one of this FMU.
     #[error("{call}: this FMU does not have what it is for: {why}")]
     NotOffered {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
         /// What the model description says of it.
         why: &'static str,
@@ -101,9 +101,9 @@ pub enum Fault {
     /// No variable has the value reference.
     #[error("{call}: no variable has the value reference {got}: they are from 0 to {most}")]
     UnknownReference {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
-        /// Value reference that was given.
+        /// Value reference that no variable has.
         got: u32,
         /// Largest value reference of the FMU.
         most: u32,
@@ -111,29 +111,29 @@ pub enum Fault {
     /// A variable of another type.
     #[error("{call}: `{name}` is of the type {is}")]
     WrongType {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
         /// Name of the variable.
         name: String,
-        /// FMI type of the variable.
+        /// Type of the variable in the model description.
         is: &'static str,
     },
     /// A variable that can't be set now.
     #[error("{call}: `{name}` can't be set in {state}: {why}")]
     NotSettable {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
         /// Name of the variable.
         name: String,
         /// The state of the instance.
         state: State,
-        /// When the variable can be set, as a sentence.
+        /// States in which the variable can be set.
         why: &'static str,
     },
     /// Another number of values than of value references.
     #[error("{call}: {values} values for {references} value references")]
     Lengths {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
         /// Number of value references given.
         references: usize,
@@ -145,9 +145,9 @@ pub enum Fault {
     Value {
         /// Name of the variable.
         name: String,
-        /// Value that was given.
+        /// Value that the importer set.
         got: f64,
-        /// Values that the variable can have.
+        /// Description of the valid values.
         expected: &'static str,
     },
     /// A load beyond the exciter's limits or direction.
@@ -182,13 +182,13 @@ pub enum Fault {
     /// The length of a step is impossible.
     #[error("fmi3DoStep: the step is of {got_s} s: it must be finite and not negative")]
     StepSize {
-        /// Length of the step, s.
+        /// Requested length of the step, s.
         got_s: f64,
     },
     /// Time does not advance by the step.
     #[error("fmi3DoStep: the step of {got_s} s is too small: at {at_s} s time does not advance by it")]
     StepTooSmall {
-        /// Length of the step, s.
+        /// Requested length of the step, s.
         got_s: f64,
         /// Where it begins, s.
         at_s: f64,
@@ -205,17 +205,17 @@ pub enum Fault {
     /// A saved state that is not of this FMU.
     #[error("{call}: the bytes are not a state of this FMU: {reason}")]
     Saved {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
-        /// What is wrong with the state, as a sentence.
+        /// Description of what differs from a state of this FMU.
         reason: &'static str,
     },
     /// A buffer of another length than the state has.
     #[error("{call}: {got} bytes: the state has {expected}")]
     SavedLength {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
-        /// Length of the importer's buffer, bytes.
+        /// Length of the buffer given, bytes.
         got: usize,
         /// Length of the state, bytes.
         expected: usize,
@@ -231,19 +231,19 @@ pub enum Fault {
          of FMI-LS-BUS"
     )]
     Operation {
-        /// Name of the terminal.
+        /// Name of the terminal that received the bytes.
         name: String,
         /// Byte at which the operation begins.
         at: usize,
         /// The bytes that are left from there on.
         got: usize,
-        /// Length of the operation, bytes.
+        /// Length that the operation states, bytes.
         expected: usize,
     },
     /// Frames that nobody fetches.
     #[error("`{name}`: {bytes} bytes wait to be sent: the importer lets the clock `{name}.Tx_Clock` not tick")]
     Untaken {
-        /// Name of the terminal.
+        /// Name of the terminal with the waiting frames.
         name: String,
         /// The bytes that wait.
         bytes: usize,
@@ -266,7 +266,7 @@ pub enum Fault {
     /// Something panicked, which is a defect of the library.
     #[error("{call}: internal error in the library: {reason}; please report it")]
     Panic {
-        /// Name of the FMI function.
+        /// Name of the FMI function that was called.
         call: &'static str,
         /// Message of the panic.
         reason: String,

@@ -22,7 +22,7 @@ pub(crate) struct Parameters {
     pub angles_deg: Vec<f64>,
     pub seed: u64,
     pub noise: bool,
-    /// Path of the recording; empty for none.
+    /// Path of the recording; empty if nothing is recorded.
     pub recording: String,
     pub overwrite: bool,
 }
@@ -102,7 +102,7 @@ pub(crate) trait Model {
     /// The intervals of countdown clocks are asked for.
     fn before_interval(&mut self) {}
 
-    /// Saves the state, to return to it later.
+    /// Returns a copy of the current state.
     fn save(&mut self) -> Result<Saved, Fault>;
 
     /// Returns to a state.

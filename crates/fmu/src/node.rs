@@ -69,7 +69,7 @@ impl Node {
         Ok(Node::of(End::Plant(Box::new(plant)), session, clock))
     }
 
-    /// Creates the node of the exciter controller.
+    /// Creates the node of the exciter.
     pub fn exciter(session: Session, clock: TxClock) -> Result<Node, Fault> {
         let exciter = session.hosted_exciter()?;
         Ok(Node::of(End::Exciter(exciter), session, clock))

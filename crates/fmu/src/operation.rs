@@ -39,10 +39,10 @@ pub(crate) enum BusErrorCode {
     Acknowledgement = 5,
 }
 
-/// An operation of FMI-LS-BUS, as far as a node or the bus acts on it.
+/// An operation of FMI-LS-BUS on a CAN bus.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Operation {
-    /// A frame on its way from or to a node.
+    /// A frame is to be sent, or was received.
     Transmit(Frame),
     /// The frame of this identifier was sent.
     Confirm(u32),
@@ -54,7 +54,7 @@ pub(crate) enum Operation {
     FdBaudRate(u32),
     /// Frames that lose the arbitration are sent later; `false` asks for them to be discarded.
     Buffers(bool),
-    /// Error state of the sender's CAN controller.
+    /// State of the sender's CAN controller.
     Status(Status),
     /// The receiver could not read these bytes that the sender of the operation has got from it.
     FormatError(Vec<u8>),
@@ -63,7 +63,7 @@ pub(crate) enum Operation {
 }
 
 impl Operation {
-    /// Appends the operation as bytes.
+    /// Appends the operation in its binary form to `bytes`.
     pub fn write(&self, bytes: &mut Vec<u8>) {
         match self {
             Operation::Transmit(frame) => write_frame(frame, bytes),

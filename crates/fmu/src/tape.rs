@@ -43,7 +43,7 @@ impl Tape {
         Ok(Some(Tape { recorder, channel, waiting, written: 0, last_written: None, marks: Vec::new() }))
     }
 
-    /// Appends a record, which may still be taken back.
+    /// Appends a record to those that wait to be written.
     pub fn push(&mut self, record: Record) {
         self.waiting.push_back(record);
     }

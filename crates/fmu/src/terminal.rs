@@ -7,12 +7,12 @@ use crate::operation::{self, Operation};
 /// The most bytes that wait for the importer: seconds of a full bus.
 const MOST_BYTES: usize = 1 << 20;
 
-/// A terminal, with the operations that wait to be sent and those that have come.
+/// A network terminal of FMI-LS-BUS, by which a node exchanges operations with the bus.
 #[derive(Clone, Debug)]
 pub(crate) struct Terminal {
     name: String,
     clock: TxClock,
-    /// Operations that wait to be sent, as bytes.
+    /// Encoded operations that wait to be sent.
     outgoing: Vec<u8>,
     /// Whether the importer has let a countdown clock tick in this iteration.
     ticks: bool,
@@ -30,7 +30,7 @@ pub(crate) struct Terminal {
 pub enum Interval {
     /// Not known: the clock does not tick for now.
     Unknown,
-    /// The interval that was stated before still holds.
+    /// The interval has not changed since it was last read.
     Unchanged(f64),
     /// A new interval, from this event on.
     Changed(f64),

@@ -10,7 +10,7 @@ pub(crate) const TERMINALS: &str = "terminalsAndIcons/terminalsAndIcons.xml";
 /// The file of the manifest.
 pub(crate) const MANIFEST: &str = "extra/org.fmi-standard.fmi-ls-bus/fmi-ls-manifest.xml";
 
-/// Text of `terminalsAndIcons.xml`, with the terminals of the FMU.
+/// Returns the file `terminalsAndIcons.xml` with the network terminals.
 pub(crate) fn terminals_and_icons(settings: &Settings) -> String {
     let mut xml = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiTerminalsAndIcons fmiVersion=\"3.0\">\n  <Terminals>\n",
@@ -32,7 +32,7 @@ pub(crate) fn terminals_and_icons(settings: &Settings) -> String {
     xml + "  </Terminals>\n</fmiTerminalsAndIcons>\n"
 }
 
-/// Text of `fmi-ls-manifest.xml`, which says that the FMU is one of FMI-LS-BUS.
+/// Returns the file `fmi-ls-manifest.xml`, which declares FMI-LS-BUS.
 pub(crate) fn manifest(settings: &Settings) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\

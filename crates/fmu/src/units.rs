@@ -2,16 +2,16 @@
 
 use resonarm_bench::structure::Quantity;
 
-/// A unit with its exponents in SI base units.
+/// Unit of a variable in the model description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Unit {
-    /// Name of the unit, such as `m/s2`.
+    /// Name of the unit.
     pub name: &'static str,
     /// Attributes of its `BaseUnit`; empty if it has none: roots of base units can't be written.
     pub base: &'static str,
 }
 
-/// The second, unit of time.
+/// Unit of time: the second.
 pub(crate) const SECOND: Unit = Unit { name: "s", base: "s=\"1\"" };
 /// Degree of angle: π/180 rad.
 pub(crate) const DEGREE: Unit = Unit { name: "deg", base: "rad=\"1\" factor=\"0.017453292519943295\"" };

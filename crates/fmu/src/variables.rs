@@ -11,7 +11,7 @@ use resonarm_bench::structure::{Channel, LOADS, Quantity};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
     Time,
-    /// A load, by its place in [`LOADS`].
+    /// One of the loads, by its index in [`LOADS`].
     Load(usize),
     /// One of the outputs of the structure, as the instrument reads it.
     Reading(usize),
@@ -81,7 +81,7 @@ pub(crate) enum Causality {
     Output,
 }
 
-/// A variable of the FMU.
+/// A variable in the model description.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Variable {
     pub name: String,

@@ -1,4 +1,4 @@
-//! The C interface of FMI 2.0 for co-simulation, as far as a structure needs it.
+//! Binding of the C functions of FMI 2.0 for co-simulation.
 
 use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
@@ -7,18 +7,18 @@ use std::sync::Arc;
 use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StartError, StepOutcome, function, text};
 use crate::message::Answers;
 
-/// `fmi2CoSimulation` of `fmi2Type`, the kind of instance that is created.
+/// Value `fmi2CoSimulation` of `fmi2Type`.
 const CO_SIMULATION: c_int = 1;
-/// `fmi2False` and `fmi2True`, the values of `fmi2Boolean`.
+/// Values of `fmi2Boolean`: false here, true in the next constant.
 const FALSE: c_int = 0;
 const TRUE: c_int = 1;
 /// `fmi2DoStepStatus`, `fmi2LastSuccessfulTime` and `fmi2Terminated` of `fmi2StatusKind`.
 const LAST_SUCCESSFUL_TIME: c_int = 2;
 const TERMINATED: c_int = 3;
-/// `fmi2Discard` of `fmi2Status`: the FMU did not complete the step.
+/// Value `fmi2Discard` of `fmi2Status`: the step was not completed.
 const DISCARD: c_int = 2;
 
-/// `fmi2CallbackFunctions`: what the FMU may call in this process.
+/// Struct `fmi2CallbackFunctions` of the standard.
 #[repr(C)]
 struct Callbacks {
     /// Takes further arguments as `printf` does. They are not read: on x86-64 and AArch64 Linux the named arguments
@@ -46,7 +46,7 @@ type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, c_int) -> c_int;
 type GetRealStatus = unsafe extern "C" fn(*mut c_void, c_int, *mut f64) -> c_int;
 type GetBooleanStatus = unsafe extern "C" fn(*mut c_void, c_int, *mut c_int) -> c_int;
 
-/// An instance of FMI 2.0 with the functions of its library.
+/// An instance of an FMU for FMI 2.0.
 pub(crate) struct Fmi2 {
     /// The first field, so that it is dropped first: until the instance is freed it may use the callbacks.
     handle: Handle,

@@ -1,4 +1,4 @@
-//! The C interface of FMI 3.0 for co-simulation, as far as a structure needs it.
+//! Binding of the C functions of FMI 3.0 for co-simulation.
 
 use core::ffi::{c_char, c_int, c_void};
 use std::sync::Arc;
@@ -26,7 +26,7 @@ type SetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *const f6
 type GetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *mut f64, usize) -> c_int;
 type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, bool, *mut bool, *mut bool, *mut bool, *mut f64) -> c_int;
 
-/// An instance of FMI 3.0 with the functions of its library.
+/// An instance of an FMU for FMI 3.0.
 pub(crate) struct Fmi3 {
     handle: Handle,
     enter: EnterInitialization,

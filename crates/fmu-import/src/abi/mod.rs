@@ -36,7 +36,7 @@ impl StartError {
     }
 }
 
-/// The shared library of an FMU, which is unloaded when this is dropped.
+/// A shared library loaded by `dlopen`.
 pub(crate) struct Library {
     handle: *mut c_void,
 }
@@ -151,7 +151,7 @@ pub(crate) trait Fmi {
     /// Enters initialization mode, for a simulation that begins at time 0.
     fn enter_initialization(&mut self) -> Called;
 
-    /// Leaves initialization mode: the first communication step may follow.
+    /// Leaves initialization mode, after which the FMU can be stepped.
     fn exit_initialization(&mut self) -> Called;
 
     /// Makes a communication step of `step_s` from `from_s` on, s. No state from before it is returned to.

@@ -63,7 +63,7 @@ pub unsafe extern "C" fn fmi3SetBinary(
     }
 }
 
-/// Returns which clocks tick in this iteration of event mode.
+/// Returns for each of the clocks whether it ticks in this event.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetClock(
     instance: *mut c_void,
@@ -85,7 +85,7 @@ pub unsafe extern "C" fn fmi3GetClock(
     }
 }
 
-/// Lets input clocks tick in this iteration of event mode.
+/// Tells the instance which clocks tick in this event.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetClock(
     instance: *mut c_void,

@@ -113,7 +113,7 @@ pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut c_void) {
     }
 }
 
-/// Enters initialization mode, for a simulation that begins at `start_s`, s.
+/// Enters initialization mode at the given start time.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3EnterInitializationMode(
     instance: *mut c_void,

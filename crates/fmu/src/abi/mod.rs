@@ -21,17 +21,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::Fault;
 use crate::instance::Instance;
 
-/// `fmi3OK` of `fmi3Status`: the call succeeded.
+/// Status `fmi3OK`: the call succeeded.
 const OK: c_int = 0;
 /// `fmi3Error`: the call failed; the instance can be reset.
 const ERROR: c_int = 3;
 /// `fmi3Fatal`: the instance can't be used any more.
 const FATAL: c_int = 4;
 
-/// `fmi3LogMessageCallback`, with environment, status, category and message.
+/// Type `fmi3LogMessageCallback` of the standard.
 type LogMessage = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
-/// The importer's callback for messages, with its environment.
+/// Callback of the importer to which messages are logged.
 #[derive(Clone, Copy)]
 struct Log {
     environment: *mut c_void,

@@ -46,7 +46,7 @@ pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut c_void, state: *mut c_vo
     unsafe { on(instance, CALL, |handle| handle.instance.restore(saved(CALL, state)?)) }
 }
 
-/// Frees a saved state, and sets the importer's pointer to NULL.
+/// Frees a saved state and sets its pointer to NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(instance: *mut c_void, state: *mut *mut c_void) -> c_int {
     // SAFETY: as the standard states; a state is freed once, as its pointer becomes NULL.

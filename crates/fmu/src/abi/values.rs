@@ -1,4 +1,4 @@
-//! Getters and setters of variables that are numbers, truth values or texts.
+//! C functions that get and set the values of variables.
 
 use core::ffi::{c_char, c_int, c_void};
 use std::ffi::CString;

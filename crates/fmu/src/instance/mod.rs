@@ -19,13 +19,13 @@ use crate::variables::Variable;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// Created or reset, and not yet initialized.
+    /// The instance was created or reset, and is not yet initialized.
     Instantiated,
-    /// In initialization mode.
+    /// The instance is in initialization mode.
     Initialization,
-    /// In event mode, in which clocks tick and frames move.
+    /// The instance is in event mode.
     Event,
-    /// In step mode, in which time advances.
+    /// The instance is in step mode.
     Step,
     /// The simulation has ended.
     Terminated,
@@ -127,7 +127,7 @@ impl Instance {
         })
     }
 
-    /// The state in which the instance is.
+    /// Returns the current state of the instance.
     pub fn state(&self) -> State {
         self.state
     }
