@@ -38,12 +38,12 @@ impl Bits {
         self.nominal + self.data
     }
 
-    /// The sum.
+    /// Returns the sum, for each of the two rates.
     pub const fn plus(self, other: Bits) -> Bits {
         Bits { nominal: self.nominal + other.nominal, data: self.data + other.data }
     }
 
-    /// The multiple.
+    /// Returns `factor` times the bits, for each of the two rates.
     pub const fn times(self, factor: u64) -> Bits {
         Bits { nominal: self.nominal * factor, data: self.data * factor }
     }
@@ -75,9 +75,9 @@ impl BitRates {
 /// The format of an identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IdFormat {
-    /// 11 bits.
+    /// Standard identifier of 11 bits.
     Standard,
-    /// 29 bits.
+    /// Extended identifier of 29 bits.
     Extended,
 }
 

@@ -11,16 +11,16 @@ use crate::message::MessageKind;
 pub enum EncodeError {
     /// A value is not a number or infinite.
     NotFinite {
-        /// The message.
+        /// The message that was to be sent.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
-        /// The value.
+        /// Value of the signal: infinite or NaN.
         got: f64,
     },
     /// A commanded value rounds beyond the range of its signal. Commands are never cut: the controller must know.
     OutOfRange {
-        /// The message.
+        /// The message that was to be sent.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
@@ -31,11 +31,11 @@ pub enum EncodeError {
     },
     /// An integer is not one that the signal can have.
     Invalid {
-        /// The message.
+        /// The message that was to be sent.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
-        /// The value.
+        /// Integer that the signal can't have.
         got: u32,
         /// The smallest value the signal can have.
         min: u32,
@@ -44,7 +44,7 @@ pub enum EncodeError {
     },
     /// A limit is less than zero.
     Negative {
-        /// The message.
+        /// The message that was to be sent.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
@@ -53,7 +53,7 @@ pub enum EncodeError {
     },
     /// The network's profile has no such message.
     OtherProfile {
-        /// The message.
+        /// The message that the profile does not have.
         kind: MessageKind,
     },
 }
@@ -119,16 +119,16 @@ pub enum DecodeError {
     },
     /// The CRC is right and the counter is not.
     Counter {
-        /// The message.
+        /// The message of the identifier.
         kind: MessageKind,
-        /// The fault.
+        /// Reason why the counter is wrong.
         fault: CounterFault,
         /// The counter in the frame.
         got: u8,
     },
     /// Bits that must be zero are not.
     Reserved {
-        /// The message.
+        /// The message of the identifier.
         kind: MessageKind,
         /// The byte of the frame, from 0.
         byte: usize,
@@ -137,32 +137,32 @@ pub enum DecodeError {
     },
     /// A signal has the reserved count −32768, "not available".
     NotAvailable {
-        /// The message.
+        /// The message of the identifier.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
     },
     /// A single is not a number or infinite.
     NotFinite {
-        /// The message.
+        /// The message of the identifier.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
     },
     /// A limit is less than zero.
     Negative {
-        /// The message.
+        /// The message of the identifier.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
     },
     /// A signal has a value without a meaning.
     UnknownValue {
-        /// The message.
+        /// The message of the identifier.
         kind: MessageKind,
         /// The signal, by the name of its field.
         signal: &'static str,
-        /// The value.
+        /// Raw value that has no meaning.
         got: u16,
     },
 }

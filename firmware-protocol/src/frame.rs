@@ -7,9 +7,9 @@ use crate::message::Form;
 /// A CAN identifier (ISO 11898-1): 11 bits (base format) or 29 bits (extended format).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
-    /// 11-bit identifier, `0..=0x7FF`.
+    /// Standard identifier of 11 bits, `0..=0x7FF`.
     Standard(u16),
-    /// 29-bit identifier, `0..=0x1FFF_FFFF`.
+    /// Extended identifier of 29 bits, `0..=0x1FFF_FFFF`.
     Extended(u32),
 }
 
@@ -72,9 +72,9 @@ pub enum FrameError {
     Id(Id),
     /// The format does not have this length.
     Length {
-        /// The bytes given.
+        /// Length of the data given, bytes.
         got: usize,
-        /// The intended format.
+        /// Format that the frame should have.
         format: FrameFormat,
     },
 }
@@ -143,12 +143,12 @@ impl Frame {
         &mut self.data
     }
 
-    /// The identifier.
+    /// Returns the identifier of the frame.
     pub const fn id(&self) -> Id {
         self.id
     }
 
-    /// The format.
+    /// Returns the format of the frame.
     pub const fn format(&self) -> FrameFormat {
         self.format
     }

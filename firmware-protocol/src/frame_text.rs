@@ -20,7 +20,7 @@ pub enum FrameTextError {
     Data,
     /// `_` is not followed by a raw DLC, a hexadecimal digit from 9 to F, or not behind a frame of 8 bytes.
     RawDlc,
-    /// An impossible frame.
+    /// The text describes a frame that CAN does not allow.
     Frame(FrameError),
 }
 

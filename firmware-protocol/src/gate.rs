@@ -7,7 +7,7 @@ use crate::{NodeState, Refusal};
 pub enum Limit {
     /// It does, or there is no limit.
     Within,
-    /// It doesn't.
+    /// The quantity exceeds its limit.
     Beyond,
 }
 

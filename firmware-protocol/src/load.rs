@@ -12,9 +12,9 @@ pub struct Stream {
     pub id: IdFormat,
     /// The format of the frame.
     pub format: FrameFormat,
-    /// Its length, bytes.
+    /// Length of the data, bytes.
     pub len: usize,
-    /// Frames a second.
+    /// Number of frames per second.
     pub per_second: u64,
 }
 

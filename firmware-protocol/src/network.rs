@@ -26,7 +26,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Both profiles.
+    /// Both profiles of the protocol.
     pub const ALL: [Profile; 2] = [Profile::Classic, Profile::Fd];
 
     /// The name in a scenario and on the command line.
@@ -84,17 +84,17 @@ pub struct Network {
 pub enum NetworkError {
     /// The base is outside [`BASE_MIN`]`..=`[`BASE_MAX`].
     OutOfRange {
-        /// The base given.
+        /// Base identifier that was given.
         got: u16,
     },
     /// The base is not a multiple of `0x10`.
     Unaligned {
-        /// The base given.
+        /// Base identifier that was given.
         got: u16,
     },
     /// A node id is outside `1..=`[`NODE_ID_MAX`].
     NodeId {
-        /// The node.
+        /// Node to which the id was given.
         node: Node,
         /// The node id given.
         got: u8,
@@ -199,7 +199,7 @@ pub enum Node {
 }
 
 impl Node {
-    /// Both nodes.
+    /// Both nodes of the network.
     pub const ALL: [Node; 2] = [Node::Plant, Node::Exciter];
 
     /// The node's number in messages, independent of its node id.
@@ -216,7 +216,7 @@ impl Node {
         }
     }
 
-    /// The other node.
+    /// Returns the other node of the network.
     pub const fn partner(self) -> Node {
         match self {
             Node::Plant => Node::Exciter,

@@ -21,7 +21,7 @@ impl Receiver {
         Receiver { network, supervisions: [Supervision::new(); MessageKind::COUNT], lost: 0 }
     }
 
-    /// The network.
+    /// Returns the network whose frames are decoded.
     pub const fn network(&self) -> Network {
         self.network
     }

@@ -55,7 +55,7 @@ pub const fn next(state: NodeState, event: StateEvent) -> Option<NodeState> {
 }
 
 impl NodeState {
-    /// Every state.
+    /// All states a node can have.
     pub const ALL: [NodeState; 4] =
         [NodeState::BootUp, NodeState::PreOperational, NodeState::Operational, NodeState::Fault];
 
@@ -87,7 +87,7 @@ impl NodeState {
 }
 
 impl StateEvent {
-    /// Every event.
+    /// All events that can change a node's state.
     pub const ALL: [StateEvent; 5] =
         [StateEvent::Started, StateEvent::Arm, StateEvent::Disarm, StateEvent::Reset, StateEvent::Fault];
 }

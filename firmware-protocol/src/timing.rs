@@ -34,7 +34,7 @@ pub const LOCKSTEP_LOOK_NS: u64 = 20_000_000;
 /// How many samples with a repeated or older index make the exciter fault, counted from arming.
 pub const STALE_SAMPLES_LIMIT: u64 = 10;
 
-/// The smallest [`sample_window`].
+/// The smallest [`sample_window`], in samples.
 pub const SAMPLE_WINDOW_MIN: u16 = 16;
 
 /// A sample period, rounded down.

@@ -20,7 +20,7 @@ impl CFrame {
         CFrame { id: 0, id_format: CFrame::STANDARD, format: CFrame::CLASSIC, length: 0, data: [0; 64] };
 }
 
-/// `port_result`.
+/// Results of the port's C functions: the call succeeded.
 const DONE: u8 = 0;
 const BUS_OFF: u8 = 2;
 
@@ -33,7 +33,7 @@ unsafe extern "C" {
 
 /// The result of receiving.
 pub enum Received {
-    /// A data frame.
+    /// A classical or FD data frame was received.
     Frame(Frame),
     /// Nothing that can be a message.
     Nothing,
@@ -41,7 +41,7 @@ pub enum Received {
     BusOff,
 }
 
-/// The machine.
+/// The machine on which the firmware runs, behind four C functions.
 pub struct Port;
 
 impl Port {

@@ -15,14 +15,14 @@ const FREQUENCIES_HZ: [f64; 2] = [19.7, 26.0];
 const DWELL_S: f64 = 0.4;
 const RAMP_S: f64 = 0.2;
 
-/// The controller.
+/// Controller that plays sines one after the other, open loop.
 pub struct Sines {
     /// When each sine begins, and the last ends.
     starts_s: [f64; FREQUENCIES_HZ.len() + 1],
 }
 
 impl Sines {
-    /// At its beginning.
+    /// Returns the controller at the beginning of its first sine.
     pub fn new() -> Sines {
         let mut starts_s = [0.0; FREQUENCIES_HZ.len() + 1];
         for (k, hz) in FREQUENCIES_HZ.into_iter().enumerate() {

@@ -9,15 +9,15 @@ use crate::network::Node;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum SamplesPerFrame {
-    /// [`Sensors`](super::Sensors).
+    /// One sample, in the message [`Sensors`](super::Sensors).
     #[default]
     One = 1,
-    /// [`SensorPair`](super::SensorPair).
+    /// Two samples, in the message [`SensorPair`](super::SensorPair).
     Two = 2,
 }
 
 impl SamplesPerFrame {
-    /// Both.
+    /// All variants, in the order of their numbers.
     pub const ALL: [SamplesPerFrame; 2] = [SamplesPerFrame::One, SamplesPerFrame::Two];
 
     /// The variant for a number, if it is 1 or 2.
@@ -33,7 +33,7 @@ impl SamplesPerFrame {
 /// A node's capabilities. They follow its hello.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
-    /// The node.
+    /// Node whose capabilities these are.
     pub node: Node,
     /// The most samples in a frame that it sends (plant) or accepts (exciter).
     pub samples_per_frame: SamplesPerFrame,

@@ -101,12 +101,12 @@ impl fmt::Display for EmergencyCode {
 pub enum Trip {
     /// The simulated shaker's own limit of stroke, current or voltage.
     Shaker = 0,
-    /// The largest travel.
+    /// The exciter's largest travel was exceeded.
     Travel = 1,
 }
 
 impl Trip {
-    /// Every trip.
+    /// All causes, in the order of their numbers.
     pub const ALL: [Trip; 2] = [Trip::Shaker, Trip::Travel];
 
     /// The trip for a `detail`, if there is one.
@@ -128,9 +128,9 @@ impl fmt::Display for Trip {
 /// in the state pre-operational: why it refuses to arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Emergency {
-    /// The node.
+    /// Node that reports the emergency.
     pub node: Node,
-    /// The subject.
+    /// Code that says what has happened.
     pub code: EmergencyCode,
     /// More about it; the meaning depends on the code.
     pub detail: u16,

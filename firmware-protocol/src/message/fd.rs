@@ -19,11 +19,11 @@ pub(crate) type FdBytes = [u8; 64];
 
 /// The first byte that is not protection.
 const CONTENT: usize = 3;
-/// Flags.
+/// Byte with the flags of the message.
 pub(super) const FLAGS: usize = 3;
-/// The sample index.
+/// First byte of the sample index.
 const SAMPLE: usize = 4;
-/// The first single.
+/// First byte of the first single-precision value.
 pub(super) const VALUES: usize = 8;
 
 /// The content of a frame whose length and protection are right.

@@ -8,9 +8,9 @@ use crate::state::NodeState;
 /// A node's state. Unprotected, one byte, so that any CANopen tool reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Heartbeat {
-    /// The node.
+    /// Node that sends the heartbeat.
     pub node: Node,
-    /// Its state.
+    /// State in which the node is.
     pub state: NodeState,
 }
 

@@ -36,7 +36,7 @@ pub struct Hello {
     pub version: Version,
     /// The low 24 bits of the hash of the profile's DBC ([`dbc::hash`]).
     pub dbc_hash: u32,
-    /// The node's profile.
+    /// Profile of the network on which the node works.
     pub profile: Profile,
     /// The sample rate in hertz, 1 to 65535: the plant's own, or the one that the exciter expects.
     pub rate_hz: u16,
@@ -53,14 +53,14 @@ pub enum Mismatch {
     Version = 1,
     /// The layouts differ: the hashes of the DBC are not the same.
     DbcHash = 2,
-    /// The profiles differ.
+    /// The nodes use different profiles.
     Profile = 3,
     /// The sample rates differ. A controller at the wrong rate would excite the wrong frequency.
     Rate = 4,
 }
 
 impl Mismatch {
-    /// Every mismatch.
+    /// All reasons, in the order of their numbers.
     pub const ALL: [Mismatch; 5] =
         [Mismatch::NoHello, Mismatch::Version, Mismatch::DbcHash, Mismatch::Profile, Mismatch::Rate];
 

@@ -11,13 +11,13 @@ use crate::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum MessageKind {
-    /// [`OperatorCommand`](super::OperatorCommand).
+    /// Message [`OperatorCommand`](super::OperatorCommand) to either node.
     Operator,
-    /// [`ForceCommand`](super::ForceCommand).
+    /// Message [`ForceCommand`](super::ForceCommand) of the exciter.
     Force,
-    /// [`TorqueCommand`](super::TorqueCommand).
+    /// Message [`TorqueCommand`](super::TorqueCommand) of the exciter.
     Torque,
-    /// [`ImpedanceHead`](super::ImpedanceHead).
+    /// Message [`ImpedanceHead`](super::ImpedanceHead) of the plant.
     Head,
     /// [`Acceleration`](super::Acceleration) at point B.
     AccelerometerB,
@@ -35,9 +35,9 @@ pub enum MessageKind {
     PlantEmergency,
     /// [`Emergency`](super::Emergency) of the exciter.
     ExciterEmergency,
-    /// [`Sensors`](super::Sensors).
+    /// Message [`Sensors`](super::Sensors) of the plant.
     Sensors,
-    /// [`SensorPair`](super::SensorPair).
+    /// Message [`SensorPair`](super::SensorPair) of the plant.
     SensorPair,
     /// [`Capabilities`](super::Capabilities) of the plant.
     PlantCapabilities,
@@ -77,14 +77,14 @@ impl Form {
 /// When a message is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
-    /// Once a sample.
+    /// The message is sent once per sample.
     Sample,
     /// At a fixed period, and at once when its content has changed.
     Period {
         /// The period in nanoseconds.
         period_ns: u64,
     },
-    /// At an event.
+    /// The message is sent when an event occurs.
     Event,
 }
 

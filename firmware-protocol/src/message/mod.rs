@@ -34,7 +34,7 @@ use crate::content::Content;
 use crate::error::{DecodeError, EncodeError};
 use crate::network::{Network, Node};
 
-/// One message.
+/// A decoded message of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Message {
     /// The operator arms, disarms or resets a node.
@@ -53,7 +53,7 @@ pub enum Message {
     PlantHello(Hello),
     /// The exciter's version, profile and the rate it expects.
     ExciterHello(Hello),
-    /// A node's state.
+    /// A node reports its state.
     Heartbeat(Heartbeat),
     /// A node's fault, refusal to arm, or notice.
     Emergency(Emergency),

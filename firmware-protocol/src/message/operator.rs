@@ -18,7 +18,7 @@ pub enum OperatorRequest {
 }
 
 impl OperatorRequest {
-    /// Every request.
+    /// All requests, in the order of their numbers.
     pub const ALL: [OperatorRequest; 3] = [OperatorRequest::Arm, OperatorRequest::Disarm, OperatorRequest::Reset];
 
     /// The event that the request causes at its target.
@@ -34,7 +34,7 @@ impl OperatorRequest {
 /// The operator arms, disarms or resets a node. The answer is the node's heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct OperatorCommand {
-    /// The request.
+    /// Request that the node should carry out.
     pub request: OperatorRequest,
     /// The node it is for.
     pub target: Node,

@@ -31,7 +31,7 @@ pub(crate) struct Measured {
 }
 
 impl Payload {
-    /// Three little-endian words.
+    /// Packs three words, each with its low byte first.
     pub(crate) const fn from_words(flags: u8, words: [u16; 3]) -> Payload {
         let [[a, b], [c, d], [e, f]] = [words[0].to_le_bytes(), words[1].to_le_bytes(), words[2].to_le_bytes()];
         Payload { flags, bytes: [a, b, c, d, e, f] }

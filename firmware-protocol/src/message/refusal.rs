@@ -23,7 +23,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// Every reason.
+    /// All reasons, in the order of their numbers.
     pub const ALL: [Refusal; 7] = [
         Refusal::NotArmed,
         Refusal::Late,

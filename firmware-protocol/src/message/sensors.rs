@@ -4,7 +4,7 @@ use super::fd::{self, FdBytes, FdReader};
 use super::{Acceleration, ImpedanceHead, MessageKind};
 use crate::error::{DecodeError, EncodeError};
 
-/// A measured value.
+/// Reading of one instrument along one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
     /// The value, in the unit of its signal.
@@ -27,7 +27,7 @@ pub struct SensorValues {
 /// A whole sample in one frame: the content of ImpedanceHead, AccelerometerB and AccelerometerC in the classic profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
-    /// The readings.
+    /// Readings of all instruments at this sample.
     pub values: SensorValues,
     /// The index of the sample, modulo 2¹⁶.
     pub sample: u16,

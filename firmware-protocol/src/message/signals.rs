@@ -48,18 +48,18 @@ const PAIR: [Names; 2] = [names!("first_"), names!("second_")];
 pub enum SignalError {
     /// A signal is missing.
     Missing {
-        /// The message.
+        /// The message that lacks the signal.
         kind: MessageKind,
-        /// The signal.
+        /// Name of the missing signal.
         signal: &'static str,
     },
     /// A signal has no such value.
     NoSuchValue {
-        /// The message.
+        /// The message with the signal.
         kind: MessageKind,
-        /// The signal.
+        /// Name of the signal.
         signal: &'static str,
-        /// The value.
+        /// Value that the signal can't have.
         got: f64,
     },
 }

@@ -8,9 +8,9 @@ use crate::{Emergency, Id, NodeState, Refusal};
 pub enum NodeEvent {
     /// The node changed its state.
     State {
-        /// The state before.
+        /// State that the node has left.
         from: NodeState,
-        /// The state now.
+        /// State that the node has entered.
         to: NodeState,
     },
     /// The node faulted, or refused to arm, with the reason; or a notice, its own or the partner's.

@@ -78,12 +78,12 @@ impl<C: Answering> ExciterNode<C> {
         &mut self.work
     }
 
-    /// The node's state.
+    /// Returns the state of the node.
     pub fn state(&self) -> NodeState {
         self.link.core.state()
     }
 
-    /// The controller.
+    /// Returns the controller that answers the samples.
     pub fn controller(&self) -> &C {
         &self.work.controller
     }
@@ -113,7 +113,7 @@ impl<C: Answering> ExciterNode<C> {
         self.slipped_periods
     }
 
-    /// The network.
+    /// Returns the network on which the node works.
     pub fn network(&self) -> Network {
         self.link.network()
     }
@@ -427,7 +427,7 @@ impl<C: Answering> ExciterNode<C> {
         Some(frame)
     }
 
-    /// The next event.
+    /// Returns the next event, or `None` if there is none.
     pub fn poll_event(&mut self) -> Option<NodeEvent> {
         self.link.core.poll()
     }

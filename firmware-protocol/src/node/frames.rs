@@ -26,9 +26,9 @@ pub enum FrameFault {
     Protocol(DecodeError),
     /// A check of a message of another protocol.
     Mapped {
-        /// The identifier.
+        /// Identifier of the rejected frame.
         id: Id,
-        /// The check.
+        /// Check that the frame failed.
         check: FrameCheck,
     },
 }

@@ -131,7 +131,7 @@ impl Link {
         self.capabilities.samples_per_frame = most;
     }
 
-    /// The network.
+    /// Returns the network on which the node works.
     pub fn network(&self) -> Network {
         self.receiver.network()
     }

@@ -48,7 +48,7 @@ pub struct NodeCore {
 }
 
 impl NodeCore {
-    /// The state boot-up.
+    /// Returns a node in the state boot-up.
     pub const fn new(timing: &Timing) -> NodeCore {
         NodeCore {
             listening: Listening::new(timing.look_period_ns),
@@ -72,7 +72,7 @@ impl NodeCore {
         self.turn(StateEvent::Started);
     }
 
-    /// The state.
+    /// Returns the state of the node.
     pub const fn state(&self) -> NodeState {
         self.state
     }

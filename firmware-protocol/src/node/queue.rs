@@ -16,7 +16,7 @@ impl<T, const N: usize> Default for Queue<T, N> {
 }
 
 impl<T, const N: usize> Queue<T, N> {
-    /// An empty queue.
+    /// Returns an empty queue.
     pub const fn new() -> Queue<T, N> {
         Queue { items: [const { None }; N], first: 0, len: 0, lost: 0 }
     }
@@ -42,7 +42,7 @@ impl<T, const N: usize> Queue<T, N> {
         Some(item)
     }
 
-    /// The first item.
+    /// Returns the first item without removing it.
     pub fn front(&self) -> Option<&T> {
         self.items.get(self.first)?.as_ref()
     }

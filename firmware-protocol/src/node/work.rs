@@ -13,7 +13,7 @@ const ARMED_TRIES: u32 = 30;
 pub enum Phase<A> {
     /// Looking for the plant and arming it.
     Arming,
-    /// Answering samples.
+    /// Answering samples with loads.
     Playing,
     /// Disarming the plant, for this outcome.
     Disarming(ExciterOutcome<A>),
@@ -37,9 +37,9 @@ pub enum Unanswered {
 /// Its methods that change the state of the node, or read the time, take the node's core.
 #[derive(Clone, Debug)]
 pub struct Work<C: Answering> {
-    /// The controller.
+    /// Controller that computes the load for each sample.
     pub controller: C,
-    /// The phase.
+    /// Current phase of the work.
     pub phase: Phase<C::Abort>,
     /// Whether the plant has been heard.
     pub has_heard: bool,
