@@ -126,7 +126,7 @@ pub struct ZoneExperiment {
 }
 
 impl ZoneExperiment {
-    /// Of these zones.
+    /// Returns an experiment that measures these zones.
     pub fn new(zones: &[Zone]) -> ZoneExperiment {
         let signals = || (0..RUNS / 2 * zones.len()).map(|_| Signals::default()).collect();
         ZoneExperiment { zones: zones.to_vec(), signals: [signals(), signals()] }

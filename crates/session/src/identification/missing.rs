@@ -14,11 +14,11 @@ const NEAR: f64 = 0.05;
 /// A mode of the scenario's structure that was not found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MissingMode {
-    /// Its number.
+    /// Number of the mode in the scenario's structure, from 1.
     pub mode: u8,
     /// Its pole frequency |λ|/(2π) in the scenario, Hz.
     pub pole_frequency_hz: f64,
-    /// Why.
+    /// Reason why it was not found.
     #[serde(flatten)]
     pub reason: Reason,
 }
@@ -31,12 +31,12 @@ pub enum Reason {
     NoPeak,
     /// There is a peak, but no mode can be fitted to it.
     NoPole {
-        /// Its frequency, Hz.
+        /// Frequency of the peak, Hz.
         peak_hz: f64,
     },
     /// There is a peak, but the head reads too little force there.
     ForceInNoise {
-        /// Its frequency, Hz.
+        /// Frequency of the peak, Hz.
         peak_hz: f64,
         /// Share of the head's noise in the force's power.
         noise_share: f64,

@@ -37,7 +37,7 @@ pub enum IdentificationError {
         "the recording was imported from {log} and has no readings: `import` names those that its wire does not carry"
     )]
     NoReadings {
-        /// The log.
+        /// Log from which the recording was imported.
         log: String,
     },
     /// Its readings say too little.

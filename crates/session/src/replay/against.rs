@@ -51,7 +51,7 @@ pub struct Regression {
 pub struct Compared {
     /// Frames of the plant sent.
     pub frames: u64,
-    /// Commands compared.
+    /// Number of commands that were compared.
     pub commands: u64,
     /// The largest difference of a force, N.
     pub largest_force_difference_n: f64,
@@ -66,7 +66,7 @@ pub struct Compared {
 pub struct Difference {
     /// The sample of the recording.
     pub sample: u64,
-    /// What is different.
+    /// Kind of difference, with its values.
     #[serde(flatten)]
     pub kind: DifferenceKind,
 }
@@ -77,9 +77,9 @@ pub struct Difference {
 pub enum DifferenceKind {
     /// It commands something else; forces along x and y, N, and torques at the joints, N·m.
     Command {
-        /// As recorded.
+        /// Command of the recorded controller.
         expected: [f64; 4],
-        /// What it commands.
+        /// Command of the controller under test.
         got: [f64; 4],
     },
     /// It does not answer a sample that was answered.

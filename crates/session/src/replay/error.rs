@@ -27,7 +27,7 @@ pub enum ReplayError {
     /// The simulation failed where the recorded one went on.
     #[error("simulated again, the run fails at {0}")]
     Simulation(#[from] PlantError),
-    /// The bus failed.
+    /// The CAN bus can't be used.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// What a CANopen master asks, and how often, depends on time.
@@ -49,7 +49,7 @@ pub enum ReplayError {
     /// There is nothing to replay.
     #[error("the recording holds no {what}")]
     Empty {
-        /// What is missing.
+        /// Kind of records that the recording lacks.
         what: &'static str,
     },
     /// The recording was made of a log.
@@ -58,7 +58,7 @@ pub enum ReplayError {
          loads (/plant/steps){}; `replay` takes it", if *.has_scenario { "" } else { " and its scenario" }
     )]
     Imported {
-        /// The log.
+        /// Log from which the recording was imported.
         log: String,
         /// Whether the scenario is known.
         has_scenario: bool,
@@ -69,7 +69,7 @@ pub enum ReplayError {
          the whole recording"
     )]
     FmuFromStart {
-        /// The first sample.
+        /// First sample of the recording.
         sample: u64,
     },
     /// An FMU of which no state is recorded.
@@ -84,7 +84,7 @@ pub enum ReplayError {
          {sample}, so that its run can't be simulated again"
     )]
     FmuNotRepeating {
-        /// The sample.
+        /// First sample at which the two simulations differ.
         sample: u64,
     },
     /// What the instruments have gathered before the first sample is not known.
@@ -93,7 +93,7 @@ pub enum ReplayError {
          compared: cut it anew from the whole run, or compare the states alone"
     )]
     NoInstruments {
-        /// The first sample.
+        /// First sample of the recording.
         sample: u64,
     },
     /// The current of the shaker's coil at the first sample is not known.
@@ -102,7 +102,7 @@ pub enum ReplayError {
          simulate the whole recording again, from sample 0 on"
     )]
     NoCurrent {
-        /// The first sample.
+        /// First sample of the recording.
         sample: u64,
     },
     /// The speed is impossible.
@@ -110,7 +110,7 @@ pub enum ReplayError {
         "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",
         SPEEDS.start(), SPEEDS.end(), got = short(.got))]
     Speed {
-        /// What was given.
+        /// Speed that was requested.
         got: f64,
     },
     /// The samples are not those of the scenario.
@@ -132,15 +132,15 @@ pub enum ReplayError {
         limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
-        /// The sample.
+        /// Sample with the impossible load.
         sample: u64,
         /// Force at C, N.
         force_n: [f64; 2],
         /// Torque at the joints, N·m.
         torque_nm: [f64; 2],
-        /// Largest force, N.
+        /// Largest force of the exciter, N.
         limit_n: f64,
-        /// Largest torque, N·m.
+        /// Largest torque of the exciter, N·m.
         limit_nm: f64,
     },
     /// The recorded plant is none for a controller of this version.
@@ -167,7 +167,7 @@ pub enum ReplayError {
          not carry"
     )]
     NoReadings {
-        /// The log.
+        /// Log from which the recording was imported.
         log: String,
     },
     /// No command on the scenario's own protocol has a load.

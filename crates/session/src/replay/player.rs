@@ -62,10 +62,10 @@ impl Playback {
     }
 }
 
-/// What was played.
+/// Result of playing a recording's frames on a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Played {
-    /// Frames sent.
+    /// Number of frames sent.
     pub frames: u64,
     /// Recorded time from the first frame of a pass to the last, s.
     pub recorded_s: f64,

@@ -17,7 +17,7 @@ pub struct Verdict {
     pub integrity: Integrity,
     /// States compared, one a sample.
     pub samples: u64,
-    /// Integration steps made.
+    /// Number of integration steps made.
     pub steps: u64,
     /// The first sample whose state differs.
     pub first_divergence: Option<u64>,

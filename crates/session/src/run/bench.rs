@@ -39,7 +39,7 @@ pub(super) struct Bench<'a> {
     first_refused_frame: Option<RefusedFrame>,
     /// The state of the bus's controller reported last.
     controller: ControllerState,
-    /// In real time.
+    /// Round-trip times of commands; `None` if the run is not in real time.
     round_trips: Option<RoundTrips>,
     samples: u64,
     /// Sample 0, if it was measured and published before the plant was armed in lockstep.
@@ -99,7 +99,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The plant.
+    /// Returns the simulated plant.
     pub fn plant(&self) -> &Plant {
         &self.plant
     }
@@ -114,12 +114,12 @@ impl<'a> Bench<'a> {
         self.plant.sample()
     }
 
-    /// Samples measured.
+    /// Returns the number of samples measured so far.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Integration steps made.
+    /// Returns the number of integration steps made so far.
     pub fn steps(&self) -> u64 {
         self.plant.sample() * u64::from(self.steps_per_sample)
     }

@@ -44,7 +44,7 @@ pub(super) struct Overrun {
     pub sample: u64,
     /// Why, as far as the loop can tell.
     pub cause: OverrunCause,
-    /// How many.
+    /// Number of deadlines that were missed.
     pub missed: u32,
     /// From when to when the loop was held up, on its clock, ns.
     pub held_up_ns: (u64, u64),
@@ -156,7 +156,7 @@ fn look_on(
 enum Taken {
     /// The host of the virtual machine.
     Stolen,
-    /// Other threads.
+    /// Other threads of this machine.
     Preempted,
 }
 

@@ -54,7 +54,7 @@ pub enum RunError {
         /// Bits a second of arbitration.
         bit_rate_hz: u32,
     },
-    /// The bus failed.
+    /// The CAN bus can't be used.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The recording can't be begun.
@@ -63,7 +63,7 @@ pub enum RunError {
     /// The run has come to its end, its recording has not.
     #[error("the recording lacks the end of the run: {0}; `resonarm inspect` says what is there")]
     NotRecorded(RecordingError),
-    /// The simulation failed.
+    /// The simulation of the plant failed.
     #[error("the simulation failed at {0}")]
     Plant(#[from] PlantError),
     /// A measurement could not be put on the wire.
@@ -111,9 +111,9 @@ pub enum RunError {
     /// A run in one loop made no progress.
     #[error("plant and exciter did not come to terms: the plant is {plant}, the exciter {exciter}")]
     Stalled {
-        /// The plant's state.
+        /// State of the plant's node.
         plant: resonarm_protocol::NodeState,
-        /// The exciter's state.
+        /// State of the exciter's node.
         exciter: resonarm_protocol::NodeState,
     },
 }

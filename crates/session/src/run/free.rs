@@ -21,7 +21,7 @@ pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub exciter: &'r mut dyn ExciterInterface,
     /// The plant's end of the bus.
     pub near: &'r mut dyn VirtualBus,
-    /// The exciter's.
+    /// The exciter's end of the bus.
     pub far: &'r mut dyn VirtualBus,
     /// The time of the bus and of the nodes.
     pub clock: VirtualClock,

@@ -21,19 +21,19 @@ pub struct Gauges {
 /// What gauges show at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
-    /// Samples worked on.
+    /// Number of samples worked on.
     pub samples: u64,
     /// How long all their work took, ns.
     pub work_ns: u64,
     /// How late the latest sample was since gauges were read before, ns.
     pub latest_ns: u64,
-    /// Deadlines missed.
+    /// Number of deadlines missed.
     pub overruns: u64,
     /// Largest magnitude of the force held since then, N.
     pub force_n: f64,
     /// The same of the torques, N·m.
     pub torque_nm: f64,
-    /// The node's state.
+    /// State of the node.
     pub state: NodeState,
 }
 

@@ -83,7 +83,7 @@ impl Bus for HostPort {
 pub struct HostedPlant {
     bench: Bench<'static>,
     port: HostPort,
-    /// When samples are.
+    /// Sample rate, by which the time of each sample is known.
     rate: SampleRate,
 }
 
@@ -191,12 +191,12 @@ impl HostedPlant {
         self.bench.record_end();
     }
 
-    /// The plant.
+    /// Returns the simulated plant.
     pub fn plant(&self) -> &Plant {
         self.bench.plant()
     }
 
-    /// The node.
+    /// Returns the node of the plant.
     pub fn node(&self) -> &dyn PlantInterface {
         self.bench.node()
     }
@@ -255,7 +255,7 @@ impl HostedExciter {
         core::mem::take(&mut self.port.outgoing)
     }
 
-    /// The node's state.
+    /// Returns the state of the exciter's node.
     pub fn state(&self) -> NodeState {
         self.node.state()
     }

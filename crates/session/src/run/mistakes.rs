@@ -14,7 +14,7 @@ use resonarm_scenario::Scenario;
 pub(super) struct RefusedFrame {
     /// The node's sample at that time.
     pub sample: u64,
-    /// The frame.
+    /// The rejected frame as it was received.
     pub frame: Frame,
 }
 

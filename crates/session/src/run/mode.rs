@@ -20,7 +20,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Every mode.
+    /// All modes of a run.
     pub const ALL: [Mode; 3] = [Mode::RealTime, Mode::Lockstep, Mode::Free];
 
     /// Its name in text.
@@ -52,7 +52,7 @@ impl FromStr for Mode {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("unknown mode `{got}`; it is one of real-time, lockstep, free")]
 pub struct UnknownMode {
-    /// The text.
+    /// Text that names no mode.
     pub got: String,
 }
 

@@ -22,7 +22,7 @@ pub struct Speed(f64);
 impl Speed {
     /// As fast as it goes.
     pub const UNPACED: Speed = Speed(0.0);
-    /// As time passes.
+    /// One simulated second per second of the clock.
     pub const ACTUAL: Speed = Speed(1.0);
 
     /// A speed of `times` simulated seconds a second, or 0.
@@ -55,13 +55,13 @@ pub enum SpeedError {
     /// No speed at all.
     #[error("the speed is {got}: it must be a number of simulated seconds a second, or 0 for as fast as it goes", got = short(.got))]
     Value {
-        /// What was given.
+        /// Speed that was requested.
         got: f64,
     },
     /// A run in real time has the speed of the clock.
     #[error("the speed is {got}: a run in real time has the speed of the clock; take the mode lockstep or free", got = short(.got))]
     RealTime {
-        /// What was given.
+        /// Speed that was requested.
         got: f64,
     },
     /// A sample takes so long that the partner would take the plant for lost.
@@ -71,13 +71,13 @@ pub enum SpeedError {
         period_s = rounded(.period_s, 3), timeout_s = short(.timeout_s)
     )]
     TooSlow {
-        /// What was given.
+        /// Speed that was requested.
         got: f64,
         /// How long a sample would take, s.
         period_s: f64,
         /// How long each end waits for the other, s.
         timeout_s: f64,
-        /// The least speed.
+        /// Smallest speed that is possible.
         least: f64,
     },
 }
@@ -119,7 +119,7 @@ impl<'c, C: Clock> Pace<'c, C> {
         self.start_ns
     }
 
-    /// The clock.
+    /// Returns the clock to which the run is held.
     pub fn clock(&self) -> &'c C {
         self.clock
     }

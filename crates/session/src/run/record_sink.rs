@@ -5,7 +5,7 @@ use resonarm_files::recording::{Channel, Record};
 /// Where the records of a run go.
 #[derive(Debug)]
 pub(super) enum RecordSink {
-    /// Nowhere.
+    /// The run is not recorded.
     Off,
     /// To a recording that may lose records rather than hold up the loop; losses are counted.
     Lossy(Channel),

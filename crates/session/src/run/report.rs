@@ -45,7 +45,7 @@ impl PlantOutcome {
 /// `configuration`.
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
-    /// How it ended.
+    /// How the run ended.
     pub outcome: PlantOutcome,
     /// The fault that was latched at the end, if one was.
     pub fault: Option<Fault>,
@@ -68,7 +68,7 @@ pub struct PlantReport {
     pub error: Option<RunError>,
     /// Samples measured: samples 0 to `samples` − 1.
     pub samples: u64,
-    /// Integration steps made.
+    /// Number of integration steps made.
     pub steps: u64,
     /// Real time: deadlines missed.
     pub overruns: u64,
@@ -189,7 +189,7 @@ pub struct ExciterReport {
     pub rearmed: u32,
     /// What the bus and the protocol's checks counted.
     pub bus: BusCounts,
-    /// The responses read.
+    /// Responses that the controller has read.
     pub responses: Vec<ResponsePoint>,
 }
 
@@ -254,9 +254,9 @@ fn at_full_sample(text: String, emergency: &Emergency, sample: u64) -> String {
 /// What a run with both ends in one process came to.
 #[derive(Debug)]
 pub struct BothReport {
-    /// The plant's end.
+    /// Report of the plant's end of the bus.
     pub plant: PlantReport,
-    /// The exciter's end.
+    /// Report of the exciter's end of the bus.
     pub exciter: ExciterReport,
 }
 
@@ -287,7 +287,7 @@ pub struct Pacing {
 pub struct Fault {
     /// Its number in the protocol's specification, section 9.
     pub code: u16,
-    /// Its name there.
+    /// Name of the code in that section.
     pub name: &'static str,
     /// More about it; the meaning depends on the code.
     pub detail: u16,
@@ -448,9 +448,9 @@ impl From<&Refusals> for RefusedCommands {
 /// What the bus and the protocol's checks counted, in frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct BusCounts {
-    /// Frames received.
+    /// Number of frames received.
     pub received: u64,
-    /// Frames sent.
+    /// Number of frames sent.
     pub sent: u64,
     /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
     /// time.

@@ -33,10 +33,10 @@ const BUS_CAPACITY: usize = 1024;
 /// of simulated time.
 const ARMING_NS: u64 = 10_000_000_000;
 
-/// Where to record.
+/// File and options of the recording that a run writes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordTo {
-    /// The MCAP file.
+    /// Path of the MCAP file.
     pub path: PathBuf,
     /// What to do if it is there already.
     pub existing: Existing,
@@ -249,7 +249,7 @@ impl Session {
         self.controller.is_some()
     }
 
-    /// The scenario.
+    /// Returns the scenario of the session.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }

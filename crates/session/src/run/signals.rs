@@ -92,19 +92,19 @@ impl BusLoss {
 pub enum RunEvent {
     /// The plant is on its bus and can be armed.
     Ready,
-    /// It was armed.
+    /// The plant was armed.
     Armed {
-        /// The sample.
+        /// Sample at which the plant was armed.
         sample: u64,
     },
-    /// It was disarmed.
+    /// The plant was disarmed.
     Disarmed {
-        /// The sample.
+        /// Sample at which the plant was disarmed.
         sample: u64,
     },
-    /// It has faulted.
+    /// The plant went to the state fault.
     Faulted {
-        /// Why.
+        /// Fault that was latched.
         fault: Fault,
         /// What the exciter said was wrong, where that is the reason.
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -112,41 +112,41 @@ pub enum RunEvent {
     },
     /// It would not be armed.
     NotArmed {
-        /// Why.
+        /// Reason why the plant refused.
         fault: Fault,
     },
     /// It was behind, and its schedule moved ([`OverrunPolicy::Slip`](resonarm_realtime::OverrunPolicy::Slip)).
     Slipped {
-        /// The sample.
+        /// Sample at which the schedule moved.
         sample: u64,
         /// By so many sample periods.
         periods: u32,
     },
     /// The bus is lost, perhaps for a while.
     BusLost {
-        /// The sample.
+        /// Sample at which the loss was found.
         sample: u64,
-        /// How.
+        /// How the bus was lost.
         cause: BusLoss,
     },
     /// The bus works again.
     BusBack {
-        /// The sample.
+        /// Sample at which the bus worked again.
         sample: u64,
     },
     /// A frame came under an identifier which only the plant sends, and that is not of its network; the first of a run.
     OtherSender {
-        /// The sample.
+        /// Sample at which the frame was received.
         sample: u64,
-        /// The identifier.
+        /// Identifier of the frame.
         #[serde(serialize_with = "as_number")]
         identifier: Id,
     },
     /// The controller of the plant's end is in another state: by itself that ends nothing.
     Controller {
-        /// The sample.
+        /// Sample at which the report was read.
         sample: u64,
-        /// The state.
+        /// State that the controller has entered.
         state: ControllerState,
     },
 }

@@ -90,10 +90,10 @@ pub enum Request {
     Set(SetPoint),
 }
 
-/// Who is watched.
+/// The end of the bus whose run is watched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// The plant's.
+    /// The plant's end of the bus.
     Plant,
     /// The exciter's, of a run that has no plant.
     Exciter,
@@ -165,7 +165,7 @@ pub struct Watched {
     shared: Arc<Shared>,
 }
 
-/// The watcher's end.
+/// The watcher's end of the channels to a run.
 #[derive(Debug)]
 pub struct Watcher {
     opening: mpsc::Receiver<Opened>,

@@ -21,7 +21,7 @@ pub enum JournalError {
     /// The file can't be opened or read.
     #[error("can't open {}: {source}", path.display())]
     Open {
-        /// The file.
+        /// Path of the journal.
         path: PathBuf,
         /// What the system says.
         source: io::Error,
@@ -29,7 +29,7 @@ pub enum JournalError {
     /// The file can't be written.
     #[error("can't write {}: {source}", path.display())]
     Write {
-        /// The file.
+        /// Path of the journal.
         path: PathBuf,
         /// What the system says.
         source: io::Error,
@@ -37,7 +37,7 @@ pub enum JournalError {
     /// Another process has it open.
     #[error("{} is in use by another process", path.display())]
     InUse {
-        /// The file.
+        /// Path of the journal.
         path: PathBuf,
     },
     /// It holds points of another computation.
@@ -46,19 +46,19 @@ pub enum JournalError {
          take another folder, or delete it", path.display()
     )]
     Differs {
-        /// The file.
+        /// Path of the journal.
         path: PathBuf,
         /// The first key that differs, as `a.b`.
         key: String,
         /// Its value in the file.
         had: Value,
-        /// Its value now.
+        /// Value of the key in this computation.
         has: Value,
     },
     /// A line is not what it should be.
     #[error("line {line} of {} is no {what}: delete the file to begin anew", path.display())]
     Damaged {
-        /// The file.
+        /// Path of the journal.
         path: PathBuf,
         /// The line, from 1.
         line: usize,
@@ -67,7 +67,7 @@ pub enum JournalError {
     },
 }
 
-/// An open journal.
+/// A journal that is open for appending points.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,

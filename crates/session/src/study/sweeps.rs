@@ -16,7 +16,7 @@ use resonarm_dynamics::structure::Dof;
 /// Stepped sweeps of a structure, or of structures that differ in a parameter, that begin in the same state.
 #[derive(Clone, Debug)]
 pub struct Sweeps {
-    /// The sweeps.
+    /// The sweeps to be computed.
     pub sweeps: Vec<Sweep>,
     /// The degrees of freedom at which motions are read.
     pub read: Vec<Dof>,
@@ -34,28 +34,28 @@ pub struct SweepPoint {
     sweep: usize,
     /// The number of the value in the sweep, from 0.
     index: usize,
-    /// As [`Settled::period`].
+    /// Period of the response, as [`Settled::period`].
     pub period: Option<u32>,
-    /// As [`Settled::largest_multiplier`].
+    /// Largest magnitude of the Floquet multipliers, as [`Settled::largest_multiplier`].
     pub largest_multiplier: Option<f64>,
-    /// As [`Settled::settling_periods`].
+    /// Periods of integration until the end of the transient was proved, as [`Settled::settling_periods`].
     pub settling_periods: u64,
-    /// As [`Settled::drift`].
+    /// Relative drift of the response, as [`Settled::drift`].
     pub drift: f64,
     coordinates: Vec<[f64; 4]>,
     readings: Vec<[f64; 4]>,
-    /// As [`Settled::section`].
+    /// Points of the Poincaré section, as [`Settled::section`].
     pub section: Vec<Vec<f64>>,
     end: Vec<f64>,
 }
 
 impl SweepPoint {
-    /// As [`Settled::coordinates`].
+    /// Returns the readings of the coordinates, as [`Settled::coordinates`].
     pub fn coordinates(&self) -> Vec<Reading> {
         self.coordinates.iter().copied().map(Reading::from_numbers).collect()
     }
 
-    /// As [`Settled::readings`].
+    /// Returns what was read of the response, as [`Settled::readings`].
     pub fn readings(&self) -> Vec<Reading> {
         self.readings.iter().copied().map(Reading::from_numbers).collect()
     }
