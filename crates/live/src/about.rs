@@ -11,9 +11,9 @@ use resonarm_scenario::Scenario;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Action {
-    /// Arm the plant.
+    /// Request to arm the plant.
     Arm,
-    /// Disarm the plant.
+    /// Request to disarm the plant.
     Disarm,
     /// Reset a faulted plant.
     Reset,
@@ -26,7 +26,7 @@ pub enum Action {
 /// The run or recording shown, as described to the page.
 #[derive(Clone, Debug, Serialize)]
 pub struct About {
-    /// The program's version.
+    /// Version of the running program.
     pub version: &'static str,
     /// The kind of source: plant, exciter, plant and exciter, recording.
     pub role: &'static str,
@@ -42,7 +42,7 @@ pub struct About {
     pub angles_are_read: bool,
     /// The unit of the load, N or N·m.
     pub unit: &'static str,
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub rate_hz: f64,
     /// Frequencies of the modes, Hz.
     pub modes_hz: Vec<f64>,
@@ -80,9 +80,9 @@ pub struct CoordinateChannels {
 pub struct Steering {
     /// Load, N or N·m.
     pub load: [f64; 2],
-    /// Frequency, Hz.
+    /// Smallest and largest frequency, Hz.
     pub frequency_hz: [f64; 2],
-    /// Phase, degrees.
+    /// Smallest and largest phase, degrees.
     pub phase_deg: [f64; 2],
 }
 

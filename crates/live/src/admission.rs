@@ -30,7 +30,7 @@ pub enum Refused {
     /// A header is repeated.
     #[error("the request has the header `{name}` {got} times")]
     Repeated {
-        /// Its name.
+        /// Name of the repeated header.
         name: &'static str,
         /// How many times it is present.
         got: usize,
@@ -130,7 +130,7 @@ impl Token {
         }
     }
 
-    /// As text.
+    /// Returns the token as hexadecimal text.
     pub fn text(&self) -> &str {
         &self.0
     }

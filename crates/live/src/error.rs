@@ -11,21 +11,21 @@ pub enum LiveError {
     /// The address can't be listened on.
     #[error("--live can't listen on {address}: {source}; {fix}", fix = fix(source))]
     Listen {
-        /// The address.
+        /// Address on which the server was to listen.
         address: SocketAddr,
-        /// The system's error.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The text is not an address.
     #[error("--live is `{got}`, not an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080")]
     Address {
-        /// The text given.
+        /// Text that is not an address.
         got: String,
     },
     /// The text is not an origin.
     #[error("--live-origin is `{got}`, not an origin such as https://app.foxglove.dev or http://bench:8080")]
     Origin {
-        /// The text given.
+        /// Text that is not an origin.
         got: String,
     },
     /// The system gives no random numbers for the token.

@@ -10,7 +10,7 @@ pub struct Stretch {
     pub first: u64,
     /// The least of each number; NaN if none is known.
     pub least: Numbers,
-    /// The largest.
+    /// The largest of each number; NaN if none is known.
     pub largest: Numbers,
     /// Readings clipped in any of its samples.
     pub clipped: u32,
@@ -54,7 +54,7 @@ impl Extremes {
         }
     }
 
-    /// Starts over.
+    /// Drops the samples collected so far.
     pub fn restart(&mut self) {
         self.stretch = None;
     }

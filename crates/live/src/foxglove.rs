@@ -51,7 +51,7 @@ const BATCH_ROWS: u32 = 500;
 /// A plotting topic has a message every so many samples.
 const PLOT_EVERY: u64 = 10;
 
-/// A channel.
+/// A channel that the stream can publish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// Messages as in recordings.
@@ -130,7 +130,7 @@ impl Stream {
         }
     }
 
-    /// The channels published.
+    /// Returns the channels that are published.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
@@ -154,7 +154,7 @@ impl Stream {
         }
     }
 
-    /// Takes a record.
+    /// Publishes a record of the run.
     pub fn record<Name: AsRef<str>>(&mut self, record: &Record<Name>) {
         match record {
             Record::State(state) => {

@@ -16,11 +16,11 @@ use resonarm_session::run::Request;
 #[derive(Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum PageMessage<'a> {
-    /// The first message.
+    /// Description of the run or recording, always sent first.
     About(&'a About),
     /// The state of the watched node.
     State(&'a NodeStatus),
-    /// An event.
+    /// An event of the run.
     Event(&'a EventLine),
     /// A response that was read.
     Response(&'a ReadPoint),
@@ -38,7 +38,7 @@ pub enum PageMessage<'a> {
     Taken,
     /// A request was refused.
     Refused {
-        /// Why.
+        /// Reason why the request was refused.
         why: &'a str,
     },
     /// The run is over.
@@ -54,7 +54,7 @@ pub struct NodeStatus {
     pub fault: Option<String>,
 }
 
-/// An event.
+/// An event of the run, as the page lists it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EventLine {
     /// When in simulated time, s.
@@ -86,15 +86,15 @@ pub struct ReadPoint {
 /// `None` between two stretches.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BranchLines {
-    /// Stable motions; `None` separates stretches.
+    /// Stable responses; `None` separates stretches.
     pub stable: Vec<Option<Vec<f64>>>,
-    /// Unstable ones.
+    /// Unstable responses; `None` separates stretches.
     pub unstable: Vec<Option<Vec<f64>>>,
-    /// Folds.
+    /// Folds of the branch.
     pub folds: Vec<Vec<f64>>,
 }
 
-/// Amplitude spectra.
+/// Amplitude spectra of the latest samples.
 #[derive(Clone, Debug, Serialize)]
 pub struct Spectra {
     /// Distance between two lines, Hz.
@@ -147,7 +147,7 @@ pub struct Timing {
 /// The head of an update.
 #[derive(Debug, Serialize)]
 pub struct UpdateHead {
-    /// The newest sample.
+    /// Index of the newest sample.
     pub sample: u64,
     /// Its time, s; in a recording that of the sample shown.
     pub time_s: f64,
@@ -157,7 +157,7 @@ pub struct UpdateHead {
     pub width: u64,
     /// First of the latest rows, which are contiguous.
     pub first: u64,
-    /// How many rows.
+    /// Number of the latest rows.
     pub rows: usize,
     /// Which readings were clipped in each stretch, by the bits that [`About`] names.
     pub stretches_clipped: Vec<u32>,
@@ -228,10 +228,10 @@ pub enum Wish {
     },
 }
 
-/// A checked request.
+/// A request of a viewer that has passed all checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
-    /// For a loop.
+    /// A request to the loop of a run.
     Run(Request),
     /// For the player of a recording.
     Player(PlayerOrder),

@@ -13,7 +13,7 @@ use resonarm_realtime::{OverrunCause, OverrunCauses};
 /// come within 50 ms.
 const HALVES_KEPT: usize = 1024;
 
-/// Missed deadlines.
+/// Counts missed deadlines by their cause.
 #[derive(Debug, Default)]
 pub struct Missed {
     deadlines: u64,
@@ -32,7 +32,7 @@ enum Taken {
 }
 
 impl Missed {
-    /// Takes a tick.
+    /// Adds the deadlines that a tick reports as missed.
     pub fn tick(&mut self, tick: &TickRecord) {
         let missed = u64::from(tick.overruns);
         self.deadlines += missed;

@@ -54,7 +54,7 @@ pub struct Model {
     responses: VecDeque<ReadPoint>,
     branch: Option<BranchLines>,
     player: Option<PlayerStatus>,
-    /// The exciter's set-point.
+    /// Set-point of the exciter, if one can be set.
     set_point: Option<SetPoint>,
     ticks: Ticks,
     missed: Missed,
@@ -103,7 +103,7 @@ impl Model {
         }
     }
 
-    /// The run's description.
+    /// Returns the description of the run or recording.
     pub fn about(&self) -> &About {
         &self.about
     }
@@ -121,7 +121,7 @@ impl Model {
         }
     }
 
-    /// Takes a record.
+    /// Adds a record of the run to the model.
     pub fn record<Name: AsRef<str>>(&mut self, record: &Record<Name>) {
         match record {
             Record::State(state) => self.rows.state(state),

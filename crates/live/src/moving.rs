@@ -19,7 +19,7 @@ const STILL: f64 = 5e-9;
 /// Updates over which the largest vibration is taken: a second of them.
 const UPDATES: usize = 30;
 
-/// Draws the structure.
+/// Draws the moving structure with its vibrations enlarged.
 pub struct Moving {
     drawing: Drawing,
     newest: Option<StateRecord>,
@@ -35,7 +35,7 @@ impl Moving {
         Moving { drawing, newest: None, largest: 0.0, before: VecDeque::new(), magnification: 1.0 }
     }
 
-    /// Takes a state.
+    /// Takes the state of the next sample.
     pub fn state(&mut self, state: &StateRecord) {
         self.largest = self.largest.max(self.drawing.vibration(state.states.coordinates()));
         self.newest = Some(*state);

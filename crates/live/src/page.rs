@@ -31,7 +31,7 @@ const FILES: [(&str, &str, &str); 15] = [
     ("/uplot/uPlot.css", CSS, include_str!("page/uplot/uPlot.min.css")),
 ];
 
-/// The page itself.
+/// Returns the HTML of the page.
 pub fn index() -> Response {
     ([(CONTENT_TYPE, "text/html; charset=utf-8")], include_str!("page/index.html")).into_response()
 }

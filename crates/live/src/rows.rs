@@ -15,7 +15,7 @@ pub const FORCE: usize = 2;
 pub const HEAD: usize = 4;
 pub const ACCELERATION_B: usize = 6;
 pub const ACCELERATION_C: usize = 8;
-/// The first coordinate.
+/// Place of the first coordinate, after loads and outputs.
 pub const COORDINATES: usize = LOADS.len() + OUTPUTS.len();
 
 /// A number of each sample that a panel plots.
@@ -23,9 +23,9 @@ pub const COORDINATES: usize = LOADS.len() + OUTPUTS.len();
 pub struct Plotted {
     /// Its place among the channels.
     pub channel: usize,
-    /// What it is.
+    /// Name of the number in the legend.
     pub label: String,
-    /// Its unit.
+    /// Unit of the number.
     pub unit: &'static str,
 }
 
@@ -185,12 +185,12 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// None yet.
+    /// Returns rows without any sample.
     pub fn new(shown: Shown) -> Rows {
         Rows { shown, pending: VecDeque::new(), next: 0, settled: 0, restarted: false }
     }
 
-    /// Drops all.
+    /// Drops all samples, as for a new series.
     pub fn restart(&mut self) {
         *self = Rows::new(self.shown.clone());
     }

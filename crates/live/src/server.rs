@@ -45,7 +45,7 @@ const NICE: i32 = 10;
 /// The longest message and frame that a viewer may send, bytes: memory for a frame is reserved when its head has come.
 const LONGEST: usize = 4096;
 
-/// How to serve.
+/// Address of the server, and origins that it accepts.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Where to listen; port 0 picks a free one.
@@ -146,7 +146,7 @@ impl Live {
         self.is_over.store(true, Ordering::Release);
     }
 
-    /// The page's address.
+    /// Returns the URL of the page, without the token.
     pub fn url(&self) -> String {
         let mut shown = self.address;
         if shown.ip().is_unspecified() {

@@ -12,7 +12,7 @@ use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
 /// The structure under test.
 #[derive(Clone, Debug)]
 pub struct UnderTest {
-    /// In words.
+    /// Name of the structure, in words.
     pub name: String,
     /// What its states and readings consist of.
     pub table: Channels,
@@ -41,7 +41,7 @@ impl Kind {
 pub struct Panels {
     /// The commanded torques about joints.
     pub torque: Vec<Plotted>,
-    /// The commanded force.
+    /// Components of the commanded force.
     pub force: Vec<Plotted>,
     /// The force in the impedance head.
     pub head: Vec<Plotted>,
@@ -58,11 +58,11 @@ pub struct Panels {
 /// A size of the responses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ResponseAxis {
-    /// What responds.
+    /// Name of the point or coordinate that responds.
     pub label: String,
     /// What is read of it.
     pub title: String,
-    /// The unit.
+    /// Unit of the size.
     pub unit: &'static str,
 }
 

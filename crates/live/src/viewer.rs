@@ -47,7 +47,7 @@ impl Drop for Counted {
 enum LetGo {
     /// It has left, or sends only nonsense.
     Gone,
-    /// It receives nothing.
+    /// It does not receive messages fast enough.
     TooSlow,
 }
 
