@@ -42,11 +42,11 @@ pub struct ControllerErrors {
     pub no_ack: u64,
     /// The controller's memory for frames was full.
     pub overflow: u64,
-    /// It became [`ControllerState::Warning`].
+    /// Number of times it entered [`ControllerState::Warning`].
     pub warning: u64,
-    /// It became [`ControllerState::Passive`].
+    /// Number of times it entered [`ControllerState::Passive`].
     pub passive: u64,
-    /// It became [`ControllerState::BusOff`].
+    /// Number of times it entered [`ControllerState::BusOff`].
     pub bus_off: u64,
     /// It was started again after that.
     pub restarted: u64,

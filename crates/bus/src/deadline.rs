@@ -10,7 +10,7 @@ pub struct Deadline {
 }
 
 impl Deadline {
-    /// `timeout` from now.
+    /// Returns the deadline that is `timeout` from now.
     #[allow(clippy::disallowed_methods, reason = "a wait is bounded in real time whatever time the simulation has")]
     pub fn after(timeout: Duration) -> Deadline {
         Deadline { end: Instant::now().checked_add(timeout) }

@@ -19,7 +19,7 @@ pub enum BusError {
         "`{address}` is not a bus: {reason}. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"
     )]
     Address {
-        /// What was given.
+        /// Address as the user gave it.
         address: String,
         /// What is wrong with it.
         reason: String,
@@ -61,13 +61,13 @@ pub enum BusError {
     /// The interface is down, or went down.
     #[error("{interface} is down. {}", bring_up(.interface))]
     InterfaceDown {
-        /// Its name.
+        /// Name of the network interface.
         interface: String,
     },
     /// The interface was removed while it was in use.
     #[error("{interface} has been removed: an adapter unplugged, or `ip link del`")]
     InterfaceGone {
-        /// Its name.
+        /// Name of the network interface.
         interface: String,
     },
     /// The CAN controller has left the bus after too many transmit errors (ISO 11898-1, bus-off).
@@ -76,13 +76,13 @@ pub enum BusError {
          terminations of 120 Ω; {}", restart(.interface)
     )]
     BusOff {
-        /// Its name.
+        /// Name of the network interface.
         interface: String,
     },
     /// A CAN FD frame was sent on an interface that carries classical frames only.
     #[error("{interface} does not carry CAN FD frames. {}", enable_fd(.interface))]
     FdNotEnabled {
-        /// Its name.
+        /// Name of the network interface.
         interface: String,
     },
     /// The process lacks the permission.
@@ -90,7 +90,7 @@ pub enum BusError {
         "{interface}: {action} is not permitted ({source}). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
     )]
     Permission {
-        /// The interface.
+        /// Name of the network interface.
         interface: String,
         /// What was being done.
         action: &'static str,
@@ -100,7 +100,7 @@ pub enum BusError {
     /// Another answer of the operating system.
     #[error("{interface}: {action} failed: {source}")]
     Os {
-        /// The interface.
+        /// Name of the network interface.
         interface: String,
         /// What was being done.
         action: &'static str,

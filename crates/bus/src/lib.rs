@@ -192,10 +192,10 @@ pub enum Sent {
     QueueFull,
 }
 
-/// A received frame.
+/// A received frame with its time stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// The frame.
+    /// Frame as it was on the bus.
     pub frame: Frame,
     /// When the kernel or the adapter saw it, in nanoseconds of the UNIX epoch, if the backend knows.
     pub timestamp_ns: Option<u64>,
@@ -211,7 +211,7 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Whether `frame` passes.
+    /// Returns whether the filter lets `frame` through.
     pub fn matches(&self, frame: &Frame) -> bool {
         matches!((self.id, frame.id()), (Id::Standard(_), Id::Standard(_)) | (Id::Extended(_), Id::Extended(_)))
             && frame.id().raw() & self.mask == self.id.raw() & self.mask

@@ -65,7 +65,7 @@ impl Ord for Held {
     }
 }
 
-/// An active fault.
+/// An injected fault, with the frames that it concerns.
 struct Fault {
     kind: FaultKind,
     span_ns: Range<u64>,

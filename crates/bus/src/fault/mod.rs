@@ -74,7 +74,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         }
     }
 
-    /// The bus beneath.
+    /// Returns the bus on which the faults are injected.
     pub fn beneath(&self) -> &B {
         &self.bus
     }

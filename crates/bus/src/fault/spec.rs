@@ -23,9 +23,9 @@ const EXTENDED_ID_MAX: u32 = 0x1FFF_FFFF;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultNode {
-    /// The plant's.
+    /// The plant's end of the bus.
     Plant,
-    /// The exciter's.
+    /// The exciter's end of the bus.
     Exciter,
 }
 
@@ -46,7 +46,7 @@ pub enum FaultDirection {
     Send,
     /// Frames that it receives.
     Receive,
-    /// All.
+    /// Frames in both directions.
     Both,
 }
 
@@ -80,7 +80,7 @@ pub enum FaultKind {
 pub struct FaultSpec {
     /// Whose end of the bus has it.
     pub node: FaultNode,
-    /// What is wrong.
+    /// Kind of fault that is injected.
     pub kind: FaultKind,
     /// Which way the frames go, where the kind has a way; `None` is both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -120,11 +120,11 @@ pub enum FaultError {
     Value {
         /// Which fault, from 1 on.
         number: usize,
-        /// The key.
+        /// Key of the number in the scenario.
         name: &'static str,
-        /// What was given.
+        /// Number that the scenario gives.
         got: f64,
-        /// What is accepted.
+        /// Description of the valid numbers.
         expected: &'static str,
     },
     /// A fault does not say how much.
@@ -140,7 +140,7 @@ pub enum FaultError {
     KeyIdle {
         /// Which fault, from 1 on.
         number: usize,
-        /// The key.
+        /// Key that does not apply.
         key: &'static str,
     },
     /// Probability and count together.

@@ -35,7 +35,7 @@ pub(super) struct Slot {
 }
 
 impl Slot {
-    /// Nothing yet.
+    /// A slot without a frame.
     pub const EMPTY: Slot = Slot {
         frame: KernelFrame::NONE,
         control: Stamps { len: 0, level: 0, kind: 0, stamps: [[0; 2]; 3] },
@@ -54,7 +54,7 @@ impl Slot {
 /// What to do if there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum IfNone {
-    /// Return at once.
+    /// Return at once, without sleeping.
     Return,
     /// Sleep until one comes, for the socket's receive timeout at most.
     Sleep,

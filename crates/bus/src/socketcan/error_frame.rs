@@ -22,7 +22,7 @@ const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
 /// What the controller has reported by error frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ControllerReports {
-    /// Errors, by kind.
+    /// Number of errors of each kind.
     pub errors: ControllerErrors,
     /// The state that it reported last.
     pub state: ControllerState,
@@ -62,7 +62,7 @@ impl ErrorFrame {
         self.class & CAN_ERR_BUSOFF != 0
     }
 
-    /// Counts it.
+    /// Adds the reported errors to the counts.
     fn count(self, errors: &mut ControllerErrors) {
         let class = |mask: u32| u64::from(self.class & mask != 0);
         let controller = |mask: i32| u64::from(self.reports_controller(mask));

@@ -9,7 +9,7 @@ use super::batch::{self, FRAMES, IfNone, Slot};
 /// How a receiving call ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Came {
-    /// There are frames.
+    /// At least one frame was received.
     Frames,
     /// There is none; a call that sleeps has slept for its time.
     Nothing,
@@ -27,7 +27,7 @@ pub(super) struct Incoming {
 }
 
 impl Incoming {
-    /// No frames.
+    /// Returns a buffer without frames.
     pub fn new() -> Incoming {
         Incoming { slots: Box::new([Slot::EMPTY; FRAMES]), next: 0, len: 0, is_last: false }
     }
@@ -37,7 +37,7 @@ impl Incoming {
         self.slots[..self.len].get(self.next)
     }
 
-    /// Takes the next.
+    /// Removes the next frame and returns it.
     pub fn pop(&mut self) -> Option<Slot> {
         let slot = self.peek().copied()?;
         self.next += 1;

@@ -36,7 +36,7 @@ pub enum ErrorState {
 /// It is passive from 128 of either on, and bus-off from 256 transmit errors on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ErrorCounters {
-    /// Transmit errors.
+    /// Transmit error counter (TEC of ISO 11898-1).
     pub transmit: u16,
     /// Receive errors, at most 255.
     pub receive: u16,
@@ -76,7 +76,7 @@ impl ErrorCounters {
 pub enum ErrorCause {
     /// A bit was not what was sent.
     Bit,
-    /// Nobody acknowledged it.
+    /// No other node acknowledged the frame.
     Acknowledgement,
 }
 
@@ -87,9 +87,9 @@ pub enum Outcome {
     Sent(Frame),
     /// A frame was destroyed.
     Destroyed {
-        /// The frame.
+        /// Frame that was destroyed.
         frame: Frame,
-        /// By what.
+        /// Error that destroyed the frame.
         cause: ErrorCause,
         /// Whether it was the node's own.
         is_own: bool,

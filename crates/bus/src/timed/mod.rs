@@ -42,7 +42,7 @@ const LOOK_NS: u64 = 100_000;
 /// The parameters of a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spec {
-    /// Its bit rates.
+    /// Bit rates of arbitration and data phase.
     pub rates: BitRates,
     /// Frames that each node keeps to send.
     pub mailboxes: usize,
@@ -62,7 +62,7 @@ impl Spec {
 /// The traffic on the bus so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Frames sent.
+    /// Number of frames sent completely.
     pub frames: u64,
     /// Frames that an error ended.
     pub error_frames: u64,

@@ -23,7 +23,7 @@ const FD_TAIL: u64 = 2 + 7 + INTERMISSION;
 /// Recessive bits that count for the recovery from bus-off: ACK delimiter, end of frame and intermission, or idle time.
 const RECESSIVE: u64 = 11;
 
-/// The bus.
+/// The shared medium: arbitration, bit errors and the time that frames take.
 pub(super) struct Wire {
     rates: BitRates,
     bit_error_rate: f64,
