@@ -37,7 +37,7 @@ pub struct Share {
 }
 
 impl CoreShare {
-    /// The calling thread's.
+    /// Returns the observer of the calling thread.
     pub fn of_this_thread() -> CoreShare {
         CoreShare { thread: gettid(), before: None }
     }

@@ -31,7 +31,7 @@ impl LatencyHistogram {
         Ok(Self { within, beyond: 0, max_ns: 0 })
     }
 
-    /// Counts one latency.
+    /// Adds one latency to the histogram, ns.
     pub fn record(&mut self, latency_ns: u64) {
         self.max_ns = self.max_ns.max(latency_ns);
         if latency_ns > HISTOGRAM_BOUND_NS || self.within.record(latency_ns).is_err() {

@@ -15,7 +15,7 @@ pub enum OverrunCause {
 }
 
 impl OverrunCause {
-    /// Every cause.
+    /// All causes that the loop can tell apart.
     pub const ALL: [Self; 3] = [Self::WokeLate, Self::StepLong, Self::BusLong];
 
     /// Its name in text.
@@ -39,9 +39,9 @@ impl OverrunCause {
 pub struct OverrunCauses {
     /// [`OverrunCause::WokeLate`], where it is not known who had the core.
     pub woke_late: u64,
-    /// [`OverrunCause::StepLong`], likewise.
+    /// [`OverrunCause::StepLong`], where it is not known who had the core.
     pub step_long: u64,
-    /// [`OverrunCause::BusLong`], likewise.
+    /// [`OverrunCause::BusLong`], where it is not known who had the core.
     pub bus_long: u64,
     /// The host of this virtual machine had the core meanwhile.
     pub stolen: u64,
@@ -50,7 +50,7 @@ pub struct OverrunCauses {
 }
 
 impl OverrunCauses {
-    /// Counts `missed` deadlines.
+    /// Adds `missed` deadlines to those of `cause`.
     pub fn count(&mut self, cause: OverrunCause, missed: u64) {
         *self.of(cause) += missed;
     }
@@ -66,7 +66,7 @@ impl OverrunCauses {
         ]
     }
 
-    /// All of them.
+    /// Returns the number of missed deadlines of all causes.
     pub fn total(&self) -> u64 {
         self.woke_late + self.step_long + self.bus_long + self.stolen + self.preempted
     }

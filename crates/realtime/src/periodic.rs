@@ -84,7 +84,7 @@ pub enum OverrunPolicy {
 }
 
 impl OverrunPolicy {
-    /// Every policy.
+    /// All policies a loop can have.
     pub const ALL: [Self; 4] = [Self::Slip, Self::Continue, Self::Fault, Self::Stop];
 
     /// Its name in text.
@@ -117,7 +117,7 @@ impl FromStr for OverrunPolicy {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("unknown overrun policy `{got}`; it is one of slip, continue, fault, stop")]
 pub struct UnknownOverrunPolicy {
-    /// The text.
+    /// Text that names no policy.
     pub got: String,
 }
 
@@ -159,7 +159,7 @@ pub struct Tick {
 pub struct LoopSummary {
     /// Ticks given out; a tick is a sample of the bench.
     pub samples: u64,
-    /// Deadlines missed.
+    /// Number of deadlines missed.
     pub overruns: u64,
     /// The same by cause, as far as the loop knows.
     pub overrun_causes: OverrunCauses,

@@ -12,10 +12,10 @@ pub struct FifoPriority(u8);
 impl FifoPriority {
     /// Above threaded interrupt handlers (50), below the kernel's own watchdog and migration threads (99).
     pub const DEFAULT: Self = Self(80);
-    /// The lowest.
+    /// Lowest priority of `SCHED_FIFO`.
     pub const MIN: Self = Self(1);
 
-    /// The number.
+    /// Returns the priority as a number, 1 to 99.
     pub fn get(self) -> u8 {
         self.0
     }
@@ -39,7 +39,7 @@ impl From<FifoPriority> for u8 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("the real-time priority is {priority}; it must be from 1 to 99")]
 pub struct PriorityError {
-    /// The number.
+    /// Number that is outside 1 to 99.
     pub priority: u8,
 }
 

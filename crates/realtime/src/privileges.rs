@@ -131,9 +131,9 @@ impl Privileges {
 /// One thing found out about this machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Its subject.
+    /// Subject of the finding, such as the frequency governor.
     pub subject: &'static str,
-    /// Its state.
+    /// State in which the machine was found.
     pub state: String,
     /// How to improve it; `None` if it is well.
     #[serde(rename = "mend")]

@@ -22,9 +22,9 @@ pub const MAX_RATE_HZ: f64 = 100_000.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleRate {
     rate_hz: f64,
-    /// m.
+    /// Numerator m of the rate's binary fraction.
     numerator: u128,
-    /// s.
+    /// Exponent s of its denominator 2^s.
     shift: u32,
 }
 
@@ -45,7 +45,7 @@ impl SampleRate {
         Ok(Self { rate_hz, numerator: mantissa >> spare, shift: exponent.unsigned_abs() - spare })
     }
 
-    /// The rate, Hz.
+    /// Returns the rate in Hz, as it was given.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }

@@ -155,7 +155,7 @@ pub enum SpinError {
     /// The text is no spin time.
     #[error("`{got}` is not a setting of spinning: expected auto, off, or a number of microseconds above 0")]
     Text {
-        /// The text.
+        /// Text that is no setting of spinning.
         got: String,
     },
     /// It would take too much of the core.
@@ -169,7 +169,7 @@ pub enum SpinError {
         got_us: f64,
         /// The most that is possible, µs.
         most_us: f64,
-        /// Samples a second.
+        /// Sample rate of the loop, Hz.
         rate_hz: f64,
     },
     /// The sleeps could not be measured.

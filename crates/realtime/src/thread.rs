@@ -139,7 +139,7 @@ impl fmt::Display for ThreadReport {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MemoryLock {
-    /// None.
+    /// No memory is locked.
     #[default]
     None,
     /// What was mapped when the lock was made. Later memory isn't, because the process's limit would make
@@ -153,7 +153,7 @@ pub enum MemoryLock {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wanted {
-    /// Scheduling by `SCHED_FIFO`.
+    /// Real-time scheduling by `SCHED_FIFO`.
     Priority,
     /// Memory locked into RAM.
     MemoryLock,
@@ -168,7 +168,7 @@ pub enum Wanted {
 /// Something that was asked for and refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Shortfall {
-    /// What was wanted.
+    /// Setting that the operating system denied.
     pub wanted: Wanted,
     /// The same in words, with its number.
     pub what: String,
