@@ -15,7 +15,7 @@ pub enum PythonCanError {
     /// An option of the address is missing, given twice, or not allowed.
     #[error("python-can option `{key}`: {reason}")]
     Option {
-        /// The option.
+        /// Name of the option in the address.
         key: String,
         /// What is wrong with it and how to fix it.
         reason: String,
@@ -27,7 +27,7 @@ pub enum PythonCanError {
     VirtualEnvironment {
         /// The directory of the environment.
         path: PathBuf,
-        /// What is missing.
+        /// Description of what the directory lacks.
         reason: String,
     },
     /// A virtual environment that was found, which other users could have made or changed.
@@ -61,7 +61,7 @@ pub enum PythonCanError {
     /// Python is there, the package python-can is not.
     #[error("python-can is not installed in {environment}; install it with `{command}`")]
     Missing {
-        /// Where Python looked.
+        /// Environment in which Python looked for the package.
         environment: String,
         /// The command that installs it where it will be found.
         command: String,
@@ -92,7 +92,7 @@ pub enum PythonCanError {
         operation: Operation,
         /// The class of the exception.
         kind: String,
-        /// Its message.
+        /// Message of the exception.
         message: String,
     },
     /// A bridge thread could not be started.
@@ -113,15 +113,15 @@ pub enum PythonCanError {
 pub enum Operation {
     /// Finding and importing the package.
     Import,
-    /// `can.Bus(…)`.
+    /// Opening the bus by `can.Bus(…)`.
     Open,
-    /// `send`.
+    /// Sending a frame by `send`.
     Send,
-    /// `recv`.
+    /// Receiving a frame by `recv`.
     Receive,
-    /// `set_filters`.
+    /// Setting filters by `set_filters`.
     SetFilters,
-    /// `shutdown`.
+    /// Closing the bus by `shutdown`.
     Close,
 }
 

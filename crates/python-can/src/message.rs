@@ -54,10 +54,10 @@ impl ErrorFrames {
     }
 }
 
-/// An incoming message.
+/// A message that python-can has received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Incoming {
-    /// A frame.
+    /// A data or remote frame with its time stamp.
     Frame(Received),
     /// An error frame, with its content where that is known.
     Error(Option<ErrorFrame>),

@@ -25,7 +25,7 @@ pub(super) enum Value {
     Float(f64),
     /// `true` or `false`, in any case.
     Boolean(bool),
-    /// Everything else.
+    /// Any other text, without a change.
     Text(String),
 }
 
