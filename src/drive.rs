@@ -49,7 +49,7 @@ impl FromStr for LoadFlag {
 /// A load at a degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Load {
-    /// Where it acts.
+    /// Degree of freedom at which the load acts.
     pub at: ReadAt,
     /// Its peak, N, N·m at a joint, or m/s² of a base.
     pub amplitude: f64,

@@ -139,7 +139,7 @@ mod serving {
         Err(missing())
     }
 
-    /// Likewise.
+    /// Says how to build a program with the live view.
     pub fn of_recording(_: &LiveFlags, _: Recording, _: Showing) -> Result<core::convert::Infallible, Failure> {
         Err(missing())
     }

@@ -30,7 +30,7 @@ fn strict_flag(arg: Arg) -> Arg {
     }
 }
 
-/// A finite number.
+/// Parses a finite number for an argument.
 pub(crate) fn finite(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().map_err(|error| error.to_string())?;
     if number.is_finite() { Ok(number) } else { Err(String::from("it must be a finite number")) }

@@ -21,7 +21,7 @@ const PACE_NS: u64 = 10_000_000_000;
 /// The progress of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
-    /// Not known.
+    /// How much is done is not known.
     Unknown,
     /// Done, total, and the unit of the count.
     Of(u64, u64, &'static str),

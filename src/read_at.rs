@@ -86,7 +86,7 @@ pub(crate) fn columns(read: &[ReadAt]) -> String {
     read.iter().map(of).collect()
 }
 
-/// Their cells.
+/// Returns the cells of readings in a table, a comma before each.
 pub(crate) fn cells(of: &[Reading]) -> String {
     let cells = |reading: &Reading| {
         let Reading { largest, mean, .. } = reading;

@@ -41,7 +41,7 @@ impl StatusFlag {
 
 /// Which kind of line is written.
 pub(crate) enum Style {
-    /// For people.
+    /// Lines of text for people.
     People {
         /// The interval where there is no terminal; `None` writes none there.
         every: Option<Duration>,
@@ -62,7 +62,7 @@ pub(crate) struct Status {
 /// Values over a window of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Window {
-    /// Samples a second.
+    /// Rate at which samples were worked on, Hz.
     rate_hz: f64,
     /// The work's share of the time; `None` where none is measured.
     load: Option<f64>,

@@ -31,7 +31,7 @@ pub(crate) fn sweeps(
 /// Basins with the outcome of each state.
 type Ended = (BasinComputation, Vec<BasinOutcome>);
 
-/// Likewise computes basins.
+/// Computes the basins from where the journal ends. `None` if it was stopped early, which is logged.
 pub(crate) fn basins(
     basins: Basins,
     journal: Option<PathBuf>,

@@ -119,7 +119,7 @@ struct Walk {
     second: Option<(Coordinate, f64)>,
 }
 
-/// What was found.
+/// Results of the continuation: the branch, and what was followed from it.
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,

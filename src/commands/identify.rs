@@ -406,7 +406,7 @@ struct Identified {
 
 /// A mode's part: −ω² `residue` / (ω_r² − ω² + 2iζω_r ω).
 struct IdentifiedPart {
-    /// ω_r, rad/s.
+    /// Pole's frequency ω_r, rad/s.
     rate: f64,
     damping_ratio: f64,
     residue: f64,

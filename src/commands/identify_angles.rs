@@ -55,7 +55,7 @@ struct Document {
     /// The table of the angles.
     angles: PathBuf,
     integration: &'static str,
-    /// The lower corner.
+    /// Lower corner frequency of the integration, Hz.
     from_hz: f64,
     samples: usize,
     /// Times of the first and the last row.

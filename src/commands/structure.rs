@@ -42,7 +42,7 @@ pub(crate) struct Structure {
 /// What is printed with --json.
 #[derive(Serialize)]
 struct Document {
-    /// The section.
+    /// Section `[structure]` of the scenario.
     configuration: Value,
     /// Name and unit of each coordinate.
     coordinates: Value,

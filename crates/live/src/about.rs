@@ -42,7 +42,7 @@ pub struct About {
     pub angles_are_read: bool,
     /// The unit of the load, N or N·m.
     pub unit: &'static str,
-    /// Sample rate, Hz.
+    /// Sample rate of the run, Hz.
     pub rate_hz: f64,
     /// Frequencies of the modes, Hz.
     pub modes_hz: Vec<f64>,

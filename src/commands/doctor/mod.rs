@@ -85,7 +85,7 @@ fn python_can() -> Finding {
     Finding { subject: "python-can", state: String::from("not in this build"), fix: Some(String::from(fix)) }
 }
 
-/// Whether `--live` works.
+/// Reports whether this build has the live view.
 fn live() -> Finding {
     let subject = "live view";
     if cfg!(feature = "live") {

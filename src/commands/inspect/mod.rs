@@ -37,7 +37,7 @@ struct Document<'a> {
     #[serde(flatten)]
     summary: &'a RecordingSummary,
     problems: Vec<Problem>,
-    /// With --statistics.
+    /// Statistics, present with `--statistics` only.
     #[serde(skip_serializing_if = "Option::is_none")]
     statistics: Option<RecordingStatistics>,
 }
