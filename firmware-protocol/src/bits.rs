@@ -184,6 +184,8 @@ pub fn noticed_after(frame: &Frame, k: u64, behind: Level) -> Option<u64> {
         FrameFormat::Fd { .. } => (line.bits, line.bits + fd_check(frame.len()) - 1),
     };
     let is_fixed = |bit: u64| (stuffed..checked).contains(&bit) && (bit - stuffed).is_multiple_of(5);
+    // A receiver sees the disturbed bit and the run of equal bits that ends there. All later bits have the
+    // level `behind`, so level and length of the run are enough to find the first violation.
     let (mut level, mut run) = match line.disturbed {
         _ if k >= checked || is_fixed(k) => return Some(0),
         Some((_, 6)) => return Some(0),
@@ -264,6 +266,7 @@ impl Line {
     fn put(&mut self, value: u32, count: u32) {
         for k in (0..count).rev() {
             let level = value >> k & 1 == 1;
+            // The CRC covers the bits without stuff bits, so it takes each bit before stuffing.
             let feedback = level != (self.crc & 0x4000 != 0);
             self.crc = (self.crc << 1 & 0x7FFF) ^ if feedback { 0x4599 } else { 0 };
             if self.run == 5 {

@@ -104,6 +104,7 @@ impl Link {
             let is_request = kind == MessageKind::Operator;
             return if is_request { Ok(None) } else { Err(Unused::SecondSender(kind.id(self.network()))) };
         }
+        // Only messages that have passed all checks count as a sign of life of the partner.
         self.partner_heard_ns = self.core.listening.listened_ns();
         Ok(message)
     }
@@ -237,6 +238,7 @@ impl Link {
 
     /// The frames that wait, in the order of sending, each with the counter it will have.
     pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> {
+        // The counters advance on a copy, since none of these frames is sent yet.
         let mut transmitter = self.transmitter.clone();
         self.outbox.contents().map(move |content| {
             let frame = transmitter.next(&content);

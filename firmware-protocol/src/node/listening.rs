@@ -32,6 +32,7 @@ impl Listening {
     pub fn look(&mut self, now_ns: u64) {
         let elapsed_ns = now_ns.saturating_sub(self.looked_at_ns);
         self.listened_ns = self.listened_ns.saturating_add(elapsed_ns.min(self.look_period_ns));
+        // A time before the last look is ignored. Otherwise the time between both would count twice.
         self.looked_at_ns = self.looked_at_ns.max(now_ns);
     }
 

@@ -115,6 +115,8 @@ impl NodeCore {
         self.arms = self.arms.saturating_add(u32::from(to == NodeState::Operational));
         self.leaves = self.leaves.saturating_add(u32::from(from == NodeState::Operational));
         let order = self.next_order();
+        // If the ring is full, its last transition is extended to the new state. Whoever fetches it still ends
+        // in the state of the node, and a fault in between is not forgotten.
         let is_full = self.turns.len() == TURNS;
         match self.turns.back_mut().filter(|_| is_full) {
             Some(last) => (last.to, last.fault) = (to, fault.or(last.fault)),
@@ -179,6 +181,7 @@ impl NodeCore {
             return Some(NodeEvent::Lost(lost));
         }
         match self.turns.front_mut() {
+            // The sign of the wrapped difference orders both, also when the counter overflows.
             Some(turn) if note.is_none_or(|note| (turn.order.wrapping_sub(note) as i32) < 0) => {
                 if let Some(fault) = turn.fault.take() {
                     return Some(NodeEvent::Emergency(fault));

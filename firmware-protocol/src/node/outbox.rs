@@ -85,6 +85,7 @@ impl Outbox {
         let content = Content::new(self.network, message)?;
         let kind = content.kind();
         if let Some(control) = Control::new(message) {
+            // A message equal to the newest of its kind that still waits says nothing new.
             if self.control.latest(|waiting| waiting.message().kind() == kind) != Some(&control) {
                 self.control.push(control);
             }
@@ -102,6 +103,7 @@ impl Outbox {
 
     /// Removes the first message to send; returns its kind.
     pub fn pop(&mut self) -> Option<MessageKind> {
+        // The same order as in `contents`: what was sent is the first of those.
         match self.control.pop() {
             Some(control) => Some(control.message().kind()),
             None => self.latest.iter_mut().find_map(Option::take).map(|content| content.kind()),

@@ -37,11 +37,14 @@ impl Sequence {
             self.last = Some(index);
             return Place::First;
         };
+        // Indices are compared by their difference modulo 2¹⁶. The window is below 2¹⁵, so an index can't be
+        // both ahead and stale.
         let ahead = index.wrapping_sub(last);
         if (1..=self.window).contains(&ahead) {
             self.last = Some(index);
             Place::Ahead(ahead)
         } else if last.wrapping_sub(index) <= self.window {
+            // An older index does not become the last one, so a delayed frame can't move the window back.
             self.stale += 1;
             if self.stale < timing::STALE_SAMPLES_LIMIT { Place::Stale } else { Place::Broken }
         } else {

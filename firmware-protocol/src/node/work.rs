@@ -135,6 +135,7 @@ impl<C: Answering> Work<C> {
         let ahead = ahead.max(1);
         let sample = self.answered.map_or(0, |last| last.saturating_add(ahead));
         if self.answered.is_some() {
+            // One of `every` samples is answered, so at a distance of `every` none is missing.
             self.missed += (ahead / every).saturating_sub(1);
         }
         (self.answered, self.last_index) = (Some(sample), sample as u16);
@@ -150,6 +151,7 @@ impl<C: Answering> Work<C> {
 
     /// What follows when the plant has not said in time that it is disarmed.
     pub fn unanswered(&mut self) -> Unanswered {
+        // A silent plant is given up sooner than one that reports that it is armed: its own timeout disarms it.
         if !self.heard_since_asked && self.tries >= SILENT_TRIES {
             Unanswered::Silent
         } else if self.tries >= ARMED_TRIES {
@@ -184,6 +186,7 @@ impl<C: Answering> Work<C> {
         if self.phase != Phase::Playing {
             None
         } else if core.is_jammed() {
+            // Checked before the samples: a bus that takes no frame may be why none are heard.
             Some(self.own(EmergencyCode::BusLoss, core.not_sent(waiting)))
         } else if core.listening.has_passed(self.sample_heard_ns, self.sample_timeout_ns) {
             Some(self.own(EmergencyCode::SensorTimeout, self.last_index))
