@@ -162,6 +162,7 @@ pub fn wait_for_reader(path: &Path) -> io::Result<Option<File>> {
 
 /// Renames a file to a name that is free.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    // A link fails if the name is taken, where a rename would replace the file that has it.
     match fs::hard_link(from, to) {
         // The file has both names; if the old can't be removed, it is there twice.
         Ok(()) => fs::remove_file(from),

@@ -139,9 +139,12 @@ impl CheckedReader {
 
     fn next_top_level(&mut self) -> Result<Option<TopLevelRecord>, Fault> {
         let Some(opcode) = self.next_record()? else { return Ok(None) };
+        // The body is moved out, since `top_level` borrows the reader. Its memory is used again for the next
+        // record.
         let body = core::mem::take(&mut self.body);
         let record = self.top_level(opcode, &body);
         self.body = body;
+        // After a fault the offset stays at the beginning of the record, which the error names.
         if record.is_ok() {
             self.offset += RECORD_HEAD + self.body.len() as u64;
         }
@@ -236,6 +239,7 @@ impl FileLayout {
     }
 
     fn check_indexed(&self, what: &str, offset: u64, bytes: u64) -> Result<(), String> {
+        // Records were added in the order of the file, so the list is sorted.
         match self.indexable.binary_search(&(offset, bytes)) {
             Ok(_) => Ok(()),
             Err(_) => Err(format!("the index names a {what} of {bytes} bytes at byte {offset}, where none is")),
@@ -253,6 +257,7 @@ impl FileLayout {
         ];
         for (what, stated, found) in stated {
             let found = found.unwrap_or(offset);
+            // 0 states that the file has no such section (MCAP specification).
             if stated != 0 && stated != found {
                 return Err(format!("the footer states byte {stated} as the beginning of {what}, expected {found}"));
             }

@@ -88,6 +88,7 @@ impl Decimator {
         let first = match self.series {
             Some((first, _)) => first,
             None => {
+                // The first row is taken to go on before the series, so the windows start full of it.
                 (0..self.taps.len()).for_each(|_| self.take(values, flags));
                 index
             }
@@ -134,6 +135,7 @@ impl Decimator {
     /// Gives the row in the middle of the windows up to `newest`, if it is asked for.
     fn give(&self, newest: u64, ready: &mut Vec<Decimated>) {
         let middle = newest.wrapping_sub(self.half_length());
+        // The differences wrap, since at first the middle lies before the series.
         let within = self.series.is_some_and(|(first, next)| middle.wrapping_sub(first) < next.wrapping_sub(first));
         if within && middle.is_multiple_of(self.every) {
             match self.taps.as_slice() {
@@ -165,6 +167,7 @@ impl Task for Weighted<'_> {
     #[inline(always)]
     fn run(self) -> [f64; LANES] {
         let (mut sums, mut taps) = ([0.0; LANES], self.taps.iter());
+        // One iterator of taps runs over both halves of the ring: the second continues where the first ends.
         let (older, newer) = self.window.as_slices();
         for rows in [older, newer] {
             for (row, tap) in rows.iter().zip(&mut taps) {
@@ -197,6 +200,7 @@ fn sinc(x: f64) -> f64 {
 /// below 8.
 fn bessel_i0(x: f64) -> f64 {
     let (mut sum, mut term) = (1.0, 1.0);
+    // For x = 8 the last term is (4⁴⁰/40!)² = 2e-48, far below the last digit of the sum.
     for k in 1..=40 {
         term *= x / (2.0 * f64::from(k));
         sum += term * term;

@@ -106,6 +106,7 @@ impl Salvage {
         let bytes = RECORD_HEAD + length;
         self.body.resize(usize::try_from(length).unwrap_or(LONGEST), 0);
         self.file.read_exact_at(&mut self.body, offset + RECORD_HEAD)?;
+        // The body is moved out, since `read` borrows `self`. Its memory is used again for the next record.
         let body = core::mem::take(&mut self.body);
         let read = self.read(opcode, &body, bytes);
         self.body = body;
@@ -118,6 +119,7 @@ impl Salvage {
             Err(fault) => {
                 // Where the next record would be if this one's length is right.
                 let next = offset + bytes;
+                // If a record stands there, only the content of this one is damaged.
                 let follows = next == self.file_bytes || self.head(next)?.is_some();
                 self.lose(if follows { next } else { offset + 1 }, cause(fault)).map(Some)
             }
@@ -154,6 +156,7 @@ impl Salvage {
         self.file.read_exact_at(&mut head, offset)?;
         let [opcode, length @ ..] = head;
         let length = u64::from_le_bytes(length);
+        // The length may be damaged, so it is bounded before memory is reserved by it.
         let fits = length <= self.file_bytes - offset - RECORD_HEAD && length <= LONGEST as u64;
         Ok((fits && (op::HEADER..=op::DATA_END).contains(&opcode)).then_some((opcode, length)))
     }
@@ -186,6 +189,7 @@ impl Salvage {
             let length = WINDOW.min(self.file_bytes - start) as usize;
             self.file.read_exact_at(&mut window[..length], start)?;
             for (place, byte) in window[..length].iter().enumerate() {
+                // `begins` reads from the file itself, so a record across two windows is found, too.
                 if matches!(*byte, op::CHUNK | op::METADATA) && self.begins(start + place as u64)? {
                     return Ok(start + place as u64);
                 }

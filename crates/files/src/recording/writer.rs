@@ -148,6 +148,8 @@ impl Writer {
     /// Everything but the footer. Returns how it is to end.
     fn write_all(&mut self) -> Result<Ending, RecordingError> {
         loop {
+            // Commands are taken before records. If this one ends the recording, everything pushed before it is
+            // in the rings, where `take_rest` finds it.
             let ending = self.take_commands();
             let taken = self.take_records()?;
             self.report_losses()?;
@@ -179,6 +181,7 @@ impl Writer {
                 Ok(Control::Open(source)) => self.sources.push(source),
                 Ok(Control::End(ending)) => return Some(ending),
                 Err(mpsc::TryRecvError::Empty) => return None,
+                // The recorder is gone and has not ended the recording, so the file must not look complete.
                 Err(mpsc::TryRecvError::Disconnected) => return Some(Ending::GivenUp),
             }
         }
@@ -191,9 +194,11 @@ impl Writer {
 
     /// Writes at most `most` records of each channel, of those that are in it now. Returns how many records there were.
     fn take_at_most(&mut self, most: usize) -> Result<usize, RecordingError> {
+        // The sources are moved out, since `write` borrows the whole writer.
         let mut sources = core::mem::take(&mut self.sources);
         let mut taken = 0;
         let written = sources.iter_mut().try_for_each(|source| {
+            // Only what is in the ring now: a producer as fast as this loop must not starve the other channels.
             for _ in 0..most.min(source.records.slots()) {
                 match slots::pop_record(&mut source.records, |record| self.write(record)) {
                     Some(written) => written?,
@@ -236,6 +241,7 @@ impl Writer {
     /// Writes one record, after a flush if its sample calls for one.
     fn write(&mut self, record: &Record) -> Result<(), RecordingError> {
         self.begin()?;
+        // The flush comes before the record, so that the file ends with a whole sample.
         self.flush_by_sample(record.sample())?;
         self.last_sample = self.last_sample.max(record.sample());
         match record {
@@ -417,6 +423,7 @@ impl Writer {
     fn summary(&self) -> Summary {
         Summary {
             path: self.sink.path().to_path_buf(),
+            // `close` fills it in, when the file is finished.
             bytes: 0,
             messages: Topic::ALL.map(|topic| (topic.name(), self.sink.messages(topic))).into(),
             samples: self.state_count,
@@ -453,6 +460,8 @@ impl Times {
 fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, RecordingError> {
     let written = sink.finish()?;
     file.publish().map_err(|error| RecordingError::publish(&summary.path, error))?;
+    // The file may have been moved or replaced while it was written. Without this check its loss would go
+    // unnoticed.
     match is_at(&written.metadata, &summary.path) {
         true => Ok(Summary { bytes: written.bytes, ..summary }),
         false => Err(RecordingError::Gone { path: summary.path }),
