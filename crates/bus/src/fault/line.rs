@@ -41,6 +41,8 @@ struct Held {
 
 impl Held {
     fn key(&self) -> (u64, u64) {
+        // A heap is not stable. The place lets frames due at the same time come out in the order in which they
+        // went in.
         (self.due_ns, self.place)
     }
 }
@@ -124,6 +126,7 @@ impl Line {
 
     /// Whether there is room for a frame, and its double for each fault that makes one.
     pub fn has_room(&self) -> bool {
+        // Each fault adds at most one copy of the next frame.
         self.held.len() + self.faults.len() < HELD
     }
 
@@ -145,6 +148,8 @@ impl Line {
             }
         }
         let mut due_ns = now_ns.saturating_add(delay_ns);
+        // A delayed frame holds up those behind it, as in a queue. Only with the fault `reordering` can it be
+        // overtaken.
         if keeps_place {
             due_ns = due_ns.max(self.last_due_ns);
             self.last_due_ns = due_ns;

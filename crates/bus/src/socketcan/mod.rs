@@ -230,6 +230,8 @@ impl Bus for SocketCan {
                         self.queue_full += 1;
                         return Ok(Sent::QueueFull);
                     }
+                    // The kernel rejects an FD frame by its length if the interface carries classical frames
+                    // only.
                     (Some(EINVAL | EMSGSIZE), FrameFormat::Fd { .. }) => {
                         return Err(BusError::FdNotEnabled { interface: self.interface.clone() });
                     }
@@ -244,6 +246,8 @@ impl Bus for SocketCan {
         self.socket()?;
         loop {
             let Some(slot) = self.incoming.pop() else {
+                // A batch that was not full was the last one, which saves a system call that would find
+                // nothing.
                 if self.incoming.take_last() || self.take_in(IfNone::Return)? != Came::Frames {
                     return Ok(None);
                 }
@@ -314,6 +318,7 @@ impl Bus for SocketCan {
 
     /// The kernel sends what it has queued.
     fn close(&mut self) -> Result<(), BusError> {
+        // The kernel's counter is lost with the socket, so it is read first.
         self.dropped_at_close = self.statistics().dropped;
         self.socket.take().map(drop).ok_or(BusError::Closed)
     }

@@ -102,6 +102,7 @@ impl Wire {
             return self.finish(sending);
         }
         match (self.contest(), self.recovered_ns()) {
+            // A node that recovers from bus-off by then takes part in the contest, so its recovery comes first.
             (Some((by, start_ns)), recovered_ns) if recovered_ns.is_none_or(|ns| ns > start_ns) => {
                 self.pass_idle(start_ns);
                 self.start(by, start_ns);
@@ -135,6 +136,8 @@ impl Wire {
             let (key, ready_ns) = ready(controller)?;
             (ready_ns <= start_ns).then_some((key, node))
         });
+        // The lowest key wins, as its dominant bits override those of the others. Equal keys are decided by the
+        // number of the node, so that a run is reproducible.
         contenders.min().map(|(_, node)| (node, start_ns))
     }
 
@@ -149,8 +152,10 @@ impl Wire {
         let whole = bits::of(frame);
         let on_wire = whole.total() - INTERMISSION;
         let hit = hit.filter(|bit| *bit < on_wire).map(|bit| (bit, ErrorCause::Bit));
+        // Without a listening node the ACK slot stays recessive, which is an error for the sender.
         let unheard =
             self.others(by).next().is_none().then_some((on_wire - BEHIND_ACK - 1, ErrorCause::Acknowledgement));
+        // The first error ends the frame, of whichever kind it is.
         let error = hit.into_iter().chain(unheard).min_by_key(|(bit, _)| *bit);
         let error = error.map(|(bit, cause)| Failure { bit, cause, noticed_after: self.noticed_after(by, frame, bit) });
         let before = match error {
@@ -195,6 +200,9 @@ impl Wire {
         if self.bit_error_rate <= 0.0 {
             return None;
         }
+        // The number of correct bits before the first error has a geometric distribution. Inverting it takes
+        // one random number per frame in place of one per bit, and log1p keeps the digits of a small error
+        // rate.
         let bits = libm::log1p(-self.chance.uniform()) / libm::log1p(-self.bit_error_rate);
         Some(libm::floor(bits) as u64)
     }
@@ -227,6 +235,8 @@ impl Wire {
                 self.controllers[by].judge();
             }
         }
+        // After sending, an error-passive node waits 8 more bits before it sends again (suspend transmission,
+        // ISO 11898-1).
         let is_passive = self.controllers[by].counters.state() == ErrorState::Passive;
         let suspension_ns = if is_passive { self.time_ns(SUSPENSION) } else { 0 };
         self.controllers[by].suspended_until_ns = self.free_ns + suspension_ns;
