@@ -77,6 +77,7 @@ impl CoreWatch {
     pub fn start(record: Option<Channel>, watched: Option<Watched>) -> std::io::Result<CoreWatch> {
         let (overruns, reported) = RingBuffer::new(OVERRUNS);
         let stop = Arc::new(AtomicBool::new(false));
+        // Made here, on the thread that is watched, and not on the one that watches it.
         let share = CoreShare::of_this_thread();
         let asked = Arc::clone(&stop);
         let thread = thread::Builder::new()
@@ -240,6 +241,7 @@ impl Spans {
         // Without a span to compare with, nothing that it waits is more than usual.
         let usual_ns = match self.usual {
             (_, 0) => waited_ns,
+            // In 128 bits, since in a long run the product of nanoseconds and turns can exceed 64.
             (usual_ns, usual_turns) => (u128::from(usual_ns) * u128::from(turns) / u128::from(usual_turns)) as u64,
         };
         (waited_ns.saturating_sub(usual_ns) > half_ns).then_some(Taken::Preempted)

@@ -132,6 +132,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.bench.handle_deadline(now_ns);
         self.exciter.handle_deadline(now_ns);
         loop {
+            // A frame may be answered at the same instant, so both ends are served until neither moves one.
             let before = self.moved();
             self.bench.transmit(now_ns, self.near)?;
             if let Err(error) = self.answer(now_ns) {

@@ -72,6 +72,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         // An unpaced round is system calls for the most part, and on some machines each look at the clock is one.
         loop {
             let begun_ns = self.wait_until_due(now_ns)?;
+            // Read before the sample goes out: only a plant that is armed when it publishes waits for an
+            // answer.
             let awaited = self.bench.node().is_armed();
             self.pace.note(self.bench.sample());
             self.bench.measure()?;
@@ -89,6 +91,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             }
             self.bench.advance(answered_ns)?;
             now_ns = self.pace.now_ns();
+            // The time spent waiting for the answer is not work of the plant.
             let exec_ns = published_ns - begun_ns + (now_ns - answered_ns);
             self.exec.record(exec_ns);
             self.bench.notify_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
@@ -109,6 +112,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             }
             let mut limit_ns = LOOK_NS;
             if !self.bench.node().is_armed() {
+                // If the plant is disarmed again, the silence begins anew with the next arming.
                 armed_at_ns = None;
                 if sends_readings && now_ns >= repeat_at_ns {
                     self.bench.publish_start()?;
@@ -162,6 +166,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
     /// Returns the time then.
     fn serve(&mut self, now_ns: u64, limit_ns: u64) -> Result<u64, RunError> {
         let sent = self.bench.transmit(now_ns, self.bus)?;
+        // Frames that the bus has not taken are offered again soon.
         let limit_ns = if sent { limit_ns } else { limit_ns.min(RETRY_NS) };
         let due_ns = self.bench.node().next_deadline_ns().saturating_sub(now_ns);
         if let Err(error) = self.bus.wait(Duration::from_nanos(due_ns.min(limit_ns))) {

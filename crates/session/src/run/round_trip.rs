@@ -42,6 +42,7 @@ impl RoundTrips {
     /// Notes that the samples up to `end`, exclusive, that were not noted before were given to the bus when the loop's
     /// clock read `run_ns` and the UNIX time was `unix_ns`.
     pub fn depart(&mut self, end: u64, run_ns: u64, unix_ns: u64) {
+        // Of a burst longer than the table only the newest samples fit.
         for sample in self.next.max(end.saturating_sub(KEPT as u64))..end {
             self.departures[sample as usize % KEPT] = Some(Departure { sample, run_ns, unix_ns });
         }
@@ -52,6 +53,7 @@ impl RoundTrips {
     /// UNIX epoch; without a stamp there is no telling when it came.
     pub fn arrive(&mut self, index: u16, run_ns: u64, stamp_ns: Option<u64>) {
         let departure = &mut self.departures[usize::from(index) % KEPT];
+        // The entry is taken, so that only the first command with this index counts.
         let Some(Departure { run_ns: since_ns, unix_ns, .. }) = departure.take_if(|left| left.sample as u16 == index)
         else {
             return;
