@@ -74,6 +74,8 @@ impl LatencyHistogram {
         for bucket in self.within.iter_recorded() {
             below += bucket.count_at_value();
             if below >= rank {
+                // A bucket stands for a range. Its upper end never understates a latency, and the longest is
+                // known exactly.
                 return self.within.highest_equivalent(bucket.value_iterated_to()).min(self.max_ns) as f64 / 1e3;
             }
         }

@@ -251,6 +251,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
         let deadline_ns = self.start_ns + self.rate.offset_ns(period);
         let ready_ns = self.clock.now_ns();
         let (woke_ns, held_up_since_ns, cause) = if ready_ns <= deadline_ns {
+            // The loop waits for this deadline, so a late wake-up misses only those after it.
             self.settled = period + 1;
             wait_until(self.clock, deadline_ns, self.spin_ns);
             (self.clock.now_ns(), deadline_ns, OverrunCause::WokeLate)
@@ -258,6 +259,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
             let work_ns = ready_ns.saturating_sub(self.last_woke_ns);
             (ready_ns, self.last_woke_ns, OverrunCause::of_work(work_ns, self.last_bus_ns))
         };
+        // Counted before an error may end the loop, so that the summary includes these deadlines.
         let missed = self.count_missed(woke_ns, cause);
         let late_ns = woke_ns.saturating_sub(deadline_ns);
         if late_ns > MAX_LAG_NS && self.policy != OverrunPolicy::Slip {
