@@ -82,6 +82,7 @@ impl Missed {
 
 fn keep<T>(halves: &mut BTreeMap<u64, T>, sample: u64, half: T) {
     halves.insert(sample, half);
+    // Many ticks never get an event, so the oldest halves are dropped.
     if halves.len() > HALVES_KEPT {
         halves.pop_first();
     }

@@ -60,6 +60,8 @@ fn magnification(largest: f64, now: f64) -> f64 {
         return now;
     }
     let wanted = 1.0 / largest;
+    // The range is wider than a step of 1, 2, 5, so that the picture does not alternate between two
+    // magnifications.
     if now > 1.0 && KEPT.contains(&(wanted / now)) {
         return now;
     }

@@ -228,6 +228,7 @@ impl Rows {
 
     /// Writes numbers into the row of a sample. A sample before those returned begins another series.
     fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) -> Option<&mut Row> {
+        // A sample older than those handed out begins another series.
         if sample < self.next {
             self.restart();
             (self.next, self.restarted) = (sample, true);
@@ -252,6 +253,7 @@ impl Rows {
 
     /// The next row that is complete, or gets no more data, or has waited long enough.
     pub fn pop(&mut self) -> Option<(u64, Row)> {
+        // A row whose other record was lost must not hold up all later ones.
         let is_due = self.pending.len() > LONGEST_WAIT;
         let is_over = |first: &Pending| is_due || first.sample < self.settled || first.known == LOAD | READINGS;
         self.pending.front().filter(|first| is_over(first))?;

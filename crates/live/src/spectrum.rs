@@ -51,8 +51,10 @@ impl Spectrum {
     /// Amplitudes of the lines from 0 to 125 Hz, or beyond the modes, without the mean. There must be as many `samples`
     /// as [`Spectrum::length`] returns; unknown ones count as 0.
     pub fn amplitudes(&self, samples: impl Iterator<Item = f32>) -> Vec<f32> {
+        // A missing sample counts as 0: NaN would spoil every line.
         let known = |value: f32| if value.is_finite() { f64::from(value) } else { 0.0 };
         let samples: Vec<f64> = samples.map(known).collect();
+        // The mean is removed, since the window would spread it over the lowest lines.
         let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
         let windowed =
             samples.iter().zip(&self.window).map(|(value, weight)| Complex::new((value - mean) * weight, 0.0));

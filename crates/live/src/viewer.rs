@@ -74,6 +74,7 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
             (model.introduction(source.lost()), shared.updates.subscribe())
         };
         let greeted = tokio::time::timeout(GREETING, send(&mut socket, introduction)).await;
+        // The turn is for the introduction alone. Updates are made once for all viewers.
         drop(turn);
         let outcome = match greeted.unwrap_or(Err(LetGo::TooSlow)) {
             Ok(()) => send_updates(&mut socket, shared, &mut updates, &mut nonsense).await,
