@@ -80,8 +80,8 @@ impl BusModel {
             Operation::BaudRate(rate_hz) => (rate_hz, self.rates.nominal_hz, "bit_rate_hz"),
             Operation::FdBaudRate(rate_hz) => (rate_hz, self.rates.data_hz, "data_bit_rate_hz"),
             Operation::Buffers(false) => {
-                // A frame that loses the arbitration always waits in its mailbox here. A node that wants it discarded
-                // is told that the bus does not do that.
+                // A frame that loses the arbitration always stays in its mailbox here, so the request to
+                // discard it can't be met.
                 let mut refused = Vec::new();
                 Operation::Buffers(false).write(&mut refused);
                 self.ports[index].terminal.send(&Operation::FormatError(refused));
@@ -95,7 +95,7 @@ impl BusModel {
     /// Says when countdown clocks tick next: now where something waits, else with the next event on the bus.
     fn schedule(&mut self) {
         let now_ns = self.clock.now_ns();
-        // All ends are of one bus, so any of them knows its next event.
+        // All ends share one bus, so the first knows the next event of each.
         let next_ns = self.ports.first_mut().and_then(|port| port.end.next_event_ns());
         for Port { terminal, .. } in &mut self.ports {
             let due_ns = if terminal.is_sending() { Some(now_ns) } else { next_ns };

@@ -168,6 +168,8 @@ impl Node {
     fn note_error(&mut self, code: BusErrorCode) {
         let errors = &mut self.controller.transmit_errors;
         let was_passive = *errors >= 128;
+        // An error-passive node does not count a missing acknowledgement. Otherwise a node that is alone on the
+        // bus would become bus-off (ISO 11898-1).
         if code == BusErrorCode::Bit || !was_passive {
             *errors += 8;
         }
@@ -185,6 +187,7 @@ impl Node {
     /// the next sample.
     fn schedule(&mut self) {
         let due_ns = match &self.end {
+            // Operations that wait, and the exchange before sample 0, need an event at this very time.
             _ if self.terminal.is_sending() || !self.samples => Some(self.now_ns),
             End::Plant(plant) => Some(plant.due_ns()),
             End::Exciter(_) => None,

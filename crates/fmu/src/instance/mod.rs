@@ -142,6 +142,7 @@ impl Instance {
     }
 
     fn model(&mut self) -> Result<&mut dyn Model, Fault> {
+        // Built when it is first needed, since parameters may be set until then.
         let model = match self.model.take() {
             Some(model) => model,
             None => model::build(&self.content, &self.parameters)?,
@@ -250,6 +251,7 @@ impl Instance {
             return Err(Fault::StepStart { got_s: from_s, at_s: self.time_s });
         }
         let to_s = from_s + length_s;
+        // A step below the resolution of the time would leave the FMU where it is, however often it is called.
         if length_s > 0.0 && to_s <= from_s {
             return Err(Fault::StepTooSmall { got_s: length_s, at_s: from_s });
         }
@@ -291,7 +293,7 @@ impl Instance {
             let reason = "its instantiation token is another one";
             return Err(Fault::Saved { call: "fmi3SetFMUState", reason });
         }
-        // With other parameters it is another plant, which has to be built before its state can be restored.
+        // The model is built from the parameters, so other ones need another model.
         if saved.parameters != self.parameters {
             self.model = None;
             self.parameters = saved.parameters.clone();
