@@ -1,9 +1,9 @@
 //! Lockstep: simulated time, advanced by the controller's answers, and held to the clock if a speed is asked for.
 //!
-//! Sample 0 is published when the plant is armed for the first time. On a user's protocol its readings are sent before
-//! that, too, again and again, for a controller that waits for a reading before it does anything. From then on an armed plant waits for the command
-//! that answers the sample it published, with the node's own timeout; after a fault or a disarm there is nobody to wait
-//! for, and the plant goes on at the sample rate.
+//! Sample 0 is published when the plant is armed for the first time. On a user's protocol its readings are also sent
+//! before that, repeatedly, for a controller that waits for a reading before it does anything. From then on an armed
+//! plant waits for the command that answers the sample it published, with the node's own timeout. After a fault or a
+//! disarm nobody answers, and the plant continues at the sample rate.
 
 use core::time::Duration;
 
