@@ -124,6 +124,7 @@ pub(crate) fn supervise<T: Send + 'static>(
         .map_err(start)?;
     let mut line = Line::new(name, length);
     runtime.block_on(watch(&signals, listening, &mut line, &mut on_tick, finished));
+    // Once more, for what has happened since the last beat.
     on_tick(&mut line, &signals);
     line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
