@@ -148,6 +148,7 @@ impl<C: Answering> ExciterNode<C> {
     pub fn stop(&mut self, now_ns: u64) {
         match self.work.phase {
             Phase::Playing => self.disarm(now_ns, ExciterOutcome::Stopped),
+            // The request to arm may be on its way, so the plant is disarmed all the same.
             Phase::Arming if self.plant_hello.is_some() => self.disarm(now_ns, ExciterOutcome::Stopped),
             Phase::Arming => self.work.phase = Phase::Done(ExciterOutcome::Stopped),
             Phase::Disarming(_) | Phase::Done(_) => {}
@@ -240,6 +241,7 @@ impl<C: Answering> ExciterNode<C> {
     fn watch(&mut self, now_ns: u64, state: NodeState) {
         self.plant_state = Some(state);
         if state == NodeState::BootUp {
+            // A plant that boots may be another one, so it must say hello again before it is armed.
             self.plant_hello = None;
         }
         match (self.work.phase, state) {
@@ -281,6 +283,8 @@ impl<C: Answering> ExciterNode<C> {
     fn heed_fault(&mut self, now_ns: u64, emergency: Emergency) {
         let incompatible = emergency.code == EmergencyCode::Incompatible;
         let no_hello_yet = incompatible && emergency.detail == Mismatch::NoHello as u16;
+        // The plant has not read this node's hello. It is sent with every attempt to arm, so the next one may
+        // succeed.
         if no_hello_yet {
             return;
         }
@@ -297,6 +301,7 @@ impl<C: Answering> ExciterNode<C> {
 
     /// In the classic profile a sample is complete with its last frame, accelerometer C.
     fn sample(&mut self, now_ns: u64, c: Acceleration) {
+        // Both are taken in any case, so that parts of an incomplete sample never join those of the next.
         let whole = self.head.take().zip(self.b.take());
         if let Some((head, b)) = whole.filter(|(head, b)| head.sample == c.sample && b.sample == c.sample) {
             let command = self.whole(now_ns, c.sample, &SensorValues::from_classic(&head, &b, &c));
@@ -360,6 +365,7 @@ impl<C: Answering> ExciterNode<C> {
             return;
         }
         self.link.send_hello(now_ns);
+        // A latched fault must be reset before the plant can be armed.
         if self.plant_state == Some(NodeState::Fault) {
             self.request(OperatorRequest::Reset);
         }
