@@ -43,6 +43,7 @@ impl<const N: usize> Rows<N> {
         let is_past = self.next.is_some_and(|next| sample < next);
         let row =
             (!is_past).then(|| self.waiting.entry(sample).or_insert(Row { values: [0.0; N], clipped: 0, came: 0 }));
+        // Of two frames of one message for the same sample the first counts.
         match row.filter(|row| row.came >> message & 1 == 0) {
             Some(row) => {
                 row.came |= 1 << message;

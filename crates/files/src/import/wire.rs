@@ -132,6 +132,7 @@ impl Gatherer {
                 return None;
             }
         };
+        // An older frame must not move the newest sample back.
         if self.last.is_none_or(|last| sample >= last.sample) {
             self.last = reader.index.last();
         }

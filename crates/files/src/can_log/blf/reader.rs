@@ -111,6 +111,7 @@ impl Reader {
             if object.kind()? != LOG_CONTAINER {
                 return Ok(Some(self.entry(&object)));
             }
+            // What remains is the beginning of an object that continues in this container.
             self.objects.drain(..core::mem::take(&mut self.taken));
             unpack(&object, &mut self.objects)?;
         }
@@ -125,6 +126,7 @@ impl Reader {
             let Some(base) = rest.get(padding..padding + BASE_HEAD) else { return Ok(None) };
             if base.starts_with(OBJECT_SIGNATURE) {
                 let end = padding + object_length(base)?;
+                // The object may continue in the next container.
                 let Some(object) = rest.get(padding..end) else { return Ok(None) };
                 let entry = self.entry(&Object::new(object));
                 self.taken += end;
@@ -189,6 +191,7 @@ fn object_length(base: &[u8]) -> Result<usize, BlfFault> {
 
 /// Checks a length against its limits.
 fn within(length: u32, least: usize) -> Result<usize, BlfFault> {
+    // The length comes from the file. Without a bound, a damaged one could ask for 4 GiB.
     let found = usize::try_from(length).ok().filter(|length| (least..=LONGEST).contains(length));
     found.ok_or(BlfFault::Length { got: length, least, most: LONGEST })
 }
