@@ -250,6 +250,7 @@ impl<'a> Bench<'a> {
     pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         self.handle_requests(now_ns);
         let mut outcome = Ok(());
+        // Bounded, so that a flooded bus can't keep the plant from its next sample.
         for _ in 0..FRAMES_AT_ONCE {
             match bus.receive() {
                 Ok(Some(received)) => self.take(now_ns, &received),
@@ -284,6 +285,7 @@ impl<'a> Bench<'a> {
             bus_timestamp_ns: received.timestamp_ns,
             frame: received.frame,
         };
+        // Recorded before it is checked, so that the recording also has the frames that are rejected.
         self.record(&Record::Frame(record));
         self.outage.iter_mut().for_each(Outage::hear);
         let refused = self.node.frames().refused;
@@ -384,6 +386,8 @@ impl<'a> Bench<'a> {
         if !self.is_observed() {
             return self.advance_plant(now_ns, &load);
         }
+        // The record joins the state at the sample with the load held from there on. It is written only if the
+        // step succeeds.
         let before = Record::State(self.state(&load, false));
         self.advance_plant(now_ns, &load)?;
         self.record(&before);
@@ -433,6 +437,7 @@ impl<'a> Bench<'a> {
     /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
     pub fn transmit(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<bool, RunError> {
         loop {
+            // The memory is used again, since a loop in real time must not allocate.
             let mut batch = core::mem::take(&mut self.batch);
             batch.clear();
             self.node.waiting_frames(FRAMES_SENT_AT_ONCE, &mut batch);
@@ -453,6 +458,7 @@ impl<'a> Bench<'a> {
     /// As [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
     pub fn transmit_timed(&mut self, now_ns: u64, unix_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         if self.transmit(now_ns, bus)? {
+            // A sample that the node still holds back has not departed.
             let end = self.samples - u64::from(self.node.holds_sample());
             self.round_trips.iter_mut().for_each(|round_trips| round_trips.depart(end, now_ns, unix_ns));
         }
@@ -479,6 +485,7 @@ impl<'a> Bench<'a> {
         if !error.is_recoverable() {
             return Err(error.into());
         }
+        // Further errors belong to the same outage, which is reported once.
         if let Some(outage) = &self.outage {
             return if outage.is_too_long(now_ns) { Err(error.into()) } else { Ok(()) };
         }

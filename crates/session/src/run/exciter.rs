@@ -194,6 +194,7 @@ impl<C: Clock> Run<'_, C> {
 
     /// Takes in what has come, at most [`FRAMES_AT_ONCE`] frames, and answers it; `true` if nothing is left unread.
     fn take_in(&mut self, now_ns: u64) -> Result<bool, BusError> {
+        // Bounded, so that a flooded bus can't keep the node from its deadlines.
         for _ in 0..FRAMES_AT_ONCE {
             let Some(received) = self.bus.receive()? else { return Ok(true) };
             self.outage.iter_mut().for_each(Outage::hear);
