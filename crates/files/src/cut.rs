@@ -160,6 +160,7 @@ fn options(recording: &Recording, existing: Existing) -> Options {
             RunTime::Lockstep => TimeBase::Lockstep { clock_epoch_unix_ns },
             RunTime::RealTime => TimeBase::RealTime { clock_epoch_unix_ns },
         },
+        // By samples and not by time, so that the same cut gives the same bytes.
         flush: FlushPolicy::Samples(1000),
         existing,
         naming: Naming::Whole,
@@ -195,6 +196,7 @@ impl Names {
         if self.0.len() == NAMES {
             return Err(RecordingError::Names { path: path.to_path_buf(), most: NAMES });
         }
+        // Records in a ring have static names. The number of names is bounded, and so is what is leaked.
         let name: &'static str = name.leak();
         self.0.insert(name);
         Ok(name)

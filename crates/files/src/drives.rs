@@ -106,7 +106,7 @@ impl Drive {
         heard
     }
 
-    /// Carries out the object writes that wait for SYNC.
+    /// Carries out the object writes that were waiting, as at SYNC.
     fn act(&mut self) {
         for (address, number) in std::mem::take(&mut self.waiting) {
             self.write(address, number);

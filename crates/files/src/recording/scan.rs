@@ -106,6 +106,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
                 if let (TopLevelRecord::BareMessage, None) = (record, &before_bare_messages) {
                     before_bare_messages = Some(tally.clone());
                 }
+                // On a copy, so that nothing of a chunk counts if any part of it is wrong.
                 match tally.clone().with(reader.contents()) {
                     Ok(with) => tally = with,
                     Err(cause) => break Err(reader.damaged(offset, cause)),
