@@ -58,6 +58,8 @@ impl Shared {
 
     /// Wakes a thread that waits in [`Shared::wait_while`]. With the lock no wake-up is missed.
     fn announce(&self) {
+        // Taking the lock waits for a waiter that is between its check and its sleep, and would miss the
+        // notification.
         drop(self.guard.lock().unwrap_or_else(PoisonError::into_inner));
         self.arrival.notify_all();
     }
@@ -93,6 +95,7 @@ impl Sender {
             let bus = self.bus.bind(py).clone();
             let class = self.message_class.bind(py).clone();
             loop {
+                // Read before the queue is emptied, so that everything queued before the closing is sent.
                 let closing = self.shared.closing.load(Ordering::Acquire);
                 while let Ok(frame) = self.outgoing.pop() {
                     if let Err(error) = self.send(&bus, &class, &frame) {
@@ -116,6 +119,7 @@ impl Sender {
         loop {
             match bus.call_method1("send", (&message,)) {
                 Err(error) if self.attempts > 0 && is_queue_full(bus.py(), &error) => {
+                    // Attempts count while closing only. Until then a full queue is waited for.
                     self.attempts -= u32::from(self.shared.closing.load(Ordering::Acquire));
                     bus.py().detach(|| thread::park_timeout(REST_AFTER_FULL));
                 }
