@@ -76,8 +76,8 @@ impl Spin {
             Spin::Auto => {
                 let p99_us = sleeps_p99_us(clock, rate.offset_ns(1).min(SLEEP_NS))?;
                 let p99_ns = (p99_us * 1e3) as u64;
-                // Where sleeps are later than the loop may spin, spinning would cost the core and still miss
-                // deadlines, so it is off.
+                // Sleeps later than the longest spin would end after the deadline even so: the spin would cost the core
+                // and gain nothing, so it is off.
                 Ok(Some(choice(if p99_ns <= most_ns { p99_ns } else { 0 }, Some(p99_us))))
             }
         }
