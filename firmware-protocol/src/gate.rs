@@ -87,6 +87,8 @@ impl CommandGate {
             Some(last) if answered == last => return Err(Refusal::Repeated),
             _ => {}
         }
+        // From here on the command is in sequence. It counts as judged even if it is refused below, so that a
+        // refused jump gives the next command no time.
         let periods = self.judged.replace(answered).map_or(1, |before| answered.saturating_sub(before).max(1));
         if check.range == Limit::Beyond {
             return Err(Refusal::OutOfRange);

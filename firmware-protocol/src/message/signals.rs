@@ -227,6 +227,7 @@ impl<F: FnMut(&'static str) -> Option<f64>> Getter<F> {
     /// A whole number from 0 to `max`.
     fn whole(&mut self, signal: &'static str, max: u32) -> Result<u32, SignalError> {
         let got = self.real(signal)?;
+        // The conversion saturates, and makes 0 of NaN. So the comparison rejects everything but whole numbers.
         let whole = got as u32;
         if f64::from(whole) == got && whole <= max {
             Ok(whole)
