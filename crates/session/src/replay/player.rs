@@ -95,6 +95,7 @@ pub fn play<C: Clock>(
         if is_last {
             break;
         }
+        // Counted from the start of the pass and not from now, so that delays do not add up.
         start_ns = due_ns(start_ns, length_ns, playback.speed);
     }
     if played.frames == 0 && !signals.is_stopped() {

@@ -53,6 +53,7 @@ impl StateGrid {
         let places = [index % self.counts[0], index / self.counts[0]];
         [0, 1].map(|axis| {
             let ([from, to], last) = (self.ends[axis], (self.counts[axis] - 1) as f64);
+            // Weighted ends in place of from + k · spacing: the last value is exactly the end.
             (from * (last - places[axis] as f64) + to * places[axis] as f64) / last
         })
     }
@@ -105,6 +106,7 @@ impl Basins {
                 let (journal, known) = Journal::open::<GridPart>(path, configuration)?;
                 for (k, GridPart { part, outcomes }) in known.into_iter().enumerate() {
                     let place = parts.get_mut(part).filter(|_| outcomes.len() == range(part, states).len());
+                    // Line 1 states the configuration, so point k is in line k + 2.
                     *place.ok_or_else(|| journal.damaged(k + 2, "part of this grid"))? = Some(outcomes);
                 }
                 Some(journal)
@@ -164,6 +166,7 @@ impl BasinComputation {
     pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
         let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
+        // An error on one thread stops the others, since the computation fails in any case.
         let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
         let compute = |part: usize| -> Result<Option<Vec<BasinOutcome>>, StudyError> {
             let outcomes = match self.basins.outcomes(range(part, self.basins.grid.len()), &stop) {
