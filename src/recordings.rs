@@ -26,7 +26,7 @@ pub(crate) fn open(path: &Path) -> Result<Recording, Failure> {
     Ok(recording)
 }
 
-/// Likewise opens one of several recordings.
+/// Opens one of several recordings, and warns with its path if it is not whole.
 pub(crate) fn open_one(path: impl AsRef<Path>) -> Result<Recording, Failure> {
     let recording = Recording::open(path)?;
     warn_of_one(&recording);
@@ -45,7 +45,7 @@ pub(crate) fn verdict(recording: &Recording) -> Verdict {
     verdict_of(recording.integrity())
 }
 
-/// Likewise by what was found of a recording.
+/// The same verdict, from what was found when the recording was read.
 pub(crate) fn verdict_of(integrity: &Integrity) -> Verdict {
     Verdict::of(*integrity == Integrity::Complete)
 }
