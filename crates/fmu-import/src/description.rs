@@ -81,7 +81,7 @@ fn is_true(node: &Node<'_, '_>, name: &str) -> bool {
 }
 
 impl Description {
-    /// Parses the text of a modelDescription.xml.
+    /// Parses the text of `modelDescription.xml`.
     pub fn parse(text: &str) -> Result<Description, ImportError> {
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         let document = Document::parse_with_options(text, options);
