@@ -21,7 +21,7 @@ pub(super) trait Spectral: System {
     /// ν of the series.
     fn period(&self) -> usize;
 
-    /// Changes H.
+    /// Changes the number of harmonics H of the series.
     fn set_harmonics(&mut self, harmonics: usize);
 
     /// Evaluates the motion of these unknowns; whether it exists.

@@ -38,7 +38,7 @@ const SMALLEST_PART: f64 = 1.0 / 300.0;
 /// A motion on a backbone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackboneMotion {
-    /// Ω/2π, Hz.
+    /// Frequency of the motion, Hz.
     pub frequency_hz: f64,
     /// The drive's peak that sustains the motion, N, or N·m at a joint; zero without damping.
     pub drive: f64,
@@ -50,7 +50,7 @@ pub struct BackboneMotion {
     pub harmonics: usize,
 }
 
-/// A backbone.
+/// A backbone: the motions of one mode, from small to large amplitudes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Backbone {
     /// Its motions, from small to large.

@@ -201,7 +201,7 @@ impl Balance {
         balance
     }
 
-    /// Changes H.
+    /// Changes the number of harmonics H.
     pub fn set_harmonics(&mut self, harmonics: usize) {
         self.harmonics = harmonics;
         self.evaluated.is_known = false;
@@ -218,7 +218,7 @@ impl Balance {
         self.harmonics
     }
 
-    /// ν.
+    /// Number of periods of the drive after which the motion repeats, ν.
     pub fn period(&self) -> usize {
         self.unknowns.period
     }
@@ -274,7 +274,7 @@ impl Balance {
         }
     }
 
-    /// Ω/2πν, Hz.
+    /// Base frequency of the Fourier series, Ω/2πν, Hz.
     pub fn base_hz(&self) -> f64 {
         self.frequency_hz / self.period() as f64
     }

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 pub enum Bending {
     /// It rises: the response curves lean to higher frequencies (stiff).
     Hardening,
-    /// It falls (soft).
+    /// The frequency falls with the amplitude (soft).
     Softening,
     /// It first rises, then falls.
     HardeningThenSoftening,

@@ -15,7 +15,7 @@ pub struct BranchOptions {
     pub most_harmonics: usize,
     /// The largest truncation error of H harmonics, relative to the size of the motion.
     pub truncation: f64,
-    /// The most points.
+    /// Largest number of points; a branch that needs more ends early.
     pub most_points: usize,
     /// The settings of the continuation.
     pub continuation: ContinuationSettings,

@@ -29,7 +29,7 @@ pub struct SingularPoint {
 pub struct Turn {
     /// Whether it is a cusp: the curve turns back in both coordinates at once, and two folds meet and vanish.
     pub is_cusp: bool,
-    /// The motion there.
+    /// The point of the curve at which it turns.
     pub point: SingularPoint,
     /// The number of points of the curve before it.
     pub index: usize,
@@ -179,7 +179,7 @@ pub(super) fn near(a: f64, b: f64) -> bool {
     libm::fabs(a - b) <= SAME * libm::fabs(b)
 }
 
-/// dμ/ds.
+/// Derivative of the second parameter along the curve, dμ/ds.
 fn along_mu(point: &Point) -> f64 {
     point.tangent.last().copied().unwrap_or(0.0)
 }

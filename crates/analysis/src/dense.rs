@@ -95,7 +95,7 @@ impl Lu {
         [iterate(&|b| self.solve(b)), iterate(&|b| self.solve_transposed(b))]
     }
 
-    /// The determinant.
+    /// The determinant as sign and logarithm, since a product of many pivots overflows.
     pub fn determinant(&self) -> Determinant {
         let exchanges = self.pivots.iter().enumerate().filter(|&(k, &pivot)| k != pivot).count();
         let start = Determinant { sign: if exchanges.is_multiple_of(2) { 1.0 } else { -1.0 }, log_magnitude: 0.0 };
@@ -111,7 +111,7 @@ impl Lu {
 pub struct Determinant {
     /// Its sign, 1 or −1.
     pub sign: f64,
-    /// ln |det|.
+    /// Natural logarithm of the determinant's magnitude.
     pub log_magnitude: f64,
 }
 
@@ -146,7 +146,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
-/// √Σ aᵢ².
+/// Euclidean norm √Σ aᵢ².
 pub(super) fn norm(a: &[f64]) -> f64 {
     libm::sqrt(dot(a, a))
 }

@@ -14,7 +14,7 @@ use resonarm_numeric::number::{rounded, short};
 /// A value of the parameter of a continuation, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// λ.
+    /// Value of the parameter λ.
     pub value: f64,
     /// Its unit, as in `22.1 Hz`; empty if it has none.
     pub unit: &'static str,
@@ -56,9 +56,9 @@ pub enum AnalysisError {
     /// No solution was found where one was sought.
     #[error("no solution at {at}: {refusal}; start elsewhere, away from a resonance, or lower the excitation")]
     NoSolution {
-        /// λ.
+        /// Parameter at the last point.
         at: Place,
-        /// Why.
+        /// Why the step was refused.
         refusal: StepRefusal,
     },
     /// A branch could not be followed further.
@@ -69,7 +69,7 @@ pub enum AnalysisError {
     Stuck {
         /// λ at the last point.
         at: Place,
-        /// The arclength there.
+        /// Arclength at the last point.
         arclength: f64,
         /// The last step tried.
         step: f64,
@@ -79,9 +79,9 @@ pub enum AnalysisError {
     /// A bifurcation that shows between two points could not be located.
     #[error("a bifurcation between {from} and {to} could not be located; try smaller steps or more harmonics")]
     NotLocated {
-        /// λ before it.
+        /// Parameter at the point before it.
         from: Place,
-        /// λ after it.
+        /// Parameter at the point after it.
         to: Place,
     },
     /// The series of a motion does not end.
@@ -89,7 +89,7 @@ pub enum AnalysisError {
         "at {at} the response needs more than {harmonics} harmonics; lower the excitation, or allow more harmonics"
     )]
     TooManyHarmonics {
-        /// λ.
+        /// Parameter at the last point.
         at: Place,
         /// The most that was allowed.
         harmonics: usize,
@@ -113,7 +113,7 @@ pub enum AnalysisError {
         to: f64,
         /// The unit of both.
         unit: &'static str,
-        /// The valid values.
+        /// The values that are valid, in words.
         domain: &'static str,
     },
     /// The excitation does not bring a mode to quadrature.
@@ -123,7 +123,7 @@ pub enum AnalysisError {
     NotDriven {
         /// The mode, 1 or 2.
         mode: usize,
-        /// Its natural frequency.
+        /// Natural frequency of the mode.
         at: Place,
     },
     /// There is no such mode.
@@ -161,7 +161,7 @@ pub enum AnalysisError {
     NotLinear {
         /// The number of the element, from 1.
         element: usize,
-        /// Its law.
+        /// Law of the element, by its name.
         law: &'static str,
     },
     /// A structure without damping can't have an element.
@@ -171,7 +171,7 @@ pub enum AnalysisError {
     Dissipates {
         /// The number of the element, from 1.
         element: usize,
-        /// Its law.
+        /// Law of the element, by its name.
         law: &'static str,
     },
     /// A specification is not a structure.
@@ -180,7 +180,7 @@ pub enum AnalysisError {
     /// Only folds and period doublings have curves, and only period doublings doubled branches.
     #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
     NotSingular {
-        /// The given value.
+        /// Kind of the bifurcation that was given.
         kind: &'static str,
     },
 }

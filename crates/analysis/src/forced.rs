@@ -68,7 +68,7 @@ impl Forced {
         Ok(Forced { assembly: self.assembly.with(parameter, value)?, ..self.clone() })
     }
 
-    /// The structure.
+    /// The structure that is driven.
     pub fn assembly(&self) -> &Assembly {
         &self.assembly
     }
@@ -121,7 +121,7 @@ impl Forced {
 /// What varies along a branch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinate {
-    /// Ω/2π, Hz.
+    /// Frequency of the drive Ω/2π, Hz.
     FrequencyHz,
     /// The peak of the drive, N, or N·m at a joint.
     Amplitude,

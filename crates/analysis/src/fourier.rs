@@ -75,7 +75,7 @@ impl Basis {
         self.harmonics
     }
 
-    /// N.
+    /// Number of samples a period, N.
     pub fn samples(&self) -> usize {
         self.turns.len()
     }

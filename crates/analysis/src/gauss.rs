@@ -1,7 +1,7 @@
 //! Gauss–Legendre collocation with four stages, for the flow of variations over a period: order 8, without numerical
 //! damping, with a relative frequency error of −(ωh)⁸/25 401 600.
 
-/// Stages.
+/// Number of stages of the Gauss–Legendre method.
 pub(crate) const S: usize = 4;
 
 /// The collocation method: a, a², b, bᵀa and c of Butcher's tableau.

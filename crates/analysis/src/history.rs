@@ -25,13 +25,13 @@ use super::ramp::Ramp;
 /// dv.
 #[derive(Clone, Copy, Debug, Default)]
 struct StepDerivative {
-    /// e.
+    /// Coefficient e of the change of the state before.
     by_state: f64,
-    /// p.
+    /// Coefficient p of the change of the displacement over the step.
     by_change: f64,
-    /// s₋ and s.
+    /// Coefficients s₋ and s of the changes of velocity at the start and the end.
     by_velocity: [f64; 2],
-    /// γ.
+    /// Coefficient γ of the change of frequency.
     by_frequency: f64,
     /// Of friction: whether the state ends free, and not held.
     free: f64,

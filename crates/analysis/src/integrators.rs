@@ -24,7 +24,7 @@ pub struct ModeError {
 /// The change of energy of a structure without damping and load, ideally zero.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnergyDrift {
-    /// Steps made.
+    /// Number of integration steps that were made.
     pub steps: u32,
     /// The last of `tenths` minus the first.
     pub change: f64,

@@ -62,7 +62,7 @@ impl LinearResponse {
         Ok(displacement * quantity.factor(omega) + carried)
     }
 
-    /// ∂x/∂q at rest.
+    /// Derivative of a displacement by the coordinates at rest, ∂x/∂q.
     fn direction(&self, dof: Dof) -> Vec<f64> {
         let n = self.assembly.coordinates();
         let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);

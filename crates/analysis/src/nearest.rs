@@ -20,11 +20,11 @@ impl Default for Distances {
 
 /// The place of a curve that is nearest to the origin.
 pub(crate) struct Foot<'a, T> {
-    /// Its distance.
+    /// Distance of that place from the origin.
     pub distance: f64,
     /// Between two neighbours, this share of the way from the first to the second.
     pub share: f64,
-    /// The neighbours.
+    /// The neighbours of that place on the curve.
     pub pair: [&'a T; 2],
 }
 

@@ -63,7 +63,7 @@ impl TraceOptions {
 pub struct Reading {
     /// The largest displacement from rest, without its sign.
     pub largest: f64,
-    /// The mean displacement.
+    /// Mean displacement over the period.
     pub mean: f64,
     /// The component at Ω: Im(harmonic1 · e^{iΩt}) with the drive at sin Ωt, so that its argument is the phase by which
     /// the motion leads the drive.
@@ -96,9 +96,9 @@ pub struct Stability {
 /// A periodic motion on a branch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orbit {
-    /// The coordinate.
+    /// Value of the coordinate that varies along the branch.
     pub value: f64,
-    /// Ω/2π, Hz.
+    /// Frequency of the drive, Hz.
     pub frequency_hz: f64,
     /// The peak of the drive, N, or N·m at a joint.
     pub drive: f64,
@@ -131,9 +131,9 @@ impl Orbit {
 /// A bifurcation on a branch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bifurcation {
-    /// Its kind.
+    /// Kind of the bifurcation.
     pub kind: BifurcationKind,
-    /// The motion there.
+    /// The periodic motion at the bifurcation.
     pub orbit: Orbit,
     /// The number of points of the branch before it.
     pub index: usize,
@@ -150,7 +150,7 @@ pub struct Unlocated {
     pub index: usize,
 }
 
-/// A branch.
+/// A branch of periodic motions with what was found on it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Branch {
     /// Its motions in order.

@@ -6,9 +6,9 @@ use alloc::vec::Vec;
 /// A maximum of an amplitude along a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
-    /// Its frequency, Hz.
+    /// Frequency of the maximum, Hz.
     pub frequency_hz: f64,
-    /// Its height, rad.
+    /// Amplitude at the maximum, rad.
     pub amplitude_rad: f64,
     /// How far the amplitude falls before it rises higher again, on the side where it falls less, relative to the
     /// height.

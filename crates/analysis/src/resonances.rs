@@ -6,9 +6,9 @@ use core::f64::consts::FRAC_1_SQRT_2;
 /// A maximum of an amplitude along a curve over the frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Summit {
-    /// Its frequency, Hz.
+    /// Frequency of the resonance, Hz.
     pub frequency_hz: f64,
-    /// The amplitude.
+    /// Amplitude at the resonance.
     pub amplitude: f64,
     /// The ends of the band around it in which the amplitude is at least 1/√2 of that, Hz.
     pub band_hz: [f64; 2],

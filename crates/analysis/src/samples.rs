@@ -41,7 +41,7 @@ pub(super) struct Samples {
 pub(super) struct Geometry {
     pub position: f64,
     pub velocity: f64,
-    /// ∂x/∂u.
+    /// Derivative of the displacement by the unknowns, ∂x/∂u.
     pub direction: [f64; MOST_COORDINATES],
     /// ∂²x/∂u² by rows and ∂v/∂u, of a chain.
     curvature: Option<([f64; MOST_LINKS * MOST_LINKS], [f64; MOST_LINKS])>,
@@ -94,12 +94,12 @@ impl Samples {
         self.rates.clear();
     }
 
-    /// N.
+    /// Number of samples a period, N.
     pub fn count(&self) -> usize {
         self.basis.samples()
     }
 
-    /// Functions a sample.
+    /// Number of functions that a sample evaluates.
     fn functions_count(&self) -> usize {
         2 * self.basis.harmonics() + 1
     }

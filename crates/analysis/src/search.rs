@@ -67,7 +67,7 @@ mod tests {
     use super::super::continuation::{Continuation, ContinuationSettings, Point, System};
     use super::{FINE, search};
 
-    /// x = λ.
+    /// A system whose branch is the line x = λ.
     struct Line;
 
     impl System for Line {

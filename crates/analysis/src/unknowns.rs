@@ -40,7 +40,7 @@ pub(super) struct Unknowns {
 
 #[derive(Clone, Debug)]
 pub(super) enum Body {
-    /// The coordinates.
+    /// A chain: the unknowns are those of its coordinates.
     Chain,
     /// The displacements of the elements.
     Condensed(Condensed),
@@ -63,7 +63,7 @@ pub(super) struct Condensed {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Kept {
     pub mode: usize,
-    /// c, m·√kg.
+    /// Coefficient of the cosine, m·√kg.
     pub cosine: f64,
 }
 
@@ -105,13 +105,13 @@ impl Unknowns {
         }
     }
 
-    /// m.
+    /// Number of unknowns of a harmonic, m.
     pub fn count(&self) -> usize {
         self.count
     }
 }
 
-/// ∂x/∂q at rest.
+/// Derivative of a displacement by the coordinates at rest, ∂x/∂q.
 pub(super) fn direction_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     let n = assembly.coordinates();
     let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);

@@ -37,7 +37,7 @@ impl Walk {
         &self.point
     }
 
-    /// All work.
+    /// Work of the walk so far, with what was undone.
     pub fn work(&self) -> Work {
         let mut work = self.work;
         work += self.continuation.work();

@@ -37,7 +37,7 @@ pub use super::dense::Determinant;
 
 /// n equations in n unknowns x and a parameter λ.
 pub trait System {
-    /// n.
+    /// Number of unknowns n.
     fn dimension(&self) -> usize;
 
     /// Writes R(x, λ) into `residual` (n) and its derivatives by x and then λ into `matrix`: n + 1 columns of n + 1
@@ -97,9 +97,9 @@ impl Default for ContinuationSettings {
 /// A solution and how the branch passes through it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
-    /// x.
+    /// The unknowns x.
     pub x: Vec<f64>,
-    /// λ.
+    /// The parameter λ.
     pub lambda: f64,
     /// The arclength from the start, in units of the local X.
     pub arclength: f64,
@@ -122,9 +122,9 @@ pub struct Work {
     pub evaluations: usize,
     /// Factorizations of bordered matrices.
     pub factorizations: usize,
-    /// Steps taken.
+    /// Steps that were accepted.
     pub steps: usize,
-    /// Steps undone.
+    /// Steps that were undone and tried again, shorter.
     pub rejections: usize,
 }
 
@@ -165,12 +165,12 @@ impl core::fmt::Display for StepRefusal {
 }
 
 impl ContinuationSettings {
-    /// Λ.
+    /// Scale Λ of the parameter at a value.
     pub(crate) fn lambda_scale(&self, lambda: f64) -> f64 {
         (self.parameter_fraction * lambda.abs()).max(self.parameter_floor)
     }
 
-    /// X.
+    /// Size X of the unknowns, the unit of the arclength.
     pub(crate) fn size(&self, x: &[f64]) -> f64 {
         norm(x).max(self.state_floor)
     }

@@ -98,12 +98,12 @@ impl Continuation {
         Continuation { settings, point, curvature, sigma, step, solver, through: Vec::new(), tangent: Vec::new() }
     }
 
-    /// The current point.
+    /// The point that the last step has reached.
     pub fn point(&self) -> &Point {
         &self.point
     }
 
-    /// Its work.
+    /// Work done so far.
     pub fn work(&self) -> Work {
         self.solver.work
     }

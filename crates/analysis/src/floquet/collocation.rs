@@ -28,9 +28,9 @@ const CHUNK: usize = 2048;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stages {
     harmonics: usize,
-    /// Steps a period.
+    /// Number of collocation steps in a period.
     steps: usize,
-    /// The first step.
+    /// Index of the first of these steps in the period.
     first: usize,
 }
 

@@ -87,7 +87,7 @@ impl Variations<'_> {
         Variations { balance, samples, states, spacing_s }
     }
 
-    /// m.
+    /// Number of unknowns of a harmonic, m.
     pub fn unknowns(&self) -> usize {
         self.balance.unknowns.count()
     }
@@ -137,7 +137,7 @@ impl Variations<'_> {
     }
 }
 
-/// The largest magnitude.
+/// Largest magnitude of a signal over the period.
 fn largest(signal: &[f64]) -> f64 {
     signal.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
 }
@@ -232,7 +232,7 @@ fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance)
     multipliers(if wanted > LEAST_LOG && off.is_finite() { whole * libm::exp(off) } else { whole })
 }
 
-/// ln |det Φ|.
+/// Logarithm of the magnitude of the flow's determinant, ln |det Φ|.
 fn log_determinant(flow: &DMatrix<f64>) -> f64 {
     libm::log(flow.determinant().abs())
 }
@@ -267,7 +267,7 @@ fn average(samples: &mut Samples) {
     }
 }
 
-/// The eigenvalues.
+/// Multipliers as eigenvalues of the flow; `None` if they can't be computed.
 fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
     let n = flow.nrows();
     if flow.iter().any(|value| !value.is_finite()) {

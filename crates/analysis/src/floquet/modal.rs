@@ -118,7 +118,7 @@ enum Then {
 struct Plan<'a> {
     condensed: &'a Condensed,
     h: f64,
-    /// C by rows.
+    /// Matrix C = ΦΦᵀ of the places, by rows.
     coupling: Vec<f64>,
     impulses: Vec<Impulse>,
     /// The flow of the modes over as many halves of a step; empty where it is not needed.
@@ -195,7 +195,7 @@ struct Columns<'a> {
 impl<'a> Task for Columns<'a> {
     type Output = Option<Columns<'a>>;
 
-    /// Over all events.
+    /// Carries the columns through all events of the plan.
     #[inline(always)]
     fn run(mut self) -> Option<Columns<'a>> {
         let plan = self.plan;

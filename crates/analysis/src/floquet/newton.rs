@@ -15,7 +15,7 @@ use super::varied::{OMITTED, Varied};
 const WINDOWS: [usize; 4] = [6, 9, 14, 24];
 /// Harmonics of which one is taken as p₀.
 const TRIED: usize = 4;
-/// Iterations at most.
+/// Iterations after which Newton's method gives up.
 const ITERATIONS: usize = 8;
 /// The error over Ω.
 const CONVERGED: f64 = 1e-10;

@@ -20,7 +20,7 @@ pub(super) struct Varied {
     pub weights: Vec<f64>,
     pub squares: Vec<f64>,
     pub dampings: Vec<f64>,
-    /// Ω, rad/s.
+    /// Angular frequency of the motion Ω, rad/s.
     pub omega: f64,
     /// S and G of the harmonics 0, `step`, 2 `step` …; all beyond are negligible.
     pub coefficients: Vec<[Complex<f64>; 2]>,
@@ -94,12 +94,12 @@ impl Varied {
         if self.damps { s + rate * g } else { s }
     }
 
-    /// s + ikΩ.
+    /// Exponent of a harmonic of the disturbance, s + ikΩ, 1/s.
     pub fn rate(&self, s: Complex<f64>, harmonic: isize) -> Complex<f64> {
         Complex::new(s.re, s.im + harmonic as f64 * self.omega)
     }
 
-    /// H.
+    /// Compliance H of the linear structure at an exponent.
     pub fn compliance(&self, s: Complex<f64>) -> Complex<f64> {
         let add = |lanes: &mut [[f64; 4]; 4], lane: usize, [weight, _]: [f64; 2], [re, im]: [f64; 2]| {
             let scale = weight / (re * re + im * im);

@@ -26,7 +26,7 @@ pub enum FrfError {
     #[error(
         "the response at {frequency_hz} Hz is infinite: nothing damps this mode; give the joints damping or move off", frequency_hz = short(.frequency_hz))]
     Unbounded {
-        /// The frequency, Hz.
+        /// Frequency at which it is infinite, Hz.
         frequency_hz: f64,
     },
     /// Nothing holds the structure at 0 Hz.

@@ -22,7 +22,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Every quantity.
+    /// Every quantity, by rising order of the derivative.
     pub const ALL: [Quantity; 3] = [Quantity::Receptance, Quantity::Mobility, Quantity::Accelerance];
 
     /// The name by ISO 7626-1, on the command line and in documents.
@@ -48,7 +48,7 @@ impl Quantity {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no quantity `{got}`: it must be one of {known}", known = Quantity::ALL.map(Quantity::name).join(", "))]
 pub struct UnknownQuantity {
-    /// The given value.
+    /// The text that was given.
     pub got: String,
 }
 

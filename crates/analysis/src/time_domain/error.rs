@@ -36,15 +36,15 @@ pub enum TimeDomainError {
     /// Both ends of a sweep must be numbers, and different.
     #[error("a sweep from {from} to {to}: both ends must be numbers, and different", from = short(.from), to = short(.to))]
     Interval {
-        /// One end.
+        /// One end of the interval.
         from: f64,
-        /// The other.
+        /// The other end of the interval.
         to: f64,
     },
     /// A sweep has too few points, or too many.
     #[error("a sweep of {got} points: it must have from 2, one at each end, to {most}")]
     Points {
-        /// The given value.
+        /// The number of points that was given.
         got: u32,
         /// Most points of a sweep.
         most: u32,
@@ -56,7 +56,7 @@ pub enum TimeDomainError {
     Undamped {
         /// Its number, from 1.
         mode: usize,
-        /// ζ.
+        /// Damping ratio ζ of the mode.
         damping_ratio: f64,
     },
     /// Nothing holds the structure.
@@ -73,7 +73,7 @@ pub enum TimeDomainError {
     Option {
         /// Name of the option.
         name: &'static str,
-        /// The given value.
+        /// The value that was given.
         got: f64,
     },
     /// A step can't be made.
@@ -81,7 +81,7 @@ pub enum TimeDomainError {
     Step {
         /// Frequency of the excitation, Hz.
         frequency_hz: f64,
-        /// Why.
+        /// Why the step can't be made.
         source: StepError,
     },
     /// No structure has this value of a parameter that is swept.

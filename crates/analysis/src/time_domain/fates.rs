@@ -17,7 +17,7 @@ use super::settle::{CLOSURE, STRETCH};
 pub enum BasinOutcome {
     /// It reaches a stable motion.
     Reaches {
-        /// Its index.
+        /// Index of the stable motion.
         motion: usize,
         /// Periods of the excitation until this was certain.
         periods: u64,

@@ -22,7 +22,7 @@ const PREDICTED: f64 = 0.25;
 const LINEAR: f64 = 0.01;
 /// A deviation of at most this part of the motion is near the fixed point.
 const NEAR: f64 = 0.1;
-/// Squarings: 2⁴⁰ periods.
+/// Squarings of the derivative: they reach 2⁴⁰ periods.
 const SQUARINGS: i32 = 40;
 
 /// A stable fixed point of the map's power: a motion that repeats, to which its neighbours converge.
@@ -122,7 +122,7 @@ impl FixedPoint {
 /// The linearisation at a fixed point over a stretch of several returns.
 pub(crate) struct Linearised<'a> {
     fixed_point: &'a FixedPoint,
-    /// Mᵏ.
+    /// Power Mᵏ of the map's derivative.
     power: DMatrix<f64>,
     /// 1 − ρᵏ, ρ = max |μ|: at least this part of a small deviation is gone after the stretch.
     decay: f64,
@@ -182,7 +182,7 @@ fn shorter_period(map: &StroboscopicMap, point: &DVector<f64>, period: u32) -> O
         .find(|fewer| map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size(point)))
 }
 
-/// Mᵏ by squaring.
+/// Power Mᵏ of a matrix, by squaring.
 fn power(matrix: &DMatrix<f64>, exponent: u64) -> DMatrix<f64> {
     let n = matrix.nrows();
     let (mut result, mut square, mut left) = (DMatrix::identity(n, n), matrix.clone(), exponent);

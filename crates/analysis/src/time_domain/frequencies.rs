@@ -61,7 +61,7 @@ fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_
 /// The frequencies of a sweep, Hz, and what they miss.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepFrequencies {
-    /// The frequencies.
+    /// Frequencies of the sweep, Hz.
     pub grid: Grid,
     /// The resonances in whose half-power band no step lies.
     pub stepped_over: Vec<Resonance>,

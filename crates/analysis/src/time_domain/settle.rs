@@ -135,7 +135,7 @@ impl Follower<'_> {
         self.map.to_point(&self.state)
     }
 
-    /// Plain integration.
+    /// Integrates the motion over some periods and keeps its last points.
     fn advance(&mut self, periods: u64) -> Result<(), TimeDomainError> {
         for period in 0..periods {
             if period % 64 == 0 && (self.stop)() {

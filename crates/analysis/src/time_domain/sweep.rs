@@ -16,9 +16,9 @@ pub(crate) const STEPS: u32 = 101;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
-    /// From the lowest.
+    /// From the lowest value to the highest.
     Up,
-    /// From the highest.
+    /// From the highest value to the lowest.
     Down,
 }
 
@@ -65,7 +65,7 @@ impl Grid {
         self
     }
 
-    /// The values, rising.
+    /// The values in rising order.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
