@@ -21,6 +21,7 @@ impl Tester<'_> {
         self.source.sent_ns = now_ns;
         self.source.due_ns = match self.source.samples {
             Samples::Awaited => u64::MAX,
+            // At least half a period later: a sample that was late is not followed by a burst.
             _ => (self.source.due_ns + period_ns).max(now_ns + period_ns / 2),
         };
         let index = self.source.index;
@@ -44,6 +45,7 @@ impl Tester<'_> {
                 damage.apply(&mut self.ends, self.settings.seed.wrapping_add(self.source.damaged), make)
             }
             _ => {
+                // Kept so that a later frame can repeat the counter of this one.
                 self.ends.before = self.ends.transmitter.clone();
                 make(&mut self.ends.transmitter)
             }
@@ -57,6 +59,7 @@ impl Tester<'_> {
             (Samples::Soak, Some(soak)) => soak.samples(self.network.profile()),
             (samples, _) => samples,
         };
+        // The last frame with an index decides: a bad one closes it, a good one opens it again.
         match samples {
             Samples::Without(_) | Samples::Damaged(_) => self.source.closed.insert(index),
             _ => self.source.closed.remove(&index),
@@ -83,6 +86,7 @@ impl Tester<'_> {
         if self.source.samples == Samples::Awaited && sample == self.source.index.wrapping_sub(1) {
             self.source.due_ns = self.source.sent_ns + sample_period_ns(self.hello.rate_hz);
         }
+        // `insert` returns `false` if the sample is closed: it was bad, or has been answered.
         if self.source.samples == Samples::Soak && !self.source.closed.insert(sample) {
             self.source.wrong = Some(sample);
         }

@@ -14,7 +14,7 @@ use resonarm_session::run::Mode;
 /// of another type: [`WireCase`](super::WireCase).
 #[derive(Clone, Copy, Debug)]
 pub struct Case<S = Script> {
-    /// Its name.
+    /// Name of the case, such as `plant-hello`.
     pub id: &'static str,
     /// The kind of node tested.
     pub tested: Node,

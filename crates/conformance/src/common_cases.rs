@@ -33,6 +33,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(WATCH_NS)?;
     let is_heartbeat = |message: &Message| matches!(message, Message::Heartbeat(_));
     let mut times: Vec<u64> = t.heard.iter().filter(|h| is_heartbeat(&h.message)).map(|h| h.at_ns).collect();
+    // An exciter may end by itself before it is watched.
     if times.is_empty() && t.tested == Node::Exciter && t.heard.iter().all(|heard| heard.at_ns < start_ns) {
         return inconclusive("it left the bus");
     }
@@ -49,6 +50,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
             ms(t.now_ns() - start_ns)
         ));
     }
+    // The times before the first heartbeat and after the last are gaps, too.
     times.insert(0, start_ns.min(times.first().copied().unwrap_or(start_ns)));
     times.push(t.now_ns());
     let longest_ns = times.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(WATCH_NS);
@@ -57,6 +59,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
         return Ok(());
     }
     let text = format!("no heartbeat for {}, at most {} is allowed", ms(longest_ns), ms(HEARTBEAT_PERIOD_NS));
+    // If most are missing, no single stop of the node explains it.
     if came < WATCH_NS / HEARTBEAT_PERIOD_NS / 2 { failed(text) } else { late(text) }
 }
 
@@ -76,6 +79,7 @@ pub(super) fn remote_frames(t: &mut Tester) -> Result<(), Stop> {
         Node::Exciter => exciter_role::begin(t)?,
     }
     let duration_ns = REMOTE_FRAMES * REMOTE_PERIOD_NS;
+    // Without remote frames, for comparison.
     let before = t.heard.len();
     t.run_ns(duration_ns + MARGIN_NS)?;
     let from = t.heard.len();
@@ -99,6 +103,8 @@ pub(super) fn remote_frames(t: &mut Tester) -> Result<(), Stop> {
         let (without, with) = (count(&t.heard[before..from], kind), count(&t.heard[from..], kind));
         let is_answered = match kind.cycle() {
             Cycle::Sample => indices(&t.heard[before..], kind).windows(2).any(|two| two[0] == two[1]),
+            // By its events a node may send twice as much by chance; an answer to every second remote frame is no
+            // chance.
             Cycle::Period { .. } | Cycle::Event => with > 2 * without + REMOTE_FRAMES / 2,
         };
         if is_answered {

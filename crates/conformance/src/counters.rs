@@ -45,11 +45,13 @@ impl Counters {
                 return;
             }
             Ok(Some(message)) => (message.kind(), sample(message)),
+            // A frame that is refused for its counter shows the counter, too.
             Err(DecodeError::Counter { kind, .. }) => (*kind, None),
             Ok(None) | Err(_) => return,
         };
         let (data, protection) = (frame.data(), kind.form(network.profile()).and_then(|form| form.protection));
         match protection {
+            // Profile 11 has the counter in the lower half of byte 1, profile 5 in byte 2.
             Some(Protection::Profile11) => self.step(kind, Protection::Profile11, data[1] & 0xF, sample),
             Some(Protection::Profile5) => self.step(kind, Protection::Profile5, data[2], sample),
             None => {}

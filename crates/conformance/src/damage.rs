@@ -24,7 +24,7 @@ pub(super) enum Damage {
     ReservedBit,
     /// Its first value is not available, or not a number.
     NotAvailable,
-    /// A 29-bit identifier.
+    /// A 29-bit identifier with the same number.
     Extended,
     /// The identifier of a network with another base; everything else is right.
     Base,
@@ -92,6 +92,7 @@ impl Damage {
             Damage::Format => return Frame::classic(frame.id(), &data[..8]),
             Damage::Repeated | Damage::Jump | Damage::DataId => {}
         }
+        // These have to be refused for their content, so their CRC must be right.
         if let (Damage::ReservedBit | Damage::NotAvailable, Some(data_id)) = (self, data_id(network, frame)) {
             protect(&mut data, data_id);
         }

@@ -101,10 +101,12 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     t.note(format!("{} of {sent} samples answered", answers.count));
     let awaited = Answered::new(&answered, awaited, AWAITED);
     t.note(format!("{} of {AWAITED} awaited ones", awaited.count));
+    // On a busy machine some answers are lost, but not more than a fifth.
     if 5 * answers.missing() > answers.sent + 10 {
         return late(format!("it answers {} of {sent} samples", answers.count));
     }
     judge_awaited(&awaited)?;
+    // When no more samples come, the last answer is to the last sample.
     t.source.samples = Samples::Off;
     t.run_ns(MARGIN_NS)?;
     match (commands(t, from).last(), t.source.index.wrapping_sub(1)) {
@@ -168,6 +170,7 @@ impl Answered {
     pub fn new(commands: &[u16], first: u16, sent: u16) -> Answered {
         let mut is_answered = alloc::vec![false; usize::from(sent)];
         for sample in commands {
+            // Answers to earlier samples wrap around to numbers beyond the series.
             if let Some(sample) = is_answered.get_mut(usize::from(sample.wrapping_sub(first))) {
                 *sample = true;
             }
@@ -241,6 +244,7 @@ fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     let (from, bad) = (t.heard.len(), t.source.index);
     let period_ns = sample_period_ns(t.hello.rate_hz);
     t.source.samples = samples;
+    // Three bad samples by their index, however long the tester is held up.
     while t.source.index.wrapping_sub(bad) < 3 {
         t.run_ns(period_ns)?;
     }
@@ -419,6 +423,7 @@ fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
             Some(Message::Emergency(e)) if e.code == EmergencyCode::Leaving => return Ok(()),
             Some(Message::Emergency(_)) => {}
             Some(_) => return failed("it boots again, and did not say before that it leaves"),
+            // All that was heard is older: the exciter is gone.
             None if t.heard[from..].iter().all(|heard| heard.at_ns + GONE_NS < t.now_ns()) => {
                 return failed(format!("it is silent for {}, and did not say before that it leaves", ms(GONE_NS)));
             }
@@ -437,7 +442,7 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
     ends(t, from, NodeState::PreOperational)
 }
 
-/// The plant leaves.
+/// The plant leaves: the exciter ends, and is not in fault.
 pub(super) fn plant_leaves(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     t.source.arms = false;

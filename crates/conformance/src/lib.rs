@@ -84,9 +84,9 @@ pub enum Verdict {
 /// The findings of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// The verdict.
+    /// Verdict on the node under test.
     pub verdict: Verdict,
-    /// Measurements, in words.
+    /// Measurements of the last try, in words.
     pub measured: Vec<String>,
     /// Duration, ns on the wire's clock, of all tries.
     pub took_ns: u64,

@@ -21,6 +21,7 @@ fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
     t.answers = Answers::None;
     t.run_ns(MARGIN_NS)?;
     match forces(t, 0).last() {
+        // The last sample was answered, and the next did not come: there is none to leave unanswered.
         Some((sample, _)) if t.answered == Some(sample) => {
             late(format!("after the answer to sample {sample} no other came within {}", ms(MARGIN_NS)))
         }

@@ -92,6 +92,7 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     let answers = Answered::new(&second, first.div_ceil(2), sent / 2);
     let pairs = sent / 2;
     t.note(format!("{} of {pairs} pairs answered", answers.count));
+    // As for single samples, not more than a fifth may be lost.
     match 5 * answers.missing() > usize::from(pairs) + 10 {
         true => late(format!("it answers {} of {pairs} pairs", answers.count)),
         false => Ok(()),

@@ -73,6 +73,8 @@ pub(super) fn arms_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     };
     let mut version = own.version;
     version.major += 1;
+    // Of several mismatches the first in the order of version, profile, hash and rate is reported; the last two
+    // hellos have two each.
     for (hello, mismatch) in [
         (Hello { version, ..own }, Mismatch::Version),
         (Hello { dbc_hash: own.dbc_hash ^ 1, ..own }, Mismatch::DbcHash),
@@ -330,6 +332,7 @@ pub(super) fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Sto
     let mut after = 0;
     for (sample, read_n) in forces(t, from) {
         let n = sample.wrapping_sub(left_at);
+        // Beyond half of the range the sample is one from before.
         if n == 0 || n > 0x8000 {
             continue;
         }

@@ -30,9 +30,9 @@ pub struct Settings {
 /// A sine that an exciter is set to command, alone, after its own ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedSine {
-    /// Its frequency, Hz.
+    /// Frequency of the sine, Hz.
     pub frequency_hz: f64,
-    /// Its amplitude.
+    /// Amplitude of the sine.
     pub amplitude: SineAmplitude,
 }
 

@@ -324,6 +324,7 @@ fn refined(points: &[(f64, f64)], frequency_hz: f64) -> Option<(Fit, f64)> {
     let between_s = middle(second) - middle(first);
     let mut frequency_hz = frequency_hz;
     for _ in 0..REFINEMENTS {
+        // With a frequency that is off, the phase of the second half runs away from that of the first.
         let phase_rad = wrapped(fit(second, frequency_hz)?.phase_rad - fit(first, frequency_hz)?.phase_rad);
         frequency_hz += phase_rad / (TAU * between_s);
     }
@@ -376,6 +377,7 @@ fn sine_at(points: &[(f64, f64)], frequency_hz: f64, rate_hz: f64) -> Option<Fit
         return None;
     }
     let (min, max) = range(points);
+    // Over little more than a period a large sine beside a large constant would fit almost anything.
     let is_within = |fit: &Fit| fit.amplitude <= (1.0 + TOLERANCE) * (max - min) / 2.0;
     fit(points, frequency_hz).filter(Fit::is_sine).filter(is_within)
 }
@@ -415,6 +417,7 @@ fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: 
             return format!("it commands {:.4} {} along {}; {expected}", fit.amplitude, other.unit(), other.name());
         }
     }
+    // Radians in place of periods, half and double, and wrong powers of ten.
     let ratios = [1.0, 1.0 / TAU, TAU, 0.5, 2.0, 0.1, 10.0, 0.01, 100.0, 0.001, 1000.0];
     for guess_hz in ratios.map(|ratio| ratio * frequency_hz) {
         let near_hz = refined(&own, guess_hz).map_or(guess_hz, |(fit, _)| fit.frequency_hz);

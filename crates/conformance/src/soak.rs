@@ -13,12 +13,12 @@ const STREAM: u64 = 2;
 /// Most bad frames in a row: a receiver accepts a frame after three losses.
 const MOST_BAD: u32 = 2;
 
-/// The random choices.
+/// Random choices of a soak, with the numbers of frames sent.
 #[derive(Debug)]
 pub(super) struct Soak {
     noise: Noise,
     bad_in_row: u32,
-    /// Good frames sent.
+    /// Number of good frames sent.
     pub good: u64,
     pub bad: u64,
 }

@@ -32,6 +32,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     while left_ns > 0 {
         drive(t)?;
         t.held_up_ns = 0;
+        // One sample more than the plant still accepts.
         let limit = i16::try_from(COMMAND_AGE_NS.div_ceil(period_ns(t)) + 1).unwrap_or(i16::MAX);
         t.answers = Answers::Soak(t.settings.force_n, limit);
         left_ns = left_ns.saturating_sub(soaked(t, left_ns)?);

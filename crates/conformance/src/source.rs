@@ -13,10 +13,10 @@ pub(super) const FRAMES: usize = 3;
 /// How samples are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Samples {
-    /// None is sent.
+    /// No sample is sent.
     #[default]
     Off,
-    /// They are sent.
+    /// Every sample is sent, undamaged.
     Steady,
     /// The frame with this number, from 0, is omitted from each; in the FD profile a sample is one frame.
     Without(usize),

@@ -152,6 +152,7 @@ impl<'w> Tester<'w> {
 
     pub fn send_state(&mut self, state: NodeState) -> Result<(), Stop> {
         self.state = state;
+        // Twice as often as demanded, so that one that is late is no silence of the tester.
         self.heartbeat_at_ns = self.now_ns() + HEARTBEAT_PERIOD_NS / 2;
         self.send(&Message::Heartbeat(Heartbeat { node: self.tested.partner(), state }))
     }
@@ -186,6 +187,7 @@ impl<'w> Tester<'w> {
         self.send_state(NodeState::BootUp)?;
         self.send_state(NodeState::PreOperational)?;
         self.is_alive = true;
+        // Hellos are repeated from the first that the case sends on.
         self.hello_at_ns = u64::MAX;
         Ok(())
     }
@@ -269,6 +271,7 @@ impl<'w> Tester<'w> {
         let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns()).min(load_ns);
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
+        // What the planned wait does not explain is a hold-up of this process.
         self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
         self.looked_at_ns = now_ns;
         match frame {
@@ -329,6 +332,7 @@ impl<'w> Tester<'w> {
                 self.ends.transmitter.frame(&message).ok()
             }
         };
+        // Only an undamaged command for the sample itself is one that the plant must take.
         if matches!(answers, Answers::Force(_)) {
             (self.answered, self.answered_ns) = (Some(sample), self.now_ns());
         }

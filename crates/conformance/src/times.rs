@@ -3,7 +3,7 @@
 use alloc::format;
 use alloc::string::String;
 
-/// A millisecond, ns.
+/// One millisecond, in ns.
 pub(super) const MS: u64 = 1_000_000;
 
 /// How long a machine may hold a process up, ns: the margin of everything that is judged on the clock.

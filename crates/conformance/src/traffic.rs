@@ -25,7 +25,7 @@ pub struct Traffic {
     pub others: BTreeMap<Id, u64>,
     /// Frames of further identifiers.
     pub further_others: u64,
-    /// The commands received.
+    /// Ranges of the commands received.
     pub commands: Commands,
     /// Of a user's own protocol: frames of the node under test whose form is right, by message.
     pub user_taken: BTreeMap<String, u64>,
@@ -36,7 +36,7 @@ pub struct Traffic {
 /// Frames of one message of a user's own protocol that were refused for one kind of fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UserRefused {
-    /// The message.
+    /// Name of the message.
     pub message: String,
     /// The fault of the first of them.
     pub fault: Fault,
@@ -79,9 +79,9 @@ impl fmt::Display for Refused {
 /// The smallest and the largest of several values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// The smallest.
+    /// Smallest of the values.
     pub min: f64,
-    /// The largest.
+    /// Largest of the values.
     pub max: f64,
 }
 
@@ -105,7 +105,7 @@ fn widen(range: &mut Option<Range>, min: f64, max: f64) {
 }
 
 impl Commands {
-    /// Takes a command.
+    /// Widens the ranges by a command.
     fn note(&mut self, message: &Message) {
         match *message {
             Message::Force(ForceCommand { force_x_n, force_y_n, .. }) => {

@@ -84,6 +84,8 @@ pub(super) fn tries(
         tries += 1;
         let Try { result, held_up_ns, silent_ns, measured, traffic } = attempt(wire)?;
         let is_held_up = held_up_ns > limits.held_up_ns || silent_ns > limits.silent_ns;
+        // The node must be slow in several tries to fail; and an undecided try counts for nothing if a hold-up
+        // explains it.
         let says_nothing = match &result {
             TryResult::Slow(text) => {
                 (slow, slow_text) = (slow + 1, text.clone());
@@ -153,6 +155,7 @@ fn judge(outcome: Result<(), Stop>, subject: &mut impl Subject, limits: Limits) 
         Stop::Bus(error) => return Err(error),
         Stop::Skipped(text) => TryResult::Judged(Verdict::Skipped(text)),
         Stop::Inconclusive(text) => TryResult::Judged(Verdict::Inconclusive(text)),
+        // A wrong frame is wrong whatever held the tester up. What a node does, or does too late, may be due to that.
         Stop::Wrong(text) => TryResult::Judged(Verdict::Failed(text)),
         Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text) if held_up_ns > limits.held_up_ns => {
             let text = format!("{text}; but the tester was held up for {}", ms(held_up_ns));

@@ -111,7 +111,7 @@ impl<'b> BusWire<'b> {
         }
     }
 
-    /// Records its end.
+    /// Records the end of a case.
     pub fn end<S>(&mut self, case: &Case<S>, finding: &Finding) {
         if let Some(evidence) = &mut self.evidence {
             evidence.end(case, finding);

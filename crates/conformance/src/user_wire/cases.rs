@@ -55,7 +55,7 @@ const LOCKSTEP_CONTROLLER: [Row; 4] = [
     ("lockstep-exciter-waits", "a plant that takes its time", &["W-5.1"], Run(lockstep_cases::controller_waits)),
 ];
 
-/// Of every plant.
+/// Cases for every plant.
 const PLANT: [Row; 16] = [
     ("plant-rates", "readings as often as the mapping says", &["W-3.1"], Run(plant_cases::rates)),
     ("plant-requests", "readings on request", &["W-3.2"], Run(plant_cases::requests)),

@@ -105,6 +105,7 @@ impl Sent {
             Damage::Repeated | Damage::Jump => {
                 let counter = message.protection.counter.as_ref()?;
                 let last = self.counter(message).unwrap_or(0);
+                // The step of one, the frames that may be lost, and one more.
                 let ahead = if damage == Damage::Jump { message.protection.most_lost + 2 } else { 0 };
                 counter.write((last + ahead) % counter.values(), &mut payload).ok()?;
             }

@@ -90,6 +90,7 @@ fn answer(heard: &Heard, index: u16, subindex: u8) -> Option<Answer> {
 
 fn read(t: &mut Tester, node_id: u8, index: u16, subindex: u8) -> Result<u32, Stop> {
     let [low, high] = index.to_le_bytes();
+    // 0x40 begins an upload, as CiA 301 calls the reading of an object.
     match ask(t, node_id, [0x40, low, high, subindex, 0, 0, 0, 0])? {
         Answer::Value(value) => Ok(value),
         Answer::Aborted(code) => {
@@ -101,6 +102,7 @@ fn read(t: &mut Tester, node_id: u8, index: u16, subindex: u8) -> Result<u32, St
 
 fn write(t: &mut Tester, node_id: u8, index: u16, value: &[u8]) -> Result<Answer, Stop> {
     let [low, high] = index.to_le_bytes();
+    // An expedited download: bits 2 and 3 are the number of bytes without data (CiA 301).
     let command = 0x23 | (4 - value.len().min(4) as u8) << 2;
     let mut request = [command, low, high, 0, 0, 0, 0, 0];
     request[4..].iter_mut().zip(value).for_each(|(to, from)| *to = *from);
@@ -280,6 +282,7 @@ pub(super) fn not_enabled(t: &mut Tester) -> Result<(), Stop> {
             send(t, COMMAND_BASE + u16::from(node_id), &[a, b, c, d])?;
             t.run_ns(20 * MS)?;
             let acting = read(t, node_id, 0x6077, 0)? as i16;
+            // A drive that acts shows the whole target; half of it is beyond any noise.
             if i32::from(acting).abs() * 2 > i32::from(target).abs() {
                 return failed(format!("node {node_id}, switched on only, has the torque {acting} ‰ (6077)"));
             }

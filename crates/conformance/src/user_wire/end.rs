@@ -57,7 +57,7 @@ impl Controller for Constant {
 
 /// What the tester is on the wire.
 pub(super) enum End {
-    /// It only listens.
+    /// The tester only listens.
     Listener,
     Plant(Box<PlantEnd>),
     Exciter(Box<dyn ExciterInterface>),
@@ -136,12 +136,14 @@ impl PlantEnd {
         if self.mode != Mode::Lockstep {
             self.node.handle_deadline(now_ns);
         }
+        // At least half a period later: a plant that was held up does not catch up in a burst.
         self.due_ns = (self.due_ns + self.period_ns).max(now_ns + self.period_ns / 2);
         self.sample()
     }
 
     /// Advances to the next sample with the load that is held, and publishes it.
     fn sample(&mut self) -> Result<(), Stop> {
+        // The first sample is that of the start, before any load.
         if core::mem::replace(&mut self.has_begun, true) {
             let load = self.node.load();
             self.has_acted |= load.force_n.amax() > 0.0 || load.torque_nm.amax() > 0.0;

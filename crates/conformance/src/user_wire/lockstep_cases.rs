@@ -53,6 +53,7 @@ pub(super) fn controller_answers(t: &mut Tester) -> Result<(), Stop> {
     t.plant()?.is_paused = true;
     t.run_ns(MARGIN_NS)?;
     let answers = most_answers(t, from);
+    // One more may answer the sample that was published as the watch began.
     if answers > samples + 1 {
         return failed(format!("it answers {samples} samples by {answers} frames of a message"));
     }

@@ -59,9 +59,9 @@ const COMMAND_BASE: u16 = 0x200;
 pub(super) enum Kind {
     /// Messages of a DBC.
     Dbc,
-    /// ODrive's CANSimple.
+    /// CANSimple, the protocol of ODrive.
     Odrive,
-    /// CANopen drives.
+    /// CANopen drives of CiA 402.
     Cia402,
 }
 
@@ -129,6 +129,7 @@ impl UserWire {
         let (rate_hz, tested_structure) = (scenario.wire_rate_hz()?, scenario.under_test()?);
         let plant = Plant::new(&scenario.plant_spec(), &tested_structure).map_err(RunError::from)?;
         let wire = UserWire { tested, mode, kind, spec, rate_hz, timing, plant, decoder, scenario };
+        // If the emulated exciter can't play on this protocol, that is said now and not within a case.
         if tested == Node::Plant {
             let (constant, _load) = Constant::new(wire.input());
             wire.spec.exciter(wire.rate(), timing, Box::new(constant)).map_err(RunError::from)?;
@@ -136,7 +137,7 @@ impl UserWire {
         Ok(wire)
     }
 
-    /// The scenario.
+    /// The scenario of the protocol.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }

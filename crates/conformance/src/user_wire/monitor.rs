@@ -51,7 +51,7 @@ impl Heard {
         self.meanings().any(|meaning| matches!(meaning, Meaning::Request { action, .. } if *action == wanted))
     }
 
-    /// Whether it synchronises.
+    /// Whether it synchronises the samples.
     pub fn is_sync(&self) -> bool {
         self.meanings().any(|meaning| *meaning == Meaning::Sync)
     }
@@ -138,7 +138,7 @@ pub(super) enum Seen {
     Tested,
     /// One that only the tester sends.
     Double(String),
-    /// Of another protocol.
+    /// A frame of another protocol.
     Other,
 }
 
@@ -221,6 +221,7 @@ impl Monitor {
             Outcome::Refused(Fault::Protection(ProtectionFault::Counter(fault))) => {
                 let is_repeated = matches!(fault, CounterFault::Repeated { .. });
                 steps.repeated += u32::from(is_repeated);
+                // A controller that is started anew may repeat a counter by chance; within one run it may not.
                 if !is_repeated || is_in_run {
                     steps.proof.get_or_insert_with(|| text.clone());
                 }

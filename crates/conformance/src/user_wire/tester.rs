@@ -28,7 +28,7 @@ const RELEASE_NS: u64 = 300 * MS;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Alter {
     Nothing,
-    /// None is sent.
+    /// No frame is sent.
     Mute,
     /// Those with loads are damaged.
     Commands(Damage),
