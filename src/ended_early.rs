@@ -40,7 +40,8 @@ pub(crate) struct Early(Vec<Failure>);
 impl Early {
     /// Returns the result of a continuation, complete or not. `along` names the quantity that varied.
     ///
-    /// # Errors [`Failure::BranchEndedEarly`] if it holds no motion.
+    /// # Errors
+    /// [`Failure::BranchEndedEarly`] if it holds no motion.
     pub fn keep<T: CountMotions + Debug>(
         &mut self,
         along: &str,
@@ -59,7 +60,8 @@ impl Early {
 
     /// The same for an addition to a result: finding nothing is no failure, unless the request was wrong.
     ///
-    /// # Errors [`Failure::BranchEndedEarly`] if the interval is invalid.
+    /// # Errors
+    /// [`Failure::BranchEndedEarly`] if the interval is invalid.
     pub fn keep_any<T: CountMotions + Debug>(
         &mut self,
         along: &str,

@@ -179,7 +179,8 @@ fn conclude(result: Result<Verdict, Failure>) -> ExitCode {
 
 /// Checks that `arguments`, without the program's name, are a valid command line of this program, without running it.
 ///
-/// # Errors The message that the program would print.
+/// # Errors
+/// The message that the program would print.
 #[cfg(test)]
 fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(), String> {
     let command_line = core::iter::once("resonarm").chain(arguments);

@@ -127,7 +127,8 @@ pub struct Plan {
 impl Plan {
     /// The curves and panels of a figure.
     ///
-    /// # Errors [`PaperError`] if the settings ask for an impossible pose.
+    /// # Errors
+    /// [`PaperError`] if the settings ask for an impossible pose.
     pub fn new(figure: Figure, preset: Preset, settings: &Settings) -> Result<Plan, PaperError> {
         let subject = Subject::new(preset, settings)?;
         let (title, conditions) = match figure {

@@ -218,7 +218,8 @@ impl Settings {
 
     /// The settings that come with the program.
     ///
-    /// # Errors As [`Settings::parse`]; tests ensure that there is none.
+    /// # Errors
+    /// As [`Settings::parse`]; tests ensure that there is none.
     pub fn embedded() -> Result<Settings, SettingsError> {
         Settings::parse(Settings::EMBEDDED, "scenarios/paper/settings.toml")
     }
