@@ -75,14 +75,19 @@ pub(super) fn adapt<S: Spectral>(
         }
         let (series, balance) = (&z[system.others()..], system.balance());
         let (size, m) = (branch.continuation.size(series), balance.unknowns.count());
+        // The coefficients that dropping the last harmonic would take away: they count like the truncation error.
         let last = series[series.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
         let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, system.harmonics());
         if error > allowed {
             if harmonics < most {
+                // More by an eighth and one: each change costs a solution, and single harmonics would take many at a
+                // large H.
                 system.set_harmonics((harmonics + 1 + harmonics / 8).min(most));
                 continuation.resize(system)?;
                 continue;
             }
+            // The series of a law with a kink falls only with a power of the order, so that no number of harmonics is
+            // enough. Such a branch goes on with the most that are allowed.
             if smooth {
                 return Err(AnalysisError::TooManyHarmonics { at: system.place(lambda), harmonics });
             }

@@ -113,9 +113,12 @@ impl Beginning {
         let (linear, direction) = (forced.assembly.linear(), forced.direction_at_rest());
         let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
         let modal_force = along(&mode.shape, &direction);
+        // A drive that does no work on the mode has no quadrature with it.
         if modal_force == 0.0 {
             return None;
         }
+        // Without dampers the linear response at ω is infinite, and the mode itself is the direction: −φ cos Ωt is 90°
+        // behind sin Ωt.
         if linear.damping.iter().all(|d| *d == 0.0) {
             let (cosine, sine) = (mode.shape.iter().map(|x| -x).collect(), vec![0.0; mode.shape.len()]);
             return Some(Beginning { frequency_hz: mode.frequency_hz, cosine, sine, drive: 0.0 });
@@ -130,6 +133,7 @@ impl Beginning {
         };
         let omega = TAU * mode.frequency_hz;
         let [mut low, mut high] = [-1.0, 1.0].map(|side| omega * (1.0 + side * mode.damping_ratio));
+        // The part in phase is positive below the resonance and negative above it. Bisection needs that change of sign.
         if !(in_phase(low)? > 0.0 && in_phase(high)? < 0.0) {
             return None;
         }
@@ -224,6 +228,7 @@ impl System for Quadrature {
         if !self.balance.evaluate(&z[others..], lambda, &mut residual[..n], &mut self.inner) {
             return false;
         }
+        // The balance fills its own block alone, and the rows of quadrature write few of the other elements.
         matrix.chunks_exact_mut(stride).for_each(|column| column[..stride - 1].fill(0.0));
         for (column, inner) in self.inner.chunks_exact(n + 1).enumerate() {
             matrix[(others + column) * stride..][..n].copy_from_slice(&inner[..n]);
@@ -286,6 +291,8 @@ pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, 
     tangent.push(0.0);
     let branch = BranchOptions { continuation: settings, ..options.branch };
     let options = BackboneOptions { branch, ..options.clone() };
+    // Rest solves the equations at every frequency. The first step's plane is normal to the mode and does not pass
+    // through rest, so Newton's method can't fall back to it.
     let mut continuation = Continuation::start_along(&mut system, settings, &rest, start.frequency_hz, &tangent, 1.0)?;
     let mut curve = Backbone::default();
     let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
@@ -315,6 +322,7 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
     let n = assembly.coordinates();
     let mass = assembly.linear().mass;
     let weights: Vec<f64> = (0..n).map(|i| (0..n).map(|k| mass[k * n + i] * mode.shape[k]).sum()).collect();
+    // Of unit length, the row of quadrature has the size of the unknowns, as the scaled rows of the balance have.
     let length = libm::sqrt(weights.iter().map(|w| w * w).sum());
     let weights: Vec<f64> = weights.iter().map(|w| w / length).collect();
     let place = Place { value: mode.frequency_hz, unit: "Hz" };
@@ -443,6 +451,7 @@ fn follow(
         let here = continuation.point().clone();
         let motion = system.motion(&here, &options.read);
         let over = motion.beyond(options);
+        // The end is solved for, so that results don't depend on where the steps of the continuation fell.
         if let Some((last, short)) = before.as_ref().filter(|_| over > 0.0) {
             let test = |system: &mut Quadrature, point: &Point| system.motion(point, &options.read).beyond(options);
             let end = search(system, &branch.continuation, [last, &here], [*short, over], FINE, test)?;

@@ -120,6 +120,7 @@ fn order_squared(row: usize, period: usize) -> f64 {
 fn samples_for(forced: &Forced, period: usize, harmonics: usize) -> usize {
     let rough = ROUGH_SAMPLES * period;
     let of_law = |law: &Law| match law {
+        // A force of degree d reaches the harmonic dH, which aliases onto one up to H only if N ≤ (d + 1) H.
         Law::Cubic { stiffness5, .. } if *stiffness5 == 0.0 => 4 * harmonics + 4,
         Law::Cubic { .. } => 6 * harmonics + 6,
         Law::Linear { .. } => 4 * harmonics + 4,
@@ -206,6 +207,7 @@ impl Balance {
         self.harmonics = harmonics;
         self.evaluated.is_known = false;
         let samples = samples_for(&self.forced, self.period(), harmonics);
+        // Derivatives need the orders up to 2H, the estimate of the truncation those up to 2H + 1.
         self.samples.set(2 * harmonics + 1, samples);
         self.compliances.resize(2 * harmonics + 1, Compliance::default());
         let (m, period) = (self.unknowns.count(), self.period());
@@ -236,6 +238,7 @@ impl Balance {
             Coordinate::FrequencyHz => self.frequency_hz = value,
             Coordinate::Amplitude => self.forced.amplitude = value,
             Coordinate::Parameter(parameter) => {
+                // Every evaluation sets the coordinate again: a structure is built anew only for another value.
                 let assembly = &self.forced.assembly;
                 if assembly.value(parameter) != Ok(value) {
                     let Ok(changed) = assembly.with(parameter, value) else { return false };
@@ -287,6 +290,7 @@ impl Balance {
     /// The motion X and the forces along it, unless it was the last one. The following methods are about this motion.
     pub fn evaluate_motion(&mut self, x: &[f64]) {
         let (frequency_hz, amplitude, known) = (self.frequency_hz, self.forced.amplitude, &mut self.evaluated);
+        // The choice of the number of harmonics and the readings of a point ask for the same motion in turn.
         if known.is_known && known.x == x && known.frequency_hz == frequency_hz && known.amplitude == amplitude {
             return;
         }
@@ -444,6 +448,7 @@ impl Balance {
                     });
                 }
                 Body::Condensed(_) => {
+                    // The drive p sin Ωt enters the rows as −p Im H along the cosine and −p Re H along the sine.
                     let [h, _] = self.compliances[period].drive[i];
                     (out[(2 * period - 1) * m + i], out[2 * period * m + i]) = (-h.im, -h.re);
                 }
@@ -466,6 +471,7 @@ impl Balance {
                 let mut slope = [0.0; 2];
                 for j in 0..m {
                     let [h, turned] = compliance.places[i * m + j];
+                    // Product rule: d(H Q) = H dQ + dH Q, with the derivative of H by its own rate kΩ/ν.
                     let by = times(h, rows.at(&self.by_frequency, j));
                     let turned = times(turned * by_rate, rows.at(&self.load, j));
                     (0..2).for_each(|d| slope[d] += by[d] + turned[d]);
@@ -515,6 +521,8 @@ impl Balance {
         stride: usize,
     ) {
         let (size, columns) = (x.len(), x.len()..);
+        // Differences by a parameter evaluate other structures. They come first, so that the samples end at this
+        // motion.
         for (column, coordinate) in columns.clone().zip(coordinates) {
             if let Coordinate::Parameter(parameter) = *coordinate {
                 self.rows_by_parameter(x, parameter, &mut matrix[column * stride..][..size]);
@@ -559,6 +567,7 @@ impl Balance {
             let rows = Pair::of(k, m);
             for i in 0..m {
                 let mut value = rows.at(x, i);
+                // H₁ leaves out the kept mode, which moves the place by φ c cos Ωt.
                 value[0] -= kept.map_or(0.0, |kept| condensed.places[i][kept.mode] * kept.cosine);
                 for j in 0..m {
                     let part = times(compliance.places[i * m + j][0], rows.at(&self.load, j));
@@ -597,6 +606,7 @@ impl Balance {
                     rows.put(out, i, value);
                 }
             }
+            // The displacement itself, of which H Q is taken off: the identity.
             out[column] += 1.0;
         }
     }

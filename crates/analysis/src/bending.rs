@@ -45,6 +45,7 @@ impl Bending {
             }
             before = Some(hz);
         }
+        // Only the turns count, not how many points lie between them.
         rises.dedup();
         Some(match rises.as_slice() {
             [] => return None,

@@ -138,6 +138,7 @@ fn enter(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, 
         Ok(continuation) => return Ok(continuation),
         Err(error) => error,
     };
+    // Along the frequency first from outside the interval: the approach then goes in the direction of the trace.
     let mut detours = DETOURS;
     if balance.coordinate == Coordinate::FrequencyHz && direction < 0.0 {
         detours.reverse();
@@ -254,10 +255,12 @@ impl<'a> Tracer<'a> {
             if self.branch_point(before, &reached).is_some() {
                 return Ok(());
             }
+            // Back to the start of the step, with its harmonics: half the step may stay on the branch.
             *walk = start.clone();
             walk.continuation.set_step(0.5 * (reached.arclength - before.arclength));
             self.balance.set_harmonics(harmonics);
         }
+        // Even the shortest step comes to the other branch: the two count as one, and the trace goes on.
         walk.advance(&mut self.balance, &branch.continuation)?;
         adapt(&mut self.balance, &mut walk.continuation, branch)
     }

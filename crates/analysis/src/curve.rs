@@ -128,12 +128,14 @@ fn begin(
     let refused = |from: f64, unit: &'static str| AnalysisError::Interval { from, to, unit, domain };
     let mut balance = balance_at(forced, bifurcation, lambda).ok_or_else(|| refused(f64::NAN, ""))?;
     let (from, unit) = (balance.value(mu), balance.unit_of(mu));
+    // The far end is tried first, so that the balance is left at the near one.
     let exists = from.is_finite() && to.is_finite() && from != to && balance.set(mu, to);
     if !(exists && balance.set(mu, from)) {
         return Err(refused(from, unit));
     }
     let branch = options.branch.between(from, to);
     let (singular, z, _) = Singular::solved(&balance, kind, &branch.continuation, x)?;
+    // The bifurcation needed as many harmonics; with fewer the curve would not begin at it.
     let least_harmonics = branch.least_harmonics.max(singular.harmonics().div_ceil(singular.period()));
     let options = TraceOptions { branch: BranchOptions { least_harmonics, ..branch }, ..options.clone() };
     let mut singular = singular.with(mu);
@@ -197,6 +199,7 @@ fn turn(
 ) -> Result<(bool, SingularPoint), AnalysisError> {
     let (n, settings) = (singular.dimension(), &options.branch.continuation);
     let mut slices = Slices::new(n, settings, ends, Cut::Chord);
+    // Solved again in the planes of the search: the tangents at the ends then have the sign of those between them.
     let solved = [slices.solve(singular, ends, 0.0)?, slices.solve(singular, ends, 1.0)?];
     let values = [along_mu(&solved[0]), along_mu(&solved[1])];
     let ends = [&solved[0], &solved[1]];

@@ -97,6 +97,7 @@ impl Lu {
 
     /// The determinant as sign and logarithm, since a product of many pivots overflows.
     pub fn determinant(&self) -> Determinant {
+        // Each exchange of two rows changes the sign.
         let exchanges = self.pivots.iter().enumerate().filter(|&(k, &pivot)| k != pivot).count();
         let start = Determinant { sign: if exchanges.is_multiple_of(2) { 1.0 } else { -1.0 }, log_magnitude: 0.0 };
         self.a.iter().step_by(self.n + 1).fold(start, |d, diagonal| Determinant {
@@ -135,6 +136,8 @@ fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
 
 /// Σ aᵢ bᵢ, in four running sums.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Four independent sums keep the processor's adders busy. Their order is fixed, so the result is the same on every
+    // machine.
     let mut sums = [0.0; 4];
     let (heads, others) = (a.chunks_exact(4), b.chunks_exact(4));
     let rest: f64 = heads.remainder().iter().zip(others.remainder()).map(|(a, b)| a * b).sum();

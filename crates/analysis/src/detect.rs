@@ -93,6 +93,7 @@ fn pairs(of: &[Complex<f64>]) -> impl Iterator<Item = (Complex<f64>, f64)> + '_ 
 fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, reference: Determinant) -> f64 {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
     match kind {
+        // Over a determinant nearby, since the values themselves leave the range of numbers.
         BranchPoint => point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference.log_magnitude),
         Fold => point.tangent.last().copied().unwrap_or(0.0),
         PeriodDoubling => {
@@ -206,6 +207,8 @@ impl Tracer<'_> {
                 self.find(kind, [a, b], values, marginal);
             } else if let Some((older, stability)) = earlier.as_ref().filter(|_| kind != BranchPoint) {
                 let values = [at(older, stability), values[0], values[1]];
+                // Where forces aren't smooth the multipliers jump, so that their test functions have no minimum to
+                // follow.
                 let smooth = self.balance.forced.assembly().is_smooth();
                 if (smooth || kind == Fold) && !crosses([values[0], values[1]]) {
                     self.descend(kind, [older, a, b], values, marginal);
@@ -434,6 +437,7 @@ impl Tracer<'_> {
     /// three; none if it is that of the middle point.
     fn peak_among(&mut self, reading: usize, mut points: [Point; 3], mut sizes: [f64; 3]) -> Option<Point> {
         let harmonics = self.balance.harmonics();
+        // The points may have different numbers of harmonics: the most of them describes all three.
         let needed = points.iter().map(|point| point.x.len()).max()? / self.balance.unknowns.count() / 2;
         self.balance.set_harmonics(needed);
         let (dof, mut found) = (self.options.read[reading], false);

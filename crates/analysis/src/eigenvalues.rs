@@ -102,6 +102,7 @@ fn find(a: &mut [f64], stride: usize, factors: &mut [f64], found: &mut [Complex<
                 return false;
             }
             steps += 1;
+            // What exceptional shifts take off the diagonal is added again to every eigenvalue found from here on.
             moved += matrix.step(start, end, steps % EXCEPTIONAL == 0);
         }
     }
@@ -277,6 +278,7 @@ impl Matrix<'_> {
             [*first, *second] = [root, -root].map(|im| Complex::new(x + half + moved, im));
             return;
         }
+        // The solution of larger magnitude first, and the other from the product of both, so that nothing cancels.
         let far = half + root.copysign(half);
         let other = if far == 0.0 { 0.0 } else { product / far };
         [*first, *second] = [far, -other].map(|re| Complex::new(x + re + moved, 0.0));
@@ -293,6 +295,7 @@ impl Matrix<'_> {
             moved = x;
             (0..end).for_each(|i| self.a[i * n + i] -= x);
             let size = self.at(last, last - 1).abs() + self.at(last - 1, last - 2).abs();
+            // The exceptional shift of Martin, Peters and Wilkinson.
             (x, y, product) = (0.75 * size, 0.75 * size, -0.4375 * size * size);
         }
         // Starts at the last row where two subdiagonal elements in turn are small.

@@ -50,6 +50,7 @@ impl Forced {
                 law => return Err(AnalysisError::Dissipates { element: index + 1, law: law.name() }),
             }
         }
+        // A linear element that was only a damper exerts no force any more.
         let acts = |law: &Law| !matches!(law, Law::Linear { stiffness: 0.0, .. });
         spec.elements.retain(|element| acts(&element.law));
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })

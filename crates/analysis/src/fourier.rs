@@ -50,6 +50,7 @@ impl Basis {
     /// Sets a basis of the harmonics 1, 2, … to those up to H on its points: tables that are there stay.
     pub fn resize(&mut self, harmonics: usize) {
         self.harmonics = harmonics;
+        // The first table stays even without harmonics, since all others are made from it.
         let kept = harmonics.max(1) * self.turns.len();
         self.cosines.truncate(kept);
         self.sines.truncate(kept);

@@ -49,6 +49,7 @@ pub(crate) fn steps_for(phase_rad: f64, harmonics: usize) -> usize {
     // phase · (phase/steps)⁸ / 25 401 600 = 1e-10, with a tenth more for the motion's own effect on the frequency.
     let needed = 1.1 * phase_rad * libm::pow(phase_rad * 1e10 / 25_401_600.0, 0.125);
     let needed = needed.max(3.0 * harmonics as f64).max(8.0);
+    // Rounded up to a quarter of an octave.
     let octave = libm::exp2(libm::ceil(4.0 * libm::log2(needed)) / 4.0);
     libm::ceil(octave) as usize
 }

@@ -112,6 +112,7 @@ impl History {
                 let velocity = [self.velocity[before], self.velocity[j]];
                 let step = friction_step(z, self.position[j] - self.position[before], velocity, reach, step_s);
                 let held = step.free.clamp(-reach, reach);
+                // A state that was held once no longer depends on where it began.
                 self.forgets |= !(step.passed && held == step.free);
                 let one = |yes: bool| f64::from(u8::from(yes));
                 let (passed, free) = (one(step.passed), one(held == step.free));
@@ -158,6 +159,8 @@ impl History {
         let samples = self.position.len();
         let (mut product, mut sum) = (1.0, 0.0);
         for pass in 0..2 {
+            // A period maps z onto Πe z + q. The first pass, from zero, gives Πe and q; the second begins at the fixed
+            // point.
             let mut z = if pass == 0 || product == 1.0 { 0.0 } else { sum / (1.0 - product) };
             for j in 1..=samples {
                 let v = 0.5 * (self.velocity[j % samples] + self.velocity[j - 1]);

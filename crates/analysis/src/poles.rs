@@ -107,6 +107,7 @@ fn poles(omega: &[f64], damping: &[f64]) -> Vec<Option<Pole>> {
         })
         .collect();
     oscillating.sort_by(|a, b| a.pole_frequency_hz.total_cmp(&b.pole_frequency_hz));
+    // Every mode oscillates: poles and modes correspond in the order of their frequencies.
     if oscillating.len() == n {
         return oscillating.into_iter().map(Some).collect();
     }

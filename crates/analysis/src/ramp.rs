@@ -16,10 +16,12 @@ impl Ramp {
         if depth >= reach {
             return Ramp { mean: depth, by_position: 1.0, by_velocity: 0.0 };
         }
+        // The mean is a triangle of height δ + r over this share of the interval, p = (δ + r)/2r.
         let part = 0.5 * (depth + reach) / reach;
         Ramp {
             mean: 0.5 * (depth + reach) * part,
             by_position: part,
+            // d/dr (δ + r)²/4r = (r + δ)(r − δ)/4r² = p (1 − p), and dr/dδ̇ = ±h/2.
             by_velocity: 0.5 * part * (1.0 - part) * rate.signum() * step_s,
         }
     }

@@ -76,6 +76,7 @@ impl Samples {
 
     /// N points, and functions up to the harmonic `harmonics`.
     pub fn set(&mut self, harmonics: usize, samples: usize) {
+        // If only the number of harmonics changes, the tables that are there stay valid.
         if self.count() != samples || self.basis.harmonics() == 0 {
             self.basis.set(harmonics, uniform(samples));
         } else if self.basis.harmonics() != harmonics {
@@ -268,6 +269,7 @@ impl Samples {
             forced.direction(&at, &mut direction[..n]);
             force.iter_mut().zip(&direction).for_each(|(force, w)| *force = w * forced.amplitude * sine);
             at.linearise(v, a, &force[..n], &mut self.linearised);
+            // The direction of the drive turns with the structure, so that its force acts like a stiffness.
             forced.add_curvature(&at, -forced.amplitude * sine, &mut self.linearised.by_position);
             for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
                 self.load[i * samples + j] = *unbalance;

@@ -115,11 +115,13 @@ impl Singular {
         let balance = match kind {
             Singularity::Fold => balance.clone(),
             Singularity::PeriodDoubling => {
+                // The motion ends with the even harmonic 2H, its variation with the odd one beyond.
                 let orders = [2 * balance.period(), 2 * harmonics + 1];
                 Balance::of_period(&balance.forced, orders, balance.frequency_hz, lambda)
             }
         };
         let lambda_origin = balance.value(lambda);
+        // A change of λ by Λ is one of z₀ by X, the size of the motion.
         let lambda_scale = settings.lambda_scale(lambda_origin) / settings.size(x);
         let mut singular = Singular {
             balance,
@@ -332,6 +334,7 @@ impl System for Singular {
         residual[n] = self.border();
         let scale = self.lambda_scale;
         self.gradient(&full, x, |column, value| {
+            // dg = −wᵀ dA v; the first unknown is λ over its scale.
             matrix[column * stride + n] = -value * if column == 0 { scale } else { 1.0 };
         });
         normalise(&mut self.v);

@@ -22,6 +22,7 @@ impl Line {
     /// Becomes that of a signal; returns whether the signal is other than zero anywhere.
     fn transform(&mut self, samples: &Samples, signal: &[f64]) -> bool {
         let (first, middle) = (signal[0], 2 * self.harmonics);
+        // The derivative of a linear force is constant and needs no projections.
         let constant = signal.iter().all(|value| *value == first);
         let mean = if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
         self.orders.fill([0.0; 2]);
@@ -154,8 +155,10 @@ fn polished(series: &[f64], mut phase_rad: f64, samples: usize) -> f64 {
         if curvature == 0.0 {
             break;
         }
+        // At most to the neighbouring sample, since the peak lies between the two.
         phase_rad += (-slope / curvature).clamp(-spacing, spacing);
         let [x, v, a] = values(series, phase_rad);
+        // A step that goes down has left the peak: the value before it stands.
         if x.abs() < value.abs() {
             break;
         }

@@ -135,6 +135,7 @@ impl Condensed {
         let drive = forced.direction_at_rest();
         for element in assembly.elements() {
             let own = (element.at(), element.to());
+            // Elements between the same two ends share an unknown.
             let place = ends.iter().position(|ends| *ends == own).unwrap_or(ends.len());
             if place == ends.len() {
                 ends.push(own);

@@ -50,6 +50,7 @@ impl Walk {
     /// [`AnalysisError::Stuck`] if the branch can't be followed, past a corner either.
     pub fn advance(&mut self, balance: &mut Balance, settings: &ContinuationSettings) -> Result<(), AnalysisError> {
         let Err(stuck) = self.continuation.advance(balance).map(|_| ()) else { return Ok(()) };
+        // Smooth forces make no corners: the continuation is stuck for another reason.
         if balance.forced.assembly().is_smooth() {
             return Err(stuck);
         }
@@ -60,6 +61,7 @@ impl Walk {
         });
         let Some(next) = found else { return Err(stuck) };
         self.work += self.continuation.work();
+        // The continuation beyond the corner counts its arclength from zero.
         self.before += corner.arclength;
         self.continuation = next;
         Ok(())
@@ -78,6 +80,7 @@ fn beyond(balance: &mut Balance, settings: &ContinuationSettings, corner: &Point
         return None;
     }
     matrix[n * (n + 1)..].iter_mut().for_each(|by_lambda| *by_lambda /= sigma);
+    // The last row demands t·t₂ = 1 > 0: the branch goes on and does not turn back.
     for (column, t) in matrix.chunks_exact_mut(n + 1).zip(&corner.tangent) {
         column[n] = *t;
     }

@@ -68,6 +68,8 @@ impl Solver {
             if correction < NEWTON_ERROR || (correction < NEWTON_RANGE && next < NEWTON_ERROR) {
                 return Ok(first);
             }
+            // A growing correction means divergence, except near a singular matrix, where the patient limit allows for
+            // it.
             if correction > before && limit == NEWTON_LIMIT {
                 break;
             }
@@ -86,6 +88,7 @@ impl Solver {
         if !system.evaluate(&self.z[..n], self.z[n] / plane.sigma, &mut self.right[..n], matrix) {
             return Err(StepRefusal::OutOfRange);
         }
+        // The last unknown is σλ, and ∂R/∂(σλ) = R_λ/σ.
         matrix[n * (n + 1)..].iter_mut().for_each(|by_lambda| *by_lambda /= plane.sigma);
         for (column, normal) in matrix.chunks_exact_mut(n + 1).zip(plane.normal) {
             column[n] = *normal;
@@ -103,6 +106,7 @@ impl Solver {
     pub fn tangent(&self, tangent: &mut Vec<f64>, n: usize) -> Result<(), StepRefusal> {
         tangent.clear();
         tangent.resize(n + 1, 0.0);
+        // R_x dx + R_λ dλ = 0 and normal · dz = 1: the solution points along the branch, to the side of the normal.
         tangent[n] = 1.0;
         self.lu.solve(tangent);
         let length = norm(tangent);

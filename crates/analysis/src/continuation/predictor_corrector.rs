@@ -43,6 +43,7 @@ impl Continuation {
         let n = system.dimension();
         let mut solver = Solver::default();
         let mut normal = vec![0.0; n + 1];
+        // The first plane is that of constant λ: x is solved for at the given value.
         normal[n] = direction.signum();
         let mut through = x.to_vec();
         through.resize(n + 1, 0.0);
@@ -63,6 +64,7 @@ impl Continuation {
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         let point =
             Point { x: through[..n].to_vec(), lambda, arclength: 0.0, determinant: solver.determinant(), tangent };
+        // A tenth of the largest step, since the curvature of the branch is not known yet.
         Ok(Continuation::at(settings, point, sigma, 0.1 * settings.largest_step, solver))
     }
 
@@ -138,6 +140,7 @@ impl Continuation {
     fn limited_step(&self, system: &impl System) -> f64 {
         let size = self.settings.size(&self.point.x);
         let n = self.point.x.len();
+        // dλ over the relative step: the last element of the tangent is that of σλ.
         let rate = (self.point.tangent[n] / self.sigma).abs() * size;
         let limit = system.parameter_step_limit(self.point.lambda);
         if rate * self.step > limit { limit / rate } else { self.step }
@@ -154,10 +157,12 @@ impl Continuation {
         }
         let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
         let error = self.solver.correct(system, &plane, size)?;
+        // A correction that is large against the step may have led to a neighbouring branch.
         if error > CORRECTION_SHARE * step {
             return Err(StepRefusal::Correction);
         }
         self.solver.tangent(&mut self.tangent, n)?;
+        // Rounding can bring the product of two unit vectors beyond 1, where the arc cosine is not a number.
         let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
         if turn.is_nan() || turn > self.settings.largest_turn_rad {
             return Err(StepRefusal::Turn);
@@ -205,7 +210,9 @@ impl Continuation {
     /// The error of the predictor grows with the cube of the step, the turn with the step.
     fn choose_step(&mut self, step: f64, error: f64, turn: f64) {
         let by_error = libm::cbrt(self.settings.predictor_error / error.max(1e-12));
+        // Less than the largest turn: steps that aim at the limit itself would often be undone.
         let by_turn = 0.6 * self.settings.largest_turn_rad / turn.max(1e-6);
+        // Both estimates hold for steps of about this length, so the length changes by a limited factor.
         self.step = (step * by_error.min(by_turn).clamp(0.3, 2.0)).min(self.settings.largest_step);
     }
 
@@ -240,8 +247,10 @@ impl Continuation {
             .and_then(|_| self.solver.tangent(&mut self.tangent, n))
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         self.take(n, 0.0);
+        // `take` has counted a step, but the point was only solved again.
         self.solver.work.steps -= 1;
         if is_first {
+            // Exactly the start of the interval, without the rounding of σλ/σ.
             self.point.lambda = lambda;
         }
         Ok(())

@@ -35,6 +35,7 @@ impl Slices {
         let mut slices = Slices { sigma, size, normal: vec![], n, solver: Solver::default() };
         slices.normal = slices.z(a).iter().zip(&slices.z(b)).map(|(a, b)| b - a).collect();
         if cut == Cut::Parameter {
+            // With λ alone left in the normal the planes are those of constant λ.
             slices.normal[..n].fill(0.0);
         }
         let length = norm(&slices.normal);

@@ -72,6 +72,8 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
         Impulse::turn(&mut flow, n, &states, h);
         impulse.act(of, &rest, middle, &states, h, &mut flow)?;
         let is_last = middle + points >= count;
+        // The second half of a step and the first half of the next are one exact step, unless a state is followed
+        // between them.
         if states.is_empty() {
             flow.multiply(if is_last { &rest.half } else { &rest.whole });
             continue;

@@ -49,6 +49,7 @@ pub(super) fn stability(
         5 => flow::<5, 10>,
         6 => flow::<6, 12>,
         7 => flow::<7, 14>,
+        // A chain has at most eight links.
         _ => flow::<8, 16>,
     };
     multipliers(find(balance, x, samples, set)?)
@@ -71,6 +72,7 @@ fn flow<const N: usize, const W: usize>(
     let mut matrix = vec![0.0; S * N * S * N];
     for first in (0..steps).step_by(CHUNK) {
         let stages = Stages { harmonics, steps, first };
+        // Usually a period is one chunk, whose tables stay as they are from one motion to the next.
         if *set != Some(stages) {
             let within = S * first..S * steps.min(first + CHUNK);
             let phases = within.map(|at| TAU * ((at / S) as f64 + tableau.c[at % S]) / steps as f64);

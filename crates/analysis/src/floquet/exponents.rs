@@ -86,6 +86,7 @@ impl Found {
         if self.has(at) {
             return;
         }
+        // A real multiplier gets the angle 0 or π exactly, so that it is not taken for a conjugate pair.
         let sine = libm::sin(at.im);
         if (libm::exp(at.re) * sine).abs() < REAL {
             let im = if at.im.abs() > 0.5 * PI { PI } else { 0.0 };
@@ -121,12 +122,14 @@ pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
     let fastest = together.iter().map(|&mode| condensed.modes[mode][0]).fold(0.0, f64::max);
     let mut guesses: Vec<_> =
         guesses(of, condensed, &varied, &together)?.iter().map(|mu| found.distant(mu, period_s)).collect();
+    // The most distant first: a guess near a known exponent is probably that exponent.
     guesses.sort_by(|a, b| b.1.total_cmp(&a.1));
     for (s, _) in guesses {
         if found.exponents.len() < 2 * modes {
             found.add_near(&varied, s, fastest);
         }
     }
+    // Liouville: the exponents sum to the mean trace of the flow's matrix, −Σ 2ζω − Σ φ² G₀.
     let trace = varied.dampings.iter().sum::<f64>() + varied.weights.iter().sum::<f64>() * varied.coefficients[0][1].re;
     let missing = |found: &Found| -trace * period_s - found.exponents.iter().map(|at| at.re).sum::<f64>();
     if found.exponents.len() + 1 == 2 * modes {
@@ -141,6 +144,7 @@ pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
     }
     let multiplier = |at: &Complex<f64>| {
         let (sine, cosine) = libm::sincos(at.im);
+        // The sine of the rounded π is not zero.
         let sine = if at.im == PI { 0.0 } else { sine };
         Complex::new(cosine, sine) * libm::exp(at.re)
     };
@@ -170,6 +174,8 @@ fn guesses(
         drive: pick(&condensed.drive),
         modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),
     };
+    // The static compliance of the other modes, c, is in series with the element: S becomes S/(1 + cS), and G becomes
+    // G/(1 + cS)².
     let [stiffness, damping, _] = &mut of.samples.by;
     for (s, g) in stiffness.iter_mut().zip(damping) {
         let share = 1.0 / (1.0 + gives * *s);

@@ -74,6 +74,7 @@ pub(super) struct StateVariation {
 impl Variations<'_> {
     /// Along the motion X, on two points a step of at least so many steps; `samples` is storage.
     fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64, mut samples: Samples) -> Variations<'a> {
+        // Steps over 2, 4 and 8 points must all divide the period.
         let points = 8 * libm::ceil(steps / 4.0) as usize;
         samples.set(balance.harmonics().max(balance.period()), points);
         samples.synthesise(x, &balance.unknowns, balance.omega_rad_s());
@@ -172,6 +173,7 @@ impl Floquet {
             }
             Body::Chain => false,
         };
+        // The search for exponents may give up; the flow always applies.
         let found = if fast && balance.forced.assembly().is_smooth() {
             self.with(balance, x, of_motion, exponents::stability)
         } else {
@@ -224,10 +226,13 @@ fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance)
     if !balance.forced.assembly().is_smooth() {
         return multipliers(finest);
     }
+    // Errors a h² + b h⁴ of the steps h, 2h and 4h: the weights 64, −20 and 1 cancel h², 64 − 20·4 + 16 = 0, and h⁴, 64
+    // − 20·16 + 256 = 0, and add up to 45.
     let (middle, coarsest) = (flow(4)?, flow(8)?);
     let [fine, less, coarse] = [&finest, &middle, &coarsest].map(log_determinant);
     let whole = (finest * 64.0 - middle * 20.0 + coarsest) / 45.0;
     let wanted = (fine * 64.0 - less * 20.0 + coarse) / 45.0;
+    // A factor eˣ on Φ adds x to ln |det Φ| for each of its rows.
     let off = (wanted - log_determinant(&whole)) / whole.nrows() as f64;
     multipliers(if wanted > LEAST_LOG && off.is_finite() { whole * libm::exp(off) } else { whole })
 }
@@ -279,6 +284,7 @@ fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
 
 /// Multipliers, the largest magnitude first.
 fn sorted(mut multipliers: Vec<Complex<f64>>) -> Stability {
+    // Of a conjugate pair the one with the positive imaginary part comes first, so that the order is unique.
     multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
     Stability { multipliers }
 }

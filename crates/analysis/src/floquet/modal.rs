@@ -34,6 +34,7 @@ type Block = [[f64; 2]; 2];
 
 /// With σ = ζω and ω_d = ω √(1 − ζ²), but for rigid and overdamped modes, q(t) = e^{−σt} (q cos ω_d t + (q̇ + σq)/ω_d sin ω_d t).
 fn block(&[omega, zeta]: &[f64; 2], t: f64) -> Block {
+    // Rigid and overdamped modes have no damped frequency to divide by.
     if omega == 0.0 || zeta >= 1.0 {
         let (sigma, [c, s]) = (zeta * omega, mode_transient(omega, zeta, t));
         return [[c + sigma * s, s], [-omega * omega * s, c - sigma * s]];
@@ -139,6 +140,7 @@ impl<'a> Plan<'a> {
         let (mut events, mut since, steps) = (Vec::new(), 0, impulses.len());
         for (step, impulse) in impulses.iter().enumerate() {
             since += 1;
+            // A step whose impulse does nothing adds two halves to the time in which the modes move by themselves.
             if !impulse.is_idle(step.checked_sub(1).map(|before| &impulses[before])) {
                 events.push((since, Then::Strike(step)));
                 since = 0;
@@ -150,6 +152,7 @@ impl<'a> Plan<'a> {
             }
         }
         events.push((since, Then::Nothing));
+        // Few different lengths occur: the exponentials of each are computed once.
         let mut halves = vec![Vec::new(); 2 * steps + 1];
         for (count, _) in &events {
             if halves[*count].is_empty() {
@@ -289,6 +292,8 @@ impl<'a> Columns<'a> {
         };
         (0..m).for_each(|i| add(&mut self.force[i], &self.v[i], 0.5 * impulse.damping[i]));
         (0..m * m).for_each(|pair| add(&mut self.v[pair / m], &self.force[pair % m], -h * coupling[pair]));
+        // v becomes that after the impulse. Half the damper's force is from v before it, the other half from v after
+        // it.
         eliminate(&mut implicit.clone(), self.v.as_flattened_mut(), m)?;
         (0..m).for_each(|i| add(&mut self.force[i], &self.v[i], 0.5 * impulse.damping[i]));
         Some(())
@@ -298,7 +303,9 @@ impl<'a> Columns<'a> {
     fn follow(&mut self, impulse: &Impulse) {
         for ((place, at), state) in impulse.states.iter().zip(&mut self.z) {
             match at.by_state {
+                // Friction that slips is held at its limit, whatever the variation.
                 None => state.fill(0.0),
+                // Friction that sticks follows the place.
                 Some(0.0) => {
                     add(state, &self.x[*place], at.by_velocity);
                     add(state, &self.before[*place], -at.by_velocity);

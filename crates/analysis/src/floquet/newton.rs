@@ -42,6 +42,7 @@ pub(super) fn polish(varied: &Varied, mut s: Complex<f64>) -> Option<Complex<f64
                 if omitted < OMITTED * varied.omega {
                     return Some(s);
                 }
+                // Converged, but with too few harmonics: the next window begins from this s.
                 break;
             }
         }
@@ -127,6 +128,7 @@ impl Solver {
                 return None;
             }
             self.pivots[k] = pivot;
+            // Whole rows are exchanged, L included, so that solving first exchanges all elements of the right side.
             (0..n).for_each(|column| self.a.swap(k * n + column, pivot * n + column));
             let (upper, lower) = self.a.split_at_mut((k + 1) * n);
             let above = &upper[k * n..];

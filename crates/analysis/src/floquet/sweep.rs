@@ -133,6 +133,7 @@ impl Sweep {
         for at in range.clone().filter(|at| *at != LARGEST_WINDOW) {
             let rate = varied.rate(self.s, harmonic(at));
             let compliance = varied.compliance(rate);
+            // −1/(1/Hₖ + Tₖₖ), written so that nothing is divided by Hₖ, which may vanish.
             divisors[at] = -compliance / (compliance * varied.coupling(0, rate) + 1.0);
         }
         // S and G by the difference of two harmonics.
@@ -154,6 +155,7 @@ impl Sweep {
                 by_position + by_rate
             };
             for k in range.clone().filter(|k| *k != LARGEST_WINDOW) {
+                // The divisor holds the own term Tₖₖ pₖ, so the force is that of the others.
                 let own = core::mem::take(&mut self.p[k]);
                 let next = divisors[k] * force(&self.p, k);
                 if next.norm_sqr().is_nan() || next.norm_sqr() >= TOO_LARGE * TOO_LARGE {
@@ -164,6 +166,7 @@ impl Sweep {
             }
             let tau = force(&self.p, LARGEST_WINDOW);
             let wanted = -tau * weight / (rest * tau + 1.0);
+            // A step of Newton's method for D(s) = −φ²τ/(1 + Rτ), with D′ = 2s + 2ζω.
             let change = (s * s + s * damping + square - wanted) / (s * 2.0 + damping);
             self.s -= change;
             if last < CONVERGED * CONVERGED && change.norm_sqr() < CONVERGED * CONVERGED * varied.omega * varied.omega {

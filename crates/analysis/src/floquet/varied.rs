@@ -41,6 +41,7 @@ impl Varied {
         let signals = [&of.samples.by[0], &of.samples.by[1]];
         let limits = signals.map(|signal| NEGLIGIBLE * largest(signal));
         let repeats = (0..2).all(|d| repeats_after_half(signals[d], limits[d]));
+        // A signal with half the period has even harmonics only, and half the samples hold all of it.
         let (step, length) = if repeats { (2, half) } else { (1, count) };
         let resonance = |(phi, [omega, zeta]): (&f64, &[f64; 2])| phi * phi / (2.0 * zeta * omega * omega);
         let (cosines, sines) = of.samples.basis.tables(0);
@@ -61,6 +62,7 @@ impl Varied {
             let counts = (0..2).any(|d| both[d].norm_sqr() > limits[d] * limits[d]);
             coefficients.push(both);
             last = if counts { order } else { last };
+            // Three negligible orders in a row end the series: one alone may vanish by symmetry.
             if order > last + 2 {
                 coefficients.truncate(last + 1);
                 return Some(Varied {

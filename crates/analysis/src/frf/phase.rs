@@ -29,6 +29,8 @@ pub fn continuous_phase(
         (*hz, phase_rad.to_degrees())
     };
     let [from_hz, to_hz] = [frequency_hz.first(), frequency_hz.last()].map(|end| end.copied().unwrap_or_default());
+    // Natural frequencies between the given ones are visited, too: a narrow peak turns the phase by half a circle
+    // unseen.
     let between = natural_hz.iter().copied().filter(|hz| (from_hz..=to_hz).contains(hz) && !frequency_hz.contains(hz));
     let mut all: Vec<f64> = frequency_hz.iter().copied().chain(between).collect();
     all.sort_by(f64::total_cmp);

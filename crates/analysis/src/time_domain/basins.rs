@@ -90,6 +90,8 @@ pub fn stable_motions(
         Ok(true)
     };
     for state in phase_zero_states(forced, &branch, frequency_hz, &options) {
+        // Without a stable fixed point here this motion of the branch is unstable. The states beside it lead to others,
+        // as of twice the period.
         if !keep(FixedPoint::shoot(&map, &map.to_point(&state), 1))? {
             unstable.push(state);
         }

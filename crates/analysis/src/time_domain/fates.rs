@@ -63,6 +63,7 @@ pub(crate) fn fates(
     }
     let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
     let unit = attractors.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
+    // A multiple of every period, so that each point of an attractor is met again after a stretch.
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
     let targets: Vec<Target<'_>> =
         attractors.iter().enumerate().flat_map(|(k, motion)| Target::of(k, motion, stretch)).collect();

@@ -83,6 +83,7 @@ impl FixedPoint {
                 log_norm = f64::NEG_INFINITY;
                 break;
             }
+            // With nⱼ the norm taken off before the square j, ln ‖M^(2ᵏ)‖/2ᵏ is Σ ln nⱼ/2ʲ: nothing overflows.
             log_norm += libm::log(norm) * libm::exp2(-f64::from(k));
             power /= norm;
             power = &power * &power;

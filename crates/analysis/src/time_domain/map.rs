@@ -45,6 +45,7 @@ fn steps_in_period(modes: impl Iterator<Item = (f64, f64)>, frequency_hz: f64) -
             // −0 is 0, too.
             return Err(TimeDomainError::Undamped { mode: index + 1, damping_ratio: damping_ratio + 0.0 });
         }
+        // From 6.4e-8 (ωh)⁸ ≤ 1e-8 ζ, and at most a radian per step.
         let phase_rad = libm::pow(AMPLITUDE_TOLERANCE * damping_ratio / FREQUENCY_ERROR, 0.125).min(1.0);
         needed = needed.max(TAU * mode_hz / (phase_rad * frequency_hz));
         // ζω, or, where the mode does not oscillate, the slower of two decays, ω (ζ − √(ζ² − 1)).
@@ -118,6 +119,7 @@ impl StroboscopicMap {
         let stepper = Stepper::new(&forced.assembly, &dofs, Self::SCHEME, steps * frequency_hz);
         let stepper = match stepper {
             Err(StepError::RateTooLow { needed_hz, .. }) => {
+                // At least one step more: rounding of the rate must not lead to the same number again.
                 let more = libm::ceil(needed_hz / frequency_hz).max(steps + 1.0);
                 return StroboscopicMap::with_steps(forced, frequency_hz, more, unit, time_constant_periods);
             }
@@ -135,6 +137,7 @@ impl StroboscopicMap {
 
     /// The same with at least this many steps a second, and twice as many as here.
     pub(super) fn finer(&self, needed_hz: f64) -> Result<StroboscopicMap, TimeDomainError> {
+        // Twice as many at least, so that few repetitions reach what an element needs.
         let steps = libm::ceil(needed_hz / self.frequency_hz).max(2.0 * f64::from(self.steps));
         StroboscopicMap::with_steps(&self.forced, self.frequency_hz, steps, 1, self.time_constant_periods)
     }

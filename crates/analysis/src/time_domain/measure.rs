@@ -184,6 +184,7 @@ pub(super) fn measure(
         });
         state = match reached {
             Err(TimeDomainError::Step { source: StepError::TooStiff { needed_hz, .. }, .. }) => {
+                // The measurement begins anew, so that all of its sums have one length of step.
                 return measure(&map.finer(needed_hz)?, read, start, periods);
             }
             reached => reached?,

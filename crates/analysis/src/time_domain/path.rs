@@ -31,6 +31,7 @@ pub fn path(map: &StroboscopicMap, start: &[f64], periods: u32) -> Result<Vec<Ve
         });
         state = match reached {
             Err(TimeDomainError::Step { source: StepError::TooStiff { needed_hz, .. }, .. }) => {
+                // The path begins anew, since its states must be evenly spaced.
                 return path(&map.finer(needed_hz)?, start, periods);
             }
             reached => reached?,

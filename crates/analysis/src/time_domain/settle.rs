@@ -73,10 +73,12 @@ pub(crate) fn follow(
     let mut candidates: Vec<Candidate> = vec![];
     while follower.periods < longest {
         let before = follower.point();
+        // Newton's method is costly: candidates are kept as long as the motion approaches them.
         if candidates.is_empty() {
             candidates = follower.candidates();
         }
         let unit = candidates.iter().fold(1, |unit, candidate| unit.max(u64::from(candidate.point.period)));
+        // A whole number of returns to each candidate: at most one of them has more than one period.
         let length = stretch.div_ceil(unit) * unit;
         let waited = follower.periods;
         follower.advance(length)?;

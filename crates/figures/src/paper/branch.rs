@@ -109,6 +109,7 @@ pub struct Motion {
 
 impl Motion {
     fn new(orbit: &Orbit, bifurcation: Option<BifurcationKind>) -> Motion {
+        // At a bifurcation a multiplier is on the unit circle, and rounding would decide.
         let stability = match (orbit.is_stable(), bifurcation) {
             (Some(true), None) => Stability::Stable,
             (Some(false), None) => Stability::Unstable,
@@ -211,6 +212,7 @@ impl Traced<'_> {
     /// # Errors
     /// As [`Traced::over_frequency`].
     pub fn over_amplitude(&self, largest: f64, frequency_hz: f64) -> Result<ForcedBranch, PaperError> {
+        // The amplitude is the coordinate of the branch, which begins at rest.
         let forced = self.drive.forced(self.arm, 0.0)?;
         self.along(&forced, frequency_hz, Coordinate::Amplitude, [0.0, largest], largest)
     }

@@ -216,6 +216,7 @@ impl Plan {
             };
             branch.map(|branch| LabelledCurve { label: job.label.clone(), branch })
         };
+        // In the order of the jobs, by which the panels refer to the curves.
         let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
         let Plan { figure, name, links, conditions, panels, measured, .. } = self;
         let title = self.title.to_string();

@@ -92,6 +92,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
             row: index / columns,
             column: index % columns,
             x_range: axis::range(Coordinate::X, &sharing.iter().map(|i| &figure.panels[*i]).collect::<Vec<_>>())?,
+            // The lowest of the panels that share an axis writes it.
             writes_x: sharing.last() == Some(&index),
             y_tick_width: widths.fold(0.0, f64::max),
             y_ticks,

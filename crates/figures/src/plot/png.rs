@@ -40,6 +40,7 @@ fn draw(canvas: &mut Pixmap, fonts: &Fonts, shape: &Shape) {
             // One after the other, so that markers overlap in the order of the points.
             for at in at {
                 let outline = marker(*shape, *at, size / 2.0);
+                // A cross has no area to fill.
                 if *shape != Marker::Cross {
                     fill_path(canvas, outline.clone(), *fill, to_pixels());
                 }

@@ -36,9 +36,11 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> V
     let centres = spread(&wanted, &widths, sides(cell));
     let mut taken = Vec::new();
     for (entry, centre) in entries.iter().zip(centres) {
+        // One height for the whole row, so that its names are on one line.
         let of_row = entries.iter().filter(|other| other.row == entry.row);
         let knee = of_row.fold(f64::INFINITY, |top, other| top.min(other.at[1])) - KNEE;
         let height = SIZE * CAP_HEIGHT + GAP;
+        // The names of the highest peaks stay inside the plot.
         let bottom = (knee - RISE).max(cell.plot.top + GAP + height);
         let (left, right) = (centre - entry.width / 2.0, centre + entry.width / 2.0);
         let area = Rect { left, right, top: bottom - height, bottom };

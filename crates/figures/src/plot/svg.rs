@@ -86,6 +86,7 @@ fn polyline(points: &[Point]) -> String {
             _ => " ",
         };
         let [dx, dy] = [at[0] - before[0], at[1] - before[1]];
+        // A minus sign separates two numbers by itself.
         let separator = if dy < 0 { "" } else { " " };
         // Writing to a string can't fail.
         let _ = write!(out, "{command}{}{separator}{}", decimal(dx), decimal(dy));
@@ -142,6 +143,7 @@ fn escaped(text: &str) -> String {
             '&' => out.push_str("&amp;"),
             '"' => out.push_str("&quot;"),
             '\t' | '\n' | '\r' => out.push(' '),
+            // XML 1.0 can't contain these characters, not even escaped.
             '\0'..='\x1f' | '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
             other => out.push(other),
         }

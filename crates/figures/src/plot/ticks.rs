@@ -54,6 +54,7 @@ fn linear_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64, steps: Vec<Step>) ->
     let mut best = Ticks::default();
     for step in steps {
         let candidate = linear_ticks_at(axis, step);
+        // One label alone gives no scale: two that crowd are better.
         if candidate.labelled.len() < 2 && best.labelled.len() >= 2 {
             break;
         }
@@ -82,6 +83,7 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     let minor_size = size / step.parts as f64;
     let apart = (axis.px(axis.low + minor_size) - axis.px(axis.low)).abs();
     let parts = if axis.scale == Scale::Log || apart >= MINOR_APART { step.parts } else { 1 };
+    // Also before the first label and after the last, up to the ends of the axis.
     let minor = (first * parts - parts + 1..(last + 1) * parts)
         .filter(|n| n.rem_euclid(parts) != 0)
         .map(|n| n as f64 * minor_size)
@@ -110,6 +112,7 @@ fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
             .collect()
     };
     let mut candidates: Vec<(&[i32], i32)> = Vec::new();
+    // Over few decades the powers of ten alone would leave most of the axis without labels.
     if decades < 2.3 {
         candidates.extend([
             (&[1, 2, 3, 4, 5, 6, 7, 8, 9][..], 1),
@@ -131,6 +134,7 @@ fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
         }
     }
     let is_labelled = |value: f64| labelled.iter().any(|(labelled, _)| (labelled / value - 1.0).abs() < 1e-9);
+    // Over many decades the ticks between the powers would merge into a band.
     let between: &[i32] = if decades > 8.0 { &[1] } else { &[1, 2, 3, 4, 5, 6, 7, 8, 9] };
     let minor = (first..=last)
         .flat_map(|exponent| between.iter().map(move |multiple| f64::from(*multiple) * power_of_ten(exponent)))

@@ -137,6 +137,7 @@ pub(super) struct Survey<'a> {
 fn with(values: &[f64], own: &[f64]) -> Vec<f64> {
     let mut all = [values, own].concat();
     all.sort_by(f64::total_cmp);
+    // The figure's own value may be among the scanned ones.
     all.dedup();
     all
 }
@@ -222,6 +223,7 @@ fn view(subject: &Subject, place: Place) -> View {
         let range_hz = zone_hz(natural_hz(&arm)[mode]);
         Ok(Zone::of(&ForcedBranch::over_frequency(subject, &arm, driven.drive(), range_hz)?))
     };
+    // Zone and backbone fail separately: a statement that needs one of them can be judged without the other.
     let bent = || bent(subject, &driven.arm(subject, beta2_deg)?, mode, driven.drive());
     View { place, zone: zone().map_err(|why| why.to_string()), bent: bent().map_err(|why| why.to_string()) }
 }
