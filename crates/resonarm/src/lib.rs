@@ -53,7 +53,7 @@
 //! no file, no socket, and `no_std`. SI units throughout; a number that is not in a typed quantity carries its unit in
 //! its name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
 //!
-//! `README.md` says how to run the program, `DESIGN.md` why things are so.
+//! `docs/commands.md` describes the program's commands, `DESIGN.md` the reasons for decisions.
 
 pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig};

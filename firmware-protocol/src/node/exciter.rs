@@ -15,6 +15,42 @@ use super::answering::{Answer, Answering, ExciterOutcome};
 const RETRY_NS: u64 = 100_000_000;
 
 /// An exciter's node, with its controller.
+///
+/// The node is a state machine: it opens no socket, reads no clock, starts no thread and allocates nothing. The caller
+/// owns the CAN controller and the clock, passes frames and times in, and sends the frames that it fetches.
+///
+/// # Kinds of methods
+/// - *Input*: [`start`](Self::start) once, then [`handle_frame`](Self::handle_frame) for each frame received and
+///   [`handle_deadline`](Self::handle_deadline) when time has passed. [`bus_lost`](Self::bus_lost) reports that the CAN
+///   controller is bus off. All take the time and return at once. The controller is called within `handle_frame`.
+/// - *Output*: [`next_frame`](Self::next_frame) with [`frame_sent`](Self::frame_sent), or
+///   [`poll_transmit`](Self::poll_transmit) where the driver takes every frame; [`poll_event`](Self::poll_event);
+///   [`next_deadline_ns`](Self::next_deadline_ns).
+/// - *Requests of the caller*: [`stop`](Self::stop) disarms the plant, [`leave`](Self::leave) disarms it and announces
+///   that the node leaves the bus; if the plant may be armed, the outcome follows its answer. [`rearm`](Self::rearm)
+///   resets the node after a fault and restarts the controller; the plant is armed by the calls that follow.
+/// - *Queries*: all other methods with `&self`. They change nothing and may be called at any time.
+///
+/// # Order of calls
+/// 1. Pass every frame that waits in the receive queue to `handle_frame`, in the order of arrival. Otherwise
+///    a timeout may end although the frame that would have prevented it has been received.
+/// 2. Call `handle_deadline`.
+/// 3. Send: fetch `next_frame`, give it to the driver, and call `frame_sent` once the driver has accepted it. If it has
+///    not, keep nothing: fetch the frame again later, since an input may have replaced it by a newer command. The
+///    counter of a frame is used up by `frame_sent`, not by `next_frame`.
+/// 4. Fetch the events until there are none. Few can wait: beyond that, changes of state are merged into one that leads
+///    to the newest state, and other events are dropped and counted ([`NodeEvent::Lost`]).
+/// 5. Wait for a frame or for `next_deadline_ns`, whichever comes first. Ask for the deadline after the last input,
+///    since every input may move it.
+///
+/// To end, call `leave` and continue with this loop until [`is_quiet`](Self::is_quiet).
+///
+/// # Time
+/// `now_ns` is nanoseconds of one monotonic clock of any origin, the same for all calls. Timeouts (of the partner, of
+/// samples and of a bus that takes no frame) do not run on it directly, but on the time that the node *listened*:
+/// between two inputs at most [`Timing::look_period_ns`] counts, so a node that was itself suspended does not report
+/// its partner as lost. A time before that of an earlier call counts as no time. Heartbeats, hellos and repeated
+/// requests follow the clock. Samples are identified by index, never by time.
 #[derive(Clone, Debug)]
 pub struct ExciterNode<C: Answering> {
     link: Link,
