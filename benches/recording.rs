@@ -14,10 +14,10 @@ use resonarm::recording::{
     SampleRecord, StateRecord,
 };
 use resonarm::replay::resimulate;
-use resonarm::rig::Readings;
+use resonarm::rig::{Load, Readings};
 use resonarm::run::{self, Mode, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
-use resonarm::structure::States;
+use resonarm::structure::{LoadSet, States};
 
 const RATE_HZ: f64 = 1000.0;
 const SAMPLES: u64 = 50_000;
@@ -36,8 +36,8 @@ fn motion(sample: u64) -> [Record; 2] {
     let state = StateRecord {
         sample,
         states: States::written(4, 4, |numbers| numbers.copy_from_slice(&moving)),
-        torque_nm: [0.0; 2],
-        force_n: reading(80.0),
+        load: Load::planar([0.0; 2], reading(80.0)),
+        taken: LoadSet::NATIVE,
         is_end: false,
     };
     let readings = SampleRecord {

@@ -11,8 +11,8 @@ use resonarm::recording::{
     Clipped, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording,
     SampleRecord, StateRecord, TickRecord,
 };
-use resonarm::rig::Readings;
-use resonarm::structure::States;
+use resonarm::rig::{Load, Readings};
+use resonarm::structure::{LoadSet, States};
 
 /// Time from one sample to the next, s.
 const DT_S: f64 = 1e-3;
@@ -60,8 +60,8 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
         Record::State(StateRecord {
             sample,
             states: States::new(&[alpha, -0.5 * alpha, -2.0 * alpha, alpha], &[]).ok_or("too many states")?,
-            torque_nm: [0.0, 0.0],
-            force_n: [10.0 * libm::sin(phase), 0.0],
+            load: Load::force_n(10.0 * libm::sin(phase), 0.0),
+            taken: LoadSet::NATIVE,
             is_end: false,
         }),
         Record::Sample(SampleRecord {

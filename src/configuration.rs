@@ -7,7 +7,7 @@ use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, ScenarioError, StructureKind};
 use resonarm::structure::{
-    Assembly, BodySpec, Channel, ChannelName, CoordinateUnit, Coordinates, Dof, coordinate_channels,
+    Assembly, BodySpec, Channel, ChannelName, CoordinateUnit, Coordinates, LOADS, coordinate_channels,
 };
 
 /// The structure under test, with everything that its equations depend on.
@@ -51,23 +51,16 @@ pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
 /// of freedom that they act on. A load has its key in the scenario in place of that if nothing of the structure takes it,
 /// or if the equations of the structure are not known.
 fn commanded(amplitude: &Amplitude, tested: Option<&TestedAssembly>) -> Value {
-    let Amplitude { torque1_nm, torque2_nm, force_x_n, force_y_n } = *amplitude;
-    let loads = [
-        ("joint1", torque1_nm, "N·m"),
-        ("joint2", torque2_nm, "N·m"),
-        ("exciter_x", force_x_n, "N"),
-        ("exciter_y", force_y_n, "N"),
-    ];
-    let dofs = tested.map_or([None; 4], TestedAssembly::loaded);
-    let commanded = loads.into_iter().zip(dofs).filter(|((_, amplitude, _), _)| *amplitude != 0.0);
-    let named = |((key, amplitude, unit), dof): ((&str, f64, &str), Option<Dof>)| {
-        let name = match (tested, dof) {
-            (Some(tested), Some(dof)) => tested.dof_name(dof),
-            _ => String::from(key),
+    let dofs = tested.map(TestedAssembly::loaded);
+    let parts = amplitude.load().parts().into_iter().enumerate().filter(|(_, part)| *part != 0.0);
+    let named = |(place, part): (usize, f64)| {
+        let name = match tested.zip(dofs.and_then(|dofs| dofs[place])) {
+            Some((tested, dof)) => tested.dof_name(dof),
+            None => String::from(Amplitude::KEYS[place]),
         };
-        (name, json!({ "amplitude": amplitude, "unit": unit }))
+        (name, json!({ "amplitude": part, "unit": LOADS[place].quantity.unit() }))
     };
-    commanded.map(named).collect()
+    parts.map(named).collect()
 }
 
 /// Name and unit of each coordinate of a structure.

@@ -203,9 +203,10 @@ class Plant:
     def measure(self) -> Measurement:
         """The readings of the instruments at the sample. Every call draws new noise: call it once a sample."""
     def advance(self, force_n: _Pair | None = None, torque_nm: _Pair | None = None) -> None:
-        """Advances to the next sample with a force at the tip, N, and torques at the joints, N·m, held. Raises
-        ValueError for a load that is not finite, ResonarmError if the integrator can't continue or the shaker trips:
-        the plant then stays at its sample."""
+        """Advances to the next sample with a force (Fx, Fy) of the exciter, or (Fx, Fy, Fz), N, and torques (u1, u2) at
+        the joints, or of up to eight joints, N·m, held. Raises ValueError for a load that is not finite, ResonarmError
+        if the structure does not take a part of it, the integrator can't continue or the shaker trips: the plant then
+        stays at its sample."""
     def play_rows(self, force_n: bytes, torque_nm: bytes) -> bytearray: ...
 
 class Recording:

@@ -54,21 +54,22 @@ class Plant(_resonarm.Plant):
         )
 
     def play(self, force_n: ArrayLike | None = None, torque_nm: ArrayLike | None = None) -> Array:
-        """Measures and advances once for each row of loads: forces (Fx, Fy) at the tip, N, and torques (u1, u2) at the
-        joints, N·m. A row has, before its load acts, `sample`, the states by the names of `states`, such as
+        """Measures and advances once for each row of loads: forces (Fx, Fy) of the exciter, or (Fx, Fy, Fz), N, and
+        torques (u1, u2) at the joints, or of up to eight joints, N·m. A row has, before its load acts, `sample`, the states by the names of `states`, such as
         `alpha_rad`, the readings `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, those of other
         sensors by the names of their channels, such as `acceleration_m3_z_m_s2`, and `clipped` (as
         `Measurement.clipped`).
 
-        Raises ValueError, and plays nothing, if the loads don't have two columns and the same number of rows, or one is
-        not finite; TypeError if they are not real numbers; ResonarmError if the integrator can't continue or the shaker
-        trips: the plant is then at the sample before.
+        Raises ValueError, and plays nothing, if the loads have other columns, or not the same number of rows, or one is
+        not finite; TypeError if they are not real numbers; ResonarmError if the structure does not take a load, the integrator
+        can't continue or the shaker trips: the plant is then at the sample before.
         """
-        force, torque = _pairs("force_n", force_n, self.sample), _pairs("torque_nm", torque_nm, self.sample)
+        force, torque = _rows("force_n", force_n, 3, self.sample), _rows("torque_nm", torque_nm, 8, self.sample)
         if force is None and torque is None:
             raise ValueError("give the loads: force_n, torque_nm, or both, a row a sample")
-        force = np.zeros_like(torque) if force is None else force
-        torque = np.zeros_like(force) if torque is None else torque
+        force = np.zeros((len(torque), 3)) if force is None and torque is not None else force
+        torque = np.zeros((len(force), 8)) if torque is None and force is not None else torque
+        assert force is not None and torque is not None
         if len(force) != len(torque):
             raise ValueError(f"force_n has {len(force)} rows and torque_nm {len(torque)}: both need a row a sample")
         return view(self.play_rows(force.tobytes(), torque.tobytes()), played(self.channels(), self.reading_channels()))
@@ -80,15 +81,15 @@ class Plant(_resonarm.Plant):
         return f"<Plant at sample {self.sample} ({self.time_s:g} s): {symbol} = ({numbers}) {unit(name)}>"
 
 
-def _pairs(name: str, loads: ArrayLike | None, first: int) -> NDArray[np.float64] | None:
-    """Loads from the sample `first` on, all finite."""
+def _rows(name: str, loads: ArrayLike | None, most: int, first: int) -> NDArray[np.float64] | None:
+    """Loads from the sample `first` on, all finite, in `most` columns: zeros are added to two or more that are given."""
     if loads is None:
         return None
     array = _checks.real(name, loads)
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise ValueError(f"{name} has the shape {array.shape}: it must be (samples, 2)")
+    if array.ndim != 2 or not 2 <= array.shape[1] <= most:
+        raise ValueError(f"{name} has the shape {array.shape}: it must be (samples, 2), or up to (samples, {most})")
     if len(bad := np.argwhere(~np.isfinite(array))):
         row, column = bad[0]
         got = "NaN" if np.isnan(array[row, column]) else f"{array[row, column]:g}"
         raise ValueError(f"{name} is {got} at sample {first + row}, in column {column}: it must be a finite number")
-    return array
+    return np.hstack([array, np.zeros((len(array), most - array.shape[1]))])

@@ -5,7 +5,8 @@ use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use resonarm::plant::{Loads, PointMotion, Stepped};
+use resonarm::plant::{PointMotion, Stepped};
+use resonarm::rig::Load;
 use resonarm::scenario::Scenario;
 use resonarm::structure::{Channel, Coordinates, StructureError, coordinate_channels};
 
@@ -111,8 +112,10 @@ impl OwnStructure {
     }
 
     /// Displacement, velocity and acceleration of B x, y and C x, y.
-    fn motion(&self, t_s: f64, loads: &Loads) -> Result<[[[f64; 2]; 2]; 3], StructureError> {
-        let call = |py: Python<'_>| self.calls.points.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, loads)?));
+    fn motion(&self, t_s: f64, load: &Load) -> Result<[[[f64; 2]; 2]; 3], StructureError> {
+        let call = |py: Python<'_>| {
+            self.calls.points.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &load.native_parts())?))
+        };
         let given = self.call(POINTS, call)?;
         Ok(core::array::from_fn(|of| {
             core::array::from_fn(|point| core::array::from_fn(|axis| given[4 * of + 2 * point + axis]))
@@ -125,22 +128,23 @@ impl Stepped for OwnStructure {
         &self.channels
     }
 
-    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
-        let call =
-            |py: Python<'_>| self.calls.step.call1(py, (t_s, self.step_s, bytes(py, &self.state)?, bytes(py, loads)?));
+    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        let call = |py: Python<'_>| {
+            self.calls.step.call1(py, (t_s, self.step_s, bytes(py, &self.state)?, bytes(py, &load.native_parts())?))
+        };
         self.state = self.call(self.state.len(), call)?;
         self.t_s = t_s + self.step_s;
         Ok(())
     }
 
-    fn points(&self, t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError> {
-        let [_, velocity, acceleration] = self.motion(t_s, loads)?;
+    fn points(&self, t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
+        let [_, velocity, acceleration] = self.motion(t_s, load)?;
         Ok(PointMotion { velocity_m_s: velocity.map(Into::into), acceleration_m_s2: acceleration.map(Into::into) })
     }
 
     /// NaN, which no limit lets pass, if there is an exception.
     fn travel_m(&self) -> f64 {
-        match self.motion(self.t_s, &Loads::default()) {
+        match self.motion(self.t_s, &Load::default()) {
             Ok([[_, [x, y]], ..]) => (x * x + y * y).sqrt(),
             Err(_) => f64::NAN,
         }

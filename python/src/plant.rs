@@ -8,8 +8,7 @@ use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use resonarm::plant::{self, PlantError};
 use resonarm::recording::Topic;
 use resonarm::recording::channels::Channels;
-use resonarm::rig::Load;
-use resonarm::rig::{self, Reading, Readings};
+use resonarm::rig::{self, Load, MOST_JOINTS, Reading, Readings};
 use resonarm::structure::States;
 
 use crate::errors::{self, Raised, taken};
@@ -243,25 +242,34 @@ impl Plant {
     #[pyo3(signature = (force_n = None, torque_nm = None))]
     fn advance(&mut self, force_n: Option<&Bound<'_, PyAny>>, torque_nm: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let sample = self.inner.sample();
-        let pair = |name: &str, given: Option<&Bound<'_, PyAny>>| {
-            let message = |text: &str| format!("{name} is {text} at sample {sample}: it must be two finite numbers");
-            given.map_or(Ok([0.0; 2]), |given| values::two_numbers(given, message))
-        };
-        let load = Load { torque_nm: pair("torque_nm", torque_nm)?.into(), force_n: pair("force_n", force_n)?.into() };
+        let force_n = force_n.map_or(Ok([0.0; 3]), |given| {
+            let message = |text: &str| {
+                format!("force_n is {text} at sample {sample}: it must be two finite numbers, or three with z")
+            };
+            values::two_or_more(given, message)
+        })?;
+        let torque_nm = torque_nm.map_or(Ok([0.0; MOST_JOINTS]), |given| {
+            let message = |text: &str| {
+                format!("torque_nm is {text} at sample {sample}: it must be two to {MOST_JOINTS} finite numbers")
+            };
+            values::two_or_more(given, message)
+        })?;
+        let load = Load { torque_nm: torque_nm.into(), force_n: force_n.into() };
         self.inner.advance(&load).map_err(|error| self.failed(error))
     }
 
-    /// Measures and advances once for each pair of forces and torques, given as the bytes of arrays; a row of
-    /// readings and states for each.
+    /// Measures and advances once for each row of three forces and eight torques, given as the bytes of arrays; a row
+    /// of readings and states for each.
     fn play_rows<'py>(
         &mut self,
         py: Python<'py>,
         force_n: &[u8],
         torque_nm: &[u8],
     ) -> PyResult<Bound<'py, PyByteArray>> {
-        let pairs = |of: &[u8]| -> Vec<[f64; 2]> { numbers(of).chunks_exact(2).map(|row| [row[0], row[1]]).collect() };
-        let loads: Vec<Load> = (pairs(force_n).into_iter().zip(pairs(torque_nm)))
-            .map(|(force_n, torque_nm)| Load { torque_nm: torque_nm.into(), force_n: force_n.into() })
+        let (forces_n, torques_nm) = (numbers(force_n), numbers(torque_nm));
+        let rows_of = forces_n.as_chunks::<3>().0.iter().zip(torques_nm.as_chunks::<MOST_JOINTS>().0);
+        let loads: Vec<Load> = rows_of
+            .map(|(force_n, torque_nm)| Load { torque_nm: (*torque_nm).into(), force_n: (*force_n).into() })
             .collect();
         let mut rows = Rows::default();
         for part in loads.chunks(SAMPLES_A_LOOK) {

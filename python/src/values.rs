@@ -46,12 +46,21 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
 /// Two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or a
 /// `TypeError` if it has no numbers.
 pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
+    two_or_more(given, message)
+}
+
+/// Two to `MOST` finite numbers, and zeros for those that are not given. `message` as in [`two_numbers`].
+pub fn two_or_more<const MOST: usize>(
+    given: &Bound<'_, PyAny>,
+    message: impl Fn(&str) -> String,
+) -> PyResult<[f64; MOST]> {
+    let padded = |numbers: &[f64]| core::array::from_fn(|place| numbers.get(place).copied().unwrap_or(0.0));
     // The usual arguments need no list.
     if let Ok((first, second)) = given.extract::<(f64, f64)>()
         && first.is_finite()
         && second.is_finite()
     {
-        return Ok([first, second]);
+        return Ok(padded(&[first, second]));
     }
     let refused = |kind: fn(String) -> PyErr| {
         let text = given.repr().map_or_else(|_| String::from("what has no repr()"), |text| text.to_string());
@@ -60,10 +69,8 @@ pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -
     let wrong_type = |_error: PyErr| refused(PyTypeError::new_err);
     let items = given.try_iter().map_err(wrong_type)?.collect::<PyResult<Vec<_>>>()?;
     let numbers = items.iter().map(|item| item.extract().map_err(wrong_type)).collect::<PyResult<Vec<f64>>>()?;
-    match numbers[..] {
-        [first, second] if first.is_finite() && second.is_finite() => Ok([first, second]),
-        _ => Err(refused(errors::value)),
-    }
+    let fits = (2..=MOST).contains(&numbers.len()) && numbers.iter().all(|number| number.is_finite());
+    if fits { Ok(padded(&numbers)) } else { Err(refused(errors::value)) }
 }
 
 /// A document as dictionaries, lists and numbers, as in JSON.

@@ -62,12 +62,12 @@ def frequencies(of):
         (
             lambda: resonarm.Plant().advance(force_n=(0.0, NAN)),
             ValueError,
-            "force_n is (0.0, nan) at sample 0: it must be two finite numbers",
+            "force_n is (0.0, nan) at sample 0: it must be two finite numbers, or three with z",
         ),
         (
             lambda: resonarm.Plant().advance(torque_nm=(-float("inf"), 0.0)),
             ValueError,
-            "torque_nm is (-inf, 0.0) at sample 0: it must be two finite numbers",
+            "torque_nm is (-inf, 0.0) at sample 0: it must be two to 8 finite numbers",
         ),
         (
             lambda: resonarm.Chain.preset().simulate(1, drive={"tip.x": NAN}, frequency_hz=3),

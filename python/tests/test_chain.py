@@ -157,6 +157,30 @@ def test_a_run_has_the_states_of_the_chain(tmp_path):
     assert "6 links" in repr(scenario)
 
 
+def test_a_plant_takes_torques_at_every_joint():
+    scenario = resonarm.Scenario.load(EXAMPLES / "chain.toml")
+    torque = np.zeros((40, 6))
+    torque[:, 5] = 2 * np.sin(0.1 * np.arange(40))
+    one_by_one = resonarm.Plant(scenario)
+    for values in torque:
+        one_by_one.advance(torque_nm=values)
+    still = resonarm.Plant(scenario)
+    still.play(torque_nm=np.zeros((40, 2)))
+    assert one_by_one.alpha_rad != still.alpha_rad
+    played = resonarm.Plant(scenario)
+    played.play(torque_nm=torque)
+    assert played.alpha_rad == one_by_one.alpha_rad
+    with pytest.raises(resonarm.ResonarmError, match="torque7_nm is 1: nothing of the structure takes this load"):
+        one_by_one.advance(torque_nm=(0, 0, 0, 0, 0, 0, 1))
+    with pytest.raises(resonarm.ResonarmError, match="force_z_n is -2: nothing of the structure takes this load"):
+        one_by_one.advance(force_n=(0, 0, -2))
+    with pytest.raises(ValueError, match="it must be two to 8 finite numbers"):
+        one_by_one.advance(torque_nm=(0,) * 9)
+    with pytest.raises(ValueError, match=r"shape \(40, 9\): it must be \(samples, 2\), or up to \(samples, 8\)"):
+        one_by_one.play(torque_nm=np.zeros((40, 9)))
+    assert one_by_one.sample == 40
+
+
 def test_a_plant_of_modes_has_no_angles():
     plant = resonarm.Plant(resonarm.Scenario.load(EXAMPLES / "friction.toml"))
     assert list(plant.states) == ["q_m_sqrt_kg", "q_dot_m_sqrt_kg_s", "element1_m", "element1_branch"]

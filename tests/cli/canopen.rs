@@ -151,7 +151,7 @@ fn log(drives: &[DriveSpec], states: &[StateRecord], sample_us: u64) -> String {
             let [position, velocity] = [counts(state.states.coordinates()[joint]), counts(state.states.rates()[joint])];
             let data = [position.to_le_bytes(), velocity.to_le_bytes()].concat();
             line(us + 150 + 150 * joint as u64, format!("28{}#{}", drive.node_id, bytes(&data)));
-            let target = (state.torque_nm[joint] / drive.torque_step_nm()).round() as i16;
+            let target = (state.load.torque_nm[joint] / drive.torque_step_nm()).round() as i16;
             let data = [[0x0F, 0], target.to_le_bytes()].concat();
             line(us + 500, format!("20{}#{}", drive.node_id, bytes(&data)));
         }
@@ -195,7 +195,10 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
                 let (got, wanted) = (&read.states, &expected.states);
                 assert!(near(got.coordinates(), wanted.coordinates(), count_rad), "{read:?} {expected:?}");
                 assert!(near(got.rates(), wanted.rates(), count_rad), "{read:?} {expected:?}");
-                assert!(near(&read.torque_nm, &expected.torque_nm, drive.torque_step_nm()), "{read:?} {expected:?}");
+                assert!(
+                    near(read.load.torque_nm.as_slice(), expected.load.torque_nm.as_slice(), drive.torque_step_nm()),
+                    "{read:?} {expected:?}"
+                );
             }
         }
     }

@@ -6,8 +6,8 @@ use std::path::Path;
 use insta::assert_snapshot;
 use resonarm::recording::channels::Channels;
 use resonarm::recording::{Clipped, Configuration, Options, Record, Recorder, SampleRecord, StateRecord};
-use resonarm::rig::Readings;
-use resonarm::structure::States;
+use resonarm::rig::{Load, Readings};
+use resonarm::structure::{LoadSet, States};
 
 use crate::{complaint, document, resonarm};
 
@@ -119,8 +119,8 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_curren
         let state = StateRecord {
             sample,
             states: States::new(&[0.0; 4], coil_current_a.as_slice()).unwrap(),
-            torque_nm: zero,
-            force_n: zero,
+            load: Load::default(),
+            taken: LoadSet::NATIVE,
             is_end,
         };
         channel.push_blocking(&Record::State(state)).unwrap();

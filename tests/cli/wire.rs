@@ -301,7 +301,7 @@ fn logged(folder: &Path, excitation: &str, samples: impl Fn(u64) -> bool) -> Vec
     assert_eq!(resonarm(folder, &run).code, 0);
     let recording = Recording::open(folder.join("run.mcap")).unwrap();
     let read: Vec<SampleRecord> = recording.samples().unwrap().map(Result::unwrap).collect();
-    let held: Vec<f64> = recording.states().unwrap().map(|state| state.unwrap().force_n[1]).collect();
+    let held: Vec<f64> = recording.states().unwrap().map(|state| state.unwrap().load.force_n[1]).collect();
     let (wire, mut log) = (Wire::new(folder), String::new());
     for (sample, force_n) in read.iter().zip(held).filter(|(sample, _)| samples(sample.sample)) {
         let [accelerations, head] = wire.sample(sample);

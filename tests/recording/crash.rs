@@ -17,7 +17,8 @@ use resonarm::recording::{
     Configuration, Direction, Existing, FlushPolicy, FrameRecord, Integrity, Options, Record, Recorder, Recording,
     RecordingError, StateRecord, recover,
 };
-use resonarm::structure::States;
+use resonarm::rig::Load;
+use resonarm::structure::{LoadSet, States};
 
 /// The file into which the child records; a test is the child if it is set.
 const CHILD: &str = "RESONARM_TEST_CRASH_RECORDING";
@@ -96,14 +97,9 @@ fn record(path: &Path) -> TestResult {
 /// A state and a frame that contain their sample.
 fn records_at(sample: u64, time_ns: u64) -> TestResult<[Record; 2]> {
     let x = sample as f64;
-    let (torque_nm, force_n) = ([0.0; 2], [1.0, x]);
-    let state = StateRecord {
-        sample,
-        states: States::new(&[x, -x, 0.5 * x, x], &[]).unwrap(),
-        torque_nm,
-        force_n,
-        is_end: false,
-    };
+    let (load, taken) = (Load::force_n(1.0, x), LoadSet::NATIVE);
+    let state =
+        StateRecord { sample, states: States::new(&[x, -x, 0.5 * x, x], &[]).unwrap(), load, taken, is_end: false };
     let frame = Frame::classic(Id::Standard(0x203), &sample.to_le_bytes())?;
     let (direction, bus_timestamp_ns) = (Direction::Sent, None);
     Ok([Record::State(state), Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })])

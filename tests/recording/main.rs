@@ -26,8 +26,8 @@ use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StateRecord,
     Summary, TickRecord,
 };
-use resonarm::rig::Readings;
-use resonarm::structure::States;
+use resonarm::rig::{Load, Readings};
+use resonarm::structure::{LoadSet, States};
 
 /// The result of a test: any error fails it.
 type TestResult<T = ()> = Result<T, Box<dyn Error>>;
@@ -39,8 +39,8 @@ fn records_of(sample: u64) -> TestResult<Vec<Record>> {
         Record::State(StateRecord {
             sample,
             states: States::new(&[1e-3 * x, -1e-4 * x, 0.1 + x, 0.2 - x], &[]).unwrap(),
-            torque_nm: [0.0, -0.0],
-            force_n: [x / 3.0, 1.0],
+            load: Load::planar([0.0, -0.0], [x / 3.0, 1.0]),
+            taken: LoadSet::NATIVE,
             is_end: false,
         }),
         Record::Sample(SampleRecord {

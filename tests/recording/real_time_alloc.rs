@@ -8,8 +8,8 @@ use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError,
     SampleRecord, StateRecord, TickRecord,
 };
-use resonarm::rig::Readings;
-use resonarm::structure::States;
+use resonarm::rig::{Load, Readings};
+use resonarm::structure::{LoadSet, States};
 
 #[test]
 fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
@@ -22,15 +22,15 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
     let pair = [1.0, 2.0];
     let mut push_all = |sample: u64| {
         let time_ns = sample * 1_000_000;
-        let (torque_nm, force_n) = (pair, pair);
+        let (load, taken) = (Load::planar(pair, pair), LoadSet::NATIVE);
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
         let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Clipped::NONE);
         let records = [
             Record::State(StateRecord {
                 sample,
                 states: States::new(&[1.0, 2.0, 1.0, 2.0], &[]).unwrap(),
-                torque_nm,
-                force_n,
+                load,
+                taken,
                 is_end: false,
             }),
             Record::Sample(SampleRecord {

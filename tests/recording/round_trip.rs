@@ -8,8 +8,8 @@ use resonarm::recording::{
     Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
     SampleRecord, StateRecord, TickRecord,
 };
-use resonarm::rig::Readings;
-use resonarm::structure::States;
+use resonarm::rig::{Load, Readings};
+use resonarm::structure::{LoadSet, States};
 
 use crate::{TestResult, options, record, run};
 
@@ -55,8 +55,8 @@ fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
                 Record::State(StateRecord {
                     sample,
                     states: States::new(&[x, v].concat(), coil_current_a.as_slice()).unwrap(),
-                    torque_nm,
-                    force_n,
+                    load: Load::planar(torque_nm, force_n),
+                    taken: LoadSet::NATIVE,
                     is_end,
                 })
             }
@@ -122,7 +122,7 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
     match record {
         Record::State(r) => {
             let moving = r.states.moving().iter().map(|number| format!("{:x?}", number.to_bits())).collect::<String>();
-            let numbers = moving + &bits(&[r.torque_nm, r.force_n]);
+            let numbers = format!("{moving}{:x?}", r.load.parts().map(f64::to_bits));
             let current = r.states.internal().first().copied().map(f64::to_bits);
             format!("{} {} {current:x?} {numbers}", r.sample, r.is_end)
         }

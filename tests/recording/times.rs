@@ -9,8 +9,8 @@ use resonarm::recording::{
     Clipped, Direction, Event, Existing, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime,
     SampleRecord, StateRecord,
 };
-use resonarm::rig::Readings;
-use resonarm::structure::States;
+use resonarm::rig::{Load, Readings};
+use resonarm::structure::{LoadSet, States};
 
 use crate::{TestResult, configuration, options, record, rewritten, run};
 
@@ -110,8 +110,8 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> TestResult {
     let end = StateRecord {
         sample: 250,
         states: States::new(&[0.1, 0.2, 0.3, 0.4], &[]).unwrap(),
-        torque_nm: [0.0; 2],
-        force_n: [0.0; 2],
+        load: Load::default(),
+        taken: LoadSet::NATIVE,
         is_end: true,
     };
     let at_the_limit = |clipped| SampleRecord {

@@ -67,7 +67,7 @@ fn recorded(scenario: Scenario, mode: Mode, name: &str) -> (BothReport, PathBuf)
 fn states(path: &Path) -> Vec<Vec<u64>> {
     let recording = Recording::open(path).unwrap();
     let bits = |record: resonarm::recording::StateRecord| {
-        record.states.iter().chain(&record.force_n).map(|number| number.to_bits()).collect()
+        record.states.iter().chain(&record.load.force_n).map(|number| number.to_bits()).collect()
     };
     recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
 }

@@ -27,7 +27,7 @@ fn run(text: &str, mode: Mode, path: &Path) -> (PlantReport, Vec<Moment>) {
     let tip = ["tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
     let moments = recording.states().unwrap().map(|state| {
         let state = state.unwrap();
-        let load = Load { force_n: state.force_n.into(), torque_nm: state.torque_nm.into() };
+        let load = state.load;
         let [x_m, y_m] = tip.map(|dof| assembly.displacement(dof, state.states.coordinates()));
         Moment { load, travel_m: libm::hypot(x_m, y_m) }
     });

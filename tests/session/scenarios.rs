@@ -209,7 +209,7 @@ fn a_load_file_is_read_from_the_scenarios_folder() {
     fs::write(folder.path().join("load.csv"), "1\n-2\n").unwrap();
     let scenario = Scenario::read(&path).unwrap();
     let profile = scenario.profile().unwrap();
-    let loads = [0, 1, 2].map(|n| profile.load(n).torque_nm.y);
+    let loads = [0, 1, 2].map(|n| profile.load(n).torque_nm[1]);
     assert_eq!(loads, [10.0, -20.0, 0.0]);
     // What is written down names the file, and holds none of its loads.
     let written = scenario.to_toml().unwrap();

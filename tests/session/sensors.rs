@@ -67,7 +67,7 @@ fn twenty_accelerometers_read_the_motion_at_their_points() {
     let (velocity, displacement) = (place("velocity_v_z_m_s"), place("displacement_x_z_m"));
     let middle = |state: &StateRecord, mode: usize| {
         let omega = [F1, F2][mode] * std::f64::consts::TAU;
-        let (q, v, f) = (state.states[mode], state.states[2 + mode], 0.4 * state.force_n[0]);
+        let (q, v, f) = (state.states[mode], state.states[2 + mode], 0.4 * state.load.force_n[0]);
         let (sigma, damped, t) = (ZETA * omega, omega * (1.0 - ZETA * ZETA).sqrt(), 0.0005);
         let from_rest = q - f / (omega * omega);
         let (sine, cosine, decay) = (libm::sin(damped * t), libm::cos(damped * t), libm::exp(-sigma * t));

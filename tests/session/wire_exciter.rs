@@ -70,12 +70,12 @@ fn free_and_lockstep_have_the_same_bits_and_the_commanded_force_acts() {
     let profile = scenario.profile().unwrap();
     for (state, index) in free.iter().zip(0..600) {
         let asked_n = profile.load(index).force_n.y;
-        assert!((state.force_n[1] - asked_n).abs() <= 0.5 * 0.02 + 1e-9, "{index}: {state:?} {asked_n}");
+        assert!((state.load.force_n[1] - asked_n).abs() <= 0.5 * 0.02 + 1e-9, "{index}: {state:?} {asked_n}");
     }
     let lockstep = whole(&both(&scenario, Mode::Lockstep, &path), &path);
     let bits = |states: &[StateRecord]| -> Vec<_> {
         let numbers = |state: &StateRecord| {
-            state.states.coordinates().iter().chain(&state.force_n).map(|x| x.to_bits()).collect::<Vec<_>>()
+            state.states.coordinates().iter().chain(&state.load.force_n).map(|x| x.to_bits()).collect::<Vec<_>>()
         };
         states[..600].iter().map(numbers).collect()
     };
@@ -110,7 +110,7 @@ fn in_lockstep_a_controller_that_waits_for_a_reading_starts_and_gets_the_free_bi
         let lockstep = whole(&report, &path);
         let bits = |states: &[StateRecord]| -> Vec<_> {
             let numbers = |state: &StateRecord| {
-                state.states.coordinates().iter().chain(&state.force_n).map(|x| x.to_bits()).collect::<Vec<_>>()
+                state.states.coordinates().iter().chain(&state.load.force_n).map(|x| x.to_bits()).collect::<Vec<_>>()
             };
             states[..600].iter().map(numbers).collect()
         };
@@ -175,7 +175,10 @@ fn without_a_lockstep_the_first_sample_arms_and_the_next_is_answered() {
     let states = whole(&both(&scenario, Mode::Free, &path), &path);
     let profile = scenario.profile().unwrap();
     for (state, index) in states[1..].iter().zip(0..600) {
-        assert!((state.force_n[1] - profile.load(index).force_n.y).abs() <= 0.5 * 0.02 + 1e-9, "{index}: {state:?}");
+        assert!(
+            (state.load.force_n[1] - profile.load(index).force_n.y).abs() <= 0.5 * 0.02 + 1e-9,
+            "{index}: {state:?}"
+        );
     }
 }
 
@@ -242,11 +245,9 @@ fn drives_are_armed_and_turn_both_joints() {
         assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished), "{report:?}");
         let recording = Recording::open(&path).unwrap();
         assert!(replay::resimulate(&recording).unwrap().identical);
-        let most = recording
-            .states()
-            .unwrap()
-            .map(Result::unwrap)
-            .fold([0.0_f64; 2], |most, state| [most[0].max(state.torque_nm[0]), most[1].max(state.torque_nm[1])]);
+        let most = recording.states().unwrap().map(Result::unwrap).fold([0.0_f64; 2], |most, state| {
+            [most[0].max(state.load.torque_nm[0]), most[1].max(state.load.torque_nm[1])]
+        });
         assert!((most[0] - 20.0).abs() < 0.5 && (most[1] - 5.0).abs() < 0.2, "{mode} {most:?}");
     }
 }

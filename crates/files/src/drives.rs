@@ -1,6 +1,6 @@
 //! What a master asks of CANopen drives, as the frames between them say it.
 
-use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
+use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, TORQUE_MODE};
 use resonarm_bench::rig::Load;
 use resonarm_protocol::Frame;
 use resonarm_wire::canopen::cia402::{Command, DriveState, halts};
@@ -60,11 +60,7 @@ impl Targets {
     pub fn load(&self) -> Load {
         self.drives.iter().fold(Load::default(), |sum, drive| {
             let torque_nm = drive.torque_nm();
-            let of_drive = match drive.spec.joint {
-                Joint::First => Load::torque_nm(torque_nm, 0.0),
-                Joint::Second => Load::torque_nm(0.0, torque_nm),
-            };
-            Load { torque_nm: sum.torque_nm + of_drive.torque_nm, force_n: sum.force_n }
+            sum + Load::at_joint(drive.spec.joint.place(), torque_nm)
         })
     }
 }
@@ -155,6 +151,7 @@ impl Drive {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_bench::node::cia402::Joint;
 
     fn targets() -> Targets {
         let drive = |node_id, joint| DriveSpec {
@@ -171,7 +168,7 @@ mod tests {
         for frame in frames {
             targets.hear(&frame.parse().unwrap());
         }
-        targets.load().torque_nm.into()
+        [0, 1].map(|joint| targets.load().torque_nm[joint])
     }
 
     /// Mode 10 and operation enabled.

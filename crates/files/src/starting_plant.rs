@@ -42,7 +42,7 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
             return Some(numbers.iter().map(|number| format!("{number:e}")).collect::<Vec<_>>().join(" "));
         }
         plant.measure();
-        plant.advance(&record.load()).ok()?;
+        plant.advance(&record.load).ok()?;
     }
     None
 }

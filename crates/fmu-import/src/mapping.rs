@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::description::Description;
 use crate::{ImportError, OutputsOf, ReadAt, Spec};
-use resonarm_bench::structure::{Channel, Coordinates, LOADS, coordinate_channels};
+use resonarm_bench::structure::{Channel, Coordinates, NATIVE_LOADS, coordinate_channels};
 pub(crate) use variable::{Block, Slot};
 use variable::{Of, named, parameters, warn_of_unit};
 
@@ -47,9 +47,9 @@ pub(crate) type Axes = [Option<Slot>; 2];
 pub(crate) struct Mapping {
     /// Values of parameters by their value reference, set before initialization.
     pub parameters: Vec<(u32, Vec<f64>)>,
-    /// Variables that are set, and where each load is in them, in the order of [`LOADS`].
+    /// Variables that are set, and where each load is in them, in the order of [`NATIVE_LOADS`].
     pub set: Block,
-    pub inputs: [Option<Slot>; LOADS.len()],
+    pub inputs: [Option<Slot>; NATIVE_LOADS.len()],
     /// Variables that are read.
     pub read: Block,
     /// The states of a recording, and where they are.

@@ -8,9 +8,9 @@ use crate::instance::Instance;
 use crate::mapping::{Axes, Slot};
 use crate::source::Source;
 use crate::{ImportError, ReadAt};
-use resonarm_bench::plant::{Loads, Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
-use resonarm_bench::rig::Rig;
-use resonarm_bench::structure::{Channel, ForeignFault, LOADS, OUTPUTS, Structure, StructureError};
+use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
+use resonarm_bench::rig::{Load, Rig};
+use resonarm_bench::structure::{Channel, ForeignFault, LoadSet, NATIVE_LOADS, OUTPUTS, Structure, StructureError};
 
 impl Source {
     /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
@@ -54,7 +54,7 @@ pub(crate) struct Held {
     /// The states to which a hold that failed has returned.
     kept: Vec<f64>,
     /// The loads that are set.
-    loads: Option<Loads>,
+    loads: Option<[f64; NATIVE_LOADS.len()]>,
 }
 
 impl Clone for Held {
@@ -95,19 +95,20 @@ impl Held {
     }
 
     /// A communication step with the loads held. They are set where they have changed.
-    fn step(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
-        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
-        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && **load != 0.0) {
-            return Err(StructureError::NoInput { name: channel.name, got: *got });
+    fn step(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        let loads = load.native_parts();
+        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&NATIVE_LOADS);
+        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && *load != 0.0) {
+            return Err(StructureError::NoInput { name: channel.name, got });
         }
-        let stepped = self.try_step(t_s, loads);
+        let stepped = self.try_step(t_s, &loads);
         if stepped.is_err() {
             self.run = Run::Failed;
         }
         stepped
     }
 
-    fn try_step(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
+    fn try_step(&mut self, t_s: f64, loads: &[f64; NATIVE_LOADS.len()]) -> Result<(), StructureError> {
         let source = Arc::clone(&self.source);
         let mapping = &source.mapping;
         // Compared by their bits: +0 and −0 are different inputs, and a NaN would never equal itself.
@@ -184,12 +185,12 @@ impl Stepped for Steps {
         &self.held.source.mapping.channels
     }
 
-    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
-        self.held.step(t_s, loads)
+    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        self.held.step(t_s, load)
     }
 
     /// The motion at the end of the last step, under the loads of that step.
-    fn points(&self, _t_s: f64, _loads: &Loads) -> Result<PointMotion, StructureError> {
+    fn points(&self, _t_s: f64, _load: &Load) -> Result<PointMotion, StructureError> {
         let mapping = &self.held.source.mapping;
         let vector = |axes: &Axes| Vector2::from(self.held.along(axes));
         Ok(PointMotion {
@@ -251,8 +252,8 @@ impl Sampled {
 }
 
 impl Structure for Sampled {
-    fn inputs(&self) -> &[Channel] {
-        &LOADS
+    fn inputs(&self) -> LoadSet {
+        LoadSet::NATIVE
     }
 
     fn outputs(&self) -> &[Channel] {
@@ -267,12 +268,9 @@ impl Structure for Sampled {
         self.states().len() + OUTPUTS.len()
     }
 
-    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
-        let wrong = |_| StructureError::Inputs { got: inputs.len(), expected: LOADS.len() };
-        let loads: Loads = inputs.try_into().map_err(wrong)?;
-        self.held.step(time_s, &loads)?;
-        let [_, _, fx, fy] = loads;
-        self.force_n = [fx, fy];
+    fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
+        self.held.step(time_s, load)?;
+        self.force_n = [load.force_n.x, load.force_n.y];
         Ok(())
     }
 

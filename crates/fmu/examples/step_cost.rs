@@ -97,7 +97,7 @@ fn native(session: &Session) -> Result<f64, Box<dyn Error>> {
     black_box(plant.measure());
     let start_ns = clock.now_ns();
     for sample in 0..SAMPLES {
-        let load = Load { force_n: [force_n(sample), 0.0].into(), ..Load::default() };
+        let load = Load::force_n(force_n(sample), 0.0);
         plant.advance(black_box(&load))?;
         black_box((plant.measure(), plant.states()));
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use resonarm_bench::plant::PlantError;
+use resonarm_bench::rig::Load;
 use resonarm_files::recording::RecordingError;
 use resonarm_numeric::number::short;
 use resonarm_scenario::ScenarioError;
@@ -152,14 +153,12 @@ pub enum Fault {
     },
     /// A load beyond the exciter's limits or direction.
     #[error(
-        "the load is {force_n:?} N, {torque_nm:?} N·m: the exciter can't produce it (rig.exciter of the scenario: {limit_n} N, \
-         {limit_nm} N·m)", limit_n = short(.limit_n), limit_nm = short(.limit_nm)
+        "the load is {:?} N, {:?} N·m: the exciter can't produce it (rig.exciter of the scenario: {limit_n} N, \
+         {limit_nm} N·m)", .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
-        /// Force along x and y, N.
-        force_n: [f64; 2],
-        /// Torque at the joints, N·m.
-        torque_nm: [f64; 2],
+        /// The load.
+        load: Load,
         /// Largest force of the exciter, N.
         limit_n: f64,
         /// Largest torque of the exciter, N·m.

@@ -12,10 +12,9 @@ use std::sync::Arc;
 use crate::Fault;
 use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, reached};
 use crate::tape::{Mark, Tape};
-use crate::variables::{self, Source};
+use crate::variables::Source;
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::Load;
-use resonarm_bench::rig::{MOST_CHANNELS, Measurement, Reading, Readings};
+use resonarm_bench::rig::{Load, MOST_CHANNELS, Measurement, Reading, Readings};
 use resonarm_bench::structure::OUTPUTS;
 use resonarm_bus::Statistics;
 use resonarm_files::recording::{Record, StateRecord};
@@ -72,8 +71,8 @@ impl Signals {
         Record::State(StateRecord {
             sample: self.now.plant.sample(),
             states: *self.now.plant.states(),
-            torque_nm: load.torque_nm.into(),
-            force_n: load.force_n.into(),
+            load,
+            taken: self.now.plant.inputs(),
             is_end,
         })
     }
@@ -87,11 +86,10 @@ impl Signals {
         if let Some(held) = self.now.held {
             return Ok(held);
         }
-        let (load, exciter) = (variables::load(inputs), self.now.plant.exciter());
+        let (load, exciter) = (Load::from_parts(inputs), self.now.plant.exciter());
         if !exciter.can_produce(&load) {
-            let (force_n, torque_nm) = (load.force_n.into(), load.torque_nm.into());
             let (limit_n, limit_nm) = exciter.limits();
-            return Err(Fault::Load { force_n, torque_nm, limit_n, limit_nm });
+            return Err(Fault::Load { load, limit_n, limit_nm });
         }
         self.now.held = Some(load);
         Ok(load)

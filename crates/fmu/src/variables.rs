@@ -4,7 +4,7 @@
 use crate::content::{Content, Interface, Role, Settings, TxClock};
 use crate::units::{self, DEGREE, SECOND, Unit};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::Load;
+use resonarm_bench::rig::{Load, MOST_JOINTS};
 use resonarm_bench::structure::{Channel, LOADS, Quantity};
 
 /// What a variable stands for. Numbers are places in the tables of channels.
@@ -205,15 +205,10 @@ fn loads(plant: &Plant) -> impl Iterator<Item = Variable> {
 fn takes(plant: &Plant, index: usize) -> bool {
     let (limit_n, limit_nm) = plant.exciter().limits();
     let mut loads = [0.0; LOADS.len()];
-    loads[index] = 1e-3 * if index < 2 { limit_nm } else { limit_n };
-    let load = load(&loads);
+    loads[index] = 1e-3 * if index < MOST_JOINTS { limit_nm } else { limit_n };
+    let load = Load::from_parts(&loads);
     // Tried on a copy: a structure refuses a load only when it is advanced.
     loads[index] != 0.0 && plant.exciter().can_produce(&load) && plant.clone().advance(&load).is_ok()
-}
-
-/// The loads in the order of [`LOADS`] as one.
-pub(crate) fn load(&[u1, u2, fx, fy]: &[f64; LOADS.len()]) -> Load {
-    Load { torque_nm: [u1, u2].into(), force_n: [fx, fy].into() }
 }
 
 /// What the instruments read, whether it was beyond their ranges, and what they would read without errors.

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::about::About;
 use super::moving::Moving;
-use resonarm_bench::structure::Kind;
+use resonarm_bench::structure::{Kind, LoadSet};
 use resonarm_files::drawing::Drawing;
 use resonarm_files::export::scene;
 use resonarm_files::recording::channels::Channels;
@@ -141,8 +141,8 @@ impl Stream {
             run::Notice::Record(record) => self.record(record),
             run::Notice::Command(CommandRecord { sample, load }) => {
                 if sample.is_multiple_of(PLOT_EVERY) {
-                    let (t, f) = (load.torque_nm, load.force_n);
-                    let mut loads = [t.x, t.y, f.x, f.y].into_iter();
+                    let taken = self.table.of(Topic::States).iter().filter(|channel| channel.kind == Kind::Load);
+                    let mut loads = LoadSet::of_channels(taken).unwrap_or(LoadSet::NATIVE).parts(load);
                     let channels = self.table.of(Topic::States).iter();
                     let value = |kind| if kind == Kind::Load { loads.next() } else { None };
                     let row: Vec<f64> =
@@ -353,6 +353,7 @@ mod tests {
     use prost::Message as _;
 
     use super::*;
+    use resonarm_bench::rig::Load;
     use resonarm_bench::structure::States;
     use resonarm_files::recording::{Direction, FrameRecord, TickRecord};
     use resonarm_scenario::Scenario;
@@ -393,13 +394,12 @@ mod tests {
         let drawing = Drawing::of(&Scenario::default()).unwrap();
         let mut stream = Stream::new(1e-3, 1_000, "none", drawing, Channels::default());
         assert_eq!(stream.channels()[RECORDED.len()..], [Channel::Scene]);
-        let zero = [0.0; 2];
         for sample in 5..8 {
             let state = StateRecord {
                 sample,
                 states: States::new(&[1e-3, 0.0, 0.0, 0.0], &[]).unwrap(),
-                torque_nm: zero,
-                force_n: zero,
+                load: Load::default(),
+                taken: LoadSet::NATIVE,
                 is_end: false,
             };
             stream.record(&Record::<&str>::State(state));

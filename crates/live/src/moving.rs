@@ -73,7 +73,8 @@ fn magnification(largest: f64, now: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_bench::structure::States;
+    use resonarm_bench::rig::Load;
+    use resonarm_bench::structure::{LoadSet, States};
     use resonarm_scenario::Scenario;
 
     fn state(sample: u64, alpha_rad: [f64; 2]) -> StateRecord {
@@ -81,8 +82,8 @@ mod tests {
         StateRecord {
             sample,
             states: States::new(&[alpha_rad, zero].concat(), &[]).unwrap(),
-            torque_nm: zero,
-            force_n: zero,
+            load: Load::default(),
+            taken: LoadSet::NATIVE,
             is_end: false,
         }
     }

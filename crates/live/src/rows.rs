@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use serde::Serialize;
 
 use resonarm_bench::rig::Load;
-use resonarm_bench::structure::{self, Axis, Channel, Kind, LOADS, OUTPUTS, Quantity};
+use resonarm_bench::structure::{self, Axis, Channel, Kind, NATIVE_LOADS, OUTPUTS, Quantity};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{SampleRecord, StateRecord, Topic};
 
@@ -16,7 +16,7 @@ pub const HEAD: usize = 4;
 pub const ACCELERATION_B: usize = 6;
 pub const ACCELERATION_C: usize = 8;
 /// Place of the first coordinate, after loads and outputs.
-pub const COORDINATES: usize = LOADS.len() + OUTPUTS.len();
+pub const COORDINATES: usize = NATIVE_LOADS.len() + OUTPUTS.len();
 
 /// A number of each sample that a panel plots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -60,7 +60,8 @@ impl Shown {
         let (internal, elements): (Vec<usize>, Vec<Channel>) =
             internal.filter(|(_, channel)| is_shown(channel)).map(|(place, channel)| (place, *channel)).unzip();
         let sensors = readings.get(OUTPUTS.len()..).unwrap_or_default();
-        let channels = LOADS.into_iter().chain(OUTPUTS).chain(moving().take(coordinates).copied()).chain(elements);
+        let channels =
+            NATIVE_LOADS.into_iter().chain(OUTPUTS).chain(moving().take(coordinates).copied()).chain(elements);
         let channels = channels.chain(sensors.iter().copied()).collect();
         Shown { channels, coordinates, internal, sensors: sensors.len() }
     }
@@ -153,7 +154,7 @@ impl Row {
 
 /// The bit for this number of a row among the clipped readings, if it is a reading.
 pub fn clipped_bit(channel: usize) -> Option<u32> {
-    match OUTPUTS.get(channel.checked_sub(LOADS.len())?)?.kind {
+    match OUTPUTS.get(channel.checked_sub(NATIVE_LOADS.len())?)?.kind {
         Kind::Reading { clip_bit } => Some(1 << clip_bit),
         _ => None,
     }
@@ -197,8 +198,7 @@ impl Rows {
 
     /// Takes a state with its load. The load at the end of a run is meaningless.
     pub fn state(&mut self, record: &StateRecord) {
-        let ([t1, t2], [fx, fy]) = (record.torque_nm, record.force_n);
-        let load = if record.is_end { [f64::NAN; 4] } else { [t1, t2, fx, fy] };
+        let load = if record.is_end { [f64::NAN; 4] } else { record.load.native_parts() };
         let elements = COORDINATES + self.shown.coordinates;
         let internal = record.states.internal();
         let of_elements = self.shown.internal.iter().map(|place| internal.get(*place).copied().unwrap_or(f64::NAN));
@@ -209,8 +209,7 @@ impl Rows {
 
     /// Takes the load that an exciter commands.
     pub fn command(&mut self, sample: u64, load: &Load) {
-        let (t, f) = (load.torque_nm, load.force_n);
-        self.put(sample, LOAD, &[(TORQUE, &[t.x, t.y, f.x, f.y])]);
+        self.put(sample, LOAD, &[(TORQUE, &load.native_parts())]);
     }
 
     /// Takes the readings of a sample.
@@ -310,14 +309,22 @@ mod tests {
     /// Of two modes with two elements, the first without a state: coordinates, then the state; branches are left out.
     #[test]
     fn rows_have_coordinates_and_states_of_elements() {
-        use resonarm_bench::structure::{Coordinates, States, branch_channel, coordinate_channels, element_channel};
+        use resonarm_bench::structure::{
+            Coordinates, LoadSet, States, branch_channel, coordinate_channels, element_channel,
+        };
         let mut states = coordinate_channels(Coordinates::Modes, 2);
         states.extend(element_channel(1, false));
         states.extend([0, 1].into_iter().filter_map(branch_channel));
         let mut rows = Rows::new(Shown::of(&states, &[]));
         assert_eq!(rows.shown.names()[COORDINATES..], ["q1_m_sqrt_kg", "q2_m_sqrt_kg", "element2_m"]);
         let states = States::new(&[1.0, 2.0, 3.0, 4.0], &[5.0, 1.0, -1.0]).unwrap();
-        rows.state(&StateRecord { sample: 0, states, torque_nm: [0.0; 2], force_n: [6.0, 7.0], is_end: false });
+        rows.state(&StateRecord {
+            sample: 0,
+            states,
+            load: Load::force_n(6.0, 7.0),
+            taken: LoadSet::NATIVE,
+            is_end: false,
+        });
         rows.readings(&readings(0));
         let (_, row) = rows.pop().unwrap();
         assert_eq!((&row.numbers[FORCE..HEAD], &row.numbers[COORDINATES..]), (&[6.0, 7.0][..], &[1.0, 2.0, 5.0][..]));

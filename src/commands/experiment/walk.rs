@@ -25,6 +25,7 @@ use resonarm::plant::TestedAssembly;
 use resonarm::rig::ShakerSpec;
 use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
+use resonarm::structure::{Dof, LoadSet};
 use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
@@ -227,6 +228,7 @@ fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Resu
     let wanted = dof("--drive", name, &tested.assembly)?;
     let amplitude = amplitude.ok_or_else(|| lacks_amplitude(name, wanted))?;
     let loaded = tested.loaded();
+    let loaded: Vec<Option<Dof>> = LoadSet::NATIVE.places().map(|place| loaded[place]).collect();
     let mut one = Amplitude::default();
     let parts = [&mut one.torque1_nm, &mut one.torque2_nm, &mut one.force_x_n, &mut one.force_y_n];
     let Some((part, _)) = parts.into_iter().zip(&loaded).find(|(_, dof)| **dof == Some(wanted)) else {

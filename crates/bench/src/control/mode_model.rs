@@ -194,9 +194,8 @@ impl ModeModel {
         };
         let motion = |shape: &[f64], placed: &Placed| Vector2::from(placed.along.map(|dof| by_mode(shape, dof)));
         let driven = |shape: &[f64]| {
-            // A structure without such a joint takes no torque there: the direction stays zero.
-            let joints = ["joint1", "joint2"].map(|name| by_mode(shape, assembly.dof(name).ok()));
-            unit.force_n.dot(&motion(shape, &tested.places.exciter)) + unit.torque_nm.dot(&Vector2::from(joints))
+            let acting = unit.parts().into_iter().zip(tested.loaded()).filter(|(part, _)| *part != 0.0);
+            acting.map(|(part, dof)| part * by_mode(shape, dof)).sum::<f64>()
         };
         let places = [&tested.places.accelerometer_b, &tested.places.accelerometer_c];
         let [b, c] = places.map(|placed| motion(&this.shape, placed));

@@ -44,9 +44,24 @@ fn is_zero(value: &f64) -> bool {
 }
 
 impl Amplitude {
+    /// The keys of a scenario, in the order of [`LOADS`](crate::structure::LOADS).
+    pub const KEYS: [&str; Load::PARTS] = [
+        "joint1",
+        "joint2",
+        "joint3",
+        "joint4",
+        "joint5",
+        "joint6",
+        "joint7",
+        "joint8",
+        "exciter_x",
+        "exciter_y",
+        "exciter_z",
+    ];
+
     /// Returns the amplitude as a load on the arm.
     pub fn load(&self) -> Load {
-        Load { torque_nm: [self.torque1_nm, self.torque2_nm].into(), force_n: [self.force_x_n, self.force_y_n].into() }
+        Load::planar([self.torque1_nm, self.torque2_nm], [self.force_x_n, self.force_y_n])
     }
 
     /// Returns the unit of the load.

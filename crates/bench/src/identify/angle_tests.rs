@@ -74,7 +74,7 @@ impl Run {
 }
 
 fn dwell(hz: f64, torque1_nm: f64) -> impl Fn(f64) -> Load {
-    move |t_s| Load { torque_nm: [torque1_nm * libm::sin(TAU * hz * t_s), 0.0].into(), ..Load::default() }
+    move |t_s| Load::torque_nm(torque1_nm * libm::sin(TAU * hz * t_s), 0.0)
 }
 
 /// The angles less their slow part: a running mean with Gaussian weights, 0.06 s of standard deviation, which takes

@@ -110,11 +110,15 @@ impl Answering for Carried {
     fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
         let answer = self.answer_sample(&sample::from_values(sample, values));
         match (answer, self.controller.load_kind()) {
+            // The protocol has no field for a part of this load. The node sends no command that is not a number.
+            (Answer::Hold(load), _) if !load.is_native() => {
+                node::Answer::HoldForce { force_x_n: f64::NAN, force_y_n: f64::NAN }
+            }
             (Answer::Hold(load), LoadKind::Force) => {
                 node::Answer::HoldForce { force_x_n: load.force_n.x, force_y_n: load.force_n.y }
             }
             (Answer::Hold(load), LoadKind::Torque) => {
-                node::Answer::HoldTorque { torque1_nm: load.torque_nm.x, torque2_nm: load.torque_nm.y }
+                node::Answer::HoldTorque { torque1_nm: load.torque_nm[0], torque2_nm: load.torque_nm[1] }
             }
             (Answer::Finished, _) => node::Answer::Finished,
             (Answer::Aborted(abort), _) => node::Answer::Aborted(abort),

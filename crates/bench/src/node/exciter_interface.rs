@@ -8,6 +8,7 @@ use resonarm_protocol::{Emergency, Frame, NodeState};
 
 use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark};
 use crate::rig::Load;
+use crate::structure::{LOADS, LoadSet};
 
 /// The exciter's node with its controller: frames and time go in, frames and events come out. It allocates
 /// nothing after construction.
@@ -91,12 +92,15 @@ pub trait ExciterInterface: fmt::Debug + Send {
         &mut self.work_mut().controller
     }
 
-    /// Checks that the protocol can command a load. With Resonarm's protocol the encoder checks that.
+    /// Checks that the protocol can command a load. With Resonarm's protocol the encoder checks the ranges.
     ///
     /// # Errors
     /// [`ExciterLack`] names the part that can't be.
-    fn check_load(&self, _load: &Load) -> Result<(), ExciterLack> {
-        Ok(())
+    fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
+        match LoadSet::NATIVE.lacks(load) {
+            Some((place, _)) => Err(ExciterLack::Native { part: LOADS[place].name }),
+            None => Ok(()),
+        }
     }
 
     /// Returns what the exciter can't know with this protocol.

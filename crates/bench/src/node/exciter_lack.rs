@@ -59,6 +59,15 @@ pub enum ExciterLack {
         /// Indices of the readings in [`OUTPUTS`].
         needed: Vec<usize>,
     },
+    /// The load has a part that the native protocol does not carry.
+    #[error(
+        "the exciter's load has {part}, and Resonarm's protocol carries torque1_nm, torque2_nm, force_x_n and force_y_n \
+         alone: change the excitation, or map a protocol of your own by [wire]"
+    )]
+    Native {
+        /// What can't be commanded, with its unit.
+        part: ChannelName,
+    },
     /// The load has a part that no drive exerts.
     #[error("the exciter's load has {part}, and no drive of wire.drives exerts so much of it: change the excitation")]
     Torque {

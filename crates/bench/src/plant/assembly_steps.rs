@@ -7,13 +7,14 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::sampling::PointMotion;
-use super::stepped::{Loads, Stepped};
-use super::tested::{Placed, TestedAssembly};
+use super::stepped::Stepped;
+use super::tested::{Placed, Places, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::Load;
 use crate::rig::ShakerSpec;
 use crate::structure::{
-    COIL_CURRENT, Channel, Coordinates, LOADS, StructureError, branch_channel, coordinate_channels, element_channel,
+    COIL_CURRENT, Channel, Coordinates, LOADS, LoadSet, StructureError, branch_channel, coordinate_channels,
+    element_channel,
 };
 use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, Kinematics, Stepper};
 
@@ -22,6 +23,7 @@ use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, Kine
 pub(super) struct AssemblySteps {
     stepper: Stepper,
     exciter: Placed,
+    exciter_z: Option<Dof>,
     /// Which load of the plant acts on each degree of freedom of the drive; none with a shaker.
     acting: Vec<usize>,
     shaker: Option<(ShakerSpec, Armature)>,
@@ -39,7 +41,7 @@ const MOST_READ: usize = 6;
 
 /// The loads as the drive takes them.
 struct Drive {
-    numbers: Loads,
+    numbers: [f64; Load::PARTS],
     count: usize,
 }
 
@@ -80,7 +82,8 @@ impl AssemblySteps {
         let (mut read, points): (Vec<Dof>, Vec<[usize; 2]>) = axes.filter_map(|(dof, at)| Some((dof?, at))).unzip();
         read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
         let more = places.more.iter().flat_map(|sensor| &sensor.along).map(|(_, dof)| *dof).collect();
-        Ok(AssemblySteps { exciter: places.exciter, more, acting, shaker, read, points, states, stepper })
+        let Places { exciter, exciter_z, .. } = *places;
+        Ok(AssemblySteps { exciter, exciter_z, more, acting, shaker, read, points, states, stepper })
     }
 
     /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
@@ -118,17 +121,18 @@ impl AssemblySteps {
     }
 
     /// The loads of the plant as the drive takes them.
-    fn drive(&self, loads: &Loads) -> Result<Drive, StructureError> {
+    fn drive(&self, load: &Load) -> Result<Drive, StructureError> {
+        let mut numbers = [0.0; Load::PARTS];
         if let Some((shaker, _)) = &self.shaker {
-            let [_, _, fx, fy] = *loads;
-            return Ok(Drive { numbers: [shaker.along_n(&Load::force_n(fx, fy)), 0.0, 0.0, 0.0], count: 1 });
+            numbers[0] = shaker.along_n(load);
+            return Ok(Drive { numbers, count: 1 });
         }
-        let idle = |(load, value): (usize, &f64)| *value != 0.0 && !self.acting.contains(&load);
-        if let Some((load, got)) = loads.iter().enumerate().find(|(load, value)| idle((*load, value))) {
-            return Err(StructureError::NoInput { name: LOADS[load].name, got: *got });
+        let parts = load.parts();
+        let idle = |(place, part): (usize, f64)| part != 0.0 && !self.acting.contains(&place);
+        if let Some((place, got)) = parts.into_iter().enumerate().find(|(place, part)| idle((*place, *part))) {
+            return Err(StructureError::NoInput { name: LOADS[place].name, got });
         }
-        let mut numbers = [0.0; LOADS.len()];
-        numbers.iter_mut().zip(&self.acting).for_each(|(number, load)| *number = loads[*load]);
+        numbers.iter_mut().zip(&self.acting).for_each(|(number, place)| *number = parts[*place]);
         Ok(Drive { numbers, count: self.acting.len() })
     }
 }
@@ -155,20 +159,24 @@ impl Stepped for AssemblySteps {
         &self.states
     }
 
-    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
-        let drive = self.drive(loads)?;
+    fn inputs(&self) -> LoadSet {
+        LoadSet::native_and(self.acting.iter().copied())
+    }
+
+    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        let drive = self.drive(load)?;
         Ok(self.stepper.advance(t_s, drive.acting())?)
     }
 
-    fn points(&self, _t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError> {
-        let (stepper, drive) = (&self.stepper, self.drive(loads)?);
+    fn points(&self, _t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
+        let (stepper, drive) = (&self.stepper, self.drive(load)?);
         let mut read = [Kinematics::default(); MOST_READ];
         stepper.read(drive.acting(), &self.read[..self.points.len()], &mut read)?;
         Ok(self.points_of(&read))
     }
 
-    fn more(&self, _t_s: f64, loads: &Loads, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        let drive = self.drive(loads)?;
+    fn more(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let drive = self.drive(load)?;
         Ok(self.stepper.read(drive.acting(), &self.more, out)?)
     }
 
@@ -178,7 +186,8 @@ impl Stepped for AssemblySteps {
         }
         let at = self.stepper.assembly().at(self.stepper.position());
         let moved_m = self.exciter.vector(|dof| at.displacement(dof));
-        libm::hypot(moved_m.x, moved_m.y)
+        let plane_m = libm::hypot(moved_m.x, moved_m.y);
+        self.exciter_z.map_or(plane_m, |dof| libm::hypot(plane_m, at.displacement(dof)))
     }
 
     fn save(&self, states: &mut [f64]) {

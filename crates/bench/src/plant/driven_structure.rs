@@ -8,11 +8,11 @@ use super::assembly_steps::AssemblySteps;
 use super::other_sensors::{CurrentChange, OtherSensors};
 use super::sampling::{Filter, PointMotion, Sums};
 use super::shaken::Shaken;
-use super::stepped::{Loads, Stepped};
+use super::stepped::Stepped;
 use super::tested::TestedAssembly;
 use super::{PlantSpec, PlantSpecError, write};
-use crate::rig::Measurement;
-use crate::structure::{Channel, LOADS, OUTPUTS, Structure, StructureError};
+use crate::rig::{Load, Measurement};
+use crate::structure::{Channel, LoadSet, OUTPUTS, Structure, StructureError};
 
 /// What makes the steps, by what drives it.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ impl DrivenStructure {
 
     /// The converters as if they had always sampled the outputs at the state without a load.
     fn settle(&mut self) -> Result<(), StructureError> {
-        let none = [0.0; LOADS.len()];
+        let none = Load::default();
         self.sampled = match &self.steps {
             Steps::Ideal(steps) => Self::instant(&steps.points(0.0, &none)?, &none),
             Steps::Shaken(shaken) => shaken.instant(&none),
@@ -122,46 +122,46 @@ impl DrivenStructure {
     }
 
     /// What the outputs are at an instant: with an ideal exciter the head reads the force.
-    fn instant(at: &PointMotion, [_, _, fx, fy]: &Loads) -> [f64; Measurement::CHANNELS] {
+    fn instant(at: &PointMotion, load: &Load) -> [f64; Measurement::CHANNELS] {
         let [b, c] = at.acceleration_m_s2;
-        [*fx, *fy, b.x, b.y, c.x, c.y]
+        [load.force_n.x, load.force_n.y, b.x, b.y, c.x, c.y]
     }
 
     /// Makes the steps of a hold.
-    fn hold(&mut self, time_s: f64, loads: &Loads) -> Result<(), StructureError> {
+    fn hold(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
         let (mut sums, mut sampled) = (self.sums, self.sampled);
         let more = &mut self.more;
         let steps = match &mut self.steps {
             Steps::Ideal(steps) => steps,
             Steps::Shaken(shaken) => {
                 let filter = self.filter.as_ref();
-                sampled = shaken.hold((time_s, self.steps_per_sample), loads, (filter, &mut sums), more)?;
+                sampled = shaken.hold((time_s, self.steps_per_sample), load, (filter, &mut sums), more)?;
                 self.gather(sums, sampled);
                 return Ok(());
             }
         };
-        let mut start = self.filter.as_ref().map(|_| steps.points(time_s, loads)).transpose()?;
+        let mut start = self.filter.as_ref().map(|_| steps.points(time_s, load)).transpose()?;
         if start.is_some() && !more.is_empty() {
-            steps.more(time_s, loads, &mut more.end)?;
+            steps.more(time_s, load, &mut more.end)?;
         }
         for part in 0..self.steps_per_sample {
             let t_s = time_s + f64::from(part) * self.step_s;
-            steps.advance(t_s, loads)?;
+            steps.advance(t_s, load)?;
             let end_s = t_s + self.step_s;
             if let (Some(filter), Some(from)) = (&self.filter, start) {
-                let ended = steps.points(end_s, loads)?;
+                let ended = steps.points(end_s, load)?;
                 let from = if part == 0 { steps.begins(&from, &ended, self.step_s) } else { from };
-                filter.add_held(&mut sums, part as usize, &from, &ended, [loads[2], loads[3]]);
+                filter.add_held(&mut sums, part as usize, &from, &ended, [load.force_n.x, load.force_n.y]);
                 start = Some(ended);
                 if !more.is_empty() {
                     more.step_on();
-                    steps.more(end_s, loads, &mut more.end)?;
+                    steps.more(end_s, load, &mut more.end)?;
                     more.add(filter, part as usize, CurrentChange::default());
                 }
             } else if 2 * (part + 1) == self.steps_per_sample {
-                sampled = Self::instant(&steps.points(end_s, loads)?, loads);
+                sampled = Self::instant(&steps.points(end_s, load)?, load);
                 if !more.is_empty() {
-                    steps.more(end_s, loads, &mut more.end)?;
+                    steps.more(end_s, load, &mut more.end)?;
                     more.sample();
                 }
             }
@@ -181,8 +181,8 @@ impl DrivenStructure {
 }
 
 impl Structure for DrivenStructure {
-    fn inputs(&self) -> &[Channel] {
-        &LOADS
+    fn inputs(&self) -> LoadSet {
+        self.steps.of().inputs()
     }
 
     fn outputs(&self) -> &[Channel] {
@@ -199,12 +199,10 @@ impl Structure for DrivenStructure {
         self.states().len() + OUTPUTS.len() + sums + self.more.saved_len(has_filter)
     }
 
-    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
-        let wrong = |_| StructureError::Inputs { got: inputs.len(), expected: LOADS.len() };
-        let loads: Loads = inputs.try_into().map_err(wrong)?;
+    fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
         self.steps.of().save(&mut self.before);
         self.more.begin();
-        let held = self.hold(time_s, &loads);
+        let held = self.hold(time_s, load);
         if held.is_err() {
             self.steps.of_mut().restore(&self.before)?;
             self.more.undo();

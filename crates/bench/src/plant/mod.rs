@@ -23,14 +23,14 @@ use thiserror::Error;
 
 use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
-use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
+use crate::structure::{Kind, LOADS, LoadSet, MOST_STATES, NATIVE_LOADS, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
 pub use sampling::PointMotion;
 pub use shaken::ShakerAcross;
-pub use stepped::{Loads, Stepped};
+pub use stepped::Stepped;
 pub use tested::{Placed, PlacedSensor, Places, ReadDof, TestedAssembly};
 
 /// The most integration steps a sample: 250 times the default.
@@ -141,7 +141,7 @@ pub enum PlantSpecError {
     /// A structure with other channels than a plant takes.
     #[error(
         "the structure has {inputs} inputs, {outputs} outputs and {states} states: a plant takes the {} loads and the {} \
-         outputs of every rig, in their order, and at most {MOST_STATES} states", LOADS.len(), OUTPUTS.len()
+         outputs of every rig, in their order, and others, and at most {MOST_STATES} states", NATIVE_LOADS.len(), OUTPUTS.len()
     )]
     Channels {
         /// The number of its inputs.
@@ -207,15 +207,15 @@ impl Plant {
         Plant::of(Box::new(DrivenStructure::new(spec, structure)?), rig, spec.sample_rate_hz)
     }
 
-    /// A plant of any structure with the loads of the arm, [`LOADS`], and outputs that begin with [`OUTPUTS`], at sample
-    /// 0 of `sample_rate_hz` samples a second, Hz, positive. The rig was made for these outputs.
+    /// A plant of any structure with [`LoadSet::NATIVE`] among its loads and outputs that begin with [`OUTPUTS`], at
+    /// sample 0 of `sample_rate_hz` samples a second, Hz, positive. The rig was made for these outputs.
     ///
     /// # Errors
-    /// [`PlantSpecError::Channels`] if it has other loads or outputs, or more states than [`MOST_STATES`].
+    /// [`PlantSpecError::Channels`] if it lacks loads or outputs, or has more states than [`MOST_STATES`].
     pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Result<Plant, PlantSpecError> {
         let (inputs, outputs, states) = (structure.inputs(), structure.outputs(), structure.states().len());
         let (first, more) = outputs.split_at(OUTPUTS.len().min(outputs.len()));
-        if inputs != LOADS || first != OUTPUTS || more.len() > MOST_MORE || states > MOST_STATES {
+        if !inputs.has_native() || first != OUTPUTS || more.len() > MOST_MORE || states > MOST_STATES {
             return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });
         }
         let moving = structure.states().iter().filter(|channel| channel.kind == Kind::State).count();
@@ -277,6 +277,11 @@ impl Plant {
         self.rig.exciter()
     }
 
+    /// The loads that the plant takes.
+    pub fn inputs(&self) -> LoadSet {
+        self.structure.inputs()
+    }
+
     /// The limits of commands beyond the exciter's.
     pub fn gate(&self) -> &GateSpec {
         self.rig.gate()
@@ -315,10 +320,13 @@ impl Plant {
     /// Advances to the next sample with `load` held: with a shaker, the force that it would exert if it were blocked.
     ///
     /// # Errors
-    /// [`PlantError`] if the step could not be made or the shaker trips; the plant then stays unchanged.
+    /// [`PlantError`] if the structure does not take a part of the load, the step could not be made or the shaker
+    /// trips; the plant then stays unchanged.
     pub fn advance(&mut self, load: &Load) -> Result<(), PlantError> {
-        let (u, f) = (&load.torque_nm, &load.force_n);
-        let advanced = self.structure.advance(self.time_s(), &[u.x, u.y, f.x, f.y]);
+        let advanced = match self.structure.inputs().lacks(load) {
+            Some((place, got)) => Err(StructureError::NoInput { name: LOADS[place].name, got }),
+            None => self.structure.advance(self.time_s(), load),
+        };
         advanced.map_err(|source| PlantError::new(self.sample, source))?;
         self.structure.save(self.states.numbers_mut());
         self.sample += 1;
@@ -333,6 +341,8 @@ fn write<'a>(to: &'a mut [f64], numbers: &[f64]) -> &'a mut [f64] {
     rest
 }
 
+#[cfg(test)]
+mod load_tests;
 #[cfg(test)]
 mod sampling_tests;
 #[cfg(test)]

@@ -12,7 +12,7 @@ const HOLDS: usize = 30;
 
 fn load(hold: usize) -> Load {
     let force_n = [40.0, -25.0, 10.0, 60.0, -5.0, 0.0, -70.0][hold % 7];
-    Load { force_n: SHAKER.direction() * force_n, ..Load::default() }
+    Load::planar([0.0; 2], (SHAKER.direction() * force_n).into())
 }
 
 fn spec(shaker: Option<ShakerSpec>, converter: Converter, steps_per_sample: u32) -> PlantSpec {
@@ -123,7 +123,7 @@ impl TwoLinks {
     /// V/R − Bl ṡ/R.
     fn force_n(&self, state: &State, command: &Load) -> Vector2<f64> {
         let voltage = |shaker: &ShakerSpec| shaker.amplifier == Amplifier::Voltage;
-        let Some(shaker) = self.shaker.filter(voltage) else { return command.force_n };
+        let Some(shaker) = self.shaker.filter(voltage) else { return command.force_n.xy() };
         let bl = shaker.force_factor_n_a;
         let steady_a = shaker.along_n(command) / bl - bl * self.stroke_rate_m_s(state) / shaker.resistance_ohm;
         shaker.direction() * (bl * if shaker.inductance_h == 0.0 { steady_a } else { state.current_a })

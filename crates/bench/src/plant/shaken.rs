@@ -10,11 +10,11 @@ use thiserror::Error;
 use super::assembly_steps::AssemblySteps;
 use super::other_sensors::{CurrentChange, OtherSensors};
 use super::sampling::{Course, Filter, PointMotion, ShakenStep, Sums};
-use super::stepped::{Loads, Stepped};
+use super::stepped::Stepped;
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::{Amplifier, Load, Measurement, ShakerSpec};
-use crate::structure::{LOADS, StructureError};
+use crate::structure::StructureError;
 use resonarm_dynamics::structure::{Armature, Circuit, Coil, LEAST_DECAY, Stroke};
 use resonarm_numeric::number::short;
 
@@ -126,14 +126,14 @@ impl Shaken {
         }
     }
 
-    /// The force of the blocked shaker under loads, N.
-    fn blocked_n(&self, [_, _, fx, fy]: &Loads) -> f64 {
-        self.spec.along_n(&Load::force_n(*fx, *fy))
+    /// The force of the blocked shaker under a load, N.
+    fn blocked_n(&self, load: &Load) -> f64 {
+        self.spec.along_n(load)
     }
 
-    /// The motion under loads.
-    fn motion(&self, loads: &Loads) -> ShakenMotion {
-        let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(loads));
+    /// The motion under a load.
+    fn motion(&self, load: &Load) -> ShakenMotion {
+        let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(load));
         let (points, acceleration_m_s2) = self.steps.motion_at_current(current_a);
         let (more, along_more_m_s2) = self.steps.motion_at_current(current_a + 1.0);
         let per_point = |point: usize| more.acceleration_m_s2[point] - points.acceleration_m_s2[point];
@@ -145,9 +145,9 @@ impl Shaken {
         }
     }
 
-    /// Force in the head, N, and accelerations of B and C, m/s², along x and y, under loads.
-    pub fn instant(&self, loads: &Loads) -> [f64; Measurement::CHANNELS] {
-        let at = self.motion(loads);
+    /// Force in the head, N, and accelerations of B and C, m/s², along x and y, under a load.
+    pub fn instant(&self, load: &Load) -> [f64; Measurement::CHANNELS] {
+        let at = self.motion(load);
         let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.spec;
         let [displacement_m, velocity_m_s, acceleration_m_s2] = at.armature;
         let taken_n = mass_kg * acceleration_m_s2 + damping_n_s_m * velocity_m_s + stiffness_n_m * displacement_m;
@@ -156,9 +156,9 @@ impl Shaken {
         [head_n.x, head_n.y, b.x, b.y, c.x, c.y]
     }
 
-    /// A step between the motions at its ends, under loads.
-    fn step(&self, [start, end]: [&ShakenMotion; 2], loads: &Loads) -> ShakenStep {
-        let blocked_n = self.blocked_n(loads);
+    /// A step between the motions at its ends, under a load.
+    fn step(&self, [start, end]: [&ShakenMotion; 2], load: &Load) -> ShakenStep {
+        let blocked_n = self.blocked_n(load);
         let (mut currents_a, mut transient_a) = ([start.current_a, end.current_a], 0.0);
         let force_n: Course = match self.spec.amplifier {
             Amplifier::Current => [blocked_n, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -194,11 +194,11 @@ impl Shaken {
     }
 
     /// Reads the motion of the sensors beside B and C, and how a current changes it, as that at the end of a step.
-    fn read_more(&self, more: &mut OtherSensors, loads: &Loads) {
+    fn read_more(&self, more: &mut OtherSensors, load: &Load) {
         if more.is_empty() {
             return;
         }
-        let (_, _, current_a) = self.steps.shaker_state(self.blocked_n(loads));
+        let (_, _, current_a) = self.steps.shaker_state(self.blocked_n(load));
         self.steps.more_at_current(current_a + 1.0, &mut more.end);
         let per_ampere = more.end_per_ampere.iter_mut().zip(&more.end);
         per_ampere.for_each(|(per_ampere, at)| *per_ampere = at.acceleration);
@@ -209,7 +209,7 @@ impl Shaken {
 
     /// Settles the converters of the sensors beside B and C at the state without a load.
     pub fn settle_more(&self, more: &mut OtherSensors, filter: Option<&Filter>) {
-        self.read_more(more, &[0.0; LOADS.len()]);
+        self.read_more(more, &Load::default());
         more.step_on();
         more.settle(filter);
     }
@@ -218,34 +218,34 @@ impl Shaken {
     pub fn hold(
         &mut self,
         (start_s, steps): (f64, u32),
-        loads: &Loads,
+        load: &Load,
         (filter, sums): (Option<&Filter>, &mut Sums),
         more: &mut OtherSensors,
     ) -> Result<[f64; Measurement::CHANNELS], StructureError> {
         let mut sampled = [0.0; Measurement::CHANNELS];
-        let mut before = filter.map(|_| self.motion(loads));
+        let mut before = filter.map(|_| self.motion(load));
         if filter.is_some() {
-            self.read_more(more, loads);
+            self.read_more(more, load);
         }
         for part in 0..steps {
-            self.steps.advance(start_s + f64::from(part) * self.step_s, loads)?;
+            self.steps.advance(start_s + f64::from(part) * self.step_s, load)?;
             if let (Some(filter), Some(start)) = (filter, &before) {
-                let end = self.motion(loads);
-                let step = self.step([start, &end], loads);
+                let end = self.motion(load);
+                let step = self.step([start, &end], load);
                 filter.add_shaken(sums, part as usize, &step);
                 if !more.is_empty() {
                     more.step_on();
-                    self.read_more(more, loads);
+                    self.read_more(more, load);
                     more.add(filter, part as usize, step.change);
                 }
                 before = Some(end);
             } else if 2 * (part + 1) == steps {
-                sampled = self.instant(loads);
-                self.read_more(more, loads);
+                sampled = self.instant(load);
+                self.read_more(more, load);
                 more.sample();
             }
         }
-        let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(loads));
+        let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(load));
         match self.spec.exceeded(current_a, (displacement_m, velocity_m_s)) {
             Some((limit, got, most)) => Err(StructureError::Tripped { limit, got, most }),
             None => Ok(sampled),

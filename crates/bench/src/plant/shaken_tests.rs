@@ -40,7 +40,7 @@ fn sensed(plant: &Plant) -> [f64; OUTPUTS.len()] {
 }
 
 fn along(force_n: f64) -> Load {
-    Load { force_n: SHAKER.direction() * force_n, ..Load::default() }
+    Load::planar([0.0; 2], (SHAKER.direction() * force_n).into())
 }
 
 /// a_C along the shaker over the head's force is −ω²R of the structure alone, R = Σ (e·φ)²/(ω₀² − ω² + 2iζω₀ω), and the

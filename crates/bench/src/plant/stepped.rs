@@ -4,12 +4,9 @@ use alloc::boxed::Box;
 use core::fmt;
 
 use super::sampling::PointMotion;
-use crate::structure::{Channel, LOADS, StructureError};
+use crate::rig::Load;
+use crate::structure::{Channel, LoadSet, StructureError};
 use resonarm_dynamics::structure::Kinematics;
-
-/// The loads that act on a structure, in the order of [`LOADS`]: torques at joints 1 and 2, N·m, forces of the exciter
-/// along x and y, N.
-pub type Loads = [f64; LOADS.len()];
 
 /// A structure that makes integration steps. [`Plant::stepped`](super::Plant::stepped) adds an ideal exciter,
 /// converters and instruments to it.
@@ -20,24 +17,29 @@ pub trait Stepped: fmt::Debug + Send + Sync {
     /// The states from which, with the loads, all later ones follow: coordinates, their rates, states of elements.
     fn states(&self) -> &[Channel];
 
-    /// One integration step from the time `t_s`, s, with the loads held.
+    /// The loads that it can take: without this method those of the native protocol.
+    fn inputs(&self) -> LoadSet {
+        LoadSet::NATIVE
+    }
+
+    /// One integration step from the time `t_s`, s, with the load held.
     ///
     /// # Errors
     /// [`StructureError`]; the caller then restores the state before.
-    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError>;
+    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError>;
 
-    /// Velocities and accelerations of the accelerometers' points at the time `t_s`, s, under the loads.
+    /// Velocities and accelerations of the accelerometers' points at the time `t_s`, s, under the load.
     ///
     /// # Errors
     /// [`StructureError`] if it can't take a load, or its equations can't be solved.
-    fn points(&self, t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError>;
+    fn points(&self, t_s: f64, load: &Load) -> Result<PointMotion, StructureError>;
 
-    /// The motion that the sensors beside B and C read at the time `t_s`, s, under the loads, a degree of freedom each.
+    /// The motion that the sensors beside B and C read at the time `t_s`, s, under the load, a degree of freedom each.
     /// A structure without such sensors writes nothing.
     ///
     /// # Errors
     /// As [`Stepped::points`].
-    fn more(&self, _t_s: f64, _loads: &Loads, _out: &mut [Kinematics]) -> Result<(), StructureError> {
+    fn more(&self, _t_s: f64, _load: &Load, _out: &mut [Kinematics]) -> Result<(), StructureError> {
         Ok(())
     }
 

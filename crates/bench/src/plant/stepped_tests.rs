@@ -25,8 +25,8 @@ fn mode() -> Mode {
 }
 
 impl Mode {
-    fn acceleration(&self, loads: &Loads) -> f64 {
-        SHAPE * loads[2] - OMEGA_RAD_S * OMEGA_RAD_S * self.state[0]
+    fn acceleration(&self, load: &Load) -> f64 {
+        SHAPE * load.force_n.x - OMEGA_RAD_S * OMEGA_RAD_S * self.state[0]
     }
 }
 
@@ -36,20 +36,20 @@ impl Stepped for Mode {
     }
 
     /// The flow about the deflection that the load holds.
-    fn advance(&mut self, _t_s: f64, loads: &Loads) -> Result<(), StructureError> {
-        if loads[3] != 0.0 {
+    fn advance(&mut self, _t_s: f64, load: &Load) -> Result<(), StructureError> {
+        if load.force_n.y != 0.0 {
             return Err(StructureError::Own);
         }
         let (sine, cosine) = libm::sincos(OMEGA_RAD_S * STEP_S);
-        let held = SHAPE * loads[2] / (OMEGA_RAD_S * OMEGA_RAD_S);
+        let held = SHAPE * load.force_n.x / (OMEGA_RAD_S * OMEGA_RAD_S);
         let [x, v] = [self.state[0] - held, self.state[1]];
         self.state = [held + x * cosine + v / OMEGA_RAD_S * sine, v * cosine - x * OMEGA_RAD_S * sine];
         Ok(())
     }
 
-    fn points(&self, _t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError> {
+    fn points(&self, _t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
         let along = |number: f64| [Vector2::zeros(), Vector2::new(SHAPE * number, 0.0)];
-        let (velocity_m_s, acceleration_m_s2) = (along(self.state[1]), along(self.acceleration(loads)));
+        let (velocity_m_s, acceleration_m_s2) = (along(self.state[1]), along(self.acceleration(load)));
         Ok(PointMotion { velocity_m_s, acceleration_m_s2 })
     }
 
@@ -85,8 +85,13 @@ fn modal(spec: &PlantSpec) -> Plant {
     let body = BodySpec::Modal(ModalSpec { modes, shapes: vec![shape("tip", SHAPE), shape("still", 0.0)] });
     let assembly = Assembly::new(&StructureSpec { body, elements: Vec::new() }).unwrap();
     let at = |name: &str| Placed { along: [Some(assembly.dof(name).unwrap()), None] };
-    let places =
-        Places { exciter: at("tip.x"), accelerometer_b: at("still.x"), accelerometer_c: at("tip.x"), more: vec![] };
+    let places = Places {
+        exciter: at("tip.x"),
+        exciter_z: None,
+        accelerometer_b: at("still.x"),
+        accelerometer_c: at("tip.x"),
+        more: vec![],
+    };
     Plant::new(spec, &TestedAssembly { initial: mode().state.to_vec(), places, assembly }).unwrap()
 }
 

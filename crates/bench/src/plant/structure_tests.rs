@@ -91,7 +91,7 @@ fn names_its_channels_with_their_units() {
         |channels: &[Channel]| channels.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(" ");
     let plant = plant(&shaken(SHAKER));
     let structure = plant.structure();
-    assert_eq!(names(structure.inputs()), "torque1_nm torque2_nm force_x_n force_y_n");
+    assert_eq!(names(&structure.inputs().channels()), "torque1_nm torque2_nm force_x_n force_y_n");
     assert_eq!(names(structure.states()), "alpha1_rad alpha2_rad alpha1_dot_rad_s alpha2_dot_rad_s coil_current_a");
     assert_eq!(
         names(structure.outputs()),
@@ -111,7 +111,8 @@ fn says_what_is_not_a_state_of_the_structure() {
 /// A mass of 2 kg on a spring along x, driven by the force alone; the rest of the outputs is zero.
 #[derive(Clone, Debug)]
 struct Mass {
-    channels: [Vec<Channel>; 3],
+    inputs: LoadSet,
+    channels: [Vec<Channel>; 2],
     state: [f64; 2],
     force_n: f64,
 }
@@ -121,16 +122,16 @@ const STIFFNESS_N_M: f64 = 800.0;
 const PERIOD_S: f64 = 1e-3;
 
 impl Structure for Mass {
-    fn inputs(&self) -> &[Channel] {
-        &self.channels[0]
+    fn inputs(&self) -> LoadSet {
+        self.inputs
     }
 
     fn outputs(&self) -> &[Channel] {
-        &self.channels[1]
+        &self.channels[0]
     }
 
     fn states(&self) -> &[Channel] {
-        &self.channels[2]
+        &self.channels[1]
     }
 
     fn saved_len(&self) -> usize {
@@ -138,10 +139,8 @@ impl Structure for Mass {
     }
 
     /// Exactly: x about the deflection under the force turns with ω.
-    fn advance(&mut self, _time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
-        let [_, _, force_n, _] = *inputs else {
-            return Err(StructureError::Inputs { got: inputs.len(), expected: 4 });
-        };
+    fn advance(&mut self, _time_s: f64, load: &Load) -> Result<(), StructureError> {
+        let force_n = load.force_n.x;
         let (omega, rest) = (libm::sqrt(STIFFNESS_N_M / MASS_KG), force_n / STIFFNESS_N_M);
         let (sine, cosine) = libm::sincos(omega * PERIOD_S);
         let [x, v] = [self.state[0] - rest, self.state[1] / omega];
@@ -178,12 +177,12 @@ impl Structure for Mass {
 #[test]
 fn any_structure_makes_a_plant() {
     let spec = super::tests::ideal_rig();
-    let channels = [LOADS.to_vec(), OUTPUTS.to_vec(), crate::structure::STATES[..2].to_vec()];
-    let mass = Mass { channels, state: [0.0; 2], force_n: 0.0 };
+    let channels = [OUTPUTS.to_vec(), crate::structure::STATES[..2].to_vec()];
+    let mass = Mass { inputs: LoadSet::NATIVE, channels, state: [0.0; 2], force_n: 0.0 };
     let rig = || Rig::new(&spec, &OUTPUTS, 1000.0, 1).unwrap();
     let mut other = mass.clone();
-    other.channels[1].swap(0, 2);
-    insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: a plant takes the 4 loads and the 6 outputs of every rig, in their order, and at most 97 states");
+    other.channels[0].swap(0, 2);
+    insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: a plant takes the 4 loads and the 6 outputs of every rig, in their order, and others, and at most 97 states");
     let mut plant = Plant::of(Box::new(mass), rig(), 1000.0).unwrap();
     let omega = libm::sqrt(STIFFNESS_N_M / MASS_KG);
     for sample in 1..2000 {

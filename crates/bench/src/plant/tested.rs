@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use crate::excitation::Amplitude;
-use crate::rig::{InstrumentName, Measured};
+use crate::rig::{InstrumentName, Load, MOST_JOINTS, Measured};
 use crate::structure::{Axis, Channel, sensor_channels};
 use resonarm_dynamics::structure::{Assembly, Dof};
 
@@ -48,6 +48,8 @@ pub struct PlacedSensor {
 pub struct Places {
     /// The exciter, with the impedance head.
     pub exciter: Placed,
+    /// The degree of freedom that is the exciter's z, if the structure has it.
+    pub exciter_z: Option<Dof>,
     /// Accelerometer B.
     pub accelerometer_b: Placed,
     /// Accelerometer C.
@@ -93,8 +95,9 @@ pub struct ReadDof {
 impl TestedAssembly {
     /// A structure at rest: the exciter and accelerometer C are at the point `tip`, accelerometer B at the point `b`.
     pub fn at_rest(assembly: Assembly, tip: &str, b: &str) -> TestedAssembly {
+        let exciter_z = assembly.dof(&format!("{tip}.z")).ok();
         let [tip, b] = [tip, b].map(|point| Placed::at_point(&assembly, point));
-        let places = Places { exciter: tip, accelerometer_b: b, accelerometer_c: tip, more: Vec::new() };
+        let places = Places { exciter: tip, exciter_z, accelerometer_b: b, accelerometer_c: tip, more: Vec::new() };
         TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
     }
 
@@ -127,23 +130,19 @@ impl TestedAssembly {
         self.assembly.dof_names().into_iter().find(|name| self.assembly.dof(name) == Ok(dof)).unwrap_or_default()
     }
 
-    /// The degree of freedom on which each load of the plant acts, torques about joints 1 and 2 and forces along x and
-    /// y of the exciter; `None` of a load that nothing takes.
-    pub fn loaded(&self) -> [Option<Dof>; 4] {
-        let joint = |name| self.assembly.dof(name).ok();
+    /// The degree of freedom on which each of [`LOADS`](crate::structure::LOADS) acts: torques about the joints, and
+    /// forces of the exciter along x, y and z; `None` of a load that nothing takes.
+    pub fn loaded(&self) -> [Option<Dof>; Load::PARTS] {
         let [x, y] = self.places.exciter.along;
-        [joint("joint1"), joint("joint2"), x, y]
+        core::array::from_fn(|place| match place.checked_sub(MOST_JOINTS) {
+            None => self.assembly.dof(&format!("joint{}", place + 1)).ok(),
+            Some(axis) => [x, y, self.places.exciter_z][axis],
+        })
     }
 
     /// The loads that are not zero, by their keys in a scenario, with what they act on.
     fn acting(&self, amplitude: &Amplitude) -> impl Iterator<Item = (&'static str, f64, Option<Dof>)> {
-        let loads = [
-            ("joint1", amplitude.torque1_nm),
-            ("joint2", amplitude.torque2_nm),
-            ("exciter_x", amplitude.force_x_n),
-            ("exciter_y", amplitude.force_y_n),
-        ];
-        let all = loads.into_iter().zip(self.loaded());
+        let all = Amplitude::KEYS.into_iter().zip(amplitude.load().parts()).zip(self.loaded());
         all.map(|((name, load), dof)| (name, load, dof)).filter(|(_, load, _)| *load != 0.0)
     }
 

@@ -150,7 +150,7 @@ pub(super) fn shaken(shaker: ShakerSpec) -> PlantSpec {
 fn sine(n: u64, frequency_hz: f64, force_n: f64) -> Load {
     let phase_rad = core::f64::consts::TAU * frequency_hz * n as f64 / 1000.0;
     let force = SHAKER.direction() * (force_n * libm::sin(phase_rad));
-    Load { force_n: force, ..Load::default() }
+    Load::planar([0.0; 2], force.into())
 }
 
 fn states(spec: &PlantSpec, samples: u64) -> States {
@@ -340,7 +340,7 @@ fn says_what_is_wrong_with_a_shaker() {
 
 #[test]
 fn a_shaker_takes_forces_along_itself_and_within_its_limits() {
-    let along = |force_n: f64| Load { force_n: SHAKER.direction() * force_n, ..Load::default() };
+    let along = |force_n: f64| Load::planar([0.0; 2], (SHAKER.direction() * force_n).into());
     assert!(SHAKER.can_produce(&along(300.0)) && !SHAKER.can_produce(&along(300.1)));
     // As the wire rounds it.
     assert!(SHAKER.can_produce(&Load::force_n(8.66, 5.0)) && !SHAKER.can_produce(&Load::force_n(8.66, 5.2)));

@@ -63,8 +63,7 @@ impl GateSpec {
         travel_m: f64,
         [held, load]: [&Load; 2],
     ) -> CommandCheck {
-        let (force_n, torque_nm) =
-            exciter.size(&Load { force_n: load.force_n - held.force_n, torque_nm: load.torque_nm - held.torque_nm });
+        let (force_n, torque_nm) = exciter.size(&(*load - *held));
         let periods = |change: f64, limit: Option<f64>| limit.map_or(0.0, |limit| rate_hz * change / limit);
         let within = |is_within| if is_within { Limit::Within } else { Limit::Beyond };
         CommandCheck {

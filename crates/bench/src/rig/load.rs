@@ -1,30 +1,106 @@
 //! The load on a structure.
 
-use nalgebra::Vector2;
+use core::ops::{Add, Sub};
 
-/// The load that an exciter puts on a structure.
+use nalgebra::{SVector, Vector3};
+
+/// The most joints at which a torque can act.
+pub const MOST_JOINTS: usize = 8;
+
+/// The load that an exciter puts on a structure: a value of fixed size, whatever the structure takes of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
-    /// Torques at joints 1 and 2, N·m.
-    pub torque_nm: Vector2<f64>,
-    /// Force at the exciter's point along x and y of the base frame, N.
-    pub force_n: Vector2<f64>,
+    /// Torques at the joints, from joint 1 at the base, N·m.
+    pub torque_nm: SVector<f64, MOST_JOINTS>,
+    /// Force at the exciter's point along x, y and z of the base frame, N.
+    pub force_n: Vector3<f64>,
 }
 
 impl Load {
+    /// The number of its parts.
+    pub const PARTS: usize = MOST_JOINTS + 3;
+
     /// Torques at joints 1 and 2, N·m, without a force.
     pub fn torque_nm(joint1_nm: f64, joint2_nm: f64) -> Load {
-        Load { torque_nm: Vector2::new(joint1_nm, joint2_nm), ..Load::default() }
+        Load::planar([joint1_nm, joint2_nm], [0.0; 2])
     }
 
-    /// A force at the exciter's point, N, without torques.
+    /// A force at the exciter's point along x and y, N, without torques.
     pub fn force_n(x_n: f64, y_n: f64) -> Load {
-        Load { force_n: Vector2::new(x_n, y_n), ..Load::default() }
+        Load::planar([0.0; 2], [x_n, y_n])
+    }
+
+    /// Torques at joints 1 and 2, N·m, and a force along x and y, N: what the native protocol carries.
+    pub fn planar([joint1_nm, joint2_nm]: [f64; 2], [x_n, y_n]: [f64; 2]) -> Load {
+        let mut torque_nm = SVector::zeros();
+        (torque_nm[0], torque_nm[1]) = (joint1_nm, joint2_nm);
+        Load { torque_nm, force_n: Vector3::new(x_n, y_n, 0.0) }
+    }
+
+    /// A torque at one joint, counted from 0 at the base, N·m; no load beyond [`MOST_JOINTS`].
+    pub fn at_joint(joint: usize, torque_nm: f64) -> Load {
+        let mut load = Load::default();
+        if let Some(part) = load.torque_nm.get_mut(joint) {
+            *part = torque_nm;
+        }
+        load
+    }
+
+    /// The load of these parts, in the order of [`LOADS`](crate::structure::LOADS).
+    pub fn from_parts(parts: &[f64; Load::PARTS]) -> Load {
+        let [torque_nm @ .., x_n, y_n, z_n] = *parts;
+        Load { torque_nm: torque_nm.into(), force_n: Vector3::new(x_n, y_n, z_n) }
+    }
+
+    /// Its parts in the order of [`LOADS`](crate::structure::LOADS): torques, N·m, then forces, N.
+    pub fn parts(&self) -> [f64; Load::PARTS] {
+        let [t1, t2, t3, t4, t5, t6, t7, t8] = self.torque_nm.into();
+        let [x_n, y_n, z_n] = self.force_n.into();
+        [t1, t2, t3, t4, t5, t6, t7, t8, x_n, y_n, z_n]
+    }
+
+    /// The parts that the native protocol carries: torques at joints 1 and 2, N·m, forces along x and y, N.
+    pub fn native_parts(&self) -> [f64; 4] {
+        [self.torque_nm[0], self.torque_nm[1], self.force_n.x, self.force_n.y]
+    }
+
+    /// Whether it has no part but those that the native protocol carries.
+    pub fn is_native(&self) -> bool {
+        *self == Load::planar([self.torque_nm[0], self.torque_nm[1]], [self.force_n.x, self.force_n.y])
+    }
+
+    /// The torques, N·m: those at joints 1 and 2, and on to the last that is not zero.
+    pub fn torques_nm(&self) -> &[f64] {
+        let last = self.torque_nm.iter().rposition(|part| *part != 0.0).map_or(0, |last| last + 1);
+        self.torque_nm.as_slice().get(..last.max(2)).unwrap_or(&[])
+    }
+
+    /// The force, N: along x and y, and along z if that is not zero.
+    pub fn forces_n(&self) -> &[f64] {
+        self.force_n.as_slice().get(..if self.force_n.z == 0.0 { 2 } else { 3 }).unwrap_or(&[])
     }
 
     /// The load times a factor (dimensionless).
     #[inline]
     pub fn scaled(&self, factor: f64) -> Load {
         Load { torque_nm: self.torque_nm * factor, force_n: self.force_n * factor }
+    }
+}
+
+impl Add for Load {
+    type Output = Load;
+
+    #[inline]
+    fn add(self, other: Load) -> Load {
+        Load { torque_nm: self.torque_nm + other.torque_nm, force_n: self.force_n + other.force_n }
+    }
+}
+
+impl Sub for Load {
+    type Output = Load;
+
+    #[inline]
+    fn sub(self, other: Load) -> Load {
+        Load { torque_nm: self.torque_nm - other.torque_nm, force_n: self.force_n - other.force_n }
     }
 }

@@ -18,7 +18,7 @@ pub use converter::{Converter, Sampling};
 pub use exciter::{Exciter, ExciterSpec, RigError};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, MOST_FAULTS};
 pub use gate::GateSpec;
-pub use load::Load;
+pub use load::{Load, MOST_JOINTS};
 pub use name::{InstrumentName, Section};
 pub use place::PlaceName;
 pub use readings::{MOST_CHANNELS, MOST_MORE, Readings};

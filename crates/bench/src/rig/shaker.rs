@@ -134,7 +134,7 @@ impl ShakerSpec {
 
     /// Returns the part of a command along the shaker, N.
     pub fn along_n(&self, load: &Load) -> f64 {
-        self.direction().dot(&load.force_n)
+        self.direction().dot(&load.force_n.xy())
     }
 
     /// Returns whether a load points along the shaker, up to rounding.
@@ -143,7 +143,7 @@ impl ShakerSpec {
         // The cross product with the unit vector is the component across.
         let across_n = direction.x * load.force_n.y - direction.y * load.force_n.x;
         let rounding_n = ACROSS_N + ACROSS_SHARE * load.force_n.norm();
-        across_n.abs() <= rounding_n && load.torque_nm == Vector2::zeros()
+        across_n.abs() <= rounding_n && load.force_n.z == 0.0 && load.torque_nm.amax() == 0.0
     }
 
     /// Returns whether a command is within the limits of amplifier and direction.

@@ -178,7 +178,7 @@ fn the_gate_checks_range_change_and_travel() {
     assert_eq!(torques.change_periods, 12.0);
 
     // Along the shaker, in any direction.
-    let [held, load] = [-1.0, 3.0].map(|force_n| Load { force_n: shaker().direction() * force_n, ..Load::default() });
+    let [held, load] = [-1.0, 3.0].map(|force_n| Load::planar([0.0; 2], (shaker().direction() * force_n).into()));
     let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, 0.0, [&held, &load]);
     assert!((along.change_periods - 8.0).abs() < 1e-12, "{along:?}");
 }

@@ -13,7 +13,7 @@ use core::ops::Deref;
 use serde::{Serialize, Serializer};
 
 use super::states::{MOST_COORDINATES, MOST_ELEMENTS};
-use crate::rig::{InstrumentName, MOST_MORE, Measured, Measurement};
+use crate::rig::{InstrumentName, Load, MOST_MORE, Measured, Measurement};
 
 /// The most bytes of the name of a channel.
 const MOST_BYTES: usize = 39;
@@ -426,8 +426,99 @@ fn parsed(name: &str) -> Option<(InstrumentName, Measured, Axis)> {
     SENSORS.into_iter().find_map(of)
 }
 
-/// The loads on the arm, in the order in which a plant takes them.
-pub const LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
+/// The loads that the native protocol carries, which every plant has, in their order.
+pub const NATIVE_LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
+
+/// Every load that can act on a structure, in the order of [`Load::parts`]: torques at the joints, then the force of the
+/// exciter along x, y and z.
+pub const LOADS: [Channel; Load::PARTS] = [
+    NATIVE_LOADS[0],
+    NATIVE_LOADS[1],
+    load("torque3_nm", "torque_nm", Quantity::Torque, Point::Joint(3), Axis::AboutZ),
+    load("torque4_nm", "torque_nm", Quantity::Torque, Point::Joint(4), Axis::AboutZ),
+    load("torque5_nm", "torque_nm", Quantity::Torque, Point::Joint(5), Axis::AboutZ),
+    load("torque6_nm", "torque_nm", Quantity::Torque, Point::Joint(6), Axis::AboutZ),
+    load("torque7_nm", "torque_nm", Quantity::Torque, Point::Joint(7), Axis::AboutZ),
+    load("torque8_nm", "torque_nm", Quantity::Torque, Point::Joint(8), Axis::AboutZ),
+    NATIVE_LOADS[2],
+    NATIVE_LOADS[3],
+    load("force_z_n", "force_n", Quantity::Force, Point::TipC, Axis::Z),
+];
+
+/// Which of [`LOADS`] a plant takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoadSet(u16);
+
+impl LoadSet {
+    /// The loads that the native protocol carries.
+    pub const NATIVE: LoadSet = LoadSet(0b11_0000_0011);
+
+    /// The loads among these channels, which must be in the order of [`LOADS`]; `None` if a channel is no load or stands
+    /// in another order.
+    pub fn of_channels<'a>(channels: impl IntoIterator<Item = &'a Channel>) -> Option<LoadSet> {
+        let (mut set, mut next) = (0, 0);
+        for channel in channels {
+            let place = next + LOADS.get(next..)?.iter().position(|load| load == channel)?;
+            set |= 1 << place;
+            next = place + 1;
+        }
+        Some(LoadSet(set))
+    }
+
+    /// The native loads, and those of these places in [`LOADS`].
+    pub fn native_and(places: impl IntoIterator<Item = usize>) -> LoadSet {
+        let more = places.into_iter().filter(|place| *place < LOADS.len());
+        LoadSet(more.fold(LoadSet::NATIVE.0, |set, place| set | 1 << place))
+    }
+
+    /// Whether it has the load at this place in [`LOADS`].
+    pub const fn has(self, place: usize) -> bool {
+        place < LOADS.len() && self.0 >> place & 1 == 1
+    }
+
+    /// Whether it has those that the native protocol carries.
+    pub const fn has_native(self) -> bool {
+        self.0 & LoadSet::NATIVE.0 == LoadSet::NATIVE.0
+    }
+
+    /// The number of its loads.
+    pub const fn len(self) -> usize {
+        self.0.count_ones() as usize
+    }
+
+    /// Whether it has none.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The places of its loads in [`LOADS`], in order.
+    pub fn places(self) -> impl Iterator<Item = usize> {
+        (0..LOADS.len()).filter(move |place| self.has(*place))
+    }
+
+    /// Its channels.
+    pub fn channels(self) -> Vec<Channel> {
+        self.places().map(|place| LOADS[place]).collect()
+    }
+
+    /// The parts of a load that it has, in order.
+    pub fn parts(self, load: &Load) -> impl Iterator<Item = f64> {
+        let parts = load.parts();
+        self.places().map(move |place| parts[place])
+    }
+
+    /// The load of these parts, in the order of the set.
+    pub fn load(self, parts: impl IntoIterator<Item = f64>) -> Load {
+        let mut all = [0.0; Load::PARTS];
+        self.places().zip(parts).for_each(|(place, part)| all[place] = part);
+        Load::from_parts(&all)
+    }
+
+    /// The first part of a load that is not zero and that it has not: its place in [`LOADS`], and its value.
+    pub fn lacks(self, load: &Load) -> Option<(usize, f64)> {
+        load.parts().into_iter().enumerate().find(|(place, part)| *part != 0.0 && !self.has(*place))
+    }
+}
 
 /// What the arm's instruments read, in the order of [`Measurement::readings`](crate::rig::Measurement::readings).
 pub const OUTPUTS: [Channel; READINGS.len()] =

@@ -4,8 +4,9 @@ mod channel;
 mod states;
 
 pub use channel::{
-    Axis, COIL_CURRENT, Channel, ChannelName, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES,
-    branch_channel, coordinate_channels, element_channel, known_states, named_sensor_channels, sensor_channels,
+    Axis, COIL_CURRENT, Channel, ChannelName, Coordinates, Kind, LOADS, LoadSet, NATIVE_LOADS, OUTPUTS, Point,
+    Quantity, READINGS, STATES, branch_channel, coordinate_channels, element_channel, known_states,
+    named_sensor_channels, sensor_channels,
 };
 pub use states::{MOST_COORDINATES, MOST_ELEMENTS, MOST_STATES, States};
 
@@ -14,17 +15,17 @@ use core::fmt;
 
 use thiserror::Error;
 
-use crate::rig::ShakerLimit;
+use crate::rig::{Load, ShakerLimit};
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::short;
 
 /// A structure with what drives it and the converters that sample it.
 ///
-/// A plant calls it once a sample: [`Structure::sense`], then [`Structure::advance`] with the loads that are held up to
+/// A plant calls it once a sample: [`Structure::sense`], then [`Structure::advance`] with the load that is held up to
 /// the next sample. Numbers stand in the order of its channels, in their units. The same numbers give the same bits.
 pub trait Structure: fmt::Debug + Send + Sync {
-    /// What acts on it.
-    fn inputs(&self) -> &[Channel];
+    /// The loads that act on it. They are [`LoadSet::NATIVE`] at least.
+    fn inputs(&self) -> LoadSet;
 
     /// What the converters sample.
     fn outputs(&self) -> &[Channel];
@@ -37,11 +38,12 @@ pub trait Structure: fmt::Debug + Send + Sync {
     /// samples.
     fn saved_len(&self) -> usize;
 
-    /// Advances from the sample at `time_s`, s, to the next with the inputs held (zero-order).
+    /// Advances from the sample at `time_s`, s, to the next with the load held (zero-order). It has no part that is
+    /// not among the inputs.
     ///
     /// # Errors
     /// [`StructureError`]; the structure then stays at the sample.
-    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError>;
+    fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError>;
 
     /// Writes the outputs as the converters sample them at the sample.
     fn sense(&self, outputs: &mut [f64]);
@@ -156,14 +158,6 @@ pub enum StructureError {
         name: ChannelName,
         /// Its value, in its unit.
         got: f64,
-    },
-    /// Another number of loads than the structure has inputs.
-    #[error("{got} loads: the structure has {expected} inputs")]
-    Inputs {
-        /// Loads given.
-        got: usize,
-        /// The number of inputs.
-        expected: usize,
     },
     /// The step of a structure of one's own failed; the program that makes it says why.
     #[error("the structure's own program could not make the step")]

@@ -10,6 +10,7 @@ use super::monitor::Heard;
 use super::tester::Tester;
 use crate::times::{MARGIN_NS, MS};
 use resonarm_bench::node::mapped::mapping::{LoadInput, Outgoing, Source, Value};
+use resonarm_bench::structure::{Channel, LOADS, OUTPUTS};
 
 /// How often a CANopen drive says its statusword after power-on, ns.
 const STATUSWORD_NS: u64 = 10 * MS;
@@ -65,15 +66,17 @@ fn load_every_ns(t: &Tester) -> Option<u64> {
 /// The quantities that can say the load of the cases, with their names: that which is held, and that which the head
 /// measures.
 fn load_values(t: &Tester) -> Vec<(&'static str, Value)> {
-    let (held, names): (usize, &[&'static str]) = match t.on.input() {
-        LoadInput::Torque1 => (0, &["torque1_nm"]),
-        LoadInput::Torque2 => (1, &["torque2_nm"]),
-        LoadInput::ForceX => (2, &["force_x_n", "head_force_x_n"]),
-        LoadInput::ForceY => (3, &["force_y_n", "head_force_y_n"]),
+    let (held, head): (&'static str, Option<&'static str>) = match t.on.input() {
+        LoadInput::Torque1 => ("torque1_nm", None),
+        LoadInput::Torque2 => ("torque2_nm", None),
+        LoadInput::ForceX => ("force_x_n", Some("head_force_x_n")),
+        LoadInput::ForceY => ("force_y_n", Some("head_force_y_n")),
         LoadInput::Along(_) => return Vec::new(),
     };
-    let values = [Value::Load(held), Value::Reading(held.saturating_sub(2))];
-    names.iter().copied().zip(values).collect()
+    let place = |channels: &[Channel], name: &str| channels.iter().position(|channel| channel.name == name);
+    let held = place(&LOADS, held).map(|place| (held, Value::Load(place)));
+    let head = head.and_then(|name| Some((name, Value::Reading(place(&OUTPUTS, name)?))));
+    held.into_iter().chain(head).collect()
 }
 
 /// The names of the quantities that say the load of the cases, where readings that come by themselves have them.

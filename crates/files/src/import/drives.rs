@@ -204,9 +204,11 @@ mod tests {
         records.extend(core::iter::from_fn(|| gatherer.next(true)));
         let counts = |rad: f64| (rad * 1000.0 / core::f64::consts::TAU).round();
         let of = |record| match record {
-            Record::State(state) => {
-                (state.sample, [0, 1].map(|joint| counts(state.states.coordinates()[joint])), state.torque_nm)
-            }
+            Record::State(state) => (
+                state.sample,
+                [0, 1].map(|joint| counts(state.states.coordinates()[joint])),
+                [0, 1].map(|joint| state.load.torque_nm[joint]),
+            ),
             other => panic!("{other:?}"),
         };
         records.into_iter().map(of).collect()

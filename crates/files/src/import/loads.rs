@@ -96,13 +96,8 @@ impl Loads {
                 Action::Reset => {}
             }
         }
-        let load = self.commands.iter().filter(|command| self.armed[command.message.drive]).fold(
-            Load::default(),
-            |Load { torque_nm, force_n }, command| Load {
-                torque_nm: torque_nm + command.load.torque_nm,
-                force_n: force_n + command.load.force_n,
-            },
-        );
+        let armed = self.commands.iter().filter(|command| self.armed[command.message.drive]);
+        let load = armed.fold(Load::default(), |sum, command| sum + command.load);
         if self.is_wanted {
             self.changes.insert(now, load);
         }

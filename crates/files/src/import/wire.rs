@@ -7,7 +7,7 @@ use resonarm_bench::node::mapped::mapping::{
     Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Said, Source, Trigger, Value,
 };
 use resonarm_bench::rig::{Load, Readings};
-use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES, States};
+use resonarm_bench::structure::{Channel, Kind, LoadSet, OUTPUTS, STATES, States};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::DISORDER_NS;
@@ -301,7 +301,7 @@ fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row<ARM_STATES>) {
 /// The states of a sample, with the load from it on.
 pub(super) fn state_record(sample: u64, row: &Row<ARM_STATES>, load: Load) -> StateRecord {
     let states = States::written(ARM_STATES, ARM_STATES, |numbers| numbers.copy_from_slice(&row.values));
-    StateRecord { sample, states, torque_nm: load.torque_nm.into(), force_n: load.force_n.into(), is_end: false }
+    StateRecord { sample, states, load, taken: LoadSet::NATIVE, is_end: false }
 }
 
 fn sample_record(sample: u64, row: &Row<{ OUTPUTS.len() }>) -> SampleRecord {

@@ -77,7 +77,9 @@ fn states_come_with_the_load_commanded_then() {
     let found: Vec<(u64, [f64; 2], f64)> = records
         .iter()
         .map(|record| match record {
-            Record::State(state) => (state.sample, state.states.coordinates().try_into().unwrap(), state.torque_nm[0]),
+            Record::State(state) => {
+                (state.sample, state.states.coordinates().try_into().unwrap(), state.load.torque_nm[0])
+            }
             other => panic!("{other:?}"),
         })
         .collect();

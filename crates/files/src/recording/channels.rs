@@ -23,7 +23,7 @@ impl Channels {
     pub fn of_structure(structure: &dyn Structure) -> Channels {
         let (coordinates, devices): (Vec<Channel>, Vec<Channel>) =
             structure.states().iter().partition(|channel| channel.kind == Kind::State);
-        let states = [&coordinates[..], structure.inputs(), &devices].concat();
+        let states = [&coordinates[..], &structure.inputs().channels(), &devices].concat();
         let mut readings = structure.outputs().to_vec();
         readings.sort_by_key(|channel| match channel.kind {
             Kind::Reading { clip_bit } => clip_bit,
@@ -69,7 +69,7 @@ pub struct Values {
 }
 
 /// The most numbers of a record: all states and loads.
-const MOST_NUMBERS: usize = MOST_STATES + LOADS.len();
+pub(super) const MOST_NUMBERS: usize = MOST_STATES + LOADS.len();
 
 impl Values {
     /// The numbers of these vectors, in order, at most [`MOST_NUMBERS`].
@@ -83,6 +83,14 @@ impl Values {
             }
         }
         values
+    }
+
+    /// Appends a number, if there is room.
+    pub(super) fn push(&mut self, number: f64) {
+        if let Some(to) = self.numbers.get_mut(self.count) {
+            *to = number;
+            self.count += 1;
+        }
     }
 }
 

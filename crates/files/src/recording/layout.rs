@@ -11,7 +11,9 @@ use thiserror::Error;
 use super::Topic;
 use super::channels::Channels;
 use super::schema::MessageType;
-use resonarm_bench::structure::{Channel, ChannelName, Kind, Point, READINGS, known_states, named_sensor_channels};
+use resonarm_bench::structure::{
+    Channel, ChannelName, Kind, LoadSet, NATIVE_LOADS, Point, READINGS, known_states, named_sensor_channels,
+};
 
 /// Fields of every message.
 pub(super) const STEP: u32 = 1;
@@ -165,12 +167,17 @@ pub struct Layout {
     pub(super) mark: u32,
     /// How many of the channels are coordinates and rates.
     pub(super) moving: usize,
+    /// Which loads are among them.
+    pub(super) taken: LoadSet,
 }
 
 impl Layout {
     fn of(channels: Vec<Channel>, fields: Vec<u32>, mark: u32) -> Layout {
         let moving = channels.iter().filter(|channel| channel.kind == Kind::State).count();
-        Layout { channels, fields, mark, moving }
+        // Channels are in the order of the table.
+        let loads = channels.iter().filter(|channel| channel.kind == Kind::Load);
+        let taken = LoadSet::of_channels(loads).unwrap_or(LoadSet::NATIVE);
+        Layout { channels, fields, mark, moving, taken }
     }
 
     /// The layout in which a message is written.
@@ -244,7 +251,7 @@ fn readings(fields: &[Field]) -> Result<Vec<Channel>, ChannelsError> {
     Ok([&READINGS[..], &others].concat())
 }
 
-/// The first channel that a recording lacks: a load, a reading, a coordinate or a rate up to the last joint, mode or
+/// The first channel that a recording lacks: a native load, a reading, a coordinate or a rate up to the last joint, mode or
 /// displacement of which there is a state. Without any state it is the first of the arm.
 fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Option<ChannelName> {
     let of_motion = || known.iter().enumerate().filter(|(_, of)| of.kind == Kind::State);
@@ -254,7 +261,8 @@ fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Optio
     };
     let has_none = of_motion().all(|(place, _)| !is_there(place));
     let is_needed = |channel: &Channel| match channel.kind {
-        Kind::Load | Kind::Reading { .. } => true,
+        Kind::Load => NATIVE_LOADS.contains(channel),
+        Kind::Reading { .. } => true,
         Kind::Internal => false,
         Kind::State if has_none => channel.point == Point::Joint1,
         Kind::State => last(channel.coordinates()).is_some_and(|node| channel.point.node() <= node),

@@ -8,11 +8,12 @@ use prost::encoding::{self, DecodeContext, WireType};
 use prost::{DecodeError, Message};
 
 use super::batch::Batch;
+use super::channels::Values;
 use super::layout::{DT_S, Layout, STEP};
 use super::schema::MessageType;
 use super::{Clipped, SampleRecord, StateRecord};
 use resonarm_bench::rig::{MOST_MORE, Readings};
-use resonarm_bench::structure::{LOADS, MOST_STATES, READINGS, States};
+use resonarm_bench::structure::{MOST_STATES, READINGS, States};
 
 /// A record of numbers in the order of the table, with a mark.
 pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
@@ -21,12 +22,12 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
 
     /// Index of its sample.
     fn sample(&self) -> u64;
-    /// Its numbers, in the order of the table, vector by vector.
-    fn vectors(&self) -> [&[f64]; 4];
+    /// Its numbers, in the order of the table.
+    fn values(&self) -> Values;
     /// Whether it is the end of a run, or which readings are clipped.
     fn mark(&self) -> u32;
-    /// The record of `count` numbers, the first `moving` of them coordinates and rates; `None` if one is wrong.
-    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<Self>;
+    /// The record of the numbers in the channels of a layout; `None` if one is wrong.
+    fn of(sample: u64, number: impl Fn(usize) -> f64, layout: &Layout, mark: u32) -> Option<Self>;
 }
 
 impl Numbers for StateRecord {
@@ -36,23 +37,25 @@ impl Numbers for StateRecord {
         self.sample
     }
 
-    fn vectors(&self) -> [&[f64]; 4] {
-        StateRecord::vectors(self)
+    fn values(&self) -> Values {
+        StateRecord::values(self)
     }
 
     fn mark(&self) -> u32 {
         self.is_end.into()
     }
 
-    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<StateRecord> {
-        let states = count.checked_sub(LOADS.len()).filter(|states| (moving..=MOST_STATES).contains(states))?;
+    fn of(sample: u64, number: impl Fn(usize) -> f64, layout: &Layout, mark: u32) -> Option<StateRecord> {
+        let Layout { moving, taken, .. } = *layout;
+        let states = layout.fields.len().checked_sub(taken.len());
+        let states = states.filter(|states| (moving..=MOST_STATES).contains(states))?;
         let states = States::written(moving, states, |numbers| {
             let (coordinates, internal) = numbers.split_at_mut(moving);
             coordinates.iter_mut().enumerate().for_each(|(place, to)| *to = number(place));
-            internal.iter_mut().enumerate().for_each(|(place, to)| *to = number(moving + LOADS.len() + place));
+            internal.iter_mut().enumerate().for_each(|(place, to)| *to = number(moving + taken.len() + place));
         });
-        let [torque_nm, force_n] = [0, 2].map(|place| [number(moving + place), number(moving + place + 1)]);
-        Some(StateRecord { sample, states, torque_nm, force_n, is_end: mark != 0 })
+        let load = taken.load((moving..).map(number));
+        Some(StateRecord { sample, states, load, taken, is_end: mark != 0 })
     }
 }
 
@@ -63,16 +66,16 @@ impl Numbers for SampleRecord {
         self.sample
     }
 
-    fn vectors(&self) -> [&[f64]; 4] {
-        SampleRecord::vectors(self)
+    fn values(&self) -> Values {
+        Values::new(&self.vectors())
     }
 
     fn mark(&self) -> u32 {
         self.clipped_bits()
     }
 
-    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, _moving: usize, mark: u32) -> Option<SampleRecord> {
-        let more = count.checked_sub(READINGS.len()).filter(|more| *more <= MOST_MORE)?;
+    fn of(sample: u64, number: impl Fn(usize) -> f64, layout: &Layout, mark: u32) -> Option<SampleRecord> {
+        let more = layout.fields.len().checked_sub(READINGS.len()).filter(|more| *more <= MOST_MORE)?;
         let [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n] =
             [0, 2, 4].map(|place| [number(place), number(place + 1)]);
         let (clipped, mut values) = (Clipped::from_bits(mark), [0.0; MOST_MORE]);
@@ -183,10 +186,7 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn append(&mut self, row: &R) {
-        let mut columns = self.columns.iter_mut();
-        for vector in row.vectors() {
-            vector.iter().zip(&mut columns).for_each(|(value, column)| column.push(*value));
-        }
+        row.values().iter().zip(&mut self.columns).for_each(|(value, column)| column.push(*value));
         match Self::IS_STATES {
             true => self.ends = row.mark() != 0,
             false => self.clipped.push(row.mark()),
@@ -214,6 +214,6 @@ impl<R: Numbers> Batch for NumberBatch<R> {
             true => u32::from(self.ends && index + 1 == columns[0].len()),
             false => *self.clipped.get(index)?,
         };
-        R::of(sample, columns.len(), |place| columns[place][index], self.layout.moving, mark)
+        R::of(sample, |place| columns[place][index], &self.layout, mark)
     }
 }

@@ -5,6 +5,7 @@ use super::decimate::{Decimated, Decimator};
 use super::layout::Plot;
 use super::schema::MessageType;
 use super::{SampleRecord, StateRecord, Topic};
+use resonarm_bench::rig::Load;
 
 /// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since
 /// the bits below can't be compressed. A value of no filter stays as it is.
@@ -26,7 +27,7 @@ pub struct Plots {
     readings: Decimator,
     readings_ready: Vec<Decimated>,
     /// The load that was held last.
-    held: [[f64; 2]; 2],
+    held: Load,
     /// Memory for a row of states.
     row: Vec<f64>,
 }
@@ -42,7 +43,7 @@ impl Plots {
             states_ready: Vec::new(),
             readings: Decimator::new(every, readings),
             readings_ready: Vec::new(),
-            held: [[0.0; 2]; 2],
+            held: Load::default(),
             row: Vec::with_capacity(states),
         }
     }
@@ -50,11 +51,10 @@ impl Plots {
     /// Takes the next state and load. At the end of a run, which has no load, the last one stays.
     pub fn state(&mut self, record: &StateRecord) {
         if !record.is_end {
-            self.held = [record.torque_nm, record.force_n];
+            self.held = record.load;
         }
-        let [moving, _, _, internal] = record.vectors();
         self.row.clear();
-        [moving, self.held.as_flattened(), internal].into_iter().for_each(|part| self.row.extend_from_slice(part));
+        self.row.extend_from_slice(&record.values_with(&self.held));
         self.states.push(record.sample, &self.row, 0, &mut self.states_ready);
     }
 

@@ -6,7 +6,7 @@ use super::Topic;
 use super::channels::Values;
 use resonarm_bench::rig::Load;
 use resonarm_bench::rig::Readings;
-use resonarm_bench::structure::States;
+use resonarm_bench::structure::{LoadSet, States};
 use resonarm_realtime::OverrunCause;
 
 /// One thing worth recording.
@@ -72,29 +72,28 @@ pub struct StateRecord {
     /// Coordinates, their rates, and states of devices and elements, in the order of the recording's channels; of the
     /// arm α1, α2, α̇1, α̇2, and the current in the coil of its shaker.
     pub states: States,
-    /// Torques at joints 1 and 2, N·m.
-    pub torque_nm: [f64; 2],
-    /// Force at point C along x and y, N; of a shaker, the force that it would exert were it blocked.
-    pub force_n: [f64; 2],
+    /// The load: torques at joints, N·m, and the force of the exciter, N; of a shaker, the force that it would exert were
+    /// it blocked.
+    pub load: Load,
+    /// Which parts of it the plant takes, and a recording has.
+    pub taken: LoadSet,
     /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
     /// nothing.
     pub is_end: bool,
 }
 
 impl StateRecord {
-    /// The load held from the sample on.
-    pub fn load(&self) -> Load {
-        Load { torque_nm: self.torque_nm.into(), force_n: self.force_n.into() }
-    }
-
     /// Its numbers in the order of [`Topic::States`](super::Topic::States).
     pub fn values(&self) -> Values {
-        Values::new(&self.vectors())
+        self.values_with(&self.load)
     }
 
-    /// The same, vector by vector.
-    pub(super) fn vectors(&self) -> [&[f64]; 4] {
-        [self.states.moving(), &self.torque_nm, &self.force_n, self.states.internal()]
+    /// The same with another load.
+    pub(super) fn values_with(&self, load: &Load) -> Values {
+        let mut values = Values::new(&[self.states.moving()]);
+        self.taken.parts(load).for_each(|part| values.push(part));
+        self.states.internal().iter().for_each(|state| values.push(*state));
+        values
     }
 }
 

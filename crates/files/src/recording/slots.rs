@@ -3,17 +3,18 @@
 use core::convert::Infallible;
 
 use resonarm_bench::rig::{MOST_MORE, Readings};
-use resonarm_bench::structure::{MOST_STATES, States};
+use resonarm_bench::structure::{LoadSet, States};
 
+use super::channels::{MOST_NUMBERS, Values};
 use super::{Clipped, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 
-/// States in the first slot: those of the arm with a coil.
-const FIRST: usize = 5;
-/// States or readings in each slot after it.
+/// Loads and states in the first slot: those of the arm with a coil.
+const FIRST: usize = 9;
+/// Loads and states, or readings, in each slot after it.
 const NEXT: usize = 12;
 
 /// The most slots of a record.
-pub const MOST_SLOTS: usize = 1 + (MOST_STATES - FIRST).div_ceil(NEXT);
+pub const MOST_SLOTS: usize = 1 + (MOST_NUMBERS - FIRST).div_ceil(NEXT);
 
 /// A record, a part of it, or something else of the ring's owner.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +23,7 @@ pub struct Slot<Other = Infallible>(Content<Other>);
 #[derive(Clone, Copy, Debug)]
 enum Content<Other> {
     State(Head),
-    /// States of the record that began before.
+    /// Loads and states of the record that began before.
     States([f64; NEXT]),
     Sample(SampleHead),
     /// Readings of the sample that began before.
@@ -46,9 +47,9 @@ pub enum Entry<'a, Other = Infallible> {
 #[derive(Clone, Copy, Debug)]
 struct Head {
     sample: u64,
-    torque_nm: [f64; 2],
-    force_n: [f64; 2],
+    /// The loads that the plant takes, then the states.
     first: [f64; FIRST],
+    taken: LoadSet,
     moving: u8,
     count: u8,
     is_end: bool,
@@ -70,17 +71,24 @@ struct SampleHead {
 /// How many slots a record takes.
 fn slots_for(record: &Record) -> usize {
     match record {
-        Record::State(state) => 1 + state.states.len().saturating_sub(FIRST).div_ceil(NEXT),
+        Record::State(state) => 1 + (state.taken.len() + state.states.len()).saturating_sub(FIRST).div_ceil(NEXT),
         Record::Sample(sample) => 1 + sample.more.values().len().div_ceil(NEXT),
         Record::Frame(_) | Record::Tick(_) | Record::Event(_) => 1,
     }
 }
 
-/// The first numbers of a slice, with zeros in place of those that it lacks.
-fn padded<const N: usize>(numbers: &[f64]) -> [f64; N] {
+/// The first of these numbers, with zeros in place of those that are lacking.
+#[inline(always)]
+fn padded<const N: usize>(numbers: impl IntoIterator<Item = f64>) -> [f64; N] {
     let mut padded = [0.0; N];
-    padded.iter_mut().zip(numbers).for_each(|(to, number)| *to = *number);
+    padded.iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
     padded
+}
+
+/// The numbers of a record of states in the order of the slots.
+#[inline(always)]
+fn loads_and_states(state: &StateRecord) -> impl Iterator<Item = f64> {
+    state.taken.parts(&state.load).chain(state.states.iter().copied())
 }
 
 /// The first slot of a record.
@@ -89,9 +97,8 @@ fn first<Other>(record: &Record) -> Slot<Other> {
     Slot(match record {
         Record::State(state) => Content::State(Head {
             sample: state.sample,
-            torque_nm: state.torque_nm,
-            force_n: state.force_n,
-            first: padded(&state.states),
+            first: padded(loads_and_states(state)),
+            taken: state.taken,
             moving: state.states.moving().len() as u8,
             count: state.states.len() as u8,
             is_end: state.is_end,
@@ -115,8 +122,10 @@ fn first<Other>(record: &Record) -> Slot<Other> {
 #[inline(always)]
 pub fn push<Other>(ring: &mut rtrb::Producer<Slot<Other>>, record: &Record) -> bool {
     match record {
-        Record::State(state) if state.states.len() > FIRST => {
-            push_many(ring, record, state.states.get(FIRST..).unwrap_or(&[]), Content::States)
+        Record::State(state) if state.taken.len() + state.states.len() > FIRST => {
+            let mut rest = Values::new(&[]);
+            loads_and_states(state).skip(FIRST).for_each(|number| rest.push(number));
+            push_many(ring, record, &rest, Content::States)
         }
         Record::Sample(sample) if !sample.more.values().is_empty() => {
             push_many(ring, record, sample.more.values(), Content::Readings)
@@ -139,7 +148,7 @@ fn push_many<Other>(
     content: fn([f64; NEXT]) -> Content<Other>,
 ) -> bool {
     let Ok(chunk) = ring.write_chunk_uninit(slots_for(record)) else { return false };
-    let rest = rest.chunks(NEXT).map(|numbers| Slot(content(padded(numbers))));
+    let rest = rest.chunks(NEXT).map(|numbers| Slot(content(padded(numbers.iter().copied()))));
     chunk.fill_from_iter(core::iter::once(first(record)).chain(rest));
     true
 }
@@ -153,13 +162,7 @@ pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record
 pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(Entry<'_, Other>) -> R) -> Option<R> {
     loop {
         let record = match ring.pop().ok()?.0 {
-            Content::State(head) => Record::State(StateRecord {
-                sample: head.sample,
-                states: states(ring, &head)?,
-                torque_nm: head.torque_nm,
-                force_n: head.force_n,
-                is_end: head.is_end,
-            }),
+            Content::State(head) => Record::State(state(ring, &head)?),
             Content::Sample(head) => Record::Sample(SampleRecord {
                 sample: head.sample,
                 acceleration_b_m_s2: head.acceleration_b_m_s2,
@@ -187,22 +190,23 @@ pub(super) fn pop_record<R>(ring: &mut rtrb::Consumer<Slot>, hand: impl FnOnce(&
     })
 }
 
-/// The states of the record that begins with this head; `None` if a part is missing.
+/// The record of states that begins with this head; `None` if a part is missing.
 // Inlined, as the value is long to hand over.
 #[inline(always)]
-fn states<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<States> {
-    let mut is_whole = true;
-    let states = States::written(head.moving.into(), head.count.into(), |numbers| {
-        let (begin, rest) = numbers.split_at_mut(FIRST.min(numbers.len()));
-        begin.iter_mut().zip(head.first).for_each(|(to, number)| *to = number);
-        for part in rest.chunks_mut(NEXT) {
-            match ring.pop() {
-                Ok(Slot(Content::States(states))) => part.iter_mut().zip(states).for_each(|(to, number)| *to = number),
-                _ => is_whole = false,
-            }
-        }
-    });
-    is_whole.then_some(states)
+fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<StateRecord> {
+    let mut numbers = [0.0; MOST_NUMBERS];
+    let loads = head.taken.len();
+    let numbers = numbers.get_mut(..loads + usize::from(head.count))?;
+    let (begin, rest) = numbers.split_at_mut(FIRST.min(numbers.len()));
+    begin.iter_mut().zip(head.first).for_each(|(to, number)| *to = number);
+    for part in rest.chunks_mut(NEXT) {
+        let Ok(Slot(Content::States(states))) = ring.pop() else { return None };
+        part.iter_mut().zip(states).for_each(|(to, number)| *to = number);
+    }
+    let (loads, states) = numbers.split_at(loads);
+    let states = States::written(head.moving.into(), head.count.into(), |to| to.copy_from_slice(states));
+    let load = head.taken.load(loads.iter().copied());
+    Some(StateRecord { sample: head.sample, states, load, taken: head.taken, is_end: head.is_end })
 }
 
 /// The readings beyond those of the first slot; `None` if a part is missing.
@@ -220,12 +224,25 @@ fn readings<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &SampleHead) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_bench::structure::{LOADS, MOST_STATES};
 
     fn record(sample: u64, moving: usize, internal: usize) -> Record {
         let number = |index: usize| sample as f64 + index as f64 / 128.0;
         let numbers: Vec<f64> = (0..moving + internal).map(number).collect();
         let states = States::new(&numbers[..moving], &numbers[moving..]).unwrap();
-        Record::State(StateRecord { sample, states, torque_nm: [1.0, 2.0], force_n: [3.0, 4.0], is_end: sample == 3 })
+        state_record(sample, states, LoadSet::NATIVE)
+    }
+
+    fn state_record(sample: u64, states: States, taken: LoadSet) -> Record {
+        let load = taken.load((1..).map(f64::from));
+        Record::State(StateRecord { sample, states, load, taken, is_end: sample == 3 })
+    }
+
+    /// A record of as many numbers as there can be.
+    fn longest() -> Record {
+        let numbers: Vec<f64> = (0..MOST_STATES).map(|place| place as f64 + 0.25).collect();
+        let states = States::new(&numbers[..64], &numbers[64..]).unwrap();
+        state_record(5, states, LoadSet::native_and(0..LOADS.len()))
     }
 
     #[test]
@@ -243,7 +260,7 @@ mod tests {
                 more: Readings::new(&numbers, u32::from(more > 0) << more.saturating_sub(1)).unwrap(),
             })
         };
-        let wide = [sample(0), sample(1), sample(NEXT), sample(MOST_MORE), record(4, 64, 17)];
+        let wide = [sample(0), sample(1), sample(NEXT), sample(MOST_MORE), record(4, 64, 17), longest()];
         let others = [record(1, 4, 0), record(2, 4, 1), Record::Tick(tick), record(3, 16, 16)];
         let records = [&others[..], &wide[..]].concat();
         for _turn in 0..3 {
@@ -256,7 +273,7 @@ mod tests {
     #[test]
     fn a_record_without_room_is_left_out_whole() {
         let (mut into, mut out) = rtrb::RingBuffer::<Slot>::new(MOST_SLOTS + 1);
-        let [wide, arm] = [record(1, 64, 17), record(2, 4, 0)];
+        let [wide, arm] = [longest(), record(2, 4, 0)];
         assert!(push(&mut into, &wide) && is_full(&into, &wide) && !push(&mut into, &wide) && push(&mut into, &arm));
         let mut next = || pop_record(&mut out, |record| *record);
         assert_eq!([next(), next(), next()], [Some(wide), Some(arm), None]);

@@ -254,7 +254,7 @@ impl Writer {
     }
 
     fn write_state(&mut self, record: &StateRecord) -> Result<(), RecordingError> {
-        self.check(Topic::States, record.vectors().iter().map(|vector| vector.len()).sum())?;
+        self.check(Topic::States, record.values().len())?;
         self.state_count += 1;
         if self.states.must_take_before(record) {
             self.take_states()?;

@@ -4,13 +4,13 @@ use crate::Fault;
 use crate::model::{Parameters, Saved};
 use crate::signals::{Measured, SavedSignals, measurement};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::{MOST_MORE, Reading, Readings};
+use resonarm_bench::rig::{Load, MOST_MORE, Reading, Readings};
 use resonarm_bench::structure::{LOADS, OUTPUTS};
 
 use super::{SavedInstance, State};
 
 /// What a state begins with: the name and version of the format.
-const MAGIC: [u8; 8] = *b"rsnfmu\0\x02";
+const MAGIC: [u8; 8] = *b"rsnfmu\0\x03";
 const CALL: &str = "fmi3DeserializeFMUState";
 
 /// A state as bytes; `None` of a model that has no such form.
@@ -32,7 +32,7 @@ pub(crate) fn write(saved: &SavedInstance) -> Option<Vec<u8>> {
     bytes.extend((recording.len() as u64).to_le_bytes());
     bytes.extend(recording.as_bytes());
     bytes.extend(now.plant.sample().to_le_bytes());
-    let held = now.held.map(|load| [load.torque_nm.x, load.torque_nm.y, load.force_n.x, load.force_n.y]);
+    let held = now.held.map(|load| load.parts());
     bytes.push(u8::from(held.is_some()));
     put(&mut bytes, &held.unwrap_or_default());
     for reading in now.measurement.readings() {
@@ -91,7 +91,7 @@ pub(crate) fn read(
     }
     let numbers = rest.list(count)?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
-    let held = held.then(|| crate::variables::load(&load));
+    let held = held.then(|| Load::from_parts(&load));
     let now = Measured { plant, measurement: measurement(sample, readings, more), held };
     let model = Saved::Signals(Box::new(SavedSignals::read(now)));
     Ok(SavedInstance { token: token.to_string(), state, start_s, time_s, parameters, inputs, model })

@@ -65,6 +65,29 @@ fn the_load_is_the_one_that_was_set_when_the_hold_began() {
     }
 }
 
+/// A chain of three links has an input at its last joint, and a structure that moves along z one along z.
+#[test]
+fn an_fmu_has_inputs_for_all_loads_that_its_structure_takes() {
+    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, angle_deg = 30, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
+    let chain = format!("structure = {{ kind = 'chain', links = [{link}, {link}, {link}] }}");
+    let plate = "[structure]\nkind = 'modal'\n\
+        modes = [{ frequency_hz = 20, damping_ratio = 0.01, shape = { 'tip.x' = 0.5, 'tip.z' = 0.8 } }]";
+    for (text, last, expected) in [
+        (chain.as_str(), "load.torque3_nm", "torque1_nm torque2_nm torque3_nm force_x_n force_y_n"),
+        (plate, "load.force_z_n", "force_x_n force_z_n"),
+    ] {
+        let (_folder, mut instance) = made(text);
+        let inputs = instance.variables.iter().filter_map(|variable| variable.name.strip_prefix("load."));
+        assert_eq!(inputs.collect::<Vec<_>>().join(" "), expected);
+        let (_other, mut still) = made(text);
+        let reference = of(&instance, last);
+        [&mut instance, &mut still].into_iter().for_each(|instance| started(instance, 0.0));
+        instance.set("", reference, Value::Float64(3.0)).unwrap();
+        [&mut instance, &mut still].into_iter().for_each(|instance| assert!(!instance.step(0.0, 0.02).unwrap()));
+        assert_ne!(outputs(&mut instance), outputs(&mut still), "{last}");
+    }
+}
+
 #[test]
 fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
     let text = "rig = { converter = 'sinc5', sensors.b = { lowpass_hz = 300, delay_samples = 3 } }";

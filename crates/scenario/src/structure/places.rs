@@ -4,7 +4,7 @@ use super::StructureSectionError;
 use resonarm_bench::plant::{Placed, PlacedSensor, Places};
 use resonarm_bench::rig::{InstrumentName, MOST_CHANNELS, Measured, Measurement, PlaceName, RigSpec, SensorSpec};
 use resonarm_bench::structure::Axis;
-use resonarm_dynamics::structure::Assembly;
+use resonarm_dynamics::structure::{Assembly, Dof};
 
 /// Name of the point at the end of a chain, the default place of the exciter and of accelerometer C.
 const TIP: &str = "tip";
@@ -32,8 +32,11 @@ pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, Struc
     if got > MOST_CHANNELS {
         return Err(StructureSectionError::TooManyChannels { got });
     }
+    // At a degree of freedom the exciter pushes along it alone, which is its x.
+    let exciter_z = if exciter.contains('.') { None } else { point_at(assembly, exciter, "z") };
     Ok(Places {
         exciter: placed(assembly, "exciter", exciter)?,
+        exciter_z,
         accelerometer_b: placed(assembly, "sensors.b", b)?,
         accelerometer_c: placed(assembly, "sensors.c", c)?,
         more,
@@ -42,6 +45,11 @@ pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, Struc
 
 /// Axes of a point, by name.
 const AXES: [(&str, Axis); 3] = [("x", Axis::X), ("y", Axis::Y), ("z", Axis::Z)];
+
+/// The degree of freedom of a point along an axis, if the structure moves there.
+fn point_at(assembly: &Assembly, point: &str, axis: &str) -> Option<Dof> {
+    assembly.dof(&format!("{point}.{axis}")).ok().filter(|dof| !dof.is_base())
+}
 
 /// Resolves a sensor other than B and C: an angle sensor at a joint, or a sensor at one degree of freedom, or
 /// at a point, where it reads every axis along which the structure moves.
@@ -52,7 +60,6 @@ fn placed_sensor(
 ) -> Result<PlacedSensor, StructureSectionError> {
     let at = sensor.at.as_ref().map_or("", PlaceName::as_str);
     let error = |reason: String| StructureSectionError::Rig { instrument: format!("sensors.{name}"), reason };
-    let point_at = |point: &str, axis: &str| assembly.dof(&format!("{point}.{axis}")).ok().filter(|dof| !dof.is_base());
     let is_angle = sensor.measures == Measured::Angle;
     let along = match at.rsplit_once('.') {
         _ if is_angle => match assembly.dof(at) {
@@ -68,7 +75,7 @@ fn placed_sensor(
             let axis = AXES.into_iter().find(|(name, _)| *name == along).map_or(Axis::Scalar, |(_, axis)| axis);
             vec![(axis, dof)]
         }
-        None => AXES.into_iter().filter_map(|(name, axis)| Some((axis, point_at(at, name)?))).collect(),
+        None => AXES.into_iter().filter_map(|(name, axis)| Some((axis, point_at(assembly, at, name)?))).collect(),
     };
     if along.is_empty() {
         return Err(error(format!("is `{at}`: the points are {}", assembly.points().join(", "))));

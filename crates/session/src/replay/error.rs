@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::player::SPEEDS;
 use resonarm_bench::node::ExciterLack;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
+use resonarm_bench::rig::Load;
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
 use resonarm_numeric::number::short;
@@ -127,17 +128,15 @@ pub enum ReplayError {
     },
     /// A load is none that the exciter can have produced.
     #[error(
-        "the recording's load at sample {sample} is {force_n:?} N, {torque_nm:?} N·m: beyond the exciter's limits in its \
+        "the recording's load at sample {sample} is {:?} N, {:?} N·m: beyond the exciter's limits in its \
          scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)",
-        limit_n = short(.limit_n), limit_nm = short(.limit_nm)
+        .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
         /// Sample with the impossible load.
         sample: u64,
-        /// Force at C, N.
-        force_n: [f64; 2],
-        /// Torque at the joints, N·m.
-        torque_nm: [f64; 2],
+        /// The load.
+        load: Load,
         /// Largest force of the exciter, N.
         limit_n: f64,
         /// Largest torque of the exciter, N·m.

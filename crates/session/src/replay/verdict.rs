@@ -48,12 +48,11 @@ pub(super) fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord
 
 /// The recorded load, if the plant's exciter can have produced it.
 pub(super) fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
-    let load = record.load();
+    let load = record.load;
     let exciter = plant.exciter();
     if exciter.can_produce(&load) {
         return Ok(load);
     }
     let (limit_n, limit_nm) = exciter.limits();
-    let (sample, force_n, torque_nm) = (record.sample, record.force_n, record.torque_nm);
-    Err(ReplayError::Load { sample, force_n, torque_nm, limit_n, limit_nm })
+    Err(ReplayError::Load { sample: record.sample, load, limit_n, limit_nm })
 }

@@ -122,7 +122,7 @@ fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, [f6
 }
 
 pub(super) fn parts(load: &Load) -> [f64; 4] {
-    [load.force_n.x, load.force_n.y, load.torque_nm.x, load.torque_nm.y]
+    [load.force_n.x, load.force_n.y, load.torque_nm[0], load.torque_nm[1]]
 }
 
 /// Half the largest count of all loads, N or N·m, with the rounding of its arithmetic.

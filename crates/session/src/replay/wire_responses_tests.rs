@@ -66,8 +66,8 @@ fn commanded(folder: &Path, scale: f64) -> Recording {
     for sample in Recording::open(&plain).unwrap().samples().unwrap() {
         let sample = sample.unwrap();
         let torque_nm = profile.load(sample.sample).torque_nm * scale;
-        channel.push_blocking(&target(1, torque_nm.x, 0.1, sample.sample)).unwrap();
-        channel.push_blocking(&target(2, torque_nm.y, 0.01, sample.sample)).unwrap();
+        channel.push_blocking(&target(1, torque_nm[0], 0.1, sample.sample)).unwrap();
+        channel.push_blocking(&target(2, torque_nm[1], 0.01, sample.sample)).unwrap();
         channel.push_blocking(&Record::Sample(sample)).unwrap();
     }
     drop(channel);

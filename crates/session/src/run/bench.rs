@@ -423,8 +423,8 @@ impl<'a> Bench<'a> {
         StateRecord {
             sample: self.sample(),
             states: *self.plant.states(),
-            torque_nm: load.torque_nm.into(),
-            force_n: load.force_n.into(),
+            load: *load,
+            taken: self.plant.inputs(),
             is_end,
         }
     }

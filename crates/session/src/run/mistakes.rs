@@ -61,10 +61,11 @@ pub(super) fn refused_command(refused: &RefusedLoad, plant: &Plant) -> String {
 /// Why an exciter can't send this load of its controller.
 pub(super) fn unsent_command(sample: u64, load: &Load, scenario: &Scenario) -> String {
     let reason = match (&scenario.wire, scenario.network()) {
+        (None, _) if !load.is_native() => Some(String::from("no command of the protocol has a field for a part of it")),
         (None, Ok(network)) => {
             let Load { force_n, torque_nm } = load;
             let message = if torque_nm.norm() > 0.0 || torque_nm.iter().any(|part| part.is_nan()) {
-                Message::Torque(TorqueCommand { torque1_nm: torque_nm.x, torque2_nm: torque_nm.y, sample: 0 })
+                Message::Torque(TorqueCommand { torque1_nm: torque_nm[0], torque2_nm: torque_nm[1], sample: 0 })
             } else {
                 Message::Force(ForceCommand { force_x_n: force_n.x, force_y_n: force_n.y, sample: 0 })
             };
@@ -77,16 +78,17 @@ pub(super) fn unsent_command(sample: u64, load: &Load, scenario: &Scenario) -> S
 }
 
 fn load_in_words(load: &Load) -> String {
-    let Load { force_n, torque_nm } = load;
-    let pair = |x: f64, y: f64, unit: &str| format!("({}, {}) {unit}", short(&x), short(&y));
-    let has_torque = torque_nm.iter().any(|part| *part != 0.0);
-    let has_force = force_n.iter().any(|part| *part != 0.0);
+    let list = |parts: &[f64], unit: &str| {
+        let parts: Vec<String> = parts.iter().map(|part| short(part).to_string()).collect();
+        format!("({}) {unit}", parts.join(", "))
+    };
+    let (force, torque) = (list(load.forces_n(), "N"), list(load.torques_nm(), "N\u{b7}m"));
+    let has_torque = load.torque_nm.iter().any(|part| *part != 0.0);
+    let has_force = load.force_n.iter().any(|part| *part != 0.0);
     match (has_force, has_torque) {
-        (true, true) => {
-            format!("{} and {}", pair(force_n.x, force_n.y, "N"), pair(torque_nm.x, torque_nm.y, "N\u{b7}m"))
-        }
-        (_, true) => pair(torque_nm.x, torque_nm.y, "N\u{b7}m"),
-        (_, false) => pair(force_n.x, force_n.y, "N"),
+        (true, true) => format!("{force} and {torque}"),
+        (_, true) => torque,
+        (_, false) => force,
     }
 }
 

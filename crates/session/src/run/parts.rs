@@ -38,11 +38,11 @@ impl Session {
     pub(super) fn exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let controller = self.controller_reading(converter)?;
-        let Some(wire) = &self.wire else {
-            return Ok(Box::new(node::carry(network, rate_hz, self.timing, controller)));
+        let mut node = match &self.wire {
+            None => Box::new(node::carry(network, rate_hz, self.timing, controller)),
+            Some(wire) => wire.exciter((rate_hz, self.time_base()), self.timing, controller)?,
         };
-        let mut node = wire.exciter((rate_hz, self.time_base()), self.timing, controller)?;
-        if self.mode == Mode::Lockstep {
+        if self.wire.is_some() && self.mode == Mode::Lockstep {
             node.expect_unarmed_readings();
         }
         if let Some(amplitude) = self.scenario.amplitude().filter(|_| !self.has_own_controller()) {

@@ -219,8 +219,8 @@ impl Rig {
 /// Every state and the load held from there on, as bits.
 fn states_of(recording: &Recording) -> Vec<Vec<u64>> {
     let bits = |record: resonarm_files::recording::StateRecord| {
-        let numbers = record.states.moving().iter().chain(&record.torque_nm).chain(&record.force_n);
-        numbers.map(|number| number.to_bits()).collect()
+        let numbers = record.states.moving().iter().copied().chain(record.load.native_parts());
+        numbers.map(f64::to_bits).collect()
     };
     recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
 }

@@ -206,7 +206,7 @@ impl ForceControl {
         if rate_hz < Orders::SAMPLES_A_PERIOD * frequency_hz {
             return Err(ForceControlError::Rate { rate_hz, frequency_hz });
         }
-        let force_n = spec.amplitude.load().force_n;
+        let force_n = spec.amplitude.load().force_n.xy();
         let amplitude_n = force_n.norm();
         let direction = force_n / amplitude_n;
         Ok(ForceControl {
@@ -448,7 +448,10 @@ impl Controller for ForceControl {
         let command_n = (self.amplitude(n) * unit(self.phase_rad)).im + self.harmonics_n(n);
         match self.abort(sample, command_n) {
             Some(abort) => Answer::Aborted(abort),
-            None => Answer::Hold(Load { force_n: self.direction * command_n, ..Load::default() }),
+            None => {
+                let [x_n, y_n] = (self.direction * command_n).into();
+                Answer::Hold(Load::force_n(x_n, y_n))
+            }
         }
     }
 

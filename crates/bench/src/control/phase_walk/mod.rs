@@ -183,7 +183,7 @@ impl PhaseWalk {
         let model = ModeModel::new(&of, &unit_load, plan.largest_load(), plan.mode_number())?;
         let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), &sampling)?;
         plan.check_mode(&model)?;
-        let cancellation = Cancellation::new(plan.cancel_harmonics(), of, unit_load.force_n, sampling);
+        let cancellation = Cancellation::new(plan.cancel_harmonics(), of, unit_load.force_n.xy(), sampling);
         let room = (BackboneModel::new(&model), cancellation, Vec::with_capacity(RESPONSES));
         Ok(PhaseWalk::at_start(plan, (limit, share), model, (sampling, gain_1_s), room))
     }

@@ -19,7 +19,7 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
 use super::error_code;
-use super::spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
+use super::spec::{Cia402Spec, DriveSpec, TORQUE_MODE};
 use crate::control::{Answer, Controller};
 use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
@@ -81,7 +81,7 @@ impl Slave {
 
     /// Returns the target closest to its part of a load; `None` if that exceeds 16 bits.
     fn target_of(&self, load: &Load) -> Option<i16> {
-        let torque_nm = [load.torque_nm.x, load.torque_nm.y][self.spec.joint.place()];
+        let torque_nm = load.torque_nm[self.spec.joint.place()];
         let target = libm::rint(torque_nm / self.spec.torque_step_nm());
         (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&target).then_some(target as i16)
     }
@@ -384,17 +384,13 @@ impl ExciterInterface for Cia402Exciter {
     }
 
     fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
-        let Load { torque_nm, force_n } = load;
-        let has = |joint| self.slaves.iter().any(|slave| slave.spec.joint == joint && slave.target_of(load).is_some());
-        let can = [
-            torque_nm.x == 0.0 || has(Joint::First),
-            torque_nm.y == 0.0 || has(Joint::Second),
-            force_n.x == 0.0,
-            force_n.y == 0.0,
-        ];
-        match can.iter().position(|can| !can) {
+        // The places of torques among the parts of a load are those of the joints.
+        let has = |place: usize| {
+            self.slaves.iter().any(|slave| slave.spec.joint.place() == place && slave.target_of(load).is_some())
+        };
+        match load.parts().into_iter().enumerate().find(|(place, part)| *part != 0.0 && !has(*place)) {
             None => Ok(()),
-            Some(place) => Err(ExciterLack::Torque { part: LOADS[place].name }),
+            Some((place, _)) => Err(ExciterLack::Torque { part: LOADS[place].name }),
         }
     }
 

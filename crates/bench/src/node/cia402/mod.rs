@@ -107,7 +107,7 @@ impl Drive {
         }
         // The torque that has acted up to the sample, as a drive would measure it, and not the one that is held
         // next.
-        let torque_nm = [held.torque_nm.x, held.torque_nm.y][place];
+        let torque_nm = held.torque_nm[place];
         let [angle_rad, rate_rad_s] = moved;
         self.server.set(at(0x6064, 0), angle_rad * spec.counts_per_rad());
         self.server.set(at(0x606C, 0), rate_rad_s * spec.counts_per_rad());
@@ -116,10 +116,7 @@ impl Drive {
     }
 
     fn load(&self, torque_nm: f64) -> Load {
-        match self.axis.spec().joint {
-            Joint::First => Load::torque_nm(torque_nm, 0.0),
-            Joint::Second => Load::torque_nm(0.0, torque_nm),
-        }
+        Load::at_joint(self.axis.spec().joint.place(), torque_nm)
     }
 }
 
@@ -206,10 +203,7 @@ impl Cia402Node {
     }
 
     fn sum(&self, of: impl Fn(&Axis) -> f64) -> Load {
-        self.drives.iter().fold(Load::default(), |sum, drive| {
-            let load = drive.load(of(&drive.axis));
-            Load { torque_nm: sum.torque_nm + load.torque_nm, force_n: sum.force_n }
-        })
+        self.drives.iter().fold(Load::default(), |sum, drive| sum + drive.load(of(&drive.axis)))
     }
 
     /// Judges the received targets as the answer to the last published sample.

@@ -52,7 +52,7 @@ pub enum Joint {
 
 impl Joint {
     /// Index of the joint among the angles; the index among the rates is higher by two.
-    pub(super) const fn place(self) -> usize {
+    pub const fn place(self) -> usize {
         match self {
             Joint::First => 0,
             Joint::Second => 1,

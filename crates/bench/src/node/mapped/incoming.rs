@@ -137,8 +137,3 @@ impl From<ProtectionFault> for FrameCheck {
         }
     }
 }
-
-/// Returns the sum of two loads.
-pub(super) fn plus(one: Load, other: Load) -> Load {
-    Load { torque_nm: one.torque_nm + other.torque_nm, force_n: one.force_n + other.force_n }
-}

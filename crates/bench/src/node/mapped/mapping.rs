@@ -139,8 +139,7 @@ impl Incoming {
         let mut sum = Load::default();
         for command in &self.commands {
             let Some(value) = command.signal.read(payload)? else { return Ok(None) };
-            let Load { torque_nm, force_n } = command.input.load(command.scale * value + command.offset);
-            sum = Load { torque_nm: sum.torque_nm + torque_nm, force_n: sum.force_n + force_n };
+            sum = sum + command.input.load(command.scale * value + command.offset);
         }
         Ok((!self.commands.is_empty()).then_some(sum))
     }
@@ -198,8 +197,8 @@ impl LoadInput {
     pub fn part(self, load: &Load) -> f64 {
         let Load { torque_nm, force_n } = load;
         match self {
-            LoadInput::Torque1 => torque_nm.x,
-            LoadInput::Torque2 => torque_nm.y,
+            LoadInput::Torque1 => torque_nm[0],
+            LoadInput::Torque2 => torque_nm[1],
             LoadInput::ForceX => force_n.x,
             LoadInput::ForceY => force_n.y,
             LoadInput::Along([x, y]) => force_n.x * x + force_n.y * y,
@@ -400,12 +399,11 @@ pub(super) const MOST_STATES: usize = 16;
 
 impl Values {
     pub fn get(&self, value: Value) -> f64 {
-        let Load { torque_nm, force_n } = &self.load;
         match value {
             Value::Reading(place) => self.readings.get(place).copied().unwrap_or(0.0),
             Value::Clipped(place) => self.clipped.get(place).map_or(0.0, |clipped| f64::from(u8::from(*clipped))),
             Value::State(place) => self.states.get(place).copied().unwrap_or(0.0),
-            Value::Load(place) => [torque_nm.x, torque_nm.y, force_n.x, force_n.y].get(place).copied().unwrap_or(0.0),
+            Value::Load(place) => self.load.parts().get(place).copied().unwrap_or(0.0),
         }
     }
 }

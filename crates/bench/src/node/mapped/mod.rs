@@ -23,7 +23,7 @@ use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSampl
 use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec};
 use crate::structure::{ChannelName, OUTPUTS};
-use incoming::{Receiver, plus};
+use incoming::Receiver;
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Sender, Status};
 use resonarm_protocol::node::NodeCore;
@@ -286,7 +286,7 @@ impl MappedNode {
     /// Returns the sum of all armed drives' parts of the load.
     fn shares(&self) -> Load {
         let armed = self.receivers.iter().filter(|receiver| self.drives[receiver.message.drive]);
-        armed.fold(Load::default(), |sum, receiver| plus(sum, receiver.share()))
+        armed.fold(Load::default(), |sum, receiver| sum + receiver.share())
     }
 
     /// Judges the received loads as the answer to the last published sample.
@@ -337,7 +337,7 @@ impl MappedNode {
 
     /// Returns whether the received loads are within a hundredth of the exciter's limits.
     fn is_nearly_zero(&self) -> bool {
-        let load = self.receivers.iter().fold(Load::default(), |sum, receiver| plus(sum, receiver.share()));
+        let load = self.receivers.iter().fold(Load::default(), |sum, receiver| sum + receiver.share());
         let ((force_n, torque_nm), (force_limit_n, torque_limit_nm)) =
             (self.exciter.size(&load), self.exciter.limits());
         force_n <= 0.01 * force_limit_n && torque_nm <= 0.01 * torque_limit_nm

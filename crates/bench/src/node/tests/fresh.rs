@@ -372,7 +372,7 @@ impl Plant {
         }
         self.node.handle_deadline(self.now_ns);
         let load = self.node.load();
-        let acts = load.force_n.x + load.torque_nm.x;
+        let acts = load.force_n.x + load.torque_nm[0];
         let is_ramping = self.node.is_ramping() || (acts == 0.0 && !self.node.is_armed());
         self.publish();
         (libm::round(acts / UNIT) as i64, is_ramping)

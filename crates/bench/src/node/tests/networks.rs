@@ -1,6 +1,7 @@
 //! Networks of the FD profile, of other node ids, and several on one bus.
 
 use super::*;
+use crate::control::{Answer, Length, LoadKind, ResponsePoint};
 use resonarm_protocol::{FrameFormat, Mismatch, Receiver, SamplesPerFrame};
 
 fn fd() -> Network {
@@ -213,4 +214,46 @@ fn an_operator_s_request_is_no_second_sender() {
     bench.exciter.as_mut().unwrap().handle_frame(bench.now_ns, &frame);
     bench.run(400);
     assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
+}
+
+/// A constant torque at the third joint, of which Resonarm's protocol has no field.
+#[derive(Debug)]
+struct ThirdJoint;
+
+impl Controller for ThirdJoint {
+    fn load_kind(&self) -> LoadKind {
+        LoadKind::Torque
+    }
+
+    fn restart(&mut self) {}
+
+    fn answer(&mut self, _sample: &Measurement) -> Answer {
+        Answer::Hold(Load::torque_nm(5.0, 0.0) + Load::at_joint(2, 5.0))
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        None
+    }
+
+    fn length(&self) -> Length {
+        Length::Unknown
+    }
+}
+
+#[test]
+fn a_load_without_a_field_is_refused_and_no_part_of_it_acts() {
+    let timing = Timing::real_time(RATE_HZ);
+    let mut exciter = carry(Network::default(), RATE_HZ, timing, Box::new(ThirdJoint));
+    let lack = exciter.check_load(&Load::at_joint(2, 5.0)).unwrap_err();
+    insta::assert_snapshot!(lack, @"the exciter's load has torque3_nm, and Resonarm's protocol carries torque1_nm, torque2_nm, force_x_n and force_y_n alone: change the excitation, or map a protocol of your own by [wire]");
+    assert_eq!(exciter.check_load(&Load::planar([1.0, 2.0], [3.0, 4.0])), Ok(()));
+    exciter.start(0);
+    let mut bench = Bench { exciter: Some(exciter), ..Bench::with(timing, 0.5) };
+    bench.run(300);
+    assert!(bench.loads.iter().all(|load| *load == Load::default()));
+    let fault = core::iter::from_fn(|| bench.exciter.as_mut()?.poll_event()).find_map(|event| match event {
+        NodeEvent::Emergency(emergency) => Some(emergency.code),
+        _ => None,
+    });
+    assert_eq!(fault, Some(EmergencyCode::CommandOutOfRange));
 }

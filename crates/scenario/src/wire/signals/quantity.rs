@@ -8,7 +8,7 @@ use crate::wire::conversion::{factor, known};
 use crate::wire::error::{Place, WireError};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::rig::InstrumentName;
-use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Point, Quantity, STATES};
+use resonarm_bench::structure::{Channel, Kind, LOADS, LoadSet, OUTPUTS, Point, Quantity, STATES};
 
 /// Returns the readings that a signal can carry: those of every rig, then those of the scenario's other
 /// sensors.
@@ -27,7 +27,7 @@ pub fn readings(scenario: &Scenario) -> Result<Vec<Channel>, WireError> {
 /// Returns the channels that a signal can carry, with their values: these readings, states and held loads.
 fn channels(readings: &[Channel]) -> impl Iterator<Item = (Channel, Value)> {
     let readings = readings.iter().copied().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
-    let loads = LOADS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Load(place)));
+    let loads = LoadSet::NATIVE.places().map(|place| (LOADS[place], Value::Load(place)));
     let states = STATES.into_iter().filter(|channel| channel.kind != Kind::Load).enumerate();
     readings.chain(states.map(|(place, channel)| (channel, Value::State(place)))).chain(loads)
 }

@@ -123,7 +123,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let [point] = &report.exciter.responses[..] else { panic!("{:?}", report.exciter.responses) };
     assert!((point.load / set.load - 1.0).abs() < 1e-3 && point.frequency_hz == 15.0, "{point:?}");
     let (recording, _) = recorded(&report.plant);
-    let largest_n = recording.states().unwrap().map(|state| state.unwrap().force_n[0].abs()).fold(0.0, f64::max);
+    let largest_n = recording.states().unwrap().map(|state| state.unwrap().load.force_n[0].abs()).fold(0.0, f64::max);
     assert!((largest_n / set.load - 1.0).abs() < 2e-3, "{largest_n}");
     let events = events(&recording);
     let thousandths = (set.load * 1e3).round() as i64;

@@ -95,7 +95,7 @@ impl Bench {
     }
 
     fn torques_nm(&self) -> [f64; 2] {
-        self.load.torque_nm.into()
+        [self.load.torque_nm[0], self.load.torque_nm[1]]
     }
 
     fn send(&mut self, id: u16, data: &[u8]) {

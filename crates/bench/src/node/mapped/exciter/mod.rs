@@ -440,14 +440,12 @@ impl ExciterInterface for MappedExciter {
         if page::can_command(&self.pages, load) {
             return Ok(());
         }
-        let Load { torque_nm, force_n } = load;
-        let parts = [
-            Load::torque_nm(torque_nm.x, 0.0),
-            Load::torque_nm(0.0, torque_nm.y),
-            Load::force_n(force_n.x, 0.0),
-            Load::force_n(0.0, force_n.y),
-        ];
-        let part = parts.iter().position(|part| !page::can_command(&self.pages, part));
+        let alone = |place: usize| {
+            let mut parts = [0.0; Load::PARTS];
+            parts[place] = load.parts()[place];
+            Load::from_parts(&parts)
+        };
+        let part = (0..Load::PARTS).find(|place| !page::can_command(&self.pages, &alone(*place)));
         Err(ExciterLack::Load { part: part.map_or(ChannelName::new("several parts"), |place| LOADS[place].name) })
     }
 

@@ -3,11 +3,12 @@
 //! A message whose signals are multiplexed apart has several pages, that is, payloads with different values of
 //! the switches. Signals that are not mapped are zero.
 
+use core::ops::Add;
+
 use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::node::ExciterLack;
-use crate::node::mapped::incoming::plus;
 use crate::node::mapped::mapping::{Action, Arming, CommandSignal, Counts, EventSignal, Incoming, Mapping, Protection};
 use crate::rig::Load;
 use resonarm_protocol::{Frame, FrameFormat, Id};
@@ -180,7 +181,7 @@ impl Page {
     /// Returns the part of `load` that the page commands.
     fn share(&self, load: &Load) -> Load {
         let parts = self.commands.iter().map(|command| command.input.load(command.input.part(load)));
-        parts.fold(Load::default(), plus)
+        parts.fold(Load::default(), Add::add)
     }
 }
 
@@ -255,9 +256,9 @@ fn of_message(place: usize, message: &Incoming) -> Result<Vec<Page>, ExciterLack
 
 /// Returns whether the pages can command the load: every part of it has a signal, within its range.
 pub(super) fn can_command(pages: &[Page], load: &Load) -> bool {
-    let commanded = pages.iter().fold(Load::default(), |sum, page| plus(sum, page.share(load)));
-    let off_n = (commanded.force_n - load.force_n).amax();
-    let off_nm = (commanded.torque_nm - load.torque_nm).amax();
+    let commanded = pages.iter().fold(Load::default(), |sum, page| sum + page.share(load));
+    let off_n = (commanded - *load).force_n.amax();
+    let off_nm = (commanded - *load).torque_nm.amax();
     // The tolerance covers the rounding of a shaker's direction.
     let is_whole = off_n <= 1e-9 * (1.0 + load.force_n.amax()) && off_nm <= 1e-9 * (1.0 + load.torque_nm.amax());
     is_whole && pages.iter().all(|page| page.frame(Ask::Arm, load, 0).is_some())
