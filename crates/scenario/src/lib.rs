@@ -261,6 +261,12 @@ impl Scenario {
                 got: self.network.samples_per_frame.into(),
                 expected: "1 with [control]: a loop that is closed answers every sample",
             }),
+            (None, Some(spec)) if spec.amplitude().force_z_n != 0.0 => Err(ScenarioError::Value {
+                name: "control.amplitude.exciter_z",
+                got: spec.amplitude().force_z_n,
+                expected: "left out: a control law reads the impedance head, which has the axes x and y; excite along z by \
+                           [excitation]",
+            }),
             (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive(), self.network.profile),
             (None, None) => Ok(()),
         }

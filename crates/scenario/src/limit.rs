@@ -2,7 +2,8 @@
 
 use super::ScenarioError;
 use resonarm_bench::excitation::Amplitude;
-use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
+use resonarm_bench::rig::{Exciter, ExciterSpec, MOST_JOINTS, ShakerSpec};
+use resonarm_bench::structure::LoadSet;
 use resonarm_protocol::Profile;
 use resonarm_protocol::scaling::{FORCE, Scale, TORQUE};
 
@@ -33,7 +34,19 @@ fn check_ideal(
     check_axis("exciter_x", amplitude.force_x_n, force)?;
     check_axis("exciter_y", amplitude.force_y_n, force)?;
     check_axis("joint1", amplitude.torque1_nm, torque)?;
-    check_axis("joint2", amplitude.torque2_nm, torque)
+    check_axis("joint2", amplitude.torque2_nm, torque)?;
+    // The others are not on the wire of Resonarm's protocol.
+    for (place, got) in
+        amplitude.load().parts().into_iter().enumerate().filter(|(place, _)| !LoadSet::NATIVE.has(*place))
+    {
+        let (_, limit_name, limit) = if place < MOST_JOINTS { torque } else { force };
+        if got.abs() > limit {
+            let name = format!("{section}.amplitude.{}", Amplitude::KEYS[place]);
+            let fix = "lower it, or raise the limit if the exciter has more";
+            return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, unit, fix });
+        }
+    }
+    Ok(())
 }
 
 /// Checks a load for a shaker, which takes forces along its axis only. The exciter limits the size of the

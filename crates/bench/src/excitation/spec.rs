@@ -31,12 +31,33 @@ pub struct Amplitude {
     /// Force of the exciter along y, N.
     #[serde(rename = "exciter_y", skip_serializing_if = "is_zero")]
     pub force_y_n: f64,
+    /// Force of the exciter along z, N.
+    #[serde(rename = "exciter_z", skip_serializing_if = "is_zero")]
+    pub force_z_n: f64,
     /// Torque at joint 1, N·m.
     #[serde(rename = "joint1", skip_serializing_if = "is_zero")]
     pub torque1_nm: f64,
     /// Torque at joint 2, N·m.
     #[serde(rename = "joint2", skip_serializing_if = "is_zero")]
     pub torque2_nm: f64,
+    /// Torque at joint 3, N·m.
+    #[serde(rename = "joint3", skip_serializing_if = "is_zero")]
+    pub torque3_nm: f64,
+    /// Torque at joint 4, N·m.
+    #[serde(rename = "joint4", skip_serializing_if = "is_zero")]
+    pub torque4_nm: f64,
+    /// Torque at joint 5, N·m.
+    #[serde(rename = "joint5", skip_serializing_if = "is_zero")]
+    pub torque5_nm: f64,
+    /// Torque at joint 6, N·m.
+    #[serde(rename = "joint6", skip_serializing_if = "is_zero")]
+    pub torque6_nm: f64,
+    /// Torque at joint 7, N·m.
+    #[serde(rename = "joint7", skip_serializing_if = "is_zero")]
+    pub torque7_nm: f64,
+    /// Torque at joint 8, N·m.
+    #[serde(rename = "joint8", skip_serializing_if = "is_zero")]
+    pub torque8_nm: f64,
 }
 
 fn is_zero(value: &f64) -> bool {
@@ -59,9 +80,21 @@ impl Amplitude {
         "exciter_z",
     ];
 
-    /// Returns the amplitude as a load on the arm.
+    /// Returns the amplitude as a load on the structure.
     pub fn load(&self) -> Load {
-        Load::planar([self.torque1_nm, self.torque2_nm], [self.force_x_n, self.force_y_n])
+        Load::from_parts(&[
+            self.torque1_nm,
+            self.torque2_nm,
+            self.torque3_nm,
+            self.torque4_nm,
+            self.torque5_nm,
+            self.torque6_nm,
+            self.torque7_nm,
+            self.torque8_nm,
+            self.force_x_n,
+            self.force_y_n,
+            self.force_z_n,
+        ])
     }
 
     /// Returns the unit of the load.
@@ -69,9 +102,9 @@ impl Amplitude {
         if self.is_torque() { "N·m" } else { "N" }
     }
 
-    /// Returns whether the load is a torque at the joints and not a force at C.
+    /// Returns whether the load is torques at the joints and not a force of the exciter.
     pub fn is_torque(&self) -> bool {
-        self.torque1_nm != 0.0 || self.torque2_nm != 0.0
+        self.load().torque_nm.iter().any(|part| *part != 0.0)
     }
 }
 
@@ -216,24 +249,18 @@ impl ExcitationSpec {
 
 impl Amplitude {
     pub(crate) fn check(&self) -> Result<(), ExcitationError> {
-        let values = [
-            ("exciter_x", self.force_x_n),
-            ("exciter_y", self.force_y_n),
-            ("joint1", self.torque1_nm),
-            ("joint2", self.torque2_nm),
-        ];
-        for (name, got) in values {
+        for (name, got) in Amplitude::KEYS.into_iter().zip(self.load().parts()) {
             if !got.is_finite() {
                 return Err(ExcitationError::Value { name, got, expected: "a number" });
             }
         }
-        let force = self.force_x_n != 0.0 || self.force_y_n != 0.0;
+        let force = self.load().force_n.iter().any(|part| *part != 0.0);
         match (force, self.is_torque()) {
             (true, true) => Err(ExcitationError::Amplitude(
                 "forces and torques at once: a command carries one kind; set one of them to 0",
             )),
             (false, false) => Err(ExcitationError::Amplitude(
-                "the amplitude is 0: set `exciter_x`, `exciter_y`, `joint1` or `joint2`",
+                "the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`",
             )),
             _ => Ok(()),
         }

@@ -78,7 +78,7 @@ fn says_why_an_excitation_can_t_be_played() {
     let both = Amplitude { force_x_n: 1.0, torque1_nm: 1.0, ..Amplitude::default() };
     insta::assert_snapshot!(says(ExcitationSpec { amplitude: both, ..force(STEPPED) }, 1000.0), @"excitation: forces and torques at once: a command carries one kind; set one of them to 0");
     let none = Amplitude::default();
-    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `joint1` or `joint2`");
+    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`");
 }
 
 #[test]

@@ -429,20 +429,35 @@ fn parsed(name: &str) -> Option<(InstrumentName, Measured, Axis)> {
 /// The loads that the native protocol carries, which every plant has, in their order.
 pub const NATIVE_LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
 
+/// The names of [`LOADS`], in their order.
+pub const LOAD_NAMES: [&str; Load::PARTS] = [
+    "torque1_nm",
+    "torque2_nm",
+    "torque3_nm",
+    "torque4_nm",
+    "torque5_nm",
+    "torque6_nm",
+    "torque7_nm",
+    "torque8_nm",
+    "force_x_n",
+    "force_y_n",
+    "force_z_n",
+];
+
 /// Every load that can act on a structure, in the order of [`Load::parts`]: torques at the joints, then the force of the
 /// exciter along x, y and z.
 pub const LOADS: [Channel; Load::PARTS] = [
     NATIVE_LOADS[0],
     NATIVE_LOADS[1],
-    load("torque3_nm", "torque_nm", Quantity::Torque, Point::Joint(3), Axis::AboutZ),
-    load("torque4_nm", "torque_nm", Quantity::Torque, Point::Joint(4), Axis::AboutZ),
-    load("torque5_nm", "torque_nm", Quantity::Torque, Point::Joint(5), Axis::AboutZ),
-    load("torque6_nm", "torque_nm", Quantity::Torque, Point::Joint(6), Axis::AboutZ),
-    load("torque7_nm", "torque_nm", Quantity::Torque, Point::Joint(7), Axis::AboutZ),
-    load("torque8_nm", "torque_nm", Quantity::Torque, Point::Joint(8), Axis::AboutZ),
+    load(LOAD_NAMES[2], "torque_nm", Quantity::Torque, Point::Joint(3), Axis::AboutZ),
+    load(LOAD_NAMES[3], "torque_nm", Quantity::Torque, Point::Joint(4), Axis::AboutZ),
+    load(LOAD_NAMES[4], "torque_nm", Quantity::Torque, Point::Joint(5), Axis::AboutZ),
+    load(LOAD_NAMES[5], "torque_nm", Quantity::Torque, Point::Joint(6), Axis::AboutZ),
+    load(LOAD_NAMES[6], "torque_nm", Quantity::Torque, Point::Joint(7), Axis::AboutZ),
+    load(LOAD_NAMES[7], "torque_nm", Quantity::Torque, Point::Joint(8), Axis::AboutZ),
     NATIVE_LOADS[2],
     NATIVE_LOADS[3],
-    load("force_z_n", "force_n", Quantity::Force, Point::TipC, Axis::Z),
+    load(LOAD_NAMES[10], "force_n", Quantity::Force, Point::TipC, Axis::Z),
 ];
 
 /// Which of [`LOADS`] a plant takes.

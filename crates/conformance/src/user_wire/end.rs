@@ -35,8 +35,8 @@ impl Constant {
 impl Controller for Constant {
     fn load_kind(&self) -> LoadKind {
         match self.input {
-            LoadInput::Torque1 | LoadInput::Torque2 => LoadKind::Torque,
-            LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => LoadKind::Force,
+            LoadInput::Torque(_) => LoadKind::Torque,
+            LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ | LoadInput::Along(_) => LoadKind::Force,
         }
     }
 

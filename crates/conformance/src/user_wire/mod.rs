@@ -221,15 +221,11 @@ impl UserWire {
 
     /// The load that the cases command: the first of the mapping.
     fn input(&self) -> LoadInput {
-        use resonarm_bench::node::cia402::Joint;
         let first = match &self.spec {
             WireSpec::Mapped(_) => {
                 self.commands().flat_map(|message| &message.commands).map(|command| command.input).next()
             }
-            WireSpec::Cia402(spec) => spec.drives.first().map(|drive| match drive.joint {
-                Joint::First => LoadInput::Torque1,
-                Joint::Second => LoadInput::Torque2,
-            }),
+            WireSpec::Cia402(spec) => spec.drives.first().map(|drive| LoadInput::Torque(drive.joint.place())),
         };
         first.unwrap_or(LoadInput::ForceX)
     }

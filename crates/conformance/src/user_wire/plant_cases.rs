@@ -80,15 +80,15 @@ fn has_ended(t: &Tester) -> bool {
 /// The load of the cases, N or N·m.
 pub(super) fn load_of(t: &Tester) -> f64 {
     match t.on.input() {
-        LoadInput::Torque1 | LoadInput::Torque2 => t.settings.torque_nm,
-        LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => t.settings.force_n,
+        LoadInput::Torque(_) => t.settings.torque_nm,
+        LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ | LoadInput::Along(_) => t.settings.force_n,
     }
 }
 
 fn unit(t: &Tester) -> &'static str {
     match t.on.input() {
-        LoadInput::Torque1 | LoadInput::Torque2 => "N m",
-        LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => "N",
+        LoadInput::Torque(_) => "N m",
+        LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ | LoadInput::Along(_) => "N",
     }
 }
 

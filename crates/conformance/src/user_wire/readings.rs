@@ -10,7 +10,8 @@ use super::monitor::Heard;
 use super::tester::Tester;
 use crate::times::{MARGIN_NS, MS};
 use resonarm_bench::node::mapped::mapping::{LoadInput, Outgoing, Source, Value};
-use resonarm_bench::structure::{Channel, LOADS, OUTPUTS};
+use resonarm_bench::rig::MOST_JOINTS;
+use resonarm_bench::structure::{LOAD_NAMES, OUTPUTS};
 
 /// How often a CANopen drive says its statusword after power-on, ns.
 const STATUSWORD_NS: u64 = 10 * MS;
@@ -66,16 +67,16 @@ fn load_every_ns(t: &Tester) -> Option<u64> {
 /// The quantities that can say the load of the cases, with their names: that which is held, and that which the head
 /// measures.
 fn load_values(t: &Tester) -> Vec<(&'static str, Value)> {
-    let (held, head): (&'static str, Option<&'static str>) = match t.on.input() {
-        LoadInput::Torque1 => ("torque1_nm", None),
-        LoadInput::Torque2 => ("torque2_nm", None),
-        LoadInput::ForceX => ("force_x_n", Some("head_force_x_n")),
-        LoadInput::ForceY => ("force_y_n", Some("head_force_y_n")),
+    let (held, head): (usize, Option<&'static str>) = match t.on.input() {
+        LoadInput::Torque(joint) => (joint, None),
+        LoadInput::ForceX => (MOST_JOINTS, Some("head_force_x_n")),
+        LoadInput::ForceY => (MOST_JOINTS + 1, Some("head_force_y_n")),
+        LoadInput::ForceZ => (MOST_JOINTS + 2, None),
         LoadInput::Along(_) => return Vec::new(),
     };
-    let place = |channels: &[Channel], name: &str| channels.iter().position(|channel| channel.name == name);
-    let held = place(&LOADS, held).map(|place| (held, Value::Load(place)));
-    let head = head.and_then(|name| Some((name, Value::Reading(place(&OUTPUTS, name)?))));
+    let held = LOAD_NAMES.get(held).map(|name| (*name, Value::Load(held)));
+    let of_head = |name| OUTPUTS.iter().position(|channel| channel.name == name);
+    let head = head.and_then(|name| Some((name, Value::Reading(of_head(name)?))));
     held.into_iter().chain(head).collect()
 }
 

@@ -54,7 +54,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n) = t.settings.beyond_n else {
         return skipped("no load that it must refuse is given (--beyond-n)");
     };
-    if matches!(t.on.input(), LoadInput::Torque1 | LoadInput::Torque2) {
+    if matches!(t.on.input(), LoadInput::Torque(_)) {
         return skipped("the protocol commands torques, and --beyond-n is a force");
     }
     let names = load_readings(t);

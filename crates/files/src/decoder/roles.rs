@@ -9,7 +9,7 @@ use resonarm_bench::node::mapped::mapping::{
     Action, CommandSignal, Counts, EventSignal, Form, Incoming, LoadInput, MappedSignal, Outgoing, Protection,
     ProtectionCheck, Source, Value,
 };
-use resonarm_bench::structure::{Channel, Quantity};
+use resonarm_bench::structure::{Channel, LOAD_NAMES, Quantity};
 use resonarm_protocol::Frame;
 use resonarm_scenario::dbc::Message;
 use resonarm_scenario::wire::{REASONS, STATES, channel};
@@ -203,12 +203,12 @@ fn report(source: &Source, value: f64) -> Option<Meaning> {
 }
 
 /// The key of a load in a scenario, and what it is.
-const fn load(input: LoadInput) -> (&'static str, Quantity) {
+fn load(input: LoadInput) -> (&'static str, Quantity) {
     match input {
-        LoadInput::Torque1 => ("torque1_nm", Quantity::Torque),
-        LoadInput::Torque2 => ("torque2_nm", Quantity::Torque),
+        LoadInput::Torque(joint) => (LOAD_NAMES.get(joint).copied().unwrap_or("torque"), Quantity::Torque),
         LoadInput::ForceX => ("force_x_n", Quantity::Force),
         LoadInput::ForceY => ("force_y_n", Quantity::Force),
+        LoadInput::ForceZ => ("force_z_n", Quantity::Force),
         LoadInput::Along(_) => ("force_n", Quantity::Force),
     }
 }

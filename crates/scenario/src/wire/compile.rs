@@ -19,7 +19,7 @@ use resonarm_bench::node::mapped::mapping::{
     Protection, ReadingSignal, Source, Trigger, Value,
 };
 use resonarm_bench::rig::Exciter;
-use resonarm_bench::structure::{Channel, Quantity};
+use resonarm_bench::structure::{Channel, LOADS, LoadSet, Quantity};
 use resonarm_protocol::Id;
 
 /// Compiles the mapping of a scenario's user protocol.
@@ -122,7 +122,7 @@ impl Compiler<'_> {
         if commands.is_empty() {
             return Err(WireError::Message {
                 place,
-                problem: "it has no load: give `force_x_n`, `force_y_n`, `force_n`, `torque1_nm` or `torque2_nm`",
+                problem: "it has no load: give `force_x_n`, `force_y_n`, `force_z_n`, `force_n`, or a torque, as `torque1_nm`",
             });
         }
         let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut used)?;
@@ -147,9 +147,16 @@ impl Compiler<'_> {
         let candidates = [
             ("force_x_n", &spec.force_x_n, LoadInput::ForceX),
             ("force_y_n", &spec.force_y_n, LoadInput::ForceY),
+            ("force_z_n", &spec.force_z_n, LoadInput::ForceZ),
             ("force_n", &spec.force_n, LoadInput::Along(along.unwrap_or([0.0; 2]))),
-            ("torque1_nm", &spec.torque1_nm, LoadInput::Torque1),
-            ("torque2_nm", &spec.torque2_nm, LoadInput::Torque2),
+            ("torque1_nm", &spec.torque1_nm, LoadInput::Torque(0)),
+            ("torque2_nm", &spec.torque2_nm, LoadInput::Torque(1)),
+            ("torque3_nm", &spec.torque3_nm, LoadInput::Torque(2)),
+            ("torque4_nm", &spec.torque4_nm, LoadInput::Torque(3)),
+            ("torque5_nm", &spec.torque5_nm, LoadInput::Torque(4)),
+            ("torque6_nm", &spec.torque6_nm, LoadInput::Torque(5)),
+            ("torque7_nm", &spec.torque7_nm, LoadInput::Torque(6)),
+            ("torque8_nm", &spec.torque8_nm, LoadInput::Torque(7)),
         ];
         let mut commands = Vec::new();
         for (name, input, kind) in candidates {
@@ -157,10 +164,11 @@ impl Compiler<'_> {
             let place = Place::signal("wire.commands", &spec.message, &input.signal);
             let problem = match (kind, is_shaker) {
                 (LoadInput::Along(_), false) => Some("is along the shaker, and the scenario has no [rig.shaker]"),
-                (LoadInput::Torque1 | LoadInput::Torque2, true) => Some("is a torque, and a shaker exerts none"),
-                (LoadInput::ForceX | LoadInput::ForceY, true) => {
+                (LoadInput::Torque(_), true) => Some("is a torque, and a shaker exerts none"),
+                (LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ, true) => {
                     Some("is along an axis, and a shaker pushes along its own: map the signal to `force_n`")
                 }
+                (kind, _) if !self.takes(kind)? => Some("acts on nothing of the structure"),
                 _ => None,
             };
             if let Some(problem) = problem {
@@ -174,6 +182,23 @@ impl Compiler<'_> {
             commands.push(CommandSignal { signal: mapped(signal), scale, offset, input: kind });
         }
         Ok(commands)
+    }
+
+    /// Whether the plant takes a load; every plant has the native ones.
+    fn takes(&self, input: LoadInput) -> Result<bool, WireError> {
+        let place = match input {
+            LoadInput::Torque(joint) => joint,
+            LoadInput::ForceZ => LOADS.len() - 1,
+            LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => return Ok(true),
+        };
+        if LoadSet::NATIVE.has(place) {
+            return Ok(true);
+        }
+        if self.scenario.foreign_structure().is_some() {
+            return Ok(false);
+        }
+        let tested = self.scenario.under_test().map_err(|error| WireError::Structure { reason: error.to_string() })?;
+        Ok(tested.loaded()[place].is_some())
     }
 
     fn check_input_once(&self, place: &Place, name: &'static str, kind: LoadInput) -> Result<(), WireError> {

@@ -97,7 +97,7 @@ pub enum LockstepSpec {
 }
 
 /// A message that carries loads.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSpec {
     /// Name of the message in the DBC.
@@ -120,6 +120,9 @@ pub struct CommandSpec {
     /// Force at the exciter along y.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_y_n: Option<InputSpec>,
+    /// Force at the exciter along z.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_z_n: Option<InputSpec>,
     /// Force at the exciter along the shaker.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_n: Option<InputSpec>,
@@ -129,6 +132,24 @@ pub struct CommandSpec {
     /// Torque at joint 2.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque2_nm: Option<InputSpec>,
+    /// Torque at joint 3.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque3_nm: Option<InputSpec>,
+    /// Torque at joint 4.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque4_nm: Option<InputSpec>,
+    /// Torque at joint 5.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque5_nm: Option<InputSpec>,
+    /// Torque at joint 6.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque6_nm: Option<InputSpec>,
+    /// Torque at joint 7.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque7_nm: Option<InputSpec>,
+    /// Torque at joint 8.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque8_nm: Option<InputSpec>,
 }
 
 /// A signal that commands a load of `scale · value + offset`, in N or N·m.

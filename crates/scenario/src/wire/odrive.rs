@@ -147,11 +147,9 @@ impl Axis<'_> {
             counter: None,
             checksum: None,
             drive: self.number,
-            force_x_n: None,
-            force_y_n: None,
-            force_n: None,
             torque1_nm,
             torque2_nm,
+            ..CommandSpec::default()
         }
     }
 

@@ -88,7 +88,7 @@ fn commands_that_are_refused() {
     insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_x_n = { signal = \"Force\" }\nforce_y_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: it is mapped twice, as force_x_n and as force_y_n");
     insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "torque1_nm = { signal = \"Force\" }"), @r#"wire.commands: message Drive, signal Force: its unit "N" is none of Nm, mNm, Ncm, kNm, which become N·m: give `scale`, the N·m of its value 1"#);
     insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: force_n is along the shaker, and the scenario has no [rig.shaker]");
-    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }\n", ""), @"wire.commands: message Drive: it has no load: give `force_x_n`, `force_y_n`, `force_n`, `torque1_nm` or `torque2_nm`");
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }\n", ""), @"wire.commands: message Drive: it has no load: give `force_x_n`, `force_y_n`, `force_z_n`, `force_n`, or a torque, as `torque1_nm`");
     insta::assert_snapshot!(says("signal = \"Force\" }", "signal = \"Force\", scale = 0.0 }"), @"wire.commands: message Drive, signal Force: `scale` is 0: it must be a number other than 0");
     insta::assert_snapshot!(says("counter = { signal = \"Alive\" }\nchecksum = { signal = \"Crc\", preset = \"autosar-p1\", data_id = 0x123 }", "counter = { signal = \"Crc\" }\nchecksum = { signal = \"Crc\", preset = \"autosar-p1\", data_id = 0x123 }"), @"wire.commands: message Drive, signal Crc: it is mapped twice, as the counter and as the checksum");
     insta::assert_snapshot!(says("\"autosar-p1\", data_id = 0x123", "\"autosar-p3\", data_id = 0x123"), @r#"wire.commands: message Drive, signal Crc: there is no checksum "autosar-p3": there are autosar-p1, autosar-p1-alternating, autosar-p1-low, autosar-p1-nibble, autosar-p2, autosar-p4, autosar-p5, autosar-p6, autosar-p7, autosar-p11, autosar-p11-nibble, crc8-j1850, crc8-2f, sum, xor"#);
@@ -182,7 +182,7 @@ fn a_preset_has_the_messages_of_its_drives() {
     let ids: Vec<u32> = mapping.incoming.iter().map(|message| message.id.raw()).collect();
     assert_eq!(ids, [0x02, 0x07, 0x0B, 0x0E, 0x18, 0xA2, 0xA7, 0xAB, 0xAE, 0xB8]);
     let torque = &mapping.incoming[8].commands[0];
-    assert_eq!((torque.scale, torque.input), (8.0, LoadInput::Torque1));
+    assert_eq!((torque.scale, torque.input), (8.0, LoadInput::Torque(0)));
     let ids: Vec<u32> = mapping.outgoing.iter().map(|message| message.id.raw()).collect();
     assert_eq!(ids, [0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1C, 0xA1, 0xA3, 0xA9, 0xB4, 0xB5, 0xB7, 0xBC]);
     assert_eq!(mapping.outgoing[2].trigger, Trigger::Every(10));

@@ -154,7 +154,7 @@ fn rejects_impossible_walks() {
     insta::assert_snapshot!(says(PhaseWalkSpec { from_lag_deg: 0.0, ..spec }, 1000.0, 1600.0), @"control: `from_lag_deg` is 0: it must be above 0 and below 180");
     insta::assert_snapshot!(says(PhaseWalkSpec { to_lag_deg: 5.0, ..spec }, 1000.0, 1600.0), @"control: `to_lag_deg` is 5: it must be above `from_lag_deg` and below 180");
     insta::assert_snapshot!(says(PhaseWalkSpec { from_part: 0.0, ..spec }, 1000.0, 1600.0), @"control: `from_part` is 0: it must be above 0 and at most 1");
-    insta::assert_snapshot!(says(torque(0.0), 1000.0, 1600.0), @"control.amplitude: excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `joint1` or `joint2`");
+    insta::assert_snapshot!(says(torque(0.0), 1000.0, 1600.0), @"control.amplitude: excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`");
     insta::assert_snapshot!(says(spec, 1000.0, 20.0), @"control: `amplitude` is 20: it must be below what the exciter has: the loop needs some of it to change the amplitude");
     insta::assert_snapshot!(says(spec, 200.0, 1600.0), @"control: 200 samples a second are too few for a mode at 22.16 Hz: at least 244 are needed");
 }

@@ -4,6 +4,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 pub use super::protection::{Form, Protection, ProtectionCheck, ProtectionFault};
+use nalgebra::Vector3;
+
 use crate::rig::Load;
 use crate::rig::MOST_CHANNELS;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
@@ -168,14 +170,14 @@ impl CommandSignal {
 /// Place and direction in which a load acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LoadInput {
-    /// Torque at joint 1.
-    Torque1,
-    /// Torque at joint 2.
-    Torque2,
+    /// Torque at a joint, counted from 0 at the base.
+    Torque(usize),
     /// Force at the exciter along x.
     ForceX,
     /// Force at the exciter along y.
     ForceY,
+    /// Force at the exciter along z.
+    ForceZ,
     /// Force at the exciter along this unit vector, which is that of a shaker.
     Along([f64; 2]),
 }
@@ -184,10 +186,10 @@ impl LoadInput {
     /// Returns the load of `value` N or N·m.
     pub fn load(self, value: f64) -> Load {
         match self {
-            LoadInput::Torque1 => Load::torque_nm(value, 0.0),
-            LoadInput::Torque2 => Load::torque_nm(0.0, value),
+            LoadInput::Torque(joint) => Load::at_joint(joint, value),
             LoadInput::ForceX => Load::force_n(value, 0.0),
             LoadInput::ForceY => Load::force_n(0.0, value),
+            LoadInput::ForceZ => Load { force_n: Vector3::new(0.0, 0.0, value), ..Load::default() },
             LoadInput::Along([x, y]) => Load::force_n(value * x, value * y),
         }
     }
@@ -197,10 +199,10 @@ impl LoadInput {
     pub fn part(self, load: &Load) -> f64 {
         let Load { torque_nm, force_n } = load;
         match self {
-            LoadInput::Torque1 => torque_nm[0],
-            LoadInput::Torque2 => torque_nm[1],
+            LoadInput::Torque(joint) => torque_nm.get(joint).copied().unwrap_or(0.0),
             LoadInput::ForceX => force_n.x,
             LoadInput::ForceY => force_n.y,
+            LoadInput::ForceZ => force_n.z,
             LoadInput::Along([x, y]) => force_n.x * x + force_n.y * y,
         }
     }

@@ -289,7 +289,7 @@ fn of_a_burst_the_newest_acts_and_a_swapped_frame_is_refused() {
 
 #[test]
 fn two_drives_add_and_a_fault_of_one_stops_both() {
-    let messages = vec![drive(DRIVE, 0, LoadInput::Torque1), drive(SECOND, 1, LoadInput::Torque2)];
+    let messages = vec![drive(DRIVE, 0, LoadInput::Torque(0)), drive(SECOND, 1, LoadInput::Torque(1))];
     let mut rig = Rig::of(mapping(messages), TimeBase::Clock);
     rig.send(DRIVE, 50, true);
     rig.send(SECOND, 100, false);
