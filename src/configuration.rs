@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
+use resonarm::rig::Load;
 use resonarm::scenario::{Scenario, ScenarioError, StructureKind};
 use resonarm::structure::{
     Assembly, BodySpec, Channel, ChannelName, CoordinateUnit, Coordinates, LOADS, coordinate_channels,
@@ -50,13 +50,13 @@ pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
 /// The loads that a scenario commands, in the form of [`Drive::document`](crate::drive::Drive::document), by the degrees
 /// of freedom that they act on. A load has its key in the scenario in place of that if nothing of the structure takes it,
 /// or if the equations of the structure are not known.
-fn commanded(amplitude: &Amplitude, tested: Option<&TestedAssembly>) -> Value {
+fn commanded(amplitude: &Load, tested: Option<&TestedAssembly>) -> Value {
     let dofs = tested.map(TestedAssembly::loaded);
-    let parts = amplitude.load().parts().into_iter().enumerate().filter(|(_, part)| *part != 0.0);
+    let parts = amplitude.parts().into_iter().enumerate().filter(|(_, part)| *part != 0.0);
     let named = |(place, part): (usize, f64)| {
         let name = match tested.zip(dofs.and_then(|dofs| dofs[place])) {
             Some((tested, dof)) => tested.dof_name(dof),
-            None => String::from(Amplitude::KEYS[place]),
+            None => String::from(Load::NAMES[place]),
         };
         (name, json!({ "amplitude": part, "unit": LOADS[place].quantity.unit() }))
     };

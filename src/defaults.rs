@@ -5,7 +5,7 @@ use clap::{Arg, Command};
 use crate::commands::{demo, exciter, experiment, run};
 use crate::failure::Failure;
 use resonarm::control::PhaseWalkSpec;
-use resonarm::excitation::Amplitude;
+use resonarm::rig::Load;
 use resonarm::run::{Mode, Speed};
 use resonarm::scenario::Scenario;
 use resonarm::structure::Preset;
@@ -49,7 +49,7 @@ fn defaults(command: &str) -> Result<Defaults, Failure> {
         "fig9" => experiment::fig9::scenario()?,
         _ => Scenario::default(),
     };
-    let walk = PhaseWalkSpec::new(Amplitude::default());
+    let walk = PhaseWalkSpec::new(Load::default());
     let mut all = of_scenario(&scenario);
     match command {
         "demo" => all.push(("speed", short(&Speed::ACTUAL.times()).to_string())),

@@ -11,8 +11,8 @@ use crate::failure::Failure;
 use crate::numbers;
 use crate::read_at::{ReadAt, dof};
 use resonarm::analysis::Forced;
-use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
+use resonarm::rig;
 use resonarm::structure::{Assembly, Dof};
 use resonarm_numeric::number::short;
 
@@ -148,7 +148,7 @@ pub(crate) fn lacks_amplitude(name: &str, dof: Dof) -> Failure {
 
 impl Drive {
     /// The loads of a scenario's exciter; `None` if it drives nothing of the structure.
-    pub fn of_exciter(amplitude: &Amplitude, tested: &TestedAssembly) -> Option<Drive> {
+    pub fn of_exciter(amplitude: &rig::Load, tested: &TestedAssembly) -> Option<Drive> {
         let load = |(dof, amplitude)| Load { at: ReadAt { dof, name: tested.dof_name(dof) }, amplitude };
         let loads: Vec<Load> = tested.driven(amplitude).into_iter().map(load).collect();
         (!loads.is_empty()).then_some(Drive { loads })

@@ -182,7 +182,7 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         (_, times) => format!("in lockstep at {times} times the speed of the clock"),
     };
     let (amplitude, unit) = (control.amplitude(), control.amplitude().unit());
-    let load = amplitude.load();
+    let load = amplitude;
     let size = libm::hypot(load.force_n.norm(), load.torque_nm.norm());
     let law = match control {
         ControlSpec::PhaseWalk(walk) => {

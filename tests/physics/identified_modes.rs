@@ -1,11 +1,11 @@
 //! Modes found by `identify` in readings of an arm driven by an ideal exciter or a shaker, against the arm's true
 //! modes: the stated deviations hold over seeds, exciters and poses.
 
-use resonarm::excitation::{Amplitude, ExcitationSpec, Profile, SweepLaw, Waveform};
+use resonarm::excitation::{ExcitationSpec, Profile, SweepLaw, Waveform};
 use resonarm::identify::{Band, Direction, Identification, Record, modes};
 use resonarm::integrate::Scheme;
 use resonarm::plant::{Plant, PlantSpec, TestedAssembly};
-use resonarm::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
+use resonarm::rig::{Amplifier, Converter, Load, RigSpec, ShakerSpec};
 use resonarm::structure::{Assembly, BodySpec, Preset, StructureMode, StructureSpec};
 
 const RATE_HZ: f64 = 1000.0;
@@ -62,7 +62,7 @@ fn identified_by(
     force_x_n: f64,
     seed: u64,
 ) -> Identification {
-    let amplitude = Amplitude { force_x_n, ..Amplitude::default() };
+    let amplitude = Load::force_n(force_x_n, 0.0);
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
     let rig = RigSpec { shaker, converter, ..RigSpec::default() };
     let spec =

@@ -9,10 +9,10 @@ use resonarm::control::{
     Answer, CancelHarmonics, Controller, ModeNumber, Modelled, PhaseWalk, PhaseWalkSpec, ResponseControlSpec,
     ResponsePoint,
 };
-use resonarm::excitation::{Amplitude, Phasor};
+use resonarm::excitation::Phasor;
 use resonarm::integrate::Scheme;
 use resonarm::plant::{Plant, PlantSpec, ReadDof, TestedAssembly};
-use resonarm::rig::{Amplifier, Converter, RigSpec, Sampling, ShakerSpec};
+use resonarm::rig::{Amplifier, Converter, Load, RigSpec, Sampling, ShakerSpec};
 use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 
 const RATE_HZ: f64 = 1000.0;
@@ -24,7 +24,7 @@ const BOUNDS: Distances = Distances { frequency: FREQUENCY, amplitude: 1e-3 };
 struct Case {
     beta1_deg: f64,
     beta2_deg: f64,
-    amplitude: Amplitude,
+    amplitude: Load,
     mode: ModeNumber,
     shaker: Option<ShakerSpec>,
     /// The fewest unstable motions on the walk.
@@ -63,7 +63,7 @@ impl Case {
     fn controller(&self, spec: PhaseWalkSpec) -> PhaseWalk {
         let tested = self.tested();
         let of = Modelled::new(&tested, &RigSpec { shaker: self.shaker, ..quiet() }).unwrap();
-        let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
+        let limit = if self.amplitude.has_torque() { 1600.0 } else { 600.0 };
         PhaseWalk::new(spec, of, SAMPLING, limit).unwrap()
     }
 
@@ -87,7 +87,7 @@ impl Case {
     }
 
     /// The arm under the load, without a shaker's armature: the force between them is a load on the arm.
-    fn forced(&self, amplitude: &Amplitude) -> Forced {
+    fn forced(&self, amplitude: &Load) -> Forced {
         let tested = self.tested();
         let &[(dof, load)] = &tested.driven(amplitude)[..] else { panic!("{amplitude:?} acts at several places") };
         Forced::new(tested.assembly, dof, load)
@@ -150,7 +150,7 @@ fn check_on(case: &Case, mut plant: Plant) {
         assert!(point.settled, "{point:?}");
         // The load is within 0.11 % of the wanted one. With an ideal exciter it is the command, and the displacement
         // at a lag is proportional to it. With a shaker it is read, with noise.
-        let load = case.amplitude.load();
+        let load = case.amplitude;
         let part = point.load / libm::hypot(load.force_n.norm(), load.torque_nm.norm());
         assert!((part - 1.0).abs() < 1.1e-3, "{point:?}");
         let scale = if case.shaker.is_none() { part } else { 1.0 };
@@ -168,7 +168,7 @@ fn check_on(case: &Case, mut plant: Plant) {
 
 #[test]
 fn a_torque_walks_over_both_folds() {
-    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    let amplitude = Load::torque_nm(20.0, 0.0);
     check(&Case {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
@@ -182,7 +182,7 @@ fn a_torque_walks_over_both_folds() {
 
 #[test]
 fn a_force_at_the_tip_walks_over_both_folds() {
-    let amplitude = Amplitude { force_x_n: 14.0, ..Amplitude::default() };
+    let amplitude = Load::force_n(14.0, 0.0);
     check(&Case {
         beta1_deg: 30.0,
         beta2_deg: 60.0,
@@ -196,7 +196,7 @@ fn a_force_at_the_tip_walks_over_both_folds() {
 
 #[test]
 fn a_hardening_arm_is_walked_as_well() {
-    let amplitude = Amplitude { torque1_nm: 10.0, ..Amplitude::default() };
+    let amplitude = Load::torque_nm(10.0, 0.0);
     check(&Case {
         beta1_deg: 0.0,
         beta2_deg: 150.0,
@@ -210,7 +210,7 @@ fn a_hardening_arm_is_walked_as_well() {
 
 #[test]
 fn the_second_mode_is_walked_beside_the_first() {
-    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    let amplitude = Load::torque_nm(20.0, 0.0);
     check(&Case {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
@@ -242,7 +242,7 @@ fn the_walk_works_with_a_shaker_s_armature() {
     };
     // The coil's back-electromotive force has harmonics, too.
     for (amplifier, force_x_n) in [(Amplifier::Current, 5.0), (Amplifier::Voltage, 2.5)] {
-        let amplitude = Amplitude { force_x_n, ..Amplitude::default() };
+        let amplitude = Load::force_n(force_x_n, 0.0);
         let shaker = Some(ShakerSpec { amplifier, ..shaker });
         check(&Case {
             beta1_deg: 30.0,
@@ -274,7 +274,7 @@ fn the_walk_works_with_a_shaker_that_takes_most_of_the_force() {
         current_limit_a: 22.0,
         voltage_limit_v: 250.0,
     });
-    let amplitude = Amplitude { force_x_n: 3.0, ..Amplitude::default() };
+    let amplitude = Load::force_n(3.0, 0.0);
     let (beta1_deg, beta2_deg, mode) = (-76.5413, 120.0, ModeNumber::SECOND);
     let case = Case { beta1_deg, beta2_deg, amplitude, mode, shaker, unstable: 0, tries: 3.0 };
     let mut fine = quiet();
@@ -285,7 +285,7 @@ fn the_walk_works_with_a_shaker_that_takes_most_of_the_force() {
 /// Where the lag is 90°, load and amplitude grow together, and the frequency follows the computed backbone.
 #[test]
 fn the_backbone_is_walked_at_quadrature() {
-    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    let amplitude = Load::torque_nm(20.0, 0.0);
     let case = Case {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
@@ -326,7 +326,7 @@ const HELD_M: f64 = 0.08;
 /// resonance and in it, where the motion is unstable at constant load.
 #[test]
 fn one_amplitude_is_held_by_the_computed_loads() {
-    let amplitude = Amplitude { torque1_nm: 200.0, ..Amplitude::default() };
+    let amplitude = Load::torque_nm(200.0, 0.0);
     let case = Case {
         beta1_deg: 0.0,
         beta2_deg: 60.0,

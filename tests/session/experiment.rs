@@ -2,9 +2,9 @@
 //! should.
 
 use resonarm::control::{CancelHarmonics, ModeNumber};
-use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Zone, ZoneExperiment, score};
 use resonarm::node::ExciterOutcome;
+use resonarm::rig::Load;
 use resonarm::scenario::Scenario;
 
 /// A light armature on a suspension that brakes: the arm settles with a time constant of 1.6 s in place of 45 s. In
@@ -19,7 +19,7 @@ fn a_folded_zone_is_measured_as_it_is_computed() {
     let scenario = Scenario::parse(BENCH, "test").unwrap();
     let zone = Zone {
         mode_number: ModeNumber::FIRST,
-        amplitude: Amplitude { force_x_n: 10.0, ..Amplitude::default() },
+        amplitude: Load::force_n(10.0, 0.0),
         range_hz: [22.0, 22.3],
         step_hz: 0.1,
         walk_points: 21,

@@ -3,7 +3,7 @@
 
 use super::{Scenario, ScenarioError};
 use resonarm_bench::control::LimitsSpec;
-use resonarm_bench::excitation::Amplitude;
+use resonarm_bench::rig::Load;
 use resonarm_protocol::scaling::{ACCELERATION, FORCE};
 
 /// Largest count of consecutive samples that `clipped_samples` and `stuck_samples` may ask for.
@@ -63,14 +63,13 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
     refuse_unless("limits.acceleration_m_s2", limits.acceleration_m_s2, expected, |got| got < range_m_s2)
 }
 
-fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -> Result<(), ScenarioError> {
-    let load = amplitude.load();
-    let peak = load.force_n.amax().max(load.torque_nm.amax());
+fn check_load(limits: &LimitsSpec, amplitude: &Load, is_controlled: bool) -> Result<(), ScenarioError> {
+    let peak = amplitude.force_n.amax().max(amplitude.torque_nm.amax());
     let forces = [("limits.force_n", limits.force_n), ("limits.stuck_above_n", limits.stuck_above_n)];
     let torques = [("limits.torque_nm", limits.torque_nm), ("limits.stuck_above_nm", limits.stuck_above_nm)];
     // A load is either forces or torques. Limits on the other kind would watch readings that this load does not
     // drive.
-    let (own, other) = if amplitude.is_torque() { (torques, forces) } else { (forces, torques) };
+    let (own, other) = if amplitude.has_torque() { (torques, forces) } else { (forces, torques) };
     for (name, value) in other {
         refuse_unless(name, value, "left out: the load is of the other kind, forces or torques", |_| false)?;
     }
@@ -80,7 +79,7 @@ fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -
     let expected = "below the amplitude of the load, or no axis is ever watched";
     refuse_unless(above_name, above, expected, |got| got < peak)?;
     let expected = "left out: the harmonics of the force are watched of a [control] with forces only";
-    refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.is_torque())
+    refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.has_torque())
 }
 
 /// Returns an error if the limit is given and does not fit.

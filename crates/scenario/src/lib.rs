@@ -33,9 +33,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::toml_error::TomlError;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
-use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
+use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
-use resonarm_bench::rig::{Converter, RigSpec, Sampling};
+use resonarm_bench::rig::{Converter, Load, RigSpec, Sampling};
 use resonarm_dynamics::integrate::Scheme;
 
 /// Largest number of samples of a run that has an end: 31 years at 1 kHz.
@@ -261,9 +261,9 @@ impl Scenario {
                 got: self.network.samples_per_frame.into(),
                 expected: "1 with [control]: a loop that is closed answers every sample",
             }),
-            (None, Some(spec)) if spec.amplitude().force_z_n != 0.0 => Err(ScenarioError::Value {
+            (None, Some(spec)) if spec.amplitude().force_n.z != 0.0 => Err(ScenarioError::Value {
                 name: "control.amplitude.exciter_z",
-                got: spec.amplitude().force_z_n,
+                got: spec.amplitude().force_n.z,
                 expected: "left out: a control law reads the impedance head, which has the axes x and y; excite along z by \
                            [excitation]",
             }),
@@ -434,7 +434,7 @@ impl Scenario {
     }
 
     /// Returns amplitude and direction of the load of the control or of the excitation, if there is one.
-    pub fn amplitude(&self) -> Option<&Amplitude> {
+    pub fn amplitude(&self) -> Option<&Load> {
         let control = self.control.as_ref().map(ControlSpec::amplitude);
         control.or(self.excitation.as_ref().map(|excitation| &excitation.amplitude))
     }
@@ -449,10 +449,9 @@ impl Scenario {
         self.check()?;
         let amplitude = self.amplitude().ok_or(ScenarioError::NoExcitation)?;
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
-        let load = amplitude.load();
         // The direction is the load at unit size. An amplitude is either forces or torques, so the norm of both
         // parts is that of the one that is there.
-        let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
+        let direction = amplitude.scaled(1.0 / libm::hypot(amplitude.force_n.norm(), amplitude.torque_nm.norm()));
         let tested = self.under_test()?;
         if let Some((name, got)) = tested.idle_load(amplitude) {
             return Err(ScenarioError::IdleLoad { name, got });

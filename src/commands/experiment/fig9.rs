@@ -17,9 +17,9 @@ use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::supervise::{Line, supervise};
 use resonarm::control::{CancelHarmonics, Length, ModeNumber};
-use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
 use resonarm::plant::TestedAssembly;
+use resonarm::rig::Load;
 use resonarm::run::{ExciterEnd, Signals};
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
@@ -184,7 +184,7 @@ impl Fig9 {
         }
         let zone = |mode_number, force_x_n, range_hz| Zone {
             mode_number,
-            amplitude: Amplitude { force_x_n, ..Amplitude::default() },
+            amplitude: Load::force_n(force_x_n, 0.0),
             range_hz,
             step_hz: self.step_hz,
             walk_points: usize::from(self.points),
@@ -245,7 +245,7 @@ impl<'a> ZoneDocument<'a> {
         ZoneDocument {
             mode_number: zone.mode_number.into(),
             drive: Drive::of_exciter(&zone.amplitude, tested).map_or(Value::Null, |drive| drive.document()),
-            force_n: zone.amplitude.force_x_n,
+            force_n: zone.amplitude.force_n.x,
             range_hz: zone.range_hz,
             walk,
             backbone,

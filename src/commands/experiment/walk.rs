@@ -20,12 +20,11 @@ use crate::read_at::dof;
 use crate::recordings::{existing, wait_for_reader};
 use crate::supervise::supervise;
 use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
-use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
-use resonarm::rig::ShakerSpec;
+use resonarm::rig::{Load, ShakerSpec};
 use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
-use resonarm::structure::{Dof, LoadSet};
+
 use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
@@ -138,13 +137,13 @@ impl WalkExperiment {
     }
 
     /// The load of the flags, or that of the scenario's control or excitation.
-    fn amplitude(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Amplitude, Failure> {
+    fn amplitude(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Load, Failure> {
         if self.drive.is_empty() {
             let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
             let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
             return of_scenario.copied().ok_or_else(|| missing("--drive DOF=A", &tested.assembly));
         }
-        let mut whole = Amplitude::default();
+        let mut whole = [0.0; Load::PARTS];
         for flag in &self.drive {
             let LoadFlag { name, amplitude } = flag;
             let sum = if name == SHAKER {
@@ -154,20 +153,14 @@ impl WalkExperiment {
             } else {
                 one_load(tested, name, *amplitude)?
             };
-            let pairs = [
-                (&mut whole.force_x_n, sum.force_x_n),
-                (&mut whole.force_y_n, sum.force_y_n),
-                (&mut whole.torque1_nm, sum.torque1_nm),
-                (&mut whole.torque2_nm, sum.torque2_nm),
-            ];
-            for (total, load) in pairs.into_iter().filter(|(_, load)| *load != 0.0) {
+            for (total, part) in whole.iter_mut().zip(sum.parts()).filter(|(_, part)| *part != 0.0) {
                 if *total != 0.0 {
                     return Err(Failure::usage(format!("--drive {name} is given twice: give each load once")));
                 }
-                *total = load;
+                *total = part;
             }
         }
-        Ok(whole)
+        Ok(Load::from_parts(&whole))
     }
 
     fn conclude(
@@ -224,26 +217,24 @@ impl WalkExperiment {
 }
 
 /// The load of one flag at a degree of freedom that the exciter drives.
-fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Result<Amplitude, Failure> {
+fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Result<Load, Failure> {
     let wanted = dof("--drive", name, &tested.assembly)?;
     let amplitude = amplitude.ok_or_else(|| lacks_amplitude(name, wanted))?;
     let loaded = tested.loaded();
-    let loaded: Vec<Option<Dof>> = LoadSet::NATIVE.places().map(|place| loaded[place]).collect();
-    let mut one = Amplitude::default();
-    let parts = [&mut one.torque1_nm, &mut one.torque2_nm, &mut one.force_x_n, &mut one.force_y_n];
-    let Some((part, _)) = parts.into_iter().zip(&loaded).find(|(_, dof)| **dof == Some(wanted)) else {
+    let Some(place) = loaded.iter().position(|dof| *dof == Some(wanted)) else {
         let known: Vec<String> = loaded.iter().flatten().map(|dof| tested.dof_name(*dof)).collect();
         return Err(Failure::usage(format!(
             "--drive {name}: the exciter of the scenario acts on {}: name one of these, or place it by `rig.exciter.at`",
             known.join(", ")
         )));
     };
-    *part = amplitude;
-    Ok(one)
+    let mut parts = [0.0; Load::PARTS];
+    parts[place] = amplitude;
+    Ok(Load::from_parts(&parts))
 }
 
 /// A force along the scenario's shaker; components due to rounding of its direction are 0.
-fn along(shaker: Option<&ShakerSpec>, force_n: f64) -> Result<Amplitude, Failure> {
+fn along(shaker: Option<&ShakerSpec>, force_n: f64) -> Result<Load, Failure> {
     let Some(shaker) = shaker else {
         return Err(Failure::usage(format!(
             "--drive shaker={} acts along a shaker, and the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x",
@@ -252,5 +243,5 @@ fn along(shaker: Option<&ShakerSpec>, force_n: f64) -> Result<Amplitude, Failure
     };
     let component = |share: f64| if share.abs() < 1e-12 { 0.0 } else { share * force_n };
     let direction = shaker.direction();
-    Ok(Amplitude { force_x_n: component(direction.x), force_y_n: component(direction.y), ..Amplitude::default() })
+    Ok(Load::force_n(component(direction.x), component(direction.y)))
 }

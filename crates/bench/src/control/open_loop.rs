@@ -24,7 +24,7 @@ impl OpenLoop {
 
 impl Controller for OpenLoop {
     fn load_kind(&self) -> LoadKind {
-        if self.profile.spec().amplitude.is_torque() { LoadKind::Torque } else { LoadKind::Force }
+        if self.profile.spec().amplitude.has_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
     fn restart(&mut self) {

@@ -2,7 +2,7 @@
 //! with linear theory.
 
 use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
-use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
+use crate::excitation::{ExcitationSpec, Phasor, Profile, Waveform};
 use crate::plant::tests::ideal_rig;
 use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
 use crate::rig::{Converter, Load, RigSpec, Sampling};
@@ -66,7 +66,7 @@ fn open_loop_phases_are_against_the_acting_load() {
         [(Converter::Instant, 3e-3), (Converter::Sinc1, 3e-3), (Converter::Sinc3, 1e-4), (Converter::Sinc5, 1e-4)]
     {
         for frequency_hz in [15.0, 21.0, 24.0] {
-            let amplitude = Amplitude { force_x_n: FORCE_N, ..Amplitude::default() };
+            let amplitude = Load::force_n(FORCE_N, 0.0);
             let profile = Waveform::Dwell { frequency_hz, duration_s: 16.0, settle_s: 10.0 };
             let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 1.0, profile }, RATE_HZ).unwrap();
             let held_n = FORCE_N * Sampling { rate_hz: RATE_HZ, converter }.hold(frequency_hz);

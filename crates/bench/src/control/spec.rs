@@ -9,8 +9,7 @@ use super::{
     Controller, ForceControl, ForceControlError, ForceControlSpec, Modelled, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
     ResponseControlSpec,
 };
-use crate::excitation::Amplitude;
-use crate::rig::Sampling;
+use crate::rig::{Load, Sampling};
 
 /// Control law of the exciter, with its settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,7 +38,7 @@ pub enum ControlError {
 
 impl ControlSpec {
     /// Returns the amplitude of the largest load that the law is meant to hold.
-    pub fn amplitude(&self) -> &Amplitude {
+    pub fn amplitude(&self) -> &Load {
         match self {
             ControlSpec::PhaseWalk(spec) => &spec.amplitude,
             ControlSpec::ForceControl(spec) => &spec.amplitude,

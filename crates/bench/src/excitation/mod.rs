@@ -11,7 +11,8 @@ mod waveform;
 pub use harmonic_fit::{HarmonicFit, Phasor, SineFit};
 pub use load_file::{LoadFile, LoadFileError};
 pub use profile::{Profile, Window};
-pub use spec::{Amplitude, ExcitationError, ExcitationSpec};
+pub(crate) use spec::check_amplitude;
+pub use spec::{ExcitationError, ExcitationSpec};
 pub use spectrum::Spectrum;
 pub use waveform::{Phases, SweepLaw, Waveform};
 

@@ -116,13 +116,13 @@ impl Profile {
             }
             Shape::Sines(_) => self.envelope(t_s) * libm::sin(TAU * fraction(self.cycles(t_s))),
         };
-        self.spec.amplitude.load().scaled(value)
+        self.spec.amplitude.scaled(value)
     }
 
     /// Returns the amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine held over each sample
     /// period T is smaller than its samples by sin x/x with x = πfT.
     pub fn held_load(&self, frequency_hz: f64) -> f64 {
-        let load = self.spec.amplitude.load();
+        let load = self.spec.amplitude;
         let x = PI * frequency_hz / self.rate_hz;
         libm::hypot(load.force_n.norm(), load.torque_nm.norm()) * libm::sin(x) / x
     }

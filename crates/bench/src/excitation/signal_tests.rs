@@ -1,6 +1,7 @@
 //! Sweeps, noise, multisines and load files as they are played.
 
 use super::*;
+use crate::rig::Load;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
@@ -11,7 +12,7 @@ use proptest::prelude::*;
 const RATE_HZ: f64 = 1000.0;
 
 fn along_y(ramp_s: f64, profile: Waveform) -> Result<Profile, ExcitationError> {
-    let amplitude = Amplitude { force_y_n: -8.0, ..Amplitude::default() };
+    let amplitude = Load::force_n(0.0, -8.0);
     Profile::new(&ExcitationSpec { amplitude, ramp_s, profile }, RATE_HZ)
 }
 

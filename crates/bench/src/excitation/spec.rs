@@ -11,101 +11,15 @@ use resonarm_numeric::number::{rounded, short};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExcitationSpec {
-    /// Peak load, also of noise and files: no sample is larger.
-    pub amplitude: Amplitude,
+    /// Peak load, also of noise and files: no sample is larger. It has forces of the exciter or torques at the joints, not
+    /// both, since one command carries one kind.
+    pub amplitude: Load,
     /// Length of the raised-cosine ramps, s, not negative. With bursts each burst has them; an impulse has none. A
     /// sudden start rings the arm's modes, which take about a minute to die out.
     #[serde(default)]
     pub ramp_s: f64,
     /// Shape of the excitation in time.
     pub profile: Waveform,
-}
-
-/// Peak load: forces of the exciter or torques at the joints, not both, since one command carries one kind.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Amplitude {
-    /// Force of the exciter along x, N.
-    #[serde(rename = "exciter_x", skip_serializing_if = "is_zero")]
-    pub force_x_n: f64,
-    /// Force of the exciter along y, N.
-    #[serde(rename = "exciter_y", skip_serializing_if = "is_zero")]
-    pub force_y_n: f64,
-    /// Force of the exciter along z, N.
-    #[serde(rename = "exciter_z", skip_serializing_if = "is_zero")]
-    pub force_z_n: f64,
-    /// Torque at joint 1, N·m.
-    #[serde(rename = "joint1", skip_serializing_if = "is_zero")]
-    pub torque1_nm: f64,
-    /// Torque at joint 2, N·m.
-    #[serde(rename = "joint2", skip_serializing_if = "is_zero")]
-    pub torque2_nm: f64,
-    /// Torque at joint 3, N·m.
-    #[serde(rename = "joint3", skip_serializing_if = "is_zero")]
-    pub torque3_nm: f64,
-    /// Torque at joint 4, N·m.
-    #[serde(rename = "joint4", skip_serializing_if = "is_zero")]
-    pub torque4_nm: f64,
-    /// Torque at joint 5, N·m.
-    #[serde(rename = "joint5", skip_serializing_if = "is_zero")]
-    pub torque5_nm: f64,
-    /// Torque at joint 6, N·m.
-    #[serde(rename = "joint6", skip_serializing_if = "is_zero")]
-    pub torque6_nm: f64,
-    /// Torque at joint 7, N·m.
-    #[serde(rename = "joint7", skip_serializing_if = "is_zero")]
-    pub torque7_nm: f64,
-    /// Torque at joint 8, N·m.
-    #[serde(rename = "joint8", skip_serializing_if = "is_zero")]
-    pub torque8_nm: f64,
-}
-
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
-}
-
-impl Amplitude {
-    /// The keys of a scenario, in the order of [`LOADS`](crate::structure::LOADS).
-    pub const KEYS: [&str; Load::PARTS] = [
-        "joint1",
-        "joint2",
-        "joint3",
-        "joint4",
-        "joint5",
-        "joint6",
-        "joint7",
-        "joint8",
-        "exciter_x",
-        "exciter_y",
-        "exciter_z",
-    ];
-
-    /// Returns the amplitude as a load on the structure.
-    pub fn load(&self) -> Load {
-        Load::from_parts(&[
-            self.torque1_nm,
-            self.torque2_nm,
-            self.torque3_nm,
-            self.torque4_nm,
-            self.torque5_nm,
-            self.torque6_nm,
-            self.torque7_nm,
-            self.torque8_nm,
-            self.force_x_n,
-            self.force_y_n,
-            self.force_z_n,
-        ])
-    }
-
-    /// Returns the unit of the load.
-    pub fn unit(&self) -> &'static str {
-        if self.is_torque() { "N·m" } else { "N" }
-    }
-
-    /// Returns whether the load is torques at the joints and not a force of the exciter.
-    pub fn is_torque(&self) -> bool {
-        self.load().torque_nm.iter().any(|part| *part != 0.0)
-    }
 }
 
 /// Reason why an excitation can't be played.
@@ -238,7 +152,7 @@ impl ExcitationSpec {
     pub(super) fn check(&self, rate_hz: f64) -> Result<(), ExcitationError> {
         positive("rate_hz", rate_hz)?;
         not_negative("ramp_s", self.ramp_s)?;
-        self.amplitude.check()?;
+        check_amplitude(&self.amplitude)?;
         let highest_hz = self.profile.check()?;
         if highest_hz >= 0.5 * rate_hz {
             return Err(ExcitationError::AboveNyquist { frequency_hz: highest_hz, rate_hz });
@@ -247,22 +161,20 @@ impl ExcitationSpec {
     }
 }
 
-impl Amplitude {
-    pub(crate) fn check(&self) -> Result<(), ExcitationError> {
-        for (name, got) in Amplitude::KEYS.into_iter().zip(self.load().parts()) {
-            if !got.is_finite() {
-                return Err(ExcitationError::Value { name, got, expected: "a number" });
-            }
+/// Checks a peak load: it is finite and not 0, and of one kind.
+pub(crate) fn check_amplitude(amplitude: &Load) -> Result<(), ExcitationError> {
+    for (name, got) in Load::NAMES.into_iter().zip(amplitude.parts()) {
+        if !got.is_finite() {
+            return Err(ExcitationError::Value { name, got, expected: "a number" });
         }
-        let force = self.load().force_n.iter().any(|part| *part != 0.0);
-        match (force, self.is_torque()) {
-            (true, true) => Err(ExcitationError::Amplitude(
-                "forces and torques at once: a command carries one kind; set one of them to 0",
-            )),
-            (false, false) => Err(ExcitationError::Amplitude(
-                "the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`",
-            )),
-            _ => Ok(()),
-        }
+    }
+    match (amplitude.has_force(), amplitude.has_torque()) {
+        (true, true) => Err(ExcitationError::Amplitude(
+            "forces and torques at once: a command carries one kind; set one of them to 0",
+        )),
+        (false, false) => Err(ExcitationError::Amplitude(
+            "the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`",
+        )),
+        _ => Ok(()),
     }
 }

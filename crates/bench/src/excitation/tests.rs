@@ -1,11 +1,12 @@
 use super::*;
+use crate::rig::Load;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::Normed as _;
 
 fn force(profile: Waveform) -> ExcitationSpec {
-    ExcitationSpec { amplitude: Amplitude { force_x_n: 10.0, ..Amplitude::default() }, ramp_s: 0.5, profile }
+    ExcitationSpec { amplitude: Load::force_n(10.0, 0.0), ramp_s: 0.5, profile }
 }
 
 const STEPPED: Waveform = Waveform::SteppedSine { from_hz: 20.0, to_hz: 25.0, steps: 11, dwell_s: 2.0, settle_s: 0.6 };
@@ -75,9 +76,9 @@ fn says_why_an_excitation_can_t_be_played() {
     insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1.000 s leaves no time to read its response after settling (0.8 s) and the ramps (0.5 s): make the step longer or the others shorter");
     let negative = Waveform::Dwell { frequency_hz: -20.0, duration_s: 1.0, settle_s: 0.0 };
     insta::assert_snapshot!(says(force(negative), 1000.0), @"excitation: `frequency_hz` is -20: it must be a positive number");
-    let both = Amplitude { force_x_n: 1.0, torque1_nm: 1.0, ..Amplitude::default() };
+    let both = Load::planar([1.0, 0.0], [1.0, 0.0]);
     insta::assert_snapshot!(says(ExcitationSpec { amplitude: both, ..force(STEPPED) }, 1000.0), @"excitation: forces and torques at once: a command carries one kind; set one of them to 0");
-    let none = Amplitude::default();
+    let none = Load::default();
     insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`");
 }
 

@@ -6,10 +6,10 @@ use alloc::vec::Vec;
 
 use nalgebra::Normed as _;
 
-use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
+use crate::excitation::{ExcitationSpec, Phases, Profile, Waveform};
 use crate::plant::tests::{damped, preset};
 use crate::plant::{Plant, PlantSpec, TestedAssembly};
-use crate::rig::RigSpec;
+use crate::rig::{Load, RigSpec};
 use resonarm_analysis::LinearResponse;
 use resonarm_analysis::Quantity;
 use resonarm_dynamics::integrate::Scheme;
@@ -32,15 +32,15 @@ fn arm(beta2_deg: f64) -> TestedAssembly {
     preset([0.0, beta2_deg])
 }
 
-fn force(x_n: f64, y_n: f64) -> Amplitude {
-    Amplitude { force_x_n: x_n, force_y_n: y_n, ..Amplitude::default() }
+fn force(x_n: f64, y_n: f64) -> Load {
+    Load::force_n(x_n, y_n)
 }
 
 /// The readings while a profile is played.
 fn recorded(
     spec: &PlantSpec,
     arm: &TestedAssembly,
-    amplitude: Amplitude,
+    amplitude: Load,
     profile: Waveform,
 ) -> Result<Record, IdentifyError> {
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
@@ -205,7 +205,7 @@ fn says_why_a_record_can_t_be_identified() {
     let (spec, arm) = (spec(), arm(60.0));
     insta::assert_snapshot!(error(recorded(&spec, &arm, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
     let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
-    let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
+    let torque = Load::torque_nm(5.0, 0.0);
     insta::assert_snapshot!(error(recorded(&spec, &arm, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
     let record = recorded(&spec, &arm, force(0.0, 5.0), random(10.0)).unwrap();
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");

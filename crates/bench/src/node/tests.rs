@@ -11,9 +11,8 @@ mod stalls;
 
 use super::*;
 use crate::control::{Controller, OpenLoop};
-use crate::excitation::{Amplitude, ExcitationSpec, Profile, Waveform};
-use crate::rig::Load;
-use crate::rig::{Exciter, Measurement};
+use crate::excitation::{ExcitationSpec, Profile, Waveform};
+use crate::rig::{Exciter, Load, Measurement};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use proptest::prelude::*;
@@ -50,7 +49,7 @@ pub(super) fn check_that_rejected_frames_hide_no_transition(
 }
 
 fn profile(duration_s: f64) -> Profile {
-    let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+    let amplitude = Load::force_n(20.0, 0.0);
     let profile = Waveform::Dwell { frequency_hz: 15.0, duration_s, settle_s: 0.1 };
     Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.05, profile }, f64::from(RATE_HZ)).unwrap()
 }

@@ -7,7 +7,6 @@ use alloc::vec::Vec;
 
 use nalgebra::Vector2;
 
-use crate::excitation::Amplitude;
 use crate::rig::{InstrumentName, Load, MOST_JOINTS, Measured};
 use crate::structure::{Axis, Channel, sensor_channels};
 use resonarm_dynamics::structure::{Assembly, Dof};
@@ -141,19 +140,19 @@ impl TestedAssembly {
     }
 
     /// The loads that are not zero, by their keys in a scenario, with what they act on.
-    fn acting(&self, amplitude: &Amplitude) -> impl Iterator<Item = (&'static str, f64, Option<Dof>)> {
-        let all = Amplitude::KEYS.into_iter().zip(amplitude.load().parts()).zip(self.loaded());
+    fn acting(&self, amplitude: &Load) -> impl Iterator<Item = (&'static str, f64, Option<Dof>)> {
+        let all = Load::NAMES.into_iter().zip(amplitude.parts()).zip(self.loaded());
         all.map(|((name, load), dof)| (name, load, dof)).filter(|(_, load, _)| *load != 0.0)
     }
 
     /// The first load that nothing of the structure takes: its name and its amplitude, N or N·m.
-    pub fn idle_load(&self, amplitude: &Amplitude) -> Option<(&'static str, f64)> {
+    pub fn idle_load(&self, amplitude: &Load) -> Option<(&'static str, f64)> {
         self.acting(amplitude).find(|(_, _, dof)| dof.is_none()).map(|(name, load, _)| (name, load))
     }
 
     /// The degrees of freedom that a load drives, with its amplitude at each, N or N·m; empty if nothing of the structure
     /// takes a part of it.
-    pub fn driven(&self, amplitude: &Amplitude) -> Vec<(Dof, f64)> {
+    pub fn driven(&self, amplitude: &Load) -> Vec<(Dof, f64)> {
         self.acting(amplitude).map(|(_, load, dof)| Some((dof?, load))).collect::<Option<_>>().unwrap_or_default()
     }
 }

@@ -1,13 +1,18 @@
 //! The load on a structure.
 
+use alloc::borrow::Cow;
+use core::fmt;
 use core::ops::{Add, Sub};
 
 use nalgebra::{SVector, Vector3};
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The most joints at which a torque can act.
 pub const MOST_JOINTS: usize = 8;
 
-/// The load that an exciter puts on a structure: a value of fixed size, whatever the structure takes of it.
+/// The load that an exciter puts on a structure: a value of fixed size, whatever the structure takes of it. In a scenario
+/// it is a table of the parts that are not 0, by [`Load::NAMES`], as `{ joint1 = 20.0 }`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
     /// Torques at the joints, from joint 1 at the base, N·m.
@@ -19,6 +24,21 @@ pub struct Load {
 impl Load {
     /// The number of its parts.
     pub const PARTS: usize = MOST_JOINTS + 3;
+
+    /// The names of its parts in a scenario, in the order of [`LOADS`](crate::structure::LOADS).
+    pub const NAMES: [&str; Load::PARTS] = [
+        "joint1",
+        "joint2",
+        "joint3",
+        "joint4",
+        "joint5",
+        "joint6",
+        "joint7",
+        "joint8",
+        "exciter_x",
+        "exciter_y",
+        "exciter_z",
+    ];
 
     /// Torques at joints 1 and 2, N·m, without a force.
     pub fn torque_nm(joint1_nm: f64, joint2_nm: f64) -> Load {
@@ -80,6 +100,21 @@ impl Load {
         self.force_n.as_slice().get(..if self.force_n.z == 0.0 { 2 } else { 3 }).unwrap_or(&[])
     }
 
+    /// Whether it has a torque.
+    pub fn has_torque(&self) -> bool {
+        self.torque_nm.iter().any(|part| *part != 0.0)
+    }
+
+    /// Whether it has a force of the exciter.
+    pub fn has_force(&self) -> bool {
+        self.force_n.iter().any(|part| *part != 0.0)
+    }
+
+    /// The unit of a load of one kind: `N·m` if it has a torque, else `N`.
+    pub fn unit(&self) -> &'static str {
+        if self.has_torque() { "N·m" } else { "N" }
+    }
+
     /// The load times a factor (dimensionless).
     #[inline]
     pub fn scaled(&self, factor: f64) -> Load {
@@ -102,5 +137,49 @@ impl Sub for Load {
     #[inline]
     fn sub(self, other: Load) -> Load {
         Load { torque_nm: self.torque_nm - other.torque_nm, force_n: self.force_n - other.force_n }
+    }
+}
+
+impl Serialize for Load {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(Load::NAMES.into_iter().zip(self.parts()).filter(|(_, part)| *part != 0.0))
+    }
+}
+
+/// The place of a part among [`Load::NAMES`].
+struct Place(usize);
+
+impl<'de> Deserialize<'de> for Place {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Place, D::Error> {
+        let name = Cow::<str>::deserialize(deserializer)?;
+        let place = Load::NAMES.iter().position(|known| *known == name);
+        place.map(Place).ok_or_else(|| Error::unknown_field(&name, &Load::NAMES))
+    }
+}
+
+/// Reads the table of a load; each part may be named once.
+struct Table;
+
+impl<'de> Visitor<'de> for Table {
+    type Value = Load;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table of loads, as { joint1 = 20.0 }")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Load, A::Error> {
+        let mut parts = [None; Load::PARTS];
+        while let Some(Place(place)) = map.next_key()? {
+            if parts[place].replace(map.next_value()?).is_some() {
+                return Err(Error::duplicate_field(Load::NAMES[place]));
+            }
+        }
+        Ok(Load::from_parts(&parts.map(|part: Option<f64>| part.unwrap_or(0.0))))
+    }
+}
+
+impl<'de> Deserialize<'de> for Load {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Load, D::Error> {
+        deserializer.deserialize_map(Table)
     }
 }

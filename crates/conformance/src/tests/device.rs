@@ -5,10 +5,9 @@ use std::collections::VecDeque;
 use super::super::{BusOff, Stopped, Wire};
 use super::flaws::{Flaw, ReceiveState, SendState};
 use resonarm_bench::control::OpenLoop;
-use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
+use resonarm_bench::excitation::{ExcitationSpec, Profile as Excitation, Waveform};
 use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode, PublishedSample, Timing};
-use resonarm_bench::rig::Load;
-use resonarm_bench::rig::{Converter, Exciter, ExciterSpec, GateSpec, Measurement, Reading};
+use resonarm_bench::rig::{Converter, Exciter, ExciterSpec, GateSpec, Load, Measurement, Reading};
 use resonarm_bus::BusError;
 use resonarm_protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use resonarm_protocol::{Frame, Network, SamplesPerFrame, Transmitter};
@@ -335,7 +334,7 @@ impl ExciterDevice {
     }
 
     pub fn in_mode(mode: Mode, network: Network, flaw: Option<Flaw>) -> ExciterDevice {
-        let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+        let amplitude = Load::force_n(20.0, 0.0);
         let frequency_hz = match flaw {
             Some(Flaw::FastBy(ppm)) => 15.0 * (1.0 + 1e-6 * f64::from(ppm)),
             _ => 15.0,

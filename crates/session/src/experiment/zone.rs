@@ -7,9 +7,9 @@ use resonarm_analysis::longest_time_constant_s;
 use resonarm_bench::control::{
     CancelHarmonics, ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint,
 };
-use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Waveform};
+use resonarm_bench::excitation::{ExcitationSpec, Waveform};
 use resonarm_bench::plant::{ShakerAcross, TestedAssembly};
-use resonarm_bench::rig::{Amplifier, ShakerSpec};
+use resonarm_bench::rig::{Amplifier, Load, ShakerSpec};
 use resonarm_dynamics::structure::Armature;
 use resonarm_scenario::structure::StructureSectionError;
 use resonarm_scenario::{Scenario, ScenarioError};
@@ -35,7 +35,7 @@ pub struct Zone {
     /// The mode whose resonance is in it.
     pub mode_number: ModeNumber,
     /// Amplitude and direction of the force.
-    pub amplitude: Amplitude,
+    pub amplitude: Load,
     /// Its lowest and its highest frequency, Hz.
     pub range_hz: [f64; 2],
     /// Distance of the stepped sine's frequencies apart from the resonance, Hz, at most.

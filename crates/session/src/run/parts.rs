@@ -46,7 +46,7 @@ impl Session {
             node.expect_unarmed_readings();
         }
         if let Some(amplitude) = self.scenario.amplitude().filter(|_| !self.has_own_controller()) {
-            node.check_load(&amplitude.load())?;
+            node.check_load(amplitude)?;
         }
         Ok(node)
     }

@@ -37,9 +37,8 @@ use crate::control::cancellation::Cancellation;
 use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
 use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, ResponsePoint};
-use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
-use crate::rig::Load;
-use crate::rig::{Measurement, Sampling};
+use crate::excitation::{ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
+use crate::rig::{Load, Measurement, Sampling};
 use resonarm_numeric::number::short;
 
 /// Largest relative deviation of the force from the requested one.
@@ -57,7 +56,7 @@ const TELLING_CHANGE: f64 = 2e-3;
 #[serde(deny_unknown_fields)]
 pub struct ForceControlSpec {
     /// Amplitude and direction of the force in the head.
-    pub amplitude: Amplitude,
+    pub amplitude: Load,
     /// Duration of the ramp from one amplitude to the next, s, not negative.
     #[serde(default)]
     pub ramp_s: f64,
@@ -193,7 +192,7 @@ impl ForceControl {
                 return Err(ForceControlError::Notch { name, got });
             }
         }
-        if spec.amplitude.is_torque() {
+        if spec.amplitude.has_torque() {
             return Err(ForceControlError::Torque);
         }
         let profile = Profile::new(&spec.excitation(), rate_hz)?;
@@ -206,7 +205,7 @@ impl ForceControl {
         if rate_hz < Orders::SAMPLES_A_PERIOD * frequency_hz {
             return Err(ForceControlError::Rate { rate_hz, frequency_hz });
         }
-        let force_n = spec.amplitude.load().force_n.xy();
+        let force_n = spec.amplitude.force_n.xy();
         let amplitude_n = force_n.norm();
         let direction = force_n / amplitude_n;
         Ok(ForceControl {

@@ -1,9 +1,8 @@
 //! Force control of a shaker on the arm, and the errors for impossible settings.
 
 use super::*;
-use crate::excitation::Amplitude;
 use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
-use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
+use crate::rig::{Amplifier, Converter, Load, RigSpec, ShakerSpec};
 use alloc::string::ToString;
 use alloc::vec::Vec;
 use resonarm_dynamics::integrate::Scheme;
@@ -55,7 +54,7 @@ fn known(tested: &TestedAssembly) -> Modelled<'_> {
 fn stepped(force_x_n: f64, settle_s: f64) -> ForceControlSpec {
     let dwell_s = settle_s + 1.0;
     ForceControlSpec::new(&ExcitationSpec {
-        amplitude: Amplitude { force_x_n, ..Amplitude::default() },
+        amplitude: Load::force_n(force_x_n, 0.0),
         ramp_s: 0.2,
         profile: Waveform::SteppedSine { from_hz: 20.5, to_hz: 23.5, steps: 4, dwell_s, settle_s },
     })
@@ -130,7 +129,7 @@ fn the_force_is_kept_on_a_structure() {
 /// A dwell at `frequency_hz` with these harmonics cancelled.
 fn dwell(force_x_n: f64, frequency_hz: f64, cancel_harmonics: CancelHarmonics) -> ForceControlSpec {
     let excitation = ExcitationSpec {
-        amplitude: Amplitude { force_x_n, ..Amplitude::default() },
+        amplitude: Load::force_n(force_x_n, 0.0),
         ramp_s: 0.2,
         profile: Waveform::Dwell { frequency_hz, duration_s: 2.5, settle_s: 1.5 },
     };
@@ -209,8 +208,7 @@ fn names_what_is_wrong_with_impossible_settings() {
     let says = |spec: &ForceControlSpec, rate_hz| {
         ForceControl::new(spec, known(&arm()), sampling(rate_hz), 600.0).unwrap_err().to_string()
     };
-    let torque =
-        ForceControlSpec { amplitude: Amplitude { torque1_nm: 1.0, ..Amplitude::default() }, ..stepped(1.0, 2.0) };
+    let torque = ForceControlSpec { amplitude: Load::torque_nm(1.0, 0.0), ..stepped(1.0, 2.0) };
     insta::assert_snapshot!(says(&torque, 1000.0), @"control: force control is closed on the impedance head, which reads no torque: give `exciter_x` or `exciter_y`");
     let impulse =
         ForceControlSpec { profile: Waveform::Impulse { pulse_s: 0.01, duration_s: 1.0 }, ..stepped(1.0, 2.0) };

@@ -447,7 +447,7 @@ fn ramped(x: f64) -> (f64, f64) {
 
 impl Controller for PhaseWalk {
     fn load_kind(&self) -> LoadKind {
-        if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
+        if self.plan.amplitude().has_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
     /// The accelerometer of the followed displacement is needed and, for forces, the head for the acting force.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::spec::{BAND, MOST_POINTS, PhaseWalkSpec, size};
 use super::{LARGEST_AMPLITUDE, PhaseWalkError};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
-use crate::excitation::Amplitude;
+use crate::excitation::check_amplitude;
 use crate::rig::Load;
 
 /// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
@@ -22,7 +22,7 @@ use crate::rig::Load;
 pub struct ResponseControlSpec {
     /// Direction of the load, and the amplitude that is expected to suffice at every frequency: the exciter's reserve
     /// above it changes the response from one frequency to the next.
-    pub amplitude: Amplitude,
+    pub amplitude: Load,
     /// Mode near whose frequency the sines are.
     #[serde(default)]
     pub mode_number: ModeNumber,
@@ -59,7 +59,7 @@ pub(super) enum Wanted {
 }
 
 impl Plan {
-    pub fn amplitude(&self) -> &Amplitude {
+    pub fn amplitude(&self) -> &Load {
         match self {
             Plan::Walk(spec) => &spec.amplitude,
             Plan::Response(spec) => &spec.amplitude,
@@ -103,7 +103,7 @@ impl Plan {
 
     /// Returns the load of amplitude 1.
     pub fn unit_load(&self) -> Load {
-        self.amplitude().load().scaled(1.0 / self.load())
+        self.amplitude().scaled(1.0 / self.load())
     }
 
     /// Returns the target of a point.
@@ -116,7 +116,7 @@ impl Plan {
 
     /// Checks the numbers of the plan.
     pub fn check(&self) -> Result<(), PhaseWalkError> {
-        if self.amplitude().is_torque() && !self.cancel_harmonics().is_none() {
+        if self.amplitude().has_torque() && !self.cancel_harmonics().is_none() {
             return Err(PhaseWalkError::NoForce);
         }
         match self {
@@ -144,7 +144,7 @@ impl Plan {
 
 impl ResponseControlSpec {
     fn check(&self) -> Result<(), PhaseWalkError> {
-        self.amplitude.check()?;
+        check_amplitude(&self.amplitude)?;
         let value = |name, got, expected| Err(PhaseWalkError::Value { name, got, expected });
         if !(3..=MOST_POINTS).contains(&self.points) {
             return value("points", self.points as f64, "from 3 to 10000");

@@ -9,8 +9,8 @@ use thiserror::Error;
 
 use crate::control::loop_poles::{self, Loop};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber, NoSuchMode, SeenMode};
-use crate::excitation::{Amplitude, ExcitationError};
-use crate::rig::Sampling;
+use crate::excitation::{ExcitationError, check_amplitude};
+use crate::rig::{Load, Sampling};
 use resonarm_numeric::number::short;
 
 /// Largest number of points, since each is stored.
@@ -28,7 +28,7 @@ pub(super) const FILTER_RATE: f64 = 5.0;
 #[serde(deny_unknown_fields)]
 pub struct PhaseWalkSpec {
     /// Amplitude and direction of the load at the last point.
-    pub amplitude: Amplitude,
+    pub amplitude: Load,
     /// Mode whose resonance is traversed.
     #[serde(default)]
     pub mode_number: ModeNumber,
@@ -142,14 +142,13 @@ pub enum PhaseWalkError {
 }
 
 /// Returns the amplitude of a load, N or N·m.
-pub(super) fn size(amplitude: &Amplitude) -> f64 {
-    let load = amplitude.load();
-    libm::hypot(load.force_n.norm(), load.torque_nm.norm())
+pub(super) fn size(amplitude: &Load) -> f64 {
+    libm::hypot(amplitude.force_n.norm(), amplitude.torque_nm.norm())
 }
 
 impl PhaseWalkSpec {
     /// Returns a walk through mode 1 with the default number of points and lags.
-    pub fn new(amplitude: Amplitude) -> PhaseWalkSpec {
+    pub fn new(amplitude: Load) -> PhaseWalkSpec {
         PhaseWalkSpec {
             amplitude,
             mode_number: ModeNumber::default(),
@@ -162,7 +161,7 @@ impl PhaseWalkSpec {
     }
 
     /// Returns the backbone of mode 1: responses at a lag of 90° to loads from a tenth of `amplitude` up to it.
-    pub fn backbone(amplitude: Amplitude) -> PhaseWalkSpec {
+    pub fn backbone(amplitude: Load) -> PhaseWalkSpec {
         PhaseWalkSpec { from_part: 0.1, from_lag_deg: 90.0, to_lag_deg: 90.0, ..PhaseWalkSpec::new(amplitude) }
     }
 
@@ -173,7 +172,7 @@ impl PhaseWalkSpec {
 
     /// Checks the numbers of the walk.
     pub(super) fn check(&self) -> Result<(), PhaseWalkError> {
-        self.amplitude.check()?;
+        check_amplitude(&self.amplitude)?;
         let value = |name, got, expected| Err(PhaseWalkError::Value { name, got, expected });
         if !(3..=MOST_POINTS).contains(&self.points) {
             return value("points", self.points as f64, "from 3 to 10000");

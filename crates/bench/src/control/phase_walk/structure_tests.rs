@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::control::{Followed, ModeNumber, Modelled};
-use crate::excitation::Amplitude;
 use crate::plant::{Plant, PlantSpec, TestedAssembly};
-use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
+use crate::rig::{Amplifier, Converter, Load, RigSpec, ShakerSpec};
 use alloc::string::{String, ToString};
 use alloc::vec;
 use resonarm_analysis::Distances;
@@ -58,7 +57,7 @@ fn chain() -> TestedAssembly {
     tested(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0, unstated: vec![] }), elements, "joint3")
 }
 
-fn spec(amplitude: Amplitude, mode: u8) -> PhaseWalkSpec {
+fn spec(amplitude: Load, mode: u8) -> PhaseWalkSpec {
     PhaseWalkSpec {
         points: 5,
         mode_number: ModeNumber::try_from(mode).unwrap(),
@@ -111,8 +110,7 @@ fn walked(tested: &TestedAssembly, shaker: Option<ShakerSpec>, walk: &mut PhaseW
 /// A walk by a force along an axis at the tip settles at every point, on the computed branch, where it is unstable too;
 /// returns how many motions are.
 fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64, shaker: Option<ShakerSpec>) -> usize {
-    let mut amplitude = Amplitude::default();
-    *(if name == "tip.x" { &mut amplitude.force_x_n } else { &mut amplitude.force_y_n }) = force_n;
+    let amplitude = if name == "tip.x" { Load::force_n(force_n, 0.0) } else { Load::force_n(0.0, force_n) };
     let of = Modelled::new(tested, &rig(shaker)).unwrap();
     let mut walk = PhaseWalk::new(spec(amplitude, mode), of, SAMPLING, 600.0).unwrap();
     let points = walked(tested, shaker, &mut walk);
@@ -172,7 +170,7 @@ fn a_walk_on_a_chain_is_on_the_computed_branch() {
 #[test]
 fn one_displacement_is_held() {
     let tested = modal(&[20.0, 43.0, 71.0]);
-    let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+    let amplitude = Load::force_n(20.0, 0.0);
     let spec = ResponseControlSpec {
         amplitude,
         mode_number: ModeNumber::FIRST,
@@ -212,14 +210,14 @@ fn the_range_of_the_followed_accelerometer_suffices() {
 
 #[test]
 fn a_mode_that_is_not_there_is_refused() {
-    let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+    let amplitude = Load::force_n(20.0, 0.0);
     let refused = |tested: &TestedAssembly, mode: u8| -> String {
         PhaseWalk::new(spec(amplitude, mode), Modelled::new(tested, &rig(None)).unwrap(), SAMPLING, 600.0)
             .unwrap_err()
             .to_string()
     };
     insta::assert_snapshot!(refused(&modal(&[20.0]), 2), @"control: mode 2: modes are numbered from 1 to 1");
-    let y = Amplitude { force_x_n: 0.0, force_y_n: 20.0, ..amplitude };
+    let y = Load::force_n(0.0, 20.0);
     let one = modal(&[20.0]);
     let off = PhaseWalk::new(spec(y, 1), Modelled::new(&one, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap_err();
     insta::assert_snapshot!(off, @"control: this load does not drive mode 1: choose another direction");

@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::control::{CancelHarmonics, ModeNumber};
-use crate::excitation::Amplitude;
 use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
-use crate::rig::{Converter, RigSpec};
+use crate::rig::{Converter, Load, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
 use resonarm_dynamics::integrate::Scheme;
@@ -24,7 +23,7 @@ fn sampling(rate_hz: f64) -> Sampling {
 }
 
 fn torque(torque1_nm: f64) -> PhaseWalkSpec {
-    PhaseWalkSpec { points: 5, ..PhaseWalkSpec::new(Amplitude { torque1_nm, ..Amplitude::default() }) }
+    PhaseWalkSpec { points: 5, ..PhaseWalkSpec::new(Load::torque_nm(torque1_nm, 0.0)) }
 }
 
 fn plant(beta2_deg: f64, rig: RigSpec) -> Plant {
@@ -90,7 +89,7 @@ fn a_clipped_reading_of_the_followed_point_ends_the_walk() {
 fn commands_may_come_late() {
     let walked = |late| {
         let mut plant = plant(60.0, RigSpec::default());
-        let amplitude = Amplitude { force_y_n: 10.0, ..Amplitude::default() };
+        let amplitude = Load::force_n(0.0, 10.0);
         let spec = PhaseWalkSpec { points: 5, ..PhaseWalkSpec::new(amplitude) };
         let mut controller = PhaseWalk::new(spec, known(&arm(60.0)), sampling(1000.0), 600.0).unwrap();
         walk_late(&mut controller, &mut plant, late)
@@ -132,7 +131,7 @@ fn harmonics_of_the_force_are_cancelled() {
     let tested = arm(30.0);
     let of = Modelled::new(&tested, &RigSpec { shaker: Some(shaker), ..RigSpec::default() }).unwrap();
     let largest = |cancel_harmonics| {
-        let amplitude = Amplitude { force_x_n: 5.0, ..Amplitude::default() };
+        let amplitude = Load::force_n(5.0, 0.0);
         let spec = PhaseWalkSpec { points: 5, cancel_harmonics, ..PhaseWalkSpec::new(amplitude) };
         let mut controller = PhaseWalk::new(spec, of, sampling(1000.0), 600.0).unwrap();
         let mut plant = plant(30.0, RigSpec { shaker: Some(shaker), ..RigSpec::default() });
@@ -161,7 +160,7 @@ fn rejects_impossible_walks() {
 
 #[test]
 fn rejects_impossible_response_control() {
-    let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
+    let amplitude = Load::torque_nm(20.0, 0.0);
     let (from_hz, to_hz, points, cancel_harmonics) = (22.0, 22.3, 5, CancelHarmonics::NONE);
     let spec = ResponseControlSpec {
         amplitude,
