@@ -7,6 +7,7 @@ use resonarm::node::{PlantInterface, PublishedSample, TimeBase, Timing, WireSpec
 use resonarm::protocol::{Frame, FrameFormat};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
+use resonarm::structure::States;
 
 /// As many as the counter has values.
 const FRAMES: usize = 15;
@@ -64,7 +65,11 @@ fn sent(bencher: Bencher) {
     bencher.counter(ItemsCount::new(11_usize)).bench_local(|| {
         for _ in 0..10 {
             let measurement = Measurement { sample, ..Measurement::default() };
-            let published = PublishedSample { measurement: &measurement, states: &[1e-6; 4], travel_m: 0.0 };
+            let published = PublishedSample {
+                measurement: &measurement,
+                states: &States::new(&[1e-6; 4], &[]).unwrap(),
+                travel_m: 0.0,
+            };
             node.publish(black_box(&published)).ok();
             frames.clear();
             node.waiting_frames(2, &mut frames);

@@ -296,6 +296,7 @@ fn run(error: &RunError) -> Exit {
         | RunError::Speed(_)
         | RunError::Spin(_)
         | RunError::FreeHasNoBus
+        | RunError::SentStates { .. }
         | RunError::WireLacks(_)
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => Exit::Usage,

@@ -6,6 +6,7 @@ use resonarm::node::{ExciterInterface, PlantInterface, PublishedSample, TimeBase
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
+use resonarm::structure::States;
 
 /// A node of the wire of this scenario, without counters and checksums.
 fn node(text: &str) -> Box<dyn PlantInterface> {
@@ -29,7 +30,11 @@ fn run(node: &mut dyn PlantInterface, frames: &[Frame]) -> usize {
             node.handle_deadline(now_ns);
             node.load();
             let measurement = Measurement { sample, ..Measurement::default() };
-            let published = PublishedSample { measurement: &measurement, states: &[1e-6; 4], travel_m: 0.0 };
+            let published = PublishedSample {
+                measurement: &measurement,
+                states: &States::new(&[1e-6; 4], &[]).unwrap(),
+                travel_m: 0.0,
+            };
             node.publish(&published).unwrap();
             batch.clear();
             node.waiting_frames(64, &mut batch);
@@ -86,7 +91,11 @@ fn run_both(plant: &mut dyn PlantInterface, exciter: &mut dyn ExciterInterface) 
         for sample in 0..500 {
             let now_ns = 1_000_000 * sample;
             let measurement = Measurement { sample, ..Measurement::default() };
-            let published = PublishedSample { measurement: &measurement, states: &[1e-6; 4], travel_m: 0.0 };
+            let published = PublishedSample {
+                measurement: &measurement,
+                states: &States::new(&[1e-6; 4], &[]).unwrap(),
+                travel_m: 0.0,
+            };
             plant.publish(&published).unwrap();
             for _ in 0..4 {
                 plant.handle_deadline(now_ns);

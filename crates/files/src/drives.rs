@@ -60,7 +60,7 @@ impl Targets {
     pub fn load(&self) -> Load {
         self.drives.iter().fold(Load::default(), |sum, drive| {
             let torque_nm = drive.torque_nm();
-            sum + Load::at_joint(drive.spec.joint.place(), torque_nm)
+            sum + Load::at_joint(drive.spec.joint, torque_nm)
         })
     }
 }
@@ -151,7 +151,6 @@ impl Drive {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_bench::node::cia402::Joint;
 
     fn targets() -> Targets {
         let drive = |node_id, joint| DriveSpec {
@@ -161,7 +160,7 @@ mod tests {
             rated_torque_mnm: 1000,
             encoder_counts_per_turn: 65536,
         };
-        Targets::new(&Cia402Spec { drives: vec![drive(1, Joint::First), drive(2, Joint::Second)], timeout_ns: 1 })
+        Targets::new(&Cia402Spec { drives: vec![drive(1, 0), drive(2, 1)], timeout_ns: 1 })
     }
 
     fn after(targets: &mut Targets, frames: &[&str]) -> [f64; 2] {

@@ -25,11 +25,13 @@ use resonarm_protocol::{DecodeError, Frame, MessageKind, Network, Node, Profile,
 use thiserror::Error;
 
 use crate::can_log::{CanLogError, LogFormat, LoggedFrame, read};
+use crate::recording::channels::Channels;
 use crate::recording::{
     Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Naming, Options, Record, Recorder,
     RecordingError, TimeBase,
 };
 use crate::staged::{file_kind, same_file};
+use resonarm_scenario::wire::Quantities;
 use resonarm_scenario::{Scenario, ScenarioError};
 
 use drives::DriveGatherer;
@@ -78,7 +80,8 @@ enum WireLog {
 impl WireLog {
     fn new(scenario: &Scenario, clock: SampleClock) -> Result<Option<WireLog>, ImportError> {
         if let Some(WireSpec::Cia402(spec)) = scenario.wire_spec()? {
-            let drives = DriveGatherer::new(&spec, scenario.simulation.rate_hz, clock);
+            let quantities = Quantities::of_scenario(scenario).map_err(ScenarioError::from)?;
+            let drives = DriveGatherer::new(&spec, quantities, scenario.simulation.rate_hz, clock);
             return Ok(Some(WireLog::Drives(Box::new(drives))));
         }
         if clock == SampleClock::Sync {
@@ -253,7 +256,15 @@ impl FrameLog {
             None => Configuration::new(),
         };
         let configuration = configuration.with(IMPORTED_FROM, log.display()).with("log_format", format);
+        let channels = match &options.scenario {
+            Some(scenario) if wire.is_some() => {
+                let quantities = Quantities::of_scenario(scenario).map_err(ScenarioError::from)?;
+                Channels::new(quantities.moving(), quantities.loads(), quantities.readings())
+            }
+            _ => Channels::default(),
+        };
         let options = Options {
+            channels,
             time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
             flush: FlushPolicy::Samples(1000),
             existing: options.existing,

@@ -11,7 +11,7 @@ use super::guard::Guard;
 use super::{FaultCause, Refusals};
 use crate::rig::Load;
 use crate::rig::Measurement;
-use crate::structure::ChannelName;
+use crate::structure::{ChannelName, States};
 
 /// The plant's node: frames and time go in, frames, loads and events come out. It allocates nothing after
 /// construction.
@@ -167,8 +167,8 @@ pub trait PlantInterface: fmt::Debug + Send {
 pub struct PublishedSample<'a> {
     /// Readings of the instruments.
     pub measurement: &'a Measurement,
-    /// States of the structure at the sample, in the order of its channels.
-    pub states: &'a [f64],
+    /// States of the structure at the sample.
+    pub states: &'a States,
     /// Distance of the driven point from rest at the sample, m.
     pub travel_m: f64,
 }
@@ -176,7 +176,7 @@ pub struct PublishedSample<'a> {
 impl<'a> PublishedSample<'a> {
     /// Returns a sample of readings alone, of a structure at rest.
     pub fn of(measurement: &'a Measurement) -> PublishedSample<'a> {
-        PublishedSample { measurement, states: &[], travel_m: 0.0 }
+        PublishedSample { measurement, states: &States::NONE, travel_m: 0.0 }
     }
 }
 

@@ -12,11 +12,8 @@ use super::tested::{Placed, Places, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::Load;
 use crate::rig::ShakerSpec;
-use crate::structure::{
-    COIL_CURRENT, Channel, Coordinates, LOADS, LoadSet, StructureError, branch_channel, coordinate_channels,
-    element_channel,
-};
-use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, Kinematics, Stepper};
+use crate::structure::{Channel, LOADS, LoadSet, StructureError, branch_channel};
+use resonarm_dynamics::structure::{Armature, Dof, Kinematics, Stepper};
 
 /// The steps of the structure under test.
 #[derive(Clone, Debug)]
@@ -73,7 +70,7 @@ impl AssemblySteps {
         let devices = stepper.states() - initial.len().min(stepper.states());
         let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; devices]).collect();
         stepper.restore(&start)?;
-        let states = state_channels(assembly, shaker.is_some(), stepper.saved_len());
+        let states = saved_channels(tested, shaker.is_some(), stepper.saved_len());
         let placed = [&places.accelerometer_b, &places.accelerometer_c];
         let axes = placed
             .iter()
@@ -137,20 +134,11 @@ impl AssemblySteps {
     }
 }
 
-/// The channels of the states that a stepper saves: coordinates, rates, the current of a coil, states of elements, and,
-/// if it saves them, the branches.
-fn state_channels(assembly: &Assembly, has_coil: bool, saved: usize) -> Vec<Channel> {
-    let of = match assembly.coordinate_unit() {
-        CoordinateUnit::Radian => Coordinates::Joints,
-        CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
-    };
-    let elements = || assembly.elements().iter().enumerate();
-    let with_state = elements().filter(|(_, element)| element.state().is_some());
-    let states = with_state.filter_map(|(index, element)| element_channel(index, element.at().is_angle()));
-    let coil = has_coil.then_some(COIL_CURRENT);
-    let mut channels: Vec<Channel> =
-        coordinate_channels(of, assembly.coordinates()).into_iter().chain(coil).chain(states).collect();
-    channels.extend(elements().filter_map(|(index, _)| branch_channel(index)).take(saved - channels.len()));
+/// The channels of the states that a stepper saves: those of the structure, and, if it saves them, the branches.
+fn saved_channels(tested: &TestedAssembly, has_coil: bool, saved: usize) -> Vec<Channel> {
+    let mut channels = tested.states(has_coil);
+    let branches = (0..tested.assembly.elements().len()).filter_map(branch_channel);
+    channels.extend(branches.take(saved - channels.len()));
     channels
 }
 

@@ -8,8 +8,10 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use crate::rig::{InstrumentName, Load, MOST_JOINTS, Measured};
-use crate::structure::{Axis, Channel, sensor_channels};
-use resonarm_dynamics::structure::{Assembly, Dof};
+use crate::structure::{
+    Axis, COIL_CURRENT, Channel, Coordinates, LoadSet, coordinate_channels, element_channel, sensor_channels,
+};
+use resonarm_dynamics::structure::{Assembly, CoordinateUnit, Dof};
 
 /// What the exciter or an instrument is at: the degrees of freedom that are its x and y, if the structure has them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +100,24 @@ impl TestedAssembly {
         let [tip, b] = [tip, b].map(|point| Placed::at_point(&assembly, point));
         let places = Places { exciter: tip, exciter_z, accelerometer_b: b, accelerometer_c: tip, more: Vec::new() };
         TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
+    }
+
+    /// The channels of its states: coordinates, rates, the current of a shaker's coil if there is one, states of elements.
+    pub fn states(&self, has_coil: bool) -> Vec<Channel> {
+        let of = match self.assembly.coordinate_unit() {
+            CoordinateUnit::Radian => Coordinates::Joints,
+            CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
+        };
+        let elements = self.assembly.elements().iter().enumerate().filter(|(_, element)| element.state().is_some());
+        let of_elements = elements.filter_map(|(index, element)| element_channel(index, element.at().is_angle()));
+        let coil = has_coil.then_some(COIL_CURRENT);
+        let coordinates = coordinate_channels(of, self.assembly.coordinates());
+        coordinates.into_iter().chain(coil).chain(of_elements).collect()
+    }
+
+    /// The loads that it takes, with those that every plant has.
+    pub fn load_set(&self) -> LoadSet {
+        LoadSet::native_and((0..Load::PARTS).filter(|place| self.loaded()[*place].is_some()))
     }
 
     /// What the accelerometers read: the axes of C, then of B, that the structure has. An axis that both read is that

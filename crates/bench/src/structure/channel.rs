@@ -40,9 +40,14 @@ impl ChannelName {
     /// What a reading is called of which only its place among the outputs of the structure is known: `reading 7`. It
     /// allocates nothing, since a node names readings while it runs.
     pub(crate) fn of_reading(place: usize) -> ChannelName {
+        ChannelName::numbered("reading", place)
+    }
+
+    /// A word and the number of a place that is counted from 0: `joint 9`.
+    fn numbered(word: &str, place: usize) -> ChannelName {
         let mut name = ChannelName::new("");
         // The text is at most 28 bytes long, and writing to a name never fails.
-        _ = write!(name, "reading {}", place + 1);
+        _ = write!(name, "{word} {}", place + 1);
         name
     }
 
@@ -428,6 +433,13 @@ fn parsed(name: &str) -> Option<(InstrumentName, Measured, Axis)> {
 
 /// The loads that the native protocol carries, which every plant has, in their order.
 pub const NATIVE_LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
+
+/// The name of the angle of a joint, counted from 0 at the base, or of its rate; `joint` and its number beyond
+/// [`MOST_JOINTS`](crate::rig::MOST_JOINTS).
+pub fn joint_channel_name(joint: usize, is_rate: bool) -> ChannelName {
+    let names = if is_rate { &ALPHA_DOT } else { &ALPHA };
+    names.get(joint).map_or_else(|| ChannelName::numbered("joint", joint), |name| ChannelName::new(name))
+}
 
 /// The names of [`LOADS`], in their order.
 pub const LOAD_NAMES: [&str; Load::PARTS] = [

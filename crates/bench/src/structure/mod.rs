@@ -5,8 +5,8 @@ mod states;
 
 pub use channel::{
     Axis, COIL_CURRENT, Channel, ChannelName, Coordinates, Kind, LOAD_NAMES, LOADS, LoadSet, NATIVE_LOADS, OUTPUTS,
-    Point, Quantity, READINGS, STATES, branch_channel, coordinate_channels, element_channel, known_states,
-    named_sensor_channels, sensor_channels,
+    Point, Quantity, READINGS, STATES, branch_channel, coordinate_channels, element_channel, joint_channel_name,
+    known_states, named_sensor_channels, sensor_channels,
 };
 pub use states::{MOST_COORDINATES, MOST_ELEMENTS, MOST_STATES, States};
 

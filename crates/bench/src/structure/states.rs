@@ -20,6 +20,9 @@ pub struct States {
 }
 
 impl States {
+    /// No states, of a plant that only reads.
+    pub const NONE: States = States { numbers: [0.0; MOST_STATES], moving: 0, count: 0 };
+
     /// The states of which the first `moving` of `count` are coordinates and rates, as `write` writes them; at most
     /// [`MOST_STATES`].
     #[inline]
@@ -67,6 +70,12 @@ impl States {
     #[inline]
     pub fn internal(&self) -> &[f64] {
         &self.numbers[self.moving..self.count]
+    }
+}
+
+impl Default for States {
+    fn default() -> States {
+        States::NONE
     }
 }
 

@@ -225,7 +225,7 @@ impl UserWire {
             WireSpec::Mapped(_) => {
                 self.commands().flat_map(|message| &message.commands).map(|command| command.input).next()
             }
-            WireSpec::Cia402(spec) => spec.drives.first().map(|drive| LoadInput::Torque(drive.joint.place())),
+            WireSpec::Cia402(spec) => spec.drives.first().map(|drive| LoadInput::Torque(drive.joint)),
         };
         first.unwrap_or(LoadInput::ForceX)
     }

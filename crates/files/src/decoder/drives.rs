@@ -4,7 +4,8 @@ use super::check::Fault;
 use super::explained::{Decoded, DecodedMessage, DecodedSignal, Outcome};
 use super::meaning::{Meaning, ObjectName};
 use super::words;
-use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, Joint};
+use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec};
+use resonarm_bench::structure::{LOAD_NAMES, LOADS, joint_channel_name};
 use resonarm_protocol::Frame;
 use resonarm_wire::canopen::dictionary::{Address, Dictionary, Value, at};
 use resonarm_wire::canopen::listen::{Content, Heard, Listener, Malformed, Part, Sdo};
@@ -112,7 +113,7 @@ impl Drive {
         (message, is_sent): (String, bool),
         signals: Vec<DecodedSignal>,
     ) -> DecodedMessage {
-        let joint = if self.spec.joint == Joint::First { 1 } else { 2 };
+        let joint = self.spec.joint + 1;
         let sender =
             if is_sent { format!("node {}, joint {joint}", self.spec.node_id) } else { String::from("master") };
         let bytes = frame.data().len();
@@ -234,18 +235,16 @@ impl Drive {
     }
 
     fn meaning(&self, index: u16, number: f64) -> Option<Meaning> {
-        let (spec, is_first) = (&self.spec, self.spec.joint == Joint::First);
-        let of_joint = |names: [&'static str; 2]| if is_first { names[0] } else { names[1] };
-        let torque = || of_joint(["torque1_nm", "torque2_nm"]);
-        let quantity = |name: &str, value, unit| Some(Meaning::Quantity { name: name.into(), value, unit });
+        let (spec, joint) = (&self.spec, self.spec.joint);
+        let quantity = |name, value, unit| Some(Meaning::Quantity { name, value, unit });
         match index {
-            0x6064 => quantity(of_joint(["alpha1_rad", "alpha2_rad"]), number / spec.counts_per_rad(), "rad"),
-            0x606C => {
-                let name = of_joint(["alpha1_dot_rad_s", "alpha2_dot_rad_s"]);
-                quantity(name, number / spec.counts_per_rad(), "rad/s")
+            0x6064 => quantity(joint_channel_name(joint, false), number / spec.counts_per_rad(), "rad"),
+            0x606C => quantity(joint_channel_name(joint, true), number / spec.counts_per_rad(), "rad/s"),
+            0x6077 => quantity(LOADS[joint].name, number * spec.torque_step_nm(), "N·m"),
+            0x6071 => {
+                let (name, value) = (LOAD_NAMES[joint], number * spec.torque_step_nm());
+                Some(Meaning::Load { name, value, unit: "N·m" })
             }
-            0x6077 => quantity(torque(), number * spec.torque_step_nm(), "N·m"),
-            0x6071 => Some(Meaning::Load { name: torque(), value: number * spec.torque_step_nm(), unit: "N·m" }),
             _ => None,
         }
     }

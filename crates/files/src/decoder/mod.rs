@@ -24,10 +24,9 @@ pub use meaning::{Meaning, ObjectName};
 use drives::Drives;
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::Mapping;
-use resonarm_bench::structure::Channel;
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use resonarm_scenario::dbc::{Database, Found, Message};
-use resonarm_scenario::wire::readings;
+use resonarm_scenario::wire::Quantities;
 use resonarm_scenario::{Scenario, ScenarioError};
 use roles::MessageRoles;
 
@@ -62,7 +61,7 @@ impl Decoder {
         let protocol = match (scenario.wire_spec()?, scenario.wire_database()?) {
             (Some(WireSpec::Cia402(spec)), _) => Protocol::CanOpen(Drives::new(&spec)),
             (Some(WireSpec::Mapped(mapping)), Some(database)) => {
-                let mapped = mapped(&database, &mapping, &readings(scenario)?);
+                let mapped = mapped(&database, &mapping, &Quantities::of_scenario(scenario)?);
                 Protocol::Dbc { database: Box::new(database), mapped }
             }
             (Some(WireSpec::Mapped(_)), None) | (None, _) => return Ok(None),
@@ -132,11 +131,11 @@ impl Decoder {
     }
 }
 
-fn mapped(database: &Database, mapping: &Mapping, readings: &[Channel]) -> HashMap<Id, MessageRoles> {
+fn mapped(database: &Database, mapping: &Mapping, quantities: &Quantities) -> HashMap<Id, MessageRoles> {
     let message = |id: Id| database.message_by_id(id);
     let incoming = mapping.incoming.iter().filter_map(|of| Some((of.id, MessageRoles::incoming(message(of.id)?, of))));
     let outgoing =
-        mapping.outgoing.iter().filter_map(|of| Some((of.id, MessageRoles::outgoing(message(of.id)?, of, readings))));
+        mapping.outgoing.iter().filter_map(|of| Some((of.id, MessageRoles::outgoing(message(of.id)?, of, quantities))));
     incoming.chain(outgoing).collect()
 }
 

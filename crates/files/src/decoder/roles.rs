@@ -12,7 +12,7 @@ use resonarm_bench::node::mapped::mapping::{
 use resonarm_bench::structure::{Channel, LOAD_NAMES, Quantity};
 use resonarm_protocol::Frame;
 use resonarm_scenario::dbc::Message;
-use resonarm_scenario::wire::{REASONS, STATES, channel};
+use resonarm_scenario::wire::{Quantities, REASONS, STATES};
 use resonarm_wire::layout::Layout;
 
 /// Rounding of a value by the scale of its signal, as a share.
@@ -62,12 +62,12 @@ impl MessageRoles {
     }
 
     /// The roles of a message that the plant sends.
-    pub fn outgoing(message: &Message, of: &Outgoing, readings: &[Channel]) -> MessageRoles {
+    pub fn outgoing(message: &Message, of: &Outgoing, quantities: &Quantities) -> MessageRoles {
         let mut roles = MessageRoles::protected(message, of.form(), &of.protection);
         roles.is_on_request = of.is_on_request;
         for reading in &of.signals {
             let role = match &reading.source {
-                Source::Value { value, scale, offset } => match (channel(readings, *value), value) {
+                Source::Value { value, scale, offset } => match (quantities.channel(*value), value) {
                     (Some(channel), Value::Clipped(_)) => Role::Clipped(channel),
                     (Some(channel), _) => Role::Quantity { channel, scale: *scale, offset: *offset },
                     (None, _) => continue,

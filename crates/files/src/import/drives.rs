@@ -1,7 +1,6 @@
 //! States and loads in the frames of CANopen drives.
 
-use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, Joint};
-use resonarm_bench::structure::{OUTPUTS, STATES};
+use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec};
 use resonarm_protocol::{Frame, Id};
 use resonarm_wire::canopen::dictionary::{Address, Value};
 use resonarm_wire::canopen::listen::{Heard, Part, Sdo};
@@ -10,18 +9,20 @@ use super::SampleClock;
 use super::index::{Anchor, FrameIndex, Numbering, Placed};
 use super::loads::LoadChanges;
 use super::rows::Rows;
-use super::wire::{ARM_STATES, hold, state_record};
+use super::wire::{hold, state_record};
 use super::wire_import::{Gaps, Missing, WireImport};
 use crate::drives::Targets;
 use crate::recording::{Direction, Record};
+use resonarm_scenario::wire::Quantities;
 
 /// Gathers states and loads frame by frame: angles and rates from PDOs, wherever the master maps them, torques from
-/// targets. A sample needs all four states. Readings, which are accelerations and forces, no drive has.
+/// targets. A sample needs the angle and the rate of every joint. Readings, which are accelerations and forces, no drive has.
 #[derive(Debug)]
 pub(super) struct DriveGatherer {
     targets: Targets,
     changes: LoadChanges,
-    states: Rows<ARM_STATES>,
+    states: Rows,
+    quantities: Quantities,
     clock: SampleClock,
     /// By node and number of the PDO.
     indices: Vec<((u8, u16), FrameIndex)>,
@@ -35,14 +36,21 @@ pub(super) struct DriveGatherer {
 }
 
 impl DriveGatherer {
-    /// The gatherer of these drives.
-    pub fn new(spec: &Cia402Spec, rate_hz: f64, clock: SampleClock) -> DriveGatherer {
-        let missing_readings = OUTPUTS.iter().map(|channel| Missing { channel: channel.name, is_carried: false });
-        let is_placed_by_time = clock == SampleClock::TimeStamps;
+    /// The gatherer of these drives, of a plant with these quantities.
+    pub fn new(spec: &Cia402Spec, quantities: Quantities, rate_hz: f64, clock: SampleClock) -> DriveGatherer {
+        let missing_readings =
+            quantities.readings().iter().map(|channel| Missing { channel: channel.name, is_carried: false });
+        let found = WireImport {
+            missing_readings: missing_readings.collect(),
+            is_placed_by_time: clock == SampleClock::TimeStamps,
+            ..WireImport::default()
+        };
+        let count = quantities.moving().len();
         DriveGatherer {
             targets: Targets::new(spec),
             changes: LoadChanges::default(),
-            states: Rows::new((1 << ARM_STATES) - 1, hold(rate_hz)),
+            states: Rows::new(count, (1 << count) - 1, hold(rate_hz)),
+            quantities,
             clock,
             indices: Vec::new(),
             rate_hz,
@@ -50,11 +58,7 @@ impl DriveGatherer {
             now: None,
             came: 0,
             gaps: Gaps::default(),
-            found: WireImport {
-                missing_readings: missing_readings.collect(),
-                is_placed_by_time,
-                ..WireImport::default()
-            },
+            found,
         }
     }
 
@@ -92,11 +96,11 @@ impl DriveGatherer {
     /// Takes in the states that a PDO carries. One at the end of what 32 bits can represent is none: the drive limits
     /// it.
     fn read(&mut self, spec: &DriveSpec, number: u16, values: &[(Address, Value)], time_ns: u64) {
+        let joints = self.quantities.moving().len() / 2;
         let states = values.iter().filter_map(|(address, value)| {
-            let joint = usize::from(spec.joint == Joint::Second);
             let place = match address.index {
-                0x6064 => joint,
-                0x606C => 2 + joint,
+                0x6064 => spec.joint,
+                0x606C => joints + spec.joint,
                 _ => return None,
             };
             Some((place, value.number()?))
@@ -150,15 +154,15 @@ impl DriveGatherer {
         let (sample, row) = states?;
         self.found.states += 1;
         self.gaps.count(sample, &mut self.found);
-        Some(Record::State(state_record(sample, &row, self.changes.at(sample))))
+        Some(Record::State(state_record(sample, &row, (self.changes.at(sample), self.quantities.loads()))))
     }
 
     /// Returns what was gathered from all frames.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
-        let missing = (0..ARM_STATES).filter(|place| self.came >> place & 1 == 0);
+        let missing = self.quantities.moving().iter().enumerate().filter(|(place, _)| self.came >> place & 1 == 0);
         found.missing_states =
-            missing.map(|place| Missing { channel: STATES[place].name, is_carried: false }).collect();
+            missing.map(|(_, channel)| Missing { channel: channel.name, is_carried: false }).collect();
         found.incomplete_samples = self.states.incomplete;
         found.repeated_frames += self.states.too_late;
         found
@@ -190,8 +194,9 @@ mod tests {
             rated_torque_mnm: 1_000_000,
             encoder_counts_per_turn: 1000,
         };
-        let drives = vec![drive(1, Joint::First), drive(2, Joint::Second)];
-        DriveGatherer::new(&Cia402Spec { drives, timeout_ns: 1 }, 1000.0, clock)
+        let drives = vec![drive(1, 0), drive(2, 1)];
+        let quantities = Quantities::of_scenario(&resonarm_scenario::Scenario::default()).unwrap();
+        DriveGatherer::new(&Cia402Spec { drives, timeout_ns: 1 }, quantities, 1000.0, clock)
     }
 
     /// Sample, angles in counts, torques of the states that the frames at these times (µs) give.

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 /// The numbers of a sample, as far as they came.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Row<const N: usize> {
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Row {
     /// The numbers; those that did not come are not used.
-    pub values: [f64; N],
+    pub values: Vec<f64>,
     /// The number of each is one bit: beyond the range of its sensor.
     pub clipped: u32,
     came: u64,
@@ -14,11 +14,13 @@ pub(super) struct Row<const N: usize> {
 
 /// Gathers the numbers of samples, and gives those of which every message came, in order.
 #[derive(Clone, Debug)]
-pub(super) struct Rows<const N: usize> {
+pub(super) struct Rows {
+    /// How many numbers a sample has.
+    width: usize,
     /// One bit for each message.
     needed: u64,
     hold: u64,
-    waiting: BTreeMap<u64, Row<N>>,
+    waiting: BTreeMap<u64, Row>,
     newest: u64,
     next: Option<u64>,
     /// Samples of which something came, and not everything.
@@ -27,10 +29,11 @@ pub(super) struct Rows<const N: usize> {
     pub too_late: u64,
 }
 
-impl<const N: usize> Rows<N> {
-    /// `needed` has one bit for each message; a sample waits for the missing until one is `hold` samples newer.
-    pub fn new(needed: u64, hold: u64) -> Rows<N> {
-        Rows { needed, hold, waiting: BTreeMap::new(), newest: 0, next: None, incomplete: 0, too_late: 0 }
+impl Rows {
+    /// Rows of `width` numbers. `needed` has one bit for each message; a sample waits for the missing until one is `hold`
+    /// samples newer.
+    pub fn new(width: usize, needed: u64, hold: u64) -> Rows {
+        Rows { width, needed, hold, waiting: BTreeMap::new(), newest: 0, next: None, incomplete: 0, too_late: 0 }
     }
 
     /// Whether the message of this number is needed.
@@ -39,10 +42,10 @@ impl<const N: usize> Rows<N> {
     }
 
     /// Takes in what a message says of a sample.
-    pub fn add(&mut self, sample: u64, message: u32, write: impl FnOnce(&mut Row<N>)) {
+    pub fn add(&mut self, sample: u64, message: u32, write: impl FnOnce(&mut Row)) {
         let is_past = self.next.is_some_and(|next| sample < next);
-        let row =
-            (!is_past).then(|| self.waiting.entry(sample).or_insert(Row { values: [0.0; N], clipped: 0, came: 0 }));
+        let empty = || Row { values: vec![0.0; self.width], clipped: 0, came: 0 };
+        let row = (!is_past).then(|| self.waiting.entry(sample).or_insert_with(empty));
         // Of two frames of one message for the same sample the first counts.
         match row.filter(|row| row.came >> message & 1 == 0) {
             Some(row) => {
@@ -55,16 +58,16 @@ impl<const N: usize> Rows<N> {
     }
 
     /// The next whole sample, if there is one and no older one can come.
-    pub fn next(&mut self) -> Option<(u64, Row<N>)> {
+    pub fn next(&mut self) -> Option<(u64, Row)> {
         self.take(self.hold)
     }
 
     /// The same after the last frame.
-    pub fn next_of_rest(&mut self) -> Option<(u64, Row<N>)> {
+    pub fn next_of_rest(&mut self) -> Option<(u64, Row)> {
         self.take(0)
     }
 
-    fn take(&mut self, hold: u64) -> Option<(u64, Row<N>)> {
+    fn take(&mut self, hold: u64) -> Option<(u64, Row)> {
         loop {
             let (&sample, row) = self.waiting.first_key_value()?;
             let is_whole = row.came == self.needed;
@@ -89,8 +92,8 @@ mod tests {
 
     #[test]
     fn whole_samples_come_in_order_and_others_are_counted() {
-        let mut rows = Rows::<2>::new(0b11, 2);
-        let add = |rows: &mut Rows<2>, sample, message: u32| {
+        let mut rows = Rows::new(2, 0b11, 2);
+        let add = |rows: &mut Rows, sample, message: u32| {
             rows.add(sample, message, |row| row.values[message as usize] = sample as f64);
         };
         for (sample, message) in [(1, 0), (1, 1), (0, 1), (0, 0), (2, 0), (3, 0), (3, 1)] {
@@ -98,7 +101,7 @@ mod tests {
         }
         // Older ones may still come.
         assert_eq!(rows.next().map(|(sample, _)| sample), Some(0));
-        assert_eq!(rows.next().map(|(sample, row)| (sample, row.values)), Some((1, [1.0, 1.0])));
+        assert_eq!(rows.next().map(|(sample, row)| (sample, row.values)), Some((1, vec![1.0, 1.0])));
         assert_eq!(rows.next(), None);
         add(&mut rows, 5, 1);
         assert_eq!(rows.next().map(|(sample, _)| sample), Some(3));

@@ -7,7 +7,7 @@ use resonarm_bench::node::mapped::mapping::{
     Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Said, Source, Trigger, Value,
 };
 use resonarm_bench::rig::{Load, Readings};
-use resonarm_bench::structure::{Channel, Kind, LoadSet, OUTPUTS, STATES, States};
+use resonarm_bench::structure::{Channel, Kind, LoadSet, OUTPUTS, States};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::DISORDER_NS;
@@ -16,11 +16,9 @@ use super::loads::Loads;
 use super::rows::{Row, Rows};
 use super::wire_import::{Gaps, Missing, WireImport};
 use crate::recording::{Clipped, Direction, Record, SampleRecord, StateRecord};
+use resonarm_scenario::wire::Quantities;
 use resonarm_scenario::{Scenario, ScenarioError};
 use resonarm_wire::counter::{CounterFault, Step};
-
-/// The states of the arm.
-pub(super) const ARM_STATES: usize = 4;
 
 /// A message that the plant sends every sample.
 #[derive(Debug)]
@@ -42,8 +40,10 @@ pub(super) struct Gatherer {
     ids: BTreeMap<Id, Direction>,
     readers: Vec<Reader>,
     loads: Loads,
-    readings: Option<Rows<{ OUTPUTS.len() }>>,
-    states: Option<Rows<ARM_STATES>>,
+    readings: Option<Rows>,
+    states: Option<Rows>,
+    /// The loads of the records of states.
+    taken: LoadSet,
     /// The frame placed last.
     last: Option<Anchor>,
     gaps: Gaps,
@@ -65,8 +65,9 @@ impl Gatherer {
             .map(|(order, message)| Reader::new(message, name(message.id), (order, rate_hz)))
             .collect();
         let hold = hold(rate_hz);
-        let (readings, missing_readings) = rows(&OUTPUTS, &mapping, &readers, hold, Value::Reading);
-        let (states, missing_states) = rows(&STATES[..ARM_STATES], &mapping, &readers, hold, Value::State);
+        let quantities = Quantities::of_scenario(scenario)?;
+        let (readings, missing_readings) = rows(quantities.readings(), &mapping, &readers, hold, Value::Reading);
+        let (states, missing_states) = rows(quantities.moving(), &mapping, &readers, hold, Value::State);
         let is_used = |order: usize| {
             let bit = order as u32;
             readings.as_ref().is_some_and(|rows| rows.needs(bit)) || states.as_ref().is_some_and(|rows| rows.needs(bit))
@@ -77,6 +78,7 @@ impl Gatherer {
             loads: Loads::new(&mapping, states.is_some(), name),
             readings,
             states,
+            taken: quantities.loads(),
             readers,
             last: None,
             gaps: Gaps::default(),
@@ -160,7 +162,7 @@ impl Gatherer {
         if self.readings.is_none() {
             self.gaps.count(sample, &mut self.found);
         }
-        Some(Record::State(state_record(sample, &row, self.loads.at(sample))))
+        Some(Record::State(state_record(sample, &row, (self.loads.at(sample), self.taken))))
     }
 
     /// Returns what was gathered from all frames.
@@ -238,13 +240,13 @@ fn is_every_sample(message: &Outgoing, mapping: &Mapping, rate_hz: f64) -> bool 
 }
 
 /// Rows of `channels`, if the messages of every sample carry all of them, and what is missing.
-fn rows<const N: usize>(
+fn rows(
     channels: &[Channel],
     mapping: &Mapping,
     readers: &[Reader],
     hold: u64,
     value: fn(usize) -> Value,
-) -> (Option<Rows<N>>, Vec<Missing>) {
+) -> (Option<Rows>, Vec<Missing>) {
     let carries = |message: &Outgoing, of: Value| {
         message.signals.iter().any(|signal| matches!(signal.source, Source::Value { value, .. } if value == of))
     };
@@ -264,7 +266,7 @@ fn rows<const N: usize>(
     }
     // Beyond as many messages as there are bits.
     let is_possible = missing.is_empty() && readers.len() <= 64;
-    (is_possible.then(|| Rows::new(needed, hold)), missing)
+    (is_possible.then(|| Rows::new(channels.len(), needed, hold)), missing)
 }
 
 fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
@@ -274,20 +276,20 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
 
 /// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
 /// signal can represent, where a plant limits it.
-fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
+fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row) {
     let (place, is_clipped) = match of.reading(payload) {
         Ok(Some(Said::Value { place, value, is_at_end })) => {
             let Some(to) = row.values.get_mut(place) else { return };
             *to = value;
             (place, is_at_end)
         }
-        Ok(Some(Said::Clipped { place, is_clipped })) if place < OUTPUTS.len() => (place, is_clipped),
+        Ok(Some(Said::Clipped { place, is_clipped })) if place < row.values.len() => (place, is_clipped),
         Ok(_) | Err(_) => return,
     };
     row.clipped |= u32::from(is_clipped) << place;
 }
 
-fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row<ARM_STATES>) {
+fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row) {
     let (Ok(Some(got)), Source::Value { value: Value::State(place), scale, offset }) =
         (of.signal.read(payload), &of.source)
     else {
@@ -298,22 +300,24 @@ fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row<ARM_STATES>) {
     }
 }
 
-/// The states of a sample, with the load from it on.
-pub(super) fn state_record(sample: u64, row: &Row<ARM_STATES>, load: Load) -> StateRecord {
-    let states = States::written(ARM_STATES, ARM_STATES, |numbers| numbers.copy_from_slice(&row.values));
-    StateRecord { sample, states, load, taken: LoadSet::NATIVE, is_end: false }
+/// The states of a sample, with the load from it on, of a plant that takes these loads.
+pub(super) fn state_record(sample: u64, row: &Row, (load, taken): (Load, LoadSet)) -> StateRecord {
+    let count = row.values.len();
+    let states = States::written(count, count, |numbers| numbers.copy_from_slice(&row.values));
+    StateRecord { sample, states, load, taken, is_end: false }
 }
 
-fn sample_record(sample: u64, row: &Row<{ OUTPUTS.len() }>) -> SampleRecord {
-    let [head_x, head_y, b_x, b_y, c_x, c_y] = row.values;
-    let pair = |place: usize| [row.clipped >> place & 1 == 1, row.clipped >> (place + 1) & 1 == 1];
+fn sample_record(sample: u64, row: &Row) -> SampleRecord {
+    let (of_every_rig, more) = row.values.split_at(OUTPUTS.len());
+    let pair = |place: usize| [of_every_rig[place], of_every_rig[place + 1]];
+    let is_clipped = |place: usize| [row.clipped >> place & 1 == 1, row.clipped >> (place + 1) & 1 == 1];
     SampleRecord {
         sample,
-        acceleration_b_m_s2: [b_x, b_y],
-        acceleration_c_m_s2: [c_x, c_y],
-        head_force_n: [head_x, head_y],
-        clipped: Clipped { acceleration_b: pair(2), acceleration_c: pair(4), head_force: pair(0) },
-        more: Readings::NONE,
+        head_force_n: pair(0),
+        acceleration_b_m_s2: pair(2),
+        acceleration_c_m_s2: pair(4),
+        clipped: Clipped { head_force: is_clipped(0), acceleration_b: is_clipped(2), acceleration_c: is_clipped(4) },
+        more: Readings::new(more, row.clipped >> OUTPUTS.len()).unwrap_or_default(),
     }
 }
 

@@ -3,7 +3,7 @@
 use core::ops::Deref;
 
 use super::Topic;
-use resonarm_bench::structure::{Channel, Kind, LOADS, MOST_STATES, READINGS, STATES, Structure};
+use resonarm_bench::structure::{Channel, Kind, LOADS, LoadSet, MOST_STATES, READINGS, STATES, Structure};
 
 /// The channels of a plant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,10 +21,15 @@ impl Channels {
 
     /// The channels of a structure: coordinates and rates, loads, states of devices; and the readings of its outputs.
     pub fn of_structure(structure: &dyn Structure) -> Channels {
+        Channels::new(structure.states(), structure.inputs(), structure.outputs())
+    }
+
+    /// The channels of a plant with these states, loads and outputs, each in the order in which the plant has them.
+    pub fn new(states: &[Channel], loads: LoadSet, outputs: &[Channel]) -> Channels {
         let (coordinates, devices): (Vec<Channel>, Vec<Channel>) =
-            structure.states().iter().partition(|channel| channel.kind == Kind::State);
-        let states = [&coordinates[..], &structure.inputs().channels(), &devices].concat();
-        let mut readings = structure.outputs().to_vec();
+            states.iter().partition(|channel| channel.kind == Kind::State);
+        let states = [&coordinates[..], &loads.channels(), &devices].concat();
+        let mut readings = outputs.to_vec();
         readings.sort_by_key(|channel| match channel.kind {
             Kind::Reading { clip_bit } => clip_bit,
             Kind::State | Kind::Load | Kind::Internal => u32::MAX,

@@ -4,7 +4,7 @@ use super::drives::{DriveSpec, PresetSpec, TIMEOUT_S};
 use super::error::WireError;
 use super::{LockstepSpec, WireSection};
 use crate::Scenario;
-use resonarm_bench::node::cia402::{self, Cia402Spec, Joint};
+use resonarm_bench::node::cia402::{self, Cia402Spec};
 
 /// Longest timeout that a scenario may state, s.
 const TIMEOUT_MAX_S: f64 = 3600.0;
@@ -42,7 +42,7 @@ fn drive(place: usize, spec: &DriveSpec) -> Result<cia402::DriveSpec, WireError>
     }
     Ok(cia402::DriveSpec {
         node_id: spec.node_id,
-        joint: if spec.joint == 1 { Joint::First } else { Joint::Second },
+        joint: usize::from(spec.joint) - 1,
         gear_ratio: spec.gear_ratio,
         rated_torque_mnm: rated_mnm as u32,
         encoder_counts_per_turn,
@@ -77,8 +77,8 @@ mod tests {
         let Ok(Some(WireSpec::Cia402(spec))) = spec(&text) else { panic!() };
         assert_eq!(spec.timeout_ns, 250_000_000);
         let [first, second] = spec.drives[..] else { panic!() };
-        assert_eq!((first.node_id, first.joint, first.rated_torque_mnm), (1, Joint::First, 1000));
-        assert_eq!((second.node_id, second.joint, second.rated_torque_mnm), (2, Joint::Second, 250));
+        assert_eq!((first.node_id, first.joint, first.rated_torque_mnm), (1, 0, 1000));
+        assert_eq!((second.node_id, second.joint, second.rated_torque_mnm), (2, 1, 250));
         let scenario = Scenario::parse(&text, "a test").unwrap();
         let again = Scenario::parse(&scenario.to_toml().unwrap(), "again").unwrap();
         assert_eq!(again.wire, scenario.wire);

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use super::conversion::{factor, known};
 use super::error::{Place, WireError};
 use super::exact::Exact;
-use super::signals::{Used, counter, quantity};
+use super::signals::quantity::Quantities;
+use super::signals::{Used, counter};
 use super::{
     ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
@@ -19,14 +20,14 @@ use resonarm_bench::node::mapped::mapping::{
     Protection, ReadingSignal, Source, Trigger, Value,
 };
 use resonarm_bench::rig::Exciter;
-use resonarm_bench::structure::{Channel, LOADS, LoadSet, Quantity};
+use resonarm_bench::structure::{LOADS, Quantity};
 use resonarm_protocol::Id;
 
 /// Compiles the mapping of a scenario's user protocol.
 pub(super) fn mapping(scenario: &Scenario, section: &WireSection) -> Result<Mapping, WireError> {
     let database = section.database()?;
-    let readings = quantity::readings(scenario)?;
-    let mut compiler = Compiler { scenario, section, database: &database, readings, incoming: BTreeMap::new() };
+    let quantities = Quantities::of_scenario(scenario)?;
+    let mut compiler = Compiler { scenario, section, database: &database, quantities, incoming: BTreeMap::new() };
     compiler.check_node()?;
     if section.commands.is_empty() {
         return Err(WireError::NoCommands);
@@ -68,7 +69,7 @@ struct Compiler<'a> {
     section: &'a WireSection,
     database: &'a Database,
     /// Readings that a signal can carry.
-    readings: Vec<Channel>,
+    quantities: Quantities,
     /// Compiled messages by identifier, standard identifiers first.
     incoming: BTreeMap<Id, Incoming>,
 }
@@ -168,7 +169,7 @@ impl Compiler<'_> {
                 (LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ, true) => {
                     Some("is along an axis, and a shaker pushes along its own: map the signal to `force_n`")
                 }
-                (kind, _) if !self.takes(kind)? => Some("acts on nothing of the structure"),
+                (kind, _) if !self.takes(kind) => Some("acts on nothing of the structure"),
                 _ => None,
             };
             if let Some(problem) = problem {
@@ -184,21 +185,14 @@ impl Compiler<'_> {
         Ok(commands)
     }
 
-    /// Whether the plant takes a load; every plant has the native ones.
-    fn takes(&self, input: LoadInput) -> Result<bool, WireError> {
+    /// Whether the plant takes a load.
+    fn takes(&self, input: LoadInput) -> bool {
         let place = match input {
             LoadInput::Torque(joint) => joint,
             LoadInput::ForceZ => LOADS.len() - 1,
-            LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => return Ok(true),
+            LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => return true,
         };
-        if LoadSet::NATIVE.has(place) {
-            return Ok(true);
-        }
-        if self.scenario.foreign_structure().is_some() {
-            return Ok(false);
-        }
-        let tested = self.scenario.under_test().map_err(|error| WireError::Structure { reason: error.to_string() })?;
-        Ok(tested.loaded()[place].is_some())
+        self.quantities.loads().has(place)
     }
 
     fn check_input_once(&self, place: &Place, name: &'static str, kind: LoadInput) -> Result<(), WireError> {
@@ -365,9 +359,9 @@ impl Compiler<'_> {
             return Err(WireError::Sources { place: place.clone(), got });
         }
         let source = match (&spec.quantity, &spec.clipped, &spec.state, &spec.reason) {
-            (Some(name), ..) => quantity::source(self.scenario, &self.readings, place, name, spec, signal)?,
+            (Some(name), ..) => self.quantities.source(self.scenario, place, name, spec, signal)?,
             (_, Some(name), ..) => {
-                let value = Value::Clipped(quantity::reading(&self.readings, place, name)?);
+                let value = Value::Clipped(self.quantities.reading(place, name)?);
                 exact.value("clipped", 0.0).and_then(|_| exact.value("clipped", 1.0))?;
                 Source::Value { value, scale: 1.0, offset: 0.0 }
             }

@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::WireSection;
 use super::error::WireError;
+use super::signals::quantity::Quantities;
 use crate::Scenario;
+use resonarm_bench::rig::MOST_JOINTS;
 
 /// Time for which a torque stays valid unless the scenario states one, s.
 pub(super) const TIMEOUT_S: f64 = 0.5;
@@ -43,7 +45,7 @@ impl PresetSpec {
 pub struct DriveSpec {
     /// Node id: 0 to 63, with CANopen 1 to 127.
     pub node_id: u8,
-    /// Joint that the drive turns, 1 or 2.
+    /// Joint that the drive turns, from 1 at the base.
     pub joint: u8,
     /// Turns of the motor for one turn of the joint, not 0; without it 1.
     #[serde(default = "one")]
@@ -123,6 +125,8 @@ impl WireSection {
                 problem: "a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]",
             });
         }
+        let loads = Quantities::of_scenario(scenario)?.loads();
+        let has_joint = |joint: u8| (1..=MOST_JOINTS).contains(&joint.into()) && loads.has(usize::from(joint) - 1);
         for (place, drive) in self.drives.iter().enumerate() {
             let number = |name, got, expected| Err(WireError::Drive { place, name, got, expected });
             let before = &self.drives[..place];
@@ -131,8 +135,12 @@ impl WireSection {
             if !is_known || before.iter().any(|other| other.node_id == drive.node_id) {
                 return number("node_id", drive.node_id.into(), expected);
             }
-            if !(1..=2).contains(&drive.joint) || before.iter().any(|other| other.joint == drive.joint) {
-                return number("joint", drive.joint.into(), "1 or 2, and another than those before");
+            if !has_joint(drive.joint) || before.iter().any(|other| other.joint == drive.joint) {
+                return number(
+                    "joint",
+                    drive.joint.into(),
+                    "the number of a joint of the structure, and another than those before",
+                );
             }
             if !drive.gear_ratio.is_finite() || drive.gear_ratio == 0.0 {
                 return number("gear_ratio", drive.gear_ratio, "a number other than 0");

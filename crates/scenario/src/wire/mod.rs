@@ -22,7 +22,7 @@ pub use checksum::{AlgorithmSpec, ChecksumSpec, DataIdSpec, PartSpec};
 pub use drives::{DriveSpec, PresetSpec};
 pub use error::{Names, Place, WireError};
 pub use lacks::WireLack;
-pub use signals::quantity::{channel, readings};
+pub use signals::quantity::Quantities;
 pub use signals::{REASONS, STATES};
 
 use super::{Scenario, ScenarioError};
@@ -150,6 +150,23 @@ pub struct CommandSpec {
     /// Torque at joint 8.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque8_nm: Option<InputSpec>,
+}
+
+impl CommandSpec {
+    /// The input of the torque at a joint, numbered from 1.
+    fn torque_nm(&mut self, joint: u8) -> Option<&mut Option<InputSpec>> {
+        let inputs = [
+            &mut self.torque1_nm,
+            &mut self.torque2_nm,
+            &mut self.torque3_nm,
+            &mut self.torque4_nm,
+            &mut self.torque5_nm,
+            &mut self.torque6_nm,
+            &mut self.torque7_nm,
+            &mut self.torque8_nm,
+        ];
+        inputs.into_iter().nth(usize::from(joint).checked_sub(1)?)
+    }
 }
 
 /// A signal that commands a load of `scale · value + offset`, in N or N·m.

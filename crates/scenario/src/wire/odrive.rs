@@ -140,17 +140,16 @@ impl Axis<'_> {
             constant_per_a: None,
             gear_ratio: Some(self.drive.gear_ratio),
         };
-        let (torque1_nm, torque2_nm) = if self.drive.joint == 1 { (Some(torque), None) } else { (None, Some(torque)) };
-        CommandSpec {
+        let mut command = CommandSpec {
             message: self.name("Set_Input_Torque"),
             timeout_s: Some(self.timeout_s),
-            counter: None,
-            checksum: None,
             drive: self.number,
-            torque1_nm,
-            torque2_nm,
             ..CommandSpec::default()
+        };
+        if let Some(input) = command.torque_nm(self.drive.joint) {
+            *input = Some(torque);
         }
+        command
     }
 
     fn event(&self, message: &str) -> EventSpec {

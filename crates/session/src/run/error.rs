@@ -4,6 +4,7 @@ use thiserror::Error;
 
 use resonarm_bench::node::{ExciterLack, PublishError};
 use resonarm_bench::plant::{PlantError, PlantSpecError};
+use resonarm_bench::structure::ChannelName;
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
 use resonarm_numeric::number::short;
@@ -30,6 +31,17 @@ pub enum RunError {
     /// A bus was given to a run without one.
     #[error("the mode free has no bus: plant and exciter run in one loop; take the mode lockstep")]
     FreeHasNoBus,
+    /// The structure has other states than the user protocol sends.
+    #[error(
+        "[wire]: its messages carry {name}, and the states of the structure are {has}: name one of these in \
+         [[wire.readings]]"
+    )]
+    SentStates {
+        /// The state that the protocol sends.
+        name: ChannelName,
+        /// The states of the structure.
+        has: String,
+    },
     /// A wire lacks something for the exciter.
     #[error(transparent)]
     WireLacks(#[from] ExciterLack),

@@ -15,14 +15,17 @@ use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use resonarm_bench::control::Controller;
+use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::node::{Timing, WireSpec};
 use resonarm_bench::plant::{Plant, Stepped};
 use resonarm_bench::rig::Converter;
+use resonarm_bench::structure::{ChannelName, joint_channel_name};
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::{Existing, Recorder};
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
+use resonarm_scenario::wire::Quantities;
 use resonarm_scenario::{Scenario, ScenarioError, StructureSectionError, WireError};
 
 /// Overruns with another cause on their way to the writer.
@@ -190,6 +193,9 @@ impl Session {
             return Err(ScenarioError::from(WireError::NoLockstep).into());
         }
         let plant = plant(&scenario)?;
+        if let Some(wire) = &wire {
+            check_sent_states(&scenario, wire, &plant)?;
+        }
         let rate = SampleRate::new(scenario.simulation.rate_hz)?;
         check_speed(options.speed, mode, rate, timing.partner_timeout_ns)?;
         if mode == Mode::RealTime {
@@ -530,6 +536,34 @@ fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantRep
         Err(error) => {
             let error = report.error.or(Some(RunError::NotRecorded(error)));
             PlantReport { error, ..report }
+        }
+    }
+}
+
+/// Refuses a plant whose states are not those that the messages of a user protocol carry: an FMU, or a program's own
+/// structure, which the scenario does not know.
+fn check_sent_states(scenario: &Scenario, wire: &WireSpec, plant: &Plant) -> Result<(), RunError> {
+    let states = plant.structure().states();
+    let is_at = |place: usize, name: ChannelName| match states.get(place) {
+        Some(state) if state.name == name => Ok(()),
+        _ => {
+            let has = states.iter().map(|state| state.name.as_str()).collect::<Vec<_>>().join(", ");
+            Err(RunError::SentStates { name, has })
+        }
+    };
+    match wire {
+        WireSpec::Cia402(spec) => {
+            spec.drives.iter().try_for_each(|drive| is_at(drive.joint, joint_channel_name(drive.joint, false)))
+        }
+        WireSpec::Mapped(mapping) => {
+            let quantities = Quantities::of_scenario(scenario).map_err(ScenarioError::from)?;
+            let sources = mapping.outgoing.iter().flat_map(|message| &message.signals).map(|signal| &signal.source);
+            let places = sources.filter_map(|source| match source {
+                Source::Value { value: Value::State(place), .. } => Some(*place),
+                _ => None,
+            });
+            let mut named = places.filter_map(|place| Some((place, quantities.channel(Value::State(place))?.name)));
+            named.try_for_each(|(place, name)| is_at(place, name))
         }
     }
 }

@@ -81,7 +81,7 @@ impl Slave {
 
     /// Returns the target closest to its part of a load; `None` if that exceeds 16 bits.
     fn target_of(&self, load: &Load) -> Option<i16> {
-        let torque_nm = load.torque_nm[self.spec.joint.place()];
+        let torque_nm = load.torque_nm[self.spec.joint];
         let target = libm::rint(torque_nm / self.spec.torque_step_nm());
         (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&target).then_some(target as i16)
     }
@@ -385,9 +385,8 @@ impl ExciterInterface for Cia402Exciter {
 
     fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
         // The places of torques among the parts of a load are those of the joints.
-        let has = |place: usize| {
-            self.slaves.iter().any(|slave| slave.spec.joint.place() == place && slave.target_of(load).is_some())
-        };
+        let has =
+            |place: usize| self.slaves.iter().any(|slave| slave.spec.joint == place && slave.target_of(load).is_some());
         match load.parts().into_iter().enumerate().find(|(place, part)| *part != 0.0 && !has(*place)) {
             None => Ok(()),
             Some((place, _)) => Err(ExciterLack::Torque { part: LOADS[place].name }),

@@ -25,14 +25,14 @@ use super::guard::Guard;
 use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
 use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec};
-use crate::structure::STATES;
+use crate::structure::{States, joint_channel_name};
 use axis::Axis;
 pub use master::Cia402Exciter;
 use resonarm_protocol::node::NodeCore;
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, Node, NodeState, OperatorRequest, StateEvent, Trip};
 use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{Handled, Server};
-pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
+pub use spec::{Cia402Spec, DriveSpec, TORQUE_MODE};
 
 /// Returns the error code of a fault, for emergencies and object 603F (CiA 301, table 26; CiA 402-2).
 ///
@@ -96,19 +96,20 @@ impl Drive {
     }
 
     /// Shows position, velocity and the torque that acted up to the sample in the object dictionary.
-    fn measure(&mut self, states: &[f64], held: &Load) -> Result<(), PublishError> {
-        let (spec, place) = (*self.axis.spec(), self.axis.spec().joint.place());
-        let mut moved = [0.0; 2];
-        for (value, place) in moved.iter_mut().zip([place, place + 2]) {
-            *value = states.get(place).copied().unwrap_or(f64::NAN);
-            if !value.is_finite() {
-                return Err(PublishError::NotFinite { name: STATES[place].name, got: *value });
+    fn measure(&mut self, states: &States, held: &Load) -> Result<(), PublishError> {
+        let (spec, joint) = (*self.axis.spec(), self.axis.spec().joint);
+        let moved = [(states.coordinates(), false), (states.rates(), true)].map(|(of_joints, is_rate)| {
+            let got = of_joints.get(joint).copied().unwrap_or(f64::NAN);
+            if got.is_finite() {
+                Ok(got)
+            } else {
+                Err(PublishError::NotFinite { name: joint_channel_name(joint, is_rate), got })
             }
-        }
+        });
+        let [angle_rad, rate_rad_s] = [moved[0]?, moved[1]?];
         // The torque that has acted up to the sample, as a drive would measure it, and not the one that is held
         // next.
-        let torque_nm = held.torque_nm[place];
-        let [angle_rad, rate_rad_s] = moved;
+        let torque_nm = held.torque_nm[joint];
         self.server.set(at(0x6064, 0), angle_rad * spec.counts_per_rad());
         self.server.set(at(0x606C, 0), rate_rad_s * spec.counts_per_rad());
         self.server.set(at(0x6077, 0), torque_nm / spec.torque_step_nm());
@@ -116,11 +117,11 @@ impl Drive {
     }
 
     fn load(&self, torque_nm: f64) -> Load {
-        Load::at_joint(self.axis.spec().joint.place(), torque_nm)
+        Load::at_joint(self.axis.spec().joint, torque_nm)
     }
 }
 
-/// The plant as one or two CANopen drives.
+/// The plant as CANopen drives.
 #[derive(Clone, Debug)]
 pub struct Cia402Node {
     drives: Vec<Drive>,

@@ -1,5 +1,6 @@
 //! Drives of a plant, with the object dictionary of each.
 
+use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -20,7 +21,7 @@ const REVISION: u32 = 0x0001_0000;
 /// Drives of a plant, with their timeout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cia402Spec {
-    /// One or two drives, at different joints, with different node ids.
+    /// Drives at different joints, with different node ids.
     pub drives: Vec<DriveSpec>,
     /// Longest time of listening without an accepted target while a drive is enabled in real time, ns.
     pub timeout_ns: u64,
@@ -31,33 +32,14 @@ pub struct Cia402Spec {
 pub struct DriveSpec {
     /// CANopen node id, 1 to 127.
     pub node_id: u8,
-    /// Joint that the drive turns.
-    pub joint: Joint,
+    /// Joint that the drive turns, counted from 0 at the base, below [`MOST_JOINTS`].
+    pub joint: usize,
     /// Turns of the motor for one turn of the joint, not 0. The gearbox has no losses.
     pub gear_ratio: f64,
     /// Rated torque of the motor, mN·m (object 6076).
     pub rated_torque_mnm: u32,
     /// Encoder counts for one turn of the motor.
     pub encoder_counts_per_turn: u32,
-}
-
-/// A joint of the arm that a drive can turn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Joint {
-    /// The joint at the base.
-    First,
-    /// The joint between the links.
-    Second,
-}
-
-impl Joint {
-    /// Index of the joint among the angles; the index among the rates is higher by two.
-    pub const fn place(self) -> usize {
-        match self {
-            Joint::First => 0,
-            Joint::Second => 1,
-        }
-    }
 }
 
 impl DriveSpec {
@@ -74,12 +56,12 @@ impl DriveSpec {
     /// Returns the electronic data sheet (CiA 306-1) for a file of this name, by a program of this version.
     pub fn eds(&self, file: &str, version: &str) -> String {
         let dictionary = self.dictionary();
-        let product = self.name();
+        let product = &self.name();
         Eds { dictionary: &dictionary, node_id: self.node_id, file, product, version }.to_string()
     }
 
-    fn name(&self) -> &'static str {
-        ["Resonarm joint 1", "Resonarm joint 2"][self.joint.place()]
+    fn name(&self) -> String {
+        format!("Resonarm joint {}", self.joint + 1)
     }
 
     /// Returns the object dictionary after a reset.

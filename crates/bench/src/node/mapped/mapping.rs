@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use crate::rig::Load;
 use crate::rig::MOST_CHANNELS;
+use crate::structure::States;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
 use resonarm_wire::layout::Number;
 use resonarm_wire::multiplex::Presence;
@@ -392,12 +393,9 @@ pub(super) struct Values {
     pub sample: u64,
     pub readings: [f64; MOST_CHANNELS],
     pub clipped: [bool; MOST_CHANNELS],
-    pub states: [f64; MOST_STATES],
+    pub states: States,
     pub load: Load,
 }
-
-/// Largest number of states of a structure that can be sent.
-pub(super) const MOST_STATES: usize = 16;
 
 impl Values {
     pub fn get(&self, value: Value) -> f64 {

@@ -478,7 +478,7 @@ impl PlantInterface for MappedNode {
             }
             (self.values.readings[place], self.values.clipped[place]) = (reading.value, reading.clipped);
         }
-        self.values.states.iter_mut().zip(*states).for_each(|(to, from)| *to = *from);
+        self.values.states = **states;
         for sender in 0..self.senders.len() {
             let is_due = match self.senders[sender].message.trigger {
                 Trigger::Every(samples) => measurement.sample.is_multiple_of(samples),

@@ -10,6 +10,7 @@ use super::mapping::*;
 use super::*;
 use crate::node::{FrameFault, NodeEvent, PublishError, PublishedSample};
 use crate::rig::{ExciterSpec, Measurement, Reading};
+use crate::structure::States;
 use resonarm_protocol::{Id, OperatorRequest};
 use resonarm_wire::checksum::{DataId, Preset};
 use resonarm_wire::counter::Counter;
@@ -155,7 +156,8 @@ impl Rig {
             ..Measurement::default()
         };
         let states = [1e-6, 2e-6, 3e-6, 4e-6];
-        let sample = PublishedSample { measurement: &measurement, states: &states, travel_m: 0.0 };
+        let sample =
+            PublishedSample { measurement: &measurement, states: &States::new(&states, &[]).unwrap(), travel_m: 0.0 };
         self.node.publish(&sample).unwrap();
         self.sample += 1;
         self.transmit();

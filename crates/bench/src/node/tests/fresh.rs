@@ -7,13 +7,14 @@
 //! `RESONARM_HOSTILE_FRAMES=1000000 cargo test -p resonarm-bench hostile_frames` sends so many on each protocol.
 
 use super::*;
-use crate::node::cia402::{Cia402Node, Cia402Spec, DriveSpec, Joint};
+use crate::node::cia402::{Cia402Node, Cia402Spec, DriveSpec};
 use crate::node::mapped::MappedNode;
 use crate::node::mapped::mapping::{
     Action, Arming, CommandSignal, Counts, EventSignal, Incoming, LoadInput, Lockstep, MappedSignal, Mapping,
     Protection,
 };
 use crate::rig::GateSpec;
+use crate::structure::States;
 use resonarm_numeric::noise::Noise;
 use resonarm_protocol::{FrameFormat, Heartbeat, Id};
 use resonarm_wire::checksum::{DataId, Preset};
@@ -163,7 +164,7 @@ fn node(protocol: Protocol) -> Box<dyn PlantInterface> {
         Protocol::CanOpen => {
             let drive = DriveSpec {
                 node_id: 1,
-                joint: Joint::First,
+                joint: 0,
                 gear_ratio: 100.0,
                 rated_torque_mnm: 1000,
                 encoder_counts_per_turn: 65536,
@@ -347,7 +348,8 @@ impl Plant {
     fn publish(&mut self) {
         self.sample += 1;
         let measurement = Measurement { sample: self.sample, ..Measurement::default() };
-        let sample = PublishedSample { measurement: &measurement, states: &[0.0; 4], travel_m: 0.0 };
+        let sample =
+            PublishedSample { measurement: &measurement, states: &States::new(&[0.0; 4], &[]).unwrap(), travel_m: 0.0 };
         self.node.publish(&sample).unwrap();
         let mut frames = Vec::new();
         self.node.waiting_frames(64, &mut frames);

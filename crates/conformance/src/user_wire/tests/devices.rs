@@ -6,6 +6,7 @@ use resonarm_bench::excitation::Profile;
 use resonarm_bench::node::{ExciterInterface, PlantInterface, PublishedSample};
 use resonarm_bench::rig::Load;
 use resonarm_bench::rig::{Converter, Exciter, GateSpec, Measurement, Reading};
+use resonarm_bench::structure::States;
 
 /// How long a controller is away before it is started, and started again, ns.
 const AWAY_NS: u64 = 200_000_000;
@@ -199,7 +200,11 @@ impl Device for PlantDevice {
             let reading = |value| Reading { value, clipped: false };
             let head_force_n = [reading(self.load.force_n.x), reading(self.load.force_n.y)];
             let measurement = Measurement { sample: self.sample, head_force_n, ..Measurement::default() };
-            let published = PublishedSample { measurement: &measurement, states: &[0.0; 4], travel_m: 0.0 };
+            let published = PublishedSample {
+                measurement: &measurement,
+                states: &States::new(&[0.0; 4], &[]).unwrap(),
+                travel_m: 0.0,
+            };
             self.node.publish(&published).unwrap();
             self.sample += 1;
         }

@@ -8,76 +8,112 @@ use crate::wire::conversion::{factor, known};
 use crate::wire::error::{Place, WireError};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::rig::InstrumentName;
-use resonarm_bench::structure::{Channel, Kind, LOADS, LoadSet, OUTPUTS, Point, Quantity, STATES};
+use resonarm_bench::structure::{
+    COIL_CURRENT, Channel, Coordinates, Kind, LOADS, LoadSet, OUTPUTS, Point, Quantity, coordinate_channels,
+};
 
-/// Returns the readings that a signal can carry: those of every rig, then those of the scenario's other
-/// sensors.
-///
-/// # Errors
-/// [`WireError::Structure`] if the scenario makes no structure that they could read.
-pub fn readings(scenario: &Scenario) -> Result<Vec<Channel>, WireError> {
-    let mut channels = OUTPUTS.to_vec();
-    if !scenario.rig.sensors.more.is_empty() && scenario.foreign_structure().is_none() {
+/// The quantities of a plant that signals can carry, each kind in the order in which the plant publishes it.
+#[derive(Clone, Debug)]
+pub struct Quantities {
+    readings: Vec<Channel>,
+    states: Vec<Channel>,
+    loads: LoadSet,
+}
+
+impl Quantities {
+    /// The quantities of the scenario's plant. Of a structure whose equations are not in the scenario (an FMU) the states
+    /// are taken to be those of a two-link arm; a run refuses it if they are not.
+    ///
+    /// # Errors
+    /// [`WireError::Structure`] if the scenario makes no structure.
+    pub fn of_scenario(scenario: &Scenario) -> Result<Quantities, WireError> {
+        if scenario.foreign_structure().is_some() {
+            let states = coordinate_channels(Coordinates::Joints, 2);
+            return Ok(Quantities { readings: OUTPUTS.to_vec(), states, loads: LoadSet::NATIVE });
+        }
         let tested = scenario.under_test().map_err(|error| WireError::Structure { reason: error.to_string() })?;
-        channels.extend(tested.places.more_channels());
+        let readings = [&OUTPUTS[..], &tested.places.more_channels()].concat();
+        let states = tested.states(scenario.rig.shaker.is_some());
+        Ok(Quantities { readings, states, loads: tested.load_set() })
     }
-    Ok(channels)
-}
 
-/// Returns the channels that a signal can carry, with their values: these readings, states and held loads.
-fn channels(readings: &[Channel]) -> impl Iterator<Item = (Channel, Value)> {
-    let readings = readings.iter().copied().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
-    let loads = LoadSet::NATIVE.places().map(|place| (LOADS[place], Value::Load(place)));
-    let states = STATES.into_iter().filter(|channel| channel.kind != Kind::Load).enumerate();
-    readings.chain(states.map(|(place, channel)| (channel, Value::State(place)))).chain(loads)
-}
+    /// The readings: of the impedance head, of sensors B and C, and of the scenario's other sensors.
+    pub fn readings(&self) -> &[Channel] {
+        &self.readings
+    }
 
-/// Returns the channel of a value, given these [`readings`]; for [`Value::Clipped`] that of the reading.
-pub fn channel(readings: &[Channel], value: Value) -> Option<Channel> {
-    let of = match value {
-        Value::Clipped(place) => Value::Reading(place),
-        value => value,
-    };
-    channels(readings).find(|(_, other)| *other == of).map(|(channel, _)| channel)
+    /// The coordinates and their rates, which come first among the states.
+    pub fn moving(&self) -> &[Channel] {
+        let count = self.states.iter().take_while(|channel| channel.kind == Kind::State).count();
+        &self.states[..count]
+    }
+
+    /// The loads that the plant takes.
+    pub fn loads(&self) -> LoadSet {
+        self.loads
+    }
+
+    /// The channel of a value; of [`Value::Clipped`] that of the reading.
+    pub fn channel(&self, value: Value) -> Option<Channel> {
+        match value {
+            Value::Clipped(place) | Value::Reading(place) => self.readings.get(place).copied(),
+            Value::State(place) => self.states.get(place).copied(),
+            Value::Load(place) => LOADS.get(place).filter(|_| self.loads.has(place)).copied(),
+        }
+    }
+
+    fn all(&self) -> impl Iterator<Item = (Channel, Value)> {
+        let of = |channels: &[Channel], value: fn(usize) -> Value| {
+            channels
+                .iter()
+                .copied()
+                .enumerate()
+                .map(move |(place, channel)| (channel, value(place)))
+                .collect::<Vec<_>>()
+        };
+        let loads = self.loads.places().map(|place| (LOADS[place], Value::Load(place)));
+        of(&self.readings, Value::Reading).into_iter().chain(of(&self.states, Value::State)).chain(loads)
+    }
+
+    /// The index of a reading.
+    pub(in crate::wire) fn reading(&self, place: &Place, name: &str) -> Result<usize, WireError> {
+        let index = self.readings.iter().position(|channel| channel.name == name);
+        index.ok_or_else(|| unknown(place, name, self.readings.iter().copied()))
+    }
+
+    /// Builds the source of a signal that carries a quantity.
+    pub(in crate::wire) fn source(
+        &self,
+        scenario: &Scenario,
+        place: &Place,
+        name: &str,
+        spec: &SourceSpec,
+        signal: &Signal,
+    ) -> Result<Source, WireError> {
+        let Some((channel, value)) = self.all().find(|(channel, _)| channel.name == name) else {
+            if COIL_CURRENT.name == name {
+                let problem = "is a state of the shaker, and the scenario has no [rig.shaker]";
+                return Err(WireError::Input { place: place.clone(), input: COIL_CURRENT.name, problem });
+            }
+            return Err(unknown(place, name, self.all().map(|(channel, _)| channel)));
+        };
+        let scale = scale(place, spec, &channel, signal)?;
+        let offset = spec.offset.unwrap_or(0.0);
+        if !offset.is_finite() {
+            let expected = "a finite number";
+            return Err(WireError::Number { place: place.clone(), name: "offset", got: offset, expected });
+        }
+        if let Some((most, limit)) = largest(scenario, &channel) {
+            check_range(place, signal, &channel, (scale * most, offset), limit)?;
+        }
+        Ok(Source::Value { value, scale, offset })
+    }
 }
 
 fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> WireError {
     let names: Vec<String> = known.map(|channel| channel.name.to_string()).collect();
     let suggestion = nearest(name, names.iter().map(String::as_str));
     WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
-}
-
-/// Returns the index of a reading among these [`readings`].
-pub(in crate::wire) fn reading(readings: &[Channel], place: &Place, name: &str) -> Result<usize, WireError> {
-    let index = readings.iter().position(|channel| channel.name == name);
-    index.ok_or_else(|| unknown(place, name, readings.iter().copied()))
-}
-
-/// Builds the source of a signal that carries a quantity: one of these [`readings`], a state or a held load.
-pub(in crate::wire) fn source(
-    scenario: &Scenario,
-    readings: &[Channel],
-    place: &Place,
-    name: &str,
-    spec: &SourceSpec,
-    signal: &Signal,
-) -> Result<Source, WireError> {
-    let found = channels(readings).find(|(channel, _)| channel.name == name);
-    let (channel, value) = found.ok_or_else(|| unknown(place, name, channels(readings).map(|(channel, _)| channel)))?;
-    if channel.kind == Kind::Internal && scenario.rig.shaker.is_none() {
-        let problem = "is a state of the shaker, and the scenario has no [rig.shaker]";
-        return Err(WireError::Input { place: place.clone(), input: channel.name, problem });
-    }
-    let scale = scale(place, spec, &channel, signal)?;
-    let offset = spec.offset.unwrap_or(0.0);
-    if !offset.is_finite() {
-        let expected = "a finite number";
-        return Err(WireError::Number { place: place.clone(), name: "offset", got: offset, expected });
-    }
-    if let Some((most, limit)) = largest(scenario, &channel) {
-        check_range(place, signal, &channel, (scale * most, offset), limit)?;
-    }
-    Ok(Source::Value { value, scale, offset })
 }
 
 /// Returns the units of the signal for one unit of the quantity.

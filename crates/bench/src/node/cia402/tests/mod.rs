@@ -27,7 +27,7 @@ fn spec(drives: usize) -> Cia402Spec {
         rated_torque_mnm: 1000,
         encoder_counts_per_turn: 65536,
     };
-    let all = [(1, Joint::First), (2, Joint::Second)];
+    let all = [(1, 0), (2, 1)];
     Cia402Spec { drives: all.into_iter().take(drives).map(drive).collect(), timeout_ns: TIMEOUT_NS }
 }
 
@@ -78,7 +78,11 @@ impl Bench {
     fn publish(&mut self) {
         self.sample += 1;
         let measurement = Measurement { sample: self.sample, ..Measurement::default() };
-        let sample = PublishedSample { measurement: &measurement, states: &self.states, travel_m: 0.0 };
+        let sample = PublishedSample {
+            measurement: &measurement,
+            states: &States::new(&self.states, &[]).unwrap(),
+            travel_m: 0.0,
+        };
         self.node.publish(&sample).unwrap();
         self.events.extend(core::iter::from_fn(|| self.node.poll_event()));
         self.transmit();

@@ -16,6 +16,7 @@ use crate::node::mapped::tests::*;
 use crate::node::tests::check_that_rejected_frames_hide_no_transition;
 use crate::node::{ExciterRemark, FrameCheck, FrameFault, NodeEvent, PlantInterface, PublishedSample, Refusals};
 use crate::rig::{GateSpec, Reading};
+use crate::structure::States;
 use resonarm_protocol::{Frame, FrameFormat, Id, Node, OperatorRequest, Refusal};
 
 /// Holds one count more along x at each sample, and ends after some.
@@ -123,7 +124,13 @@ impl Pair {
             ..Measurement::default()
         };
         let states = [0.0; 4];
-        self.plant.publish(&PublishedSample { measurement: &measurement, states: &states, travel_m: 0.0 }).unwrap();
+        self.plant
+            .publish(&PublishedSample {
+                measurement: &measurement,
+                states: &States::new(&states, &[]).unwrap(),
+                travel_m: 0.0,
+            })
+            .unwrap();
         self.exchange();
         let load = self.plant.load();
         (self.sample, self.now_ns) = (self.sample + 1, self.now_ns + TICK_NS);
