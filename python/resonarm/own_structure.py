@@ -1,6 +1,6 @@
 """A structure under test whose step is written in Python."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,6 +15,7 @@ Step = Callable[[float, float, Numbers, Numbers], ArrayLike]
 """Called with t, s, the step, s, the state at t and the loads held over the step, it returns the state at its end."""
 Points = Callable[[float, Numbers, Numbers], tuple[ArrayLike, ArrayLike, ArrayLike]]
 """Called with t, s, the state and the loads, it returns displacements, velocities, accelerations of the points."""
+OwnParts = tuple[Any, Any, str, list[float], str | None, list[str]]
 Coordinates = Literal["angles", "displacements", "modal"]
 """What the coordinates are."""
 
@@ -24,8 +25,8 @@ class Stepped:
     """A structure whose step is written in Python or NumPy. It stands in place of a scenario's in a `Plant`, and in
     runs and nodes in the modes free and lockstep; in real time it is refused.
 
-    A state is an array of n coordinates and their n rates; loads are an array of the torques at joints 1 and 2, N·m,
-    and the force of the exciter along x and y, N, held over a sample. All arrays that the functions take are read-only.
+    A state is an array of n coordinates and their n rates; loads are an array of what `loads` names, torques at joints,
+    N·m, and forces of the exciter, N, held over a sample. All arrays that the functions take are read-only.
     Both functions must depend on their arguments alone, so that the same run gives the same bits.
 
         frequency = 2 * math.pi * 20
@@ -56,14 +57,18 @@ class Stepped:
     (`q_m_sqrt_kg`)."""
     name: str | None = None
     """What it is called in recordings."""
+    loads: Sequence[str] = ("joint1", "joint2", "exciter_x", "exciter_y")
+    """What can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
+    `exciter_y`, `exciter_z`. A command of another load is refused."""
 
-    def _parts(self) -> tuple[Any, Any, str, list[float], str | None]:
+    def _parts(self) -> OwnParts:
         """The form that the extension takes."""
         for name, call in (("step", self.step), ("points", self.points)):
             if not callable(call):
                 raise TypeError(f"{name} is {call!r}: it must be a function")
         initial = _checks.real("initial", self.initial).ravel().tolist()
-        return self._step, self._points, self.coordinates, initial, self.name
+        loads = [self.loads] if isinstance(self.loads, str) else list(self.loads)
+        return self._step, self._points, self.coordinates, initial, self.name, loads
 
     def _step(self, t_s: float, dt_s: float, state: bytes, loads: bytes) -> bytes:
         """The step on the bytes of arrays."""
@@ -89,7 +94,7 @@ def _numbers(what: str, given: Any, shape: tuple[int, ...]) -> bytes:
     return np.ascontiguousarray(numbers).tobytes()
 
 
-def parts(structure: Stepped | None) -> tuple[Any, Any, str, list[float], str | None] | None:
+def parts(structure: Stepped | None) -> OwnParts | None:
     """A structure as the extension takes it. Raises TypeError for anything else."""
     if structure is None or isinstance(structure, Stepped):
         return None if structure is None else structure._parts()

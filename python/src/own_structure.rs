@@ -8,15 +8,15 @@ use pyo3::types::PyBytes;
 use resonarm::plant::{PointMotion, Stepped};
 use resonarm::rig::Load;
 use resonarm::scenario::Scenario;
-use resonarm::structure::{Channel, Coordinates, StructureError, coordinate_channels};
+use resonarm::structure::{Channel, Coordinates, LOADS, LoadSet, StructureError, coordinate_channels};
 
 use crate::errors::{self, Raised};
 use crate::rows::numbers;
 
 /// A structure as Python gives it: the calls of its step and its points, which take and give the bytes of arrays; what
-/// its coordinates are, these and their rates at the start, and its name.
+/// its coordinates are, these and their rates at the start, its name, and the names of its loads.
 #[derive(Debug, FromPyObject)]
-pub struct OwnParts(Py<PyAny>, Py<PyAny>, String, Vec<f64>, Option<String>);
+pub struct OwnParts(Py<PyAny>, Py<PyAny>, String, Vec<f64>, Option<String>, Vec<String>);
 
 /// The two calls.
 struct Calls {
@@ -35,6 +35,8 @@ impl fmt::Debug for Calls {
 struct OwnStructure {
     calls: Arc<Calls>,
     channels: Vec<Channel>,
+    /// The place among all loads of each that its functions take, in their order.
+    loads: Vec<usize>,
     state: Vec<f64>,
     /// When it came to it, s.
     t_s: f64,
@@ -48,13 +50,13 @@ const POINTS: usize = 12;
 impl OwnParts {
     /// Its name goes into the scenario, if this does not say already that the program has a structure.
     pub fn name(&self, scenario: &mut Scenario) {
-        let OwnParts(.., name) = self;
+        let OwnParts(.., name, _loads) = self;
         scenario.leave_structure_to_program(name.clone());
     }
 
     /// The structure at its start, with the step of the scenario. An exception of a call is stored in `raised`.
     pub fn structure(self, scenario: &Scenario, raised: &Raised) -> PyResult<Box<dyn Stepped>> {
-        let OwnParts(step, points, coordinates, initial, _name) = self;
+        let OwnParts(step, points, coordinates, initial, _name, loads) = self;
         let of = match coordinates.as_str() {
             "angles" => Coordinates::Joints,
             "displacements" => Coordinates::Displacements,
@@ -73,7 +75,15 @@ impl OwnParts {
         if let Some(at) = initial.iter().position(|number| !number.is_finite()) {
             return Err(errors::value(format!("initial is {} at index {at}: it must be a finite number", initial[at])));
         }
+        let place = |name: &String| {
+            let place = Load::NAMES.iter().position(|known| known == name);
+            place.ok_or_else(|| {
+                errors::value(format!("loads: there is no load {name:?}; there are {}", Load::NAMES.join(", ")))
+            })
+        };
+        let loads = loads.iter().map(place).collect::<PyResult<Vec<usize>>>()?;
         Ok(Box::new(OwnStructure {
+            loads,
             calls: Arc::new(Calls { step, points }),
             channels: coordinate_channels(of, count / 2),
             state: initial,
@@ -111,11 +121,22 @@ impl OwnStructure {
         })
     }
 
+    /// The loads that its functions take, in their order.
+    ///
+    /// # Errors
+    /// [`StructureError::NoInput`] if another load is not 0.
+    fn loads(&self, load: &Load) -> Result<Vec<f64>, StructureError> {
+        let parts = load.parts();
+        match (0..Load::PARTS).find(|place| parts[*place] != 0.0 && !self.loads.contains(place)) {
+            Some(place) => Err(StructureError::NoInput { name: LOADS[place].name, got: parts[place] }),
+            None => Ok(self.loads.iter().map(|place| parts[*place]).collect()),
+        }
+    }
+
     /// Displacement, velocity and acceleration of B x, y and C x, y.
     fn motion(&self, t_s: f64, load: &Load) -> Result<[[[f64; 2]; 2]; 3], StructureError> {
-        let call = |py: Python<'_>| {
-            self.calls.points.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &load.native_parts())?))
-        };
+        let loads = self.loads(load)?;
+        let call = |py: Python<'_>| self.calls.points.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &loads)?));
         let given = self.call(POINTS, call)?;
         Ok(core::array::from_fn(|of| {
             core::array::from_fn(|point| core::array::from_fn(|axis| given[4 * of + 2 * point + axis]))
@@ -128,10 +149,14 @@ impl Stepped for OwnStructure {
         &self.channels
     }
 
+    fn inputs(&self) -> LoadSet {
+        LoadSet::native_and(self.loads.iter().copied())
+    }
+
     fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        let call = |py: Python<'_>| {
-            self.calls.step.call1(py, (t_s, self.step_s, bytes(py, &self.state)?, bytes(py, &load.native_parts())?))
-        };
+        let loads = self.loads(load)?;
+        let call =
+            |py: Python<'_>| self.calls.step.call1(py, (t_s, self.step_s, bytes(py, &self.state)?, bytes(py, &loads)?));
         self.state = self.call(self.state.len(), call)?;
         self.t_s = t_s + self.step_s;
         Ok(())

@@ -9,7 +9,7 @@ use resonarm::dbc::Database;
 use resonarm::node::WireSpec;
 use resonarm::node::mapped::mapping::{Mapping, Protection};
 use resonarm::protocol::Frame;
-use resonarm::recording::{Recording, SampleRecord};
+use resonarm::recording::{Recording, SampleRecord, StateRecord};
 use resonarm::scenario::Scenario;
 
 use crate::{complaint, document, resonarm};
@@ -445,4 +445,91 @@ fn the_exciter_plays_the_example_on_its_own_protocol() {
     resonarm(folder.path(), &["run", "--mode", "free", "--scenario", scenario, "--record", "free.mcap"]);
     let verdict = document(folder.path(), 0, &["resim", "free.mcap", "--json"]);
     assert_eq!((verdict["identical"].as_bool(), verdict["samples"].as_u64()), (Some(true), Some(2002)));
+}
+
+/// A chain of three links on its own protocol: torque at joint 3, and all states as floats.
+const CHAIN: &str = r#"
+[structure]
+kind = "chain"
+links = [
+  { length_m = 0.5, mass_kg = 20.0, centre_of_mass_m = 0.25, inertia_kg_m2 = 0.5, stiffness_nm_rad = 4e5, damping_nm_s_rad = 80.0, angle_deg = 10.0 },
+  { length_m = 0.4, mass_kg = 12.0, centre_of_mass_m = 0.2, inertia_kg_m2 = 0.2, stiffness_nm_rad = 2e5, damping_nm_s_rad = 40.0, angle_deg = 20.0 },
+  { length_m = 0.3, mass_kg = 6.0, centre_of_mass_m = 0.15, inertia_kg_m2 = 0.05, stiffness_nm_rad = 1e5, damping_nm_s_rad = 20.0, angle_deg = 30.0 },
+]
+
+[excitation]
+amplitude = { joint3 = 20.0 }
+ramp_s = 0.05
+profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 0.3 }
+
+[wire]
+dbc = "chain.dbc"
+arm = "zero-command"
+lockstep = "command"
+commands = [{ message = "Torque", torque3_nm = { signal = "Torque3" }, timeout_s = 0.5 }]
+
+[[wire.readings]]
+message = "Joint1"
+every = 1
+signals.Angle = { quantity = "alpha1_rad" }
+signals.Rate = { quantity = "alpha1_dot_rad_s" }
+
+[[wire.readings]]
+message = "Joint2"
+every = 1
+signals.Angle = { quantity = "alpha2_rad" }
+signals.Rate = { quantity = "alpha2_dot_rad_s" }
+
+[[wire.readings]]
+message = "Joint3"
+every = 1
+signals.Angle = { quantity = "alpha3_rad" }
+signals.Rate = { quantity = "alpha3_dot_rad_s" }
+"#;
+
+/// A name means the same quantity whatever the structure: what a controller reads of a chain of three links, and what an
+/// imported log holds, are the angles and rates that the run recorded. (As in a two-link arm, `alpha1_dot_rad_s` used to be
+/// the third state, which is here the angle of joint 3.)
+#[test]
+fn a_log_of_a_chain_holds_the_states_that_its_run_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut dbc = String::from(
+        "VERSION \"\"\nBU_: Plant Controller\nBO_ 256 Torque: 4 Controller\n SG_ Torque3 : 0|32@1- (1,0) [0|0] \"Nm\" Plant\n",
+    );
+    let mut types = String::from("SIG_VALTYPE_ 256 Torque3 : 1;\n");
+    for joint in 1..=3 {
+        let id = 512 + joint;
+        write!(
+            dbc,
+            "BO_ {id} Joint{joint}: 8 Plant\n SG_ Angle : 0|32@1- (1,0) [0|0] \"rad\" Controller\n \
+             SG_ Rate : 32|32@1- (1,0) [0|0] \"rad/s\" Controller\n"
+        )
+        .unwrap();
+        write!(types, "SIG_VALTYPE_ {id} Angle : 1;\nSIG_VALTYPE_ {id} Rate : 1;\n").unwrap();
+    }
+    fs::write(folder.path().join("chain.dbc"), dbc + &types).unwrap();
+    fs::write(folder.path().join("chain.toml"), CHAIN).unwrap();
+    document(
+        folder.path(),
+        0,
+        &["run", "--mode", "free", "--scenario", "chain.toml", "--record", "run.mcap", "--json"],
+    );
+    document(folder.path(), 0, &["export", "run.mcap", "--to", "candump", "--json"]);
+    let import = ["import", "run.log", "back.mcap", "--scenario", "chain.toml", "--json"];
+    let imported = document(folder.path(), 0, &import);
+    assert_eq!(imported["wire"]["missing_states"], serde_json::json!([]));
+    let states = |name: &str| -> Vec<StateRecord> {
+        Recording::open(&folder.path().join(name)).unwrap().states().unwrap().map(Result::unwrap).collect()
+    };
+    let (ours, back) = (states("run.mcap"), states("back.mcap"));
+    assert!(back.len() > 250, "{} of {} samples", back.len(), ours.len());
+    let largest = |of: &dyn Fn(&StateRecord) -> f64| ours.iter().map(|state| of(state).abs()).fold(0.0, f64::max);
+    assert!(largest(&|state| state.load.torque_nm[2]) > 19.0 && largest(&|state| state.states.rates()[0]) > 1e-3);
+    for state in &back {
+        let recorded = ours.iter().find(|other| other.sample == state.sample).unwrap();
+        assert_eq!(state.states.len(), 6);
+        for (got, expected) in state.states.iter().zip(recorded.states.iter()) {
+            assert_eq!(*got as f32, *expected as f32, "sample {}", state.sample);
+        }
+    }
 }

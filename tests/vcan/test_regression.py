@@ -99,9 +99,9 @@ def test_an_amplitude_that_is_off_is_caught(programs, flawed, recorded):
     compared = against(programs, recorded, flawed("two per cent too much"), 1)
     first, expected = compared["first_difference"], commands(recorded[1])
     assert first["kind"] == "command"
-    assert first["expected"][0] in [pytest.approx(force_n) for sample, force_n in expected if sample == first["sample"]]
+    assert first["expected"]["exciter_x"] in [pytest.approx(force_n) for sample, force_n in expected if sample == first["sample"]]
     # The wire has 0.02 N: a force differs as soon as it is large enough, which those before are not.
-    assert first["got"][0] == pytest.approx(1.02 * first["expected"][0], abs=0.02)
+    assert first["got"]["exciter_x"] == pytest.approx(1.02 * first["expected"]["exciter_x"], abs=0.02)
     assert all(abs(force_n) < 2 for sample, force_n in expected if sample < first["sample"])
     assert compared["largest_force_difference_n"] == pytest.approx(0.02 * 50, abs=0.05)
 

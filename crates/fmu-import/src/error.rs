@@ -242,7 +242,7 @@ pub enum ImportError {
         got: String,
     },
     /// A degree of freedom on which no load acts.
-    #[error("structure.inputs: `{got}` is not driven: loads are forces at points and torques at joint1 and joint2")]
+    #[error("structure.inputs: `{got}` is not driven: loads are forces at points and torques at joint1 to joint8")]
     Driven {
         /// The degree of freedom.
         got: String,

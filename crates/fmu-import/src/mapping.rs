@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 
 use crate::description::Description;
 use crate::{ImportError, OutputsOf, ReadAt, Spec};
-use resonarm_bench::structure::{Channel, Coordinates, NATIVE_LOADS, coordinate_channels};
+use resonarm_bench::rig::{Load, MOST_JOINTS};
+use resonarm_bench::structure::{Channel, Coordinates, LoadSet, coordinate_channels};
 pub(crate) use variable::{Block, Slot};
 use variable::{Of, named, parameters, warn_of_unit};
 
@@ -47,9 +48,9 @@ pub(crate) type Axes = [Option<Slot>; 2];
 pub(crate) struct Mapping {
     /// Values of parameters by their value reference, set before initialization.
     pub parameters: Vec<(u32, Vec<f64>)>,
-    /// Variables that are set, and where each load is in them, in the order of [`NATIVE_LOADS`].
+    /// Variables that are set, and where each load is in them, in the order of [`LOADS`](resonarm_bench::structure::LOADS).
     pub set: Block,
-    pub inputs: [Option<Slot>; NATIVE_LOADS.len()],
+    pub inputs: [Option<Slot>; Load::PARTS],
     /// Variables that are read.
     pub read: Block,
     /// The states of a recording, and where they are.
@@ -92,17 +93,23 @@ impl Mapping {
         set
     }
 
-    /// The variables that take loads: torques about joints 1 and 2, and forces along x and y of the exciter.
+    /// The loads that are set, with those that every plant has.
+    pub fn loads(&self) -> LoadSet {
+        LoadSet::native_and((0..Load::PARTS).filter(|place| self.inputs[*place].is_some()))
+    }
+
+    /// The variables that take loads: torques about the joints, and forces along x, y and z of the exciter.
     fn drive(&mut self, description: &Description, spec: &Spec, exciter: &str) -> Result<(), ImportError> {
         for dof in spec.inputs.keys() {
-            if !matches!(Dof::parse("inputs", dof)?, Dof::Point | Dof::Joint(1 | 2)) {
+            if !matches!(Dof::parse("inputs", dof)?, Dof::Point | Dof::Joint(1..=MOST_JOINTS)) {
                 return Err(ImportError::Driven { got: dof.clone() });
             }
         }
         let [x, y] = axes(exciter);
-        let loads = [Some(String::from("joint1")), Some(String::from("joint2")), x, y];
-        for (slot, dof) in self.inputs.iter_mut().zip(&loads) {
-            let Some((dof, name)) = dof.as_ref().and_then(|dof| spec.inputs.get_key_value(dof)) else { continue };
+        let z = (!exciter.contains('.')).then(|| format!("{exciter}.z"));
+        let joints = (1..=MOST_JOINTS).map(|joint| Some(format!("joint{joint}")));
+        for (slot, dof) in self.inputs.iter_mut().zip(joints.chain([x, y, z])) {
+            let Some((dof, name)) = dof.and_then(|dof| spec.inputs.get_key_value(&dof)) else { continue };
             let of = if matches!(Dof::parse("inputs", dof)?, Dof::Point) { Of::Force } else { Of::Torque };
             let key = format!("inputs.\"{dof}\"");
             let variable = named(description, &key, name, of)?;
@@ -112,7 +119,7 @@ impl Mapping {
         let is_driven = |slots: &[Option<Slot>]| slots.iter().any(Option::is_some);
         // Where the scenario names no exciter, torques at the joints suffice. One that it names must be driven
         // itself.
-        if is_driven(&self.inputs[2..]) || (spec.exciter.is_none() && is_driven(&self.inputs)) {
+        if is_driven(&self.inputs[MOST_JOINTS..]) || (spec.exciter.is_none() && is_driven(&self.inputs)) {
             return Ok(());
         }
         Err(place("exciter", "inputs", exciter, spec.inputs.keys()))

@@ -10,7 +10,7 @@ use crate::source::Source;
 use crate::{ImportError, ReadAt};
 use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
 use resonarm_bench::rig::{Load, Rig};
-use resonarm_bench::structure::{Channel, ForeignFault, LoadSet, NATIVE_LOADS, OUTPUTS, Structure, StructureError};
+use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Structure, StructureError};
 
 impl Source {
     /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
@@ -54,7 +54,7 @@ pub(crate) struct Held {
     /// The states to which a hold that failed has returned.
     kept: Vec<f64>,
     /// The loads that are set.
-    loads: Option<[f64; NATIVE_LOADS.len()]>,
+    loads: Option<[f64; Load::PARTS]>,
 }
 
 impl Clone for Held {
@@ -96,8 +96,8 @@ impl Held {
 
     /// A communication step with the loads held. They are set where they have changed.
     fn step(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        let loads = load.native_parts();
-        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&NATIVE_LOADS);
+        let loads = load.parts();
+        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
         if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && *load != 0.0) {
             return Err(StructureError::NoInput { name: channel.name, got });
         }
@@ -108,7 +108,7 @@ impl Held {
         stepped
     }
 
-    fn try_step(&mut self, t_s: f64, loads: &[f64; NATIVE_LOADS.len()]) -> Result<(), StructureError> {
+    fn try_step(&mut self, t_s: f64, loads: &[f64; Load::PARTS]) -> Result<(), StructureError> {
         let source = Arc::clone(&self.source);
         let mapping = &source.mapping;
         // Compared by their bits: +0 and −0 are different inputs, and a NaN would never equal itself.
@@ -185,6 +185,10 @@ impl Stepped for Steps {
         &self.held.source.mapping.channels
     }
 
+    fn inputs(&self) -> LoadSet {
+        self.held.source.mapping.loads()
+    }
+
     fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
         self.held.step(t_s, load)
     }
@@ -253,7 +257,7 @@ impl Sampled {
 
 impl Structure for Sampled {
     fn inputs(&self) -> LoadSet {
-        LoadSet::NATIVE
+        self.held.source.mapping.loads()
     }
 
     fn outputs(&self) -> &[Channel] {

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use resonarm_bench::rig::Load;
-use resonarm_bench::structure::{self, Axis, Channel, Kind, NATIVE_LOADS, OUTPUTS, Quantity};
+use resonarm_bench::rig::{Load, MOST_JOINTS};
+use resonarm_bench::structure::{self, Axis, Channel, Kind, LOADS, LoadSet, NATIVE_LOADS, OUTPUTS, Quantity};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{SampleRecord, StateRecord, Topic};
 
@@ -30,7 +30,7 @@ pub struct Plotted {
 }
 
 /// What the numbers of a sample are, in their order: load, readings of the head, accelerations, coordinates, states of
-/// elements, readings of the sensors beside B and C.
+/// elements, readings of the sensors beside B and C, loads that not every plant takes.
 #[derive(Clone, Debug)]
 pub struct Shown {
     channels: Vec<Channel>,
@@ -40,6 +40,8 @@ pub struct Shown {
     internal: Vec<usize>,
     /// How many readings of the sensors beside B and C there are.
     sensors: usize,
+    /// The places among [`LOADS`] of the loads that not every plant takes.
+    loads: Vec<usize>,
 }
 
 impl Shown {
@@ -62,8 +64,12 @@ impl Shown {
         let sensors = readings.get(OUTPUTS.len()..).unwrap_or_default();
         let channels =
             NATIVE_LOADS.into_iter().chain(OUTPUTS).chain(moving().take(coordinates).copied()).chain(elements);
-        let channels = channels.chain(sensors.iter().copied()).collect();
-        Shown { channels, coordinates, internal, sensors: sensors.len() }
+        let loads: Vec<usize> = (0..LOADS.len())
+            .filter(|place| !LoadSet::NATIVE.has(*place) && states().any(|channel| channel.name == LOADS[*place].name))
+            .collect();
+        let others = loads.iter().map(|place| LOADS[*place]);
+        let channels = channels.chain(sensors.iter().copied()).chain(others).collect();
+        Shown { channels, coordinates, internal, sensors: sensors.len(), loads }
     }
 
     /// The names of the numbers.
@@ -73,12 +79,26 @@ impl Shown {
 
     /// The first reading of the sensors beside B and C.
     fn first_sensor(&self) -> usize {
-        self.channels.len() - self.sensors
+        self.first_load() - self.sensors
+    }
+
+    /// The first load that not every plant takes.
+    fn first_load(&self) -> usize {
+        self.channels.len() - self.loads.len()
+    }
+
+    /// The loads of a quantity that not every plant takes, for panels: torques with the number of their joint, the force
+    /// with its axis.
+    pub fn other_loads(&self, quantity: Quantity) -> Vec<Plotted> {
+        let of_quantity = |(_, place): &(usize, &usize)| LOADS[**place].quantity == quantity;
+        let label = |place: usize| if place < MOST_JOINTS { format!("torque {}", place + 1) } else { "load z".into() };
+        let all = (self.first_load()..).zip(&self.loads).filter(of_quantity);
+        all.map(|(channel, place)| self.plotted(channel, label(*place))).collect()
     }
 
     /// What the bits that mark clipped readings stand for, the lowest first.
     pub fn clipped_bits(&self) -> Vec<String> {
-        let sensors = self.channels.iter().skip(self.first_sensor());
+        let sensors = self.channels.iter().skip(self.first_sensor()).take(self.sensors);
         structure::READINGS.iter().chain(sensors).map(|channel| channel.name.to_string()).collect()
     }
 
@@ -91,7 +111,7 @@ impl Shown {
             (structure::Point::Sensor { name, .. }, _) => name.to_string(),
             _ => self.channels[place].name.to_string(),
         };
-        (self.first_sensor()..self.channels.len()).map(|place| self.plotted(place, label(place))).collect()
+        (self.first_sensor()..self.first_load()).map(|place| self.plotted(place, label(place))).collect()
     }
 
     /// A number for a panel.
@@ -198,18 +218,32 @@ impl Rows {
 
     /// Takes a state with its load. The load at the end of a run is meaningless.
     pub fn state(&mut self, record: &StateRecord) {
-        let load = if record.is_end { [f64::NAN; 4] } else { record.load.native_parts() };
+        let (load, others) = self.loads(&record.load);
+        let load = if record.is_end { [f64::NAN; 4] } else { load };
+        let others = if record.is_end { vec![f64::NAN; others.len()] } else { others };
         let elements = COORDINATES + self.shown.coordinates;
         let internal = record.states.internal();
         let of_elements = self.shown.internal.iter().map(|place| internal.get(*place).copied().unwrap_or(f64::NAN));
         let of_elements: Vec<f64> = of_elements.collect();
-        let places = [(TORQUE, &load[..]), (COORDINATES, record.states.coordinates()), (elements, &of_elements)];
+        let places = [
+            (TORQUE, &load[..]),
+            (COORDINATES, record.states.coordinates()),
+            (elements, &of_elements),
+            (self.shown.first_load(), &others),
+        ];
         self.put(record.sample, LOAD, &places);
     }
 
     /// Takes the load that an exciter commands.
     pub fn command(&mut self, sample: u64, load: &Load) {
-        self.put(sample, LOAD, &[(TORQUE, &load.native_parts())]);
+        let (load, others) = self.loads(load);
+        self.put(sample, LOAD, &[(TORQUE, &load), (self.shown.first_load(), &others)]);
+    }
+
+    /// The parts of a load that every plant takes, and the others that this one takes.
+    fn loads(&self, load: &Load) -> ([f64; NATIVE_LOADS.len()], Vec<f64>) {
+        let parts = load.parts();
+        (load.native_parts(), self.shown.loads.iter().map(|place| parts[*place]).collect())
     }
 
     /// Takes the readings of a sample.

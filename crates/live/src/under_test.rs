@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::rows::{self, Plotted, Shown};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::plant::{Placed, TestedAssembly};
+use resonarm_bench::structure::Quantity;
 use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
 use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
@@ -131,10 +132,14 @@ impl UnderTest {
             });
             named.collect()
         };
-        let torque = all(rows::TORQUE, ["torque 1", "torque 2"]).into_iter().take(self.joints()).collect();
+        let mut torque: Vec<Plotted> =
+            all(rows::TORQUE, ["torque 1", "torque 2"]).into_iter().take(self.joints()).collect();
+        torque.extend(shown.other_loads(Quantity::Torque));
+        let mut force = of(rows::FORCE, ["load x", "load y"], "load", |tested| &tested.places.exciter);
+        force.extend(shown.other_loads(Quantity::Force));
         Panels {
             torque,
-            force: of(rows::FORCE, ["load x", "load y"], "load", |tested| &tested.places.exciter),
+            force,
             head: of(rows::HEAD, ["head x", "head y"], "head", |tested| &tested.places.exciter),
             acceleration_b: of(rows::ACCELERATION_B, ["x", "y"], "", |tested| &tested.places.accelerometer_b),
             acceleration_c: of(rows::ACCELERATION_C, ["x", "y"], "", |tested| &tested.places.accelerometer_c),
@@ -241,6 +246,12 @@ at = "mid"
         assert_eq!(named(&modal.acceleration_c), "8 z (m/s²)");
         assert_eq!(named(&modal.coordinates), "10 q₁ (m·√kg), 11 q₂ (m·√kg)");
         assert!(modal.sensors.is_empty());
+        let link = "{ length_m = 0.3, mass_kg = 2, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2 }";
+        let chain = under_test(&format!("structure = {{ kind = 'chain', links = [{link}, {link}, {link}] }}")).panels();
+        assert_eq!(named(&chain.torque), "0 torque 1 (N·m), 1 torque 2 (N·m), 13 torque 3 (N·m)");
+        let along_z =
+            under_test(&MODAL.replace("at = \"tip.z\"\n[rig.sensors.b]", "at = \"tip\"\n[rig.sensors.b]")).panels();
+        assert_eq!(named(&along_z.force), "13 load z (N)");
         let sensed = "[rig.sensors.m3]\nat = \"mid\"\n[rig.sensors.v]\nat = \"tip.z\"\nmeasures = \"velocity\"\n";
         let sensed = under_test(&format!("{MODAL}{sensed}")).panels();
         assert_eq!(named(&sensed.sensors), "13 m3 x (m/s²), 14 m3 y (m/s²), 15 v z (m/s)");

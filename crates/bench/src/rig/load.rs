@@ -8,6 +8,8 @@ use nalgebra::{SVector, Vector3};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use resonarm_numeric::number::short;
+
 /// The most joints at which a torque can act.
 pub const MOST_JOINTS: usize = 8;
 
@@ -119,6 +121,19 @@ impl Load {
     #[inline]
     pub fn scaled(&self, factor: f64) -> Load {
         Load { torque_nm: self.torque_nm * factor, force_n: self.force_n * factor }
+    }
+}
+
+/// Its parts that are not 0, by [`Load::NAMES`], as `exciter_x = 3 N, exciter_y = 4 N`; else `0`.
+impl fmt::Display for Load {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut is_first = true;
+        for (place, part) in self.parts().into_iter().enumerate().filter(|(_, part)| *part != 0.0) {
+            let unit = if place < MOST_JOINTS { "N·m" } else { "N" };
+            write!(f, "{}{} = {} {unit}", if is_first { "" } else { ", " }, Load::NAMES[place], short(&part))?;
+            is_first = false;
+        }
+        if is_first { f.write_str("0") } else { Ok(()) }
     }
 }
 

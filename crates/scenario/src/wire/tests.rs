@@ -1,7 +1,7 @@
 //! Mappings, good and bad.
 
 use super::*;
-use resonarm_bench::node::mapped::mapping::{Arming, LoadInput, Mapping, Trigger};
+use resonarm_bench::node::mapped::mapping::{Arming, LoadInput, Mapping, Source, Trigger, Value};
 
 const DBC: &str = include_str!("tests/bench.dbc");
 const SCENARIO: &str = include_str!("tests/bench.toml");
@@ -148,7 +148,7 @@ fn a_value_is_what_the_wire_makes_of_it() {
 
 #[test]
 fn readings_that_are_refused() {
-    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"acceleration_d_x_m_s2\""), @r#"wire.readings: message Meas, signal AccX: there is no quantity "acceleration_d_x_m_s2"; is it "acceleration_c_x_m_s2"?; there are head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, coil_current_a, torque1_nm, torque2_nm, force_x_n, force_y_n"#);
+    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"acceleration_d_x_m_s2\""), @r#"wire.readings: message Meas, signal AccX: there is no quantity "acceleration_d_x_m_s2"; is it "acceleration_c_x_m_s2"?; there are head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, torque1_nm, torque2_nm, force_x_n, force_y_n"#);
     insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"coil_current_a\""), @"wire.readings: message Meas, signal AccX: coil_current_a is a state of the shaker, and the scenario has no [rig.shaker]");
     insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"head_force_x_n\""), @r#"wire.readings: message Meas, signal AccX: its unit "g" is none of N, mN, daN, kN, lbf, which become N: give `scale`, its value for 1 N"#);
     insta::assert_snapshot!(says("sample = true", "sample = true, constant = 3"), @"wire.readings: message Meas, signal Sample: it has 2 of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give one");
@@ -219,4 +219,51 @@ fn drives_that_are_refused() {
     [wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]
     [wire]: `drives` and `timeout_s` belong to a `preset`: give one, as "odrive"
     "#);
+}
+
+/// Angles and rates are counted as in the scenario's structure, and only its states can be sent.
+#[test]
+fn states_are_those_of_the_structure() {
+    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
+    let chain = format!("structure = {{ kind = 'chain', links = [{link}, {link}, {link}] }}\n");
+    let modal = "structure = { kind = 'modal', modes = [{ frequency_hz = 20, damping_ratio = 0.01, shape = { 'tip.x' = 0.5 } }] }\n";
+    let sent = |structure: &str, name: &str| {
+        let quantity = format!("quantity = \"{name}\", scale = 1.0");
+        let text = SCENARIO.replace("quantity = \"acceleration_c_x_m_s2\"", &quantity);
+        let text =
+            text.lines().filter(|line| !line.contains("alpha")).map(|line| format!("{line}\n")).collect::<String>();
+        compiled(&(structure.to_string() + &text), DBC)
+    };
+    let place = |structure: &str, name: &str| {
+        let mapping = sent(structure, name).unwrap();
+        let mut sources = mapping.outgoing.iter().flat_map(|message| &message.signals).map(|signal| &signal.source);
+        let place = sources.find_map(|source| match source {
+            Source::Value { value: Value::State(place), .. } => Some(*place),
+            _ => None,
+        });
+        place.unwrap()
+    };
+    assert_eq!(
+        [place("", "alpha1_dot_rad_s"), place(&chain, "alpha1_dot_rad_s"), place(&chain, "alpha3_rad")],
+        [2, 3, 2]
+    );
+    assert_eq!(place(modal, "q1_dot_m_sqrt_kg_s"), 1);
+    assert!(sent(modal, "alpha1_rad").unwrap_err().contains("there is no quantity \"alpha1_rad\""));
+}
+
+/// A drive turns any joint that the structure has.
+#[test]
+fn drives_turn_the_joints_of_the_structure() {
+    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
+    let drives = |links: usize, joint: usize| {
+        let links = vec![link; links].join(", ");
+        let text = format!(
+            "structure = {{ kind = 'chain', links = [{links}] }}\n[wire]\npreset = 'odrive'\n\
+             drives = [{{ node_id = 0, joint = {joint}, gear_ratio = 8.0 }}]\n"
+        );
+        compiled(&text, "")
+    };
+    let input = |mapping: &Mapping| mapping.incoming.iter().flat_map(|message| &message.commands).next().unwrap().input;
+    assert_eq!(input(&drives(3, 3).unwrap()), LoadInput::Torque(2));
+    insta::assert_snapshot!(drives(2, 3).unwrap_err(), @"");
 }

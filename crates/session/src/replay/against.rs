@@ -23,6 +23,7 @@ use super::player::{FRAMES_AT_ONCE, LOOK_NS, RETRY_NS, check_speed, due_ns};
 use super::responses::command;
 use crate::run::Signals;
 use resonarm_bench::node::WireSpec;
+use resonarm_bench::rig::Load;
 use resonarm_bus::{Bus, Sent};
 use resonarm_files::recording::{Direction, FrameRecord, Recording};
 use resonarm_realtime::Clock;
@@ -75,12 +76,12 @@ pub struct Difference {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum DifferenceKind {
-    /// It commands something else; forces along x and y, N, and torques at the joints, N·m.
+    /// It commands something else.
     Command {
         /// Command of the recorded controller.
-        expected: [f64; 4],
+        expected: Load,
         /// Command of the controller under test.
-        got: [f64; 4],
+        got: Load,
     },
     /// It does not answer a sample that was answered.
     NoAnswer,
@@ -93,8 +94,8 @@ pub enum DifferenceKind {
     },
     /// It has sent no command in the place of a recorded one, on a protocol whose commands name no sample.
     NoCommand {
-        /// The recorded command; forces along x and y, N, and torques at the joints, N·m.
-        expected: [f64; 4],
+        /// The recorded command.
+        expected: Load,
     },
     /// It has sent more commands than the recording has come to, on a protocol whose commands name no sample.
     MoreCommands {
@@ -125,10 +126,9 @@ impl DifferenceKind {
 impl fmt::Display for DifferenceKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            DifferenceKind::Command { expected, got } => write!(
-                f,
-                "the controller commands {got:?} (force along x, y in N, torques in N\u{b7}m), recorded is {expected:?}"
-            ),
+            DifferenceKind::Command { expected, got } => {
+                write!(f, "the controller commands {got}, recorded is {expected}")
+            }
             DifferenceKind::NoAnswer => f.write_str("the controller does not answer it; the recorded one did"),
             DifferenceKind::NoHello => f.write_str("the controller does not say hello; the recorded one did"),
             DifferenceKind::NoRequest { expected } => {
@@ -206,7 +206,7 @@ struct Live {
     /// What it asked for from what was compared last on, oldest first, each once however often it was repeated.
     requests: VecDeque<OperatorRequest>,
     /// Its latest answers, by the index of their sample on the wire.
-    answers: BTreeMap<u16, [f64; 4]>,
+    answers: BTreeMap<u16, Load>,
     /// The same indices, as they came.
     order: VecDeque<u16>,
     fault: Option<Emergency>,
@@ -384,9 +384,9 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
         ControlFlow::Break(())
     }
 
-    fn compare(&mut self, sample: u64, expected: [f64; 4], got: [f64; 4]) {
-        let apart = |index: usize| (got[index] - expected[index]).abs();
-        let (force_n, torque_nm) = (apart(0).max(apart(1)), apart(2).max(apart(3)));
+    fn compare(&mut self, sample: u64, expected: Load, got: Load) {
+        let apart = got - expected;
+        let (force_n, torque_nm) = (apart.force_n.amax(), apart.torque_nm.amax());
         let compared = &mut self.compared;
         compared.commands += 1;
         compared.largest_force_difference_n = compared.largest_force_difference_n.max(force_n);

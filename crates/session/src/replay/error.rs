@@ -174,15 +174,15 @@ pub enum ReplayError {
     NoLoad,
     /// Another controller was recorded than that of the scenario in the recording.
     #[error(
-        "the recorded command at sample {sample} is {got:?} (force along x, y in N, torques in N\u{b7}m), by the scenario in the recording it \
-         is {expected:?}: another controller was recorded; run plant and exciter with the same scenario"
+        "the recorded command at sample {sample} is {got}, by the scenario in the recording it is \
+         {expected}: another controller was recorded; run plant and exciter with the same scenario"
     )]
     Command {
         /// The sample at which it came in.
         sample: u64,
-        /// Force along x and y, N, and torques at the joints, N·m, as recorded.
-        got: [f64; 4],
+        /// The load, as recorded.
+        got: Load,
         /// As the scenario's controller commands them.
-        expected: [f64; 4],
+        expected: Load,
     },
 }

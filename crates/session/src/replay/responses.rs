@@ -5,7 +5,7 @@ use alloc::collections::BTreeMap;
 use super::{ReplayError, wire_controller, wire_responses};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, ExciterOutcome};
-use resonarm_bench::rig::Converter;
+use resonarm_bench::rig::{Converter, Load};
 use resonarm_files::recording::{Direction, Recording};
 use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
 use resonarm_scenario::Scenario;
@@ -93,14 +93,14 @@ fn responses_reading(
     Ok(responses)
 }
 
-/// The sample that a command answers, as the wire counts it, and forces and torques of it, N and N·m.
-pub(super) fn command(message: Message) -> Option<(u16, [f64; 4])> {
+/// The sample that a command answers, as the wire counts it, and its load.
+pub(super) fn command(message: Message) -> Option<(u16, Load)> {
     match message {
         Message::Force(ForceCommand { force_x_n, force_y_n, sample }) => {
-            Some((sample, [force_x_n, force_y_n, 0.0, 0.0]))
+            Some((sample, Load::force_n(force_x_n, force_y_n)))
         }
         Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample }) => {
-            Some((sample, [0.0, 0.0, torque1_nm, torque2_nm]))
+            Some((sample, Load::torque_nm(torque1_nm, torque2_nm)))
         }
         _ => None,
     }

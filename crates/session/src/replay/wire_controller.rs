@@ -8,11 +8,10 @@
 use alloc::vec::Vec;
 
 use super::ReplayError;
-use super::wire_responses::parts;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::node::{ExciterInterface, TimeBase, WireSpec};
-use resonarm_bench::rig::Converter;
+use resonarm_bench::rig::{Converter, Load};
 use resonarm_files::recording::{Direction, Recording};
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_scenario::Scenario;
@@ -81,7 +80,7 @@ fn time_base(recording: &Recording, scenario: &Scenario) -> Result<TimeBase, Rep
 /// The loads of one message, as made again.
 #[derive(Clone, Debug, Default)]
 struct Made {
-    loads: Vec<[f64; 4]>,
+    loads: Vec<Load>,
     /// How many of them the recording has had, or has passed over.
     seen: usize,
 }
@@ -117,21 +116,21 @@ impl Loads<'_> {
         let rest = &loads[*seen..];
         if let Some(ahead) = rest.iter().position(|made| *made == got) {
             *seen += ahead + 1;
-            self.has_begun |= got != [0.0; 4];
+            self.has_begun |= got != Load::default();
             return Ok(());
         }
         // What arms or disarms the plant has no load.
         match rest.first().or(loads.last()) {
-            _ if got == [0.0; 4] => Ok(()),
+            _ if got == Load::default() => Ok(()),
             Some(expected) => Err(ReplayError::Command { sample, got, expected: *expected }),
-            None => Err(ReplayError::Command { sample, got, expected: [0.0; 4] }),
+            None => Err(ReplayError::Command { sample, got, expected: Load::default() }),
         }
     }
 
-    /// The load in a frame of a command: the place of its message, force along x and y, N, torques at the joints, N·m.
-    fn load(&self, frame: &Frame) -> Option<(usize, [f64; 4])> {
+    /// The place of the message of a command, and its load.
+    fn load(&self, frame: &Frame) -> Option<(usize, Load)> {
         let place = self.mapping.incoming.iter().position(|message| message.id == frame.id())?;
         let load = self.mapping.incoming[place].load(frame.data()).ok()??;
-        Some((place, parts(&load)))
+        Some((place, load))
     }
 }

@@ -64,10 +64,10 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
         }
         None => return Err(ReplayError::NoLoad),
     };
-    let is_load = |load: &[f64; 4]| load.iter().any(|part| part.abs() > half);
+    let is_load = |load: &Load| load.parts().iter().any(|part| part.abs() > half);
     let first =
         commands.iter().find(|(_, load)| is_load(load)).map(|(sample, _)| *sample).ok_or(ReplayError::NoLoad)?;
-    let expected = |index: u64| parts(&profile.load(index));
+    let expected = |index: u64| profile.load(index);
     let ahead = (0..profile.samples()).find(|index| is_load(&expected(*index))).ok_or(ReplayError::NoLoad)?;
     let start = first.saturating_sub(ahead);
     for (sample, got) in commands.range(first..) {
@@ -75,7 +75,7 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
         if index >= profile.samples() {
             break;
         }
-        let near = |index: u64| got.iter().zip(expected(index)).all(|(got, of)| (got - of).abs() <= half);
+        let near = |index: u64| (*got - expected(index)).parts().iter().all(|apart| apart.abs() <= half);
         if !(index.saturating_sub(1)..=index + 1).any(near) {
             return Err(ReplayError::Command { sample: *sample, got: *got, expected: expected(index) });
         }
@@ -83,14 +83,10 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
     Ok(start)
 }
 
-/// The commanded load from these samples on: force along x and y, N, and torques at the joints, N·m.
-fn commands(
-    recording: &Recording,
-    scenario: &Scenario,
-    mapping: &Mapping,
-) -> Result<BTreeMap<u64, [f64; 4]>, ReplayError> {
+/// The commanded load from these samples on.
+fn commands(recording: &Recording, scenario: &Scenario, mapping: &Mapping) -> Result<BTreeMap<u64, Load>, ReplayError> {
     let Some(mut decoder) = Decoder::of_scenario(scenario)? else { return Ok(BTreeMap::new()) };
-    let mut held = vec![[0.0; 4]; mapping.incoming.len()];
+    let mut held = vec![Load::default(); mapping.incoming.len()];
     let mut commands = BTreeMap::new();
     for record in recording.frames()? {
         let record = record?;
@@ -100,29 +96,24 @@ fn commands(
         if let (true, Direction::Received, Some(place)) = (is_taken, record.direction, place)
             && let Ok(Some(load)) = mapping.incoming[place].load(record.frame.data())
         {
-            held[place] = parts(&load);
-            commands
-                .insert(record.sample, held.iter().fold([0.0; 4], |sum, one| [0, 1, 2, 3].map(|i| sum[i] + one[i])));
+            held[place] = load;
+            commands.insert(record.sample, held.iter().fold(Load::default(), |sum, one| sum + *one));
         }
     }
     Ok(commands)
 }
 
 /// The same of CANopen drives.
-fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, [f64; 4]>, ReplayError> {
+fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, Load>, ReplayError> {
     let mut targets = Targets::new(spec);
     let mut commands = BTreeMap::new();
     for record in recording.frames()? {
         let record = record?;
         if !targets.hear(&record.frame).is_empty() && record.direction == Direction::Received {
-            commands.insert(record.sample, parts(&targets.load()));
+            commands.insert(record.sample, targets.load());
         }
     }
     Ok(commands)
-}
-
-pub(super) fn parts(load: &Load) -> [f64; 4] {
-    [load.force_n.x, load.force_n.y, load.torque_nm[0], load.torque_nm[1]]
 }
 
 /// Half the largest count of all loads, N or N·m, with the rounding of its arithmetic.

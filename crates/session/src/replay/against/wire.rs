@@ -11,8 +11,8 @@ use alloc::collections::VecDeque;
 
 use super::{Controller, DifferenceKind, REQUESTS, Test};
 use crate::replay::ReplayError;
-use crate::replay::wire_responses::parts;
 use resonarm_bench::node::mapped::mapping::{Action, Counts, Incoming, Mapping};
+use resonarm_bench::rig::Load;
 use resonarm_files::recording::{Direction, FrameRecord};
 use resonarm_protocol::Frame;
 use resonarm_realtime::Clock;
@@ -27,8 +27,8 @@ const AHEAD: usize = 1024;
 enum Said {
     /// It asks for something, by its name: `arm`.
     Request(&'static str),
-    /// It commands a load by message `place`: force along x and y, N, and torques at the joints, N·m.
-    Load { place: usize, load: [f64; 4] },
+    /// It commands a load by message `place`.
+    Load { place: usize, load: Load },
 }
 
 /// A message that the plant takes, and the last value of each event's signal.
@@ -74,7 +74,7 @@ impl Message {
             said.extend(action.map(|(_, action)| Said::Request(name(*action))));
         }
         if let Ok(Some(load)) = self.incoming.load(payload) {
-            said.push(Said::Load { place, load: parts(&load) });
+            said.push(Said::Load { place, load });
         }
         said
     }
@@ -99,7 +99,7 @@ pub(super) struct Live {
     /// What it asked for from what was compared last on, oldest first.
     requests: VecDeque<&'static str>,
     /// Its loads that are not compared yet, by the places of their messages.
-    loads: Vec<VecDeque<[f64; 4]>>,
+    loads: Vec<VecDeque<Load>>,
 }
 
 impl Live {
@@ -126,7 +126,7 @@ impl Controller for Live {
                     }
                 }
                 Said::Load { place, load } => {
-                    self.has_begun |= load != [0.0; 4];
+                    self.has_begun |= load != Load::default();
                     // No more than shows that it is ahead.
                     if self.has_begun && self.loads[place].len() <= AHEAD {
                         self.loads[place].push_back(load);
@@ -175,7 +175,7 @@ pub(super) fn expect<C: Clock>(
                     None => Some(DifferenceKind::NoRequest { expected }),
                 }
             }
-            Said::Load { load, .. } if !recorded.has_begun && load == [0.0; 4] => None,
+            Said::Load { load, .. } if !recorded.has_begun && load == Load::default() => None,
             Said::Load { place, load: expected } => {
                 recorded.has_begun = true;
                 test.wait_for(|live| !live.loads[place].is_empty() || live.has_ended())?;

@@ -35,7 +35,7 @@ struct Bench {
     node: Cia402Node,
     now_ns: u64,
     sample: u64,
-    states: [f64; 4],
+    states: Vec<f64>,
     events: Vec<NodeEvent>,
     load: Load,
     /// Frames that the bus has taken, until they are looked at.
@@ -45,14 +45,18 @@ struct Bench {
 
 impl Bench {
     fn new(drives: usize, time_base: TimeBase) -> Bench {
+        Bench::of(&spec(drives), time_base)
+    }
+
+    fn of(spec: &Cia402Spec, time_base: TimeBase) -> Bench {
         let timing = match time_base {
             TimeBase::Clock => Timing::real_time(RATE_HZ),
             TimeBase::Lockstep => Timing::lockstep(1_000_000_000),
         };
         let (exciter, limits) = (Exciter::default(), GateSpec::default());
-        let mut node = Cia402Node::new(&spec(drives), (RATE_HZ, time_base), timing, exciter, limits);
+        let mut node = Cia402Node::new(spec, (RATE_HZ, time_base), timing, exciter, limits);
         node.start(0);
-        let (states, events) = ([0.0; 4], Vec::new());
+        let (states, events) = (alloc::vec![0.0; 4], Vec::new());
         let mut bench = Bench {
             node,
             now_ns: 0,

@@ -106,7 +106,7 @@ fn a_drive_switched_off_beside_another_drops_its_torque_and_the_last_one_ramps()
 fn positions_are_counts_of_the_motor_and_are_limited_and_counted() {
     let mut bench = Bench::new(2, TimeBase::Clock);
     bench.enable(&NODES);
-    bench.states = [core::f64::consts::TAU, -core::f64::consts::PI, 0.5, -0.25];
+    bench.states = alloc::vec![core::f64::consts::TAU, -core::f64::consts::PI, 0.5, -0.25];
     bench.tick();
     bench.frames();
     bench.send(0x80, &[]);
@@ -120,14 +120,34 @@ fn positions_are_counts_of_the_motor_and_are_limited_and_counted() {
     assert_eq!(data(0x281), of(6_553_600, 521_519));
     assert_eq!(data(0x282), of(-3_276_800, -260_759));
     assert_eq!(bench.node.frames().limited_values, 0);
-    bench.states = [1e6, 0.0, 0.0, 0.0];
+    bench.states = alloc::vec![1e6, 0.0, 0.0, 0.0];
     bench.send(0x80, &[]);
     bench.tick();
     assert_eq!(bench.frames().iter().filter(|frame| frame.id() == Id::Standard(0x281)).count(), 1);
     assert_eq!(bench.node.frames().limited_values, 1);
-    bench.states = [f64::NAN, 0.0, 0.0, 0.0];
+    bench.states = alloc::vec![f64::NAN, 0.0, 0.0, 0.0];
     let measurement = Measurement::default();
     let sample =
         PublishedSample { measurement: &measurement, states: &States::new(&bench.states, &[]).unwrap(), travel_m: 0.0 };
     assert!(matches!(bench.node.publish(&sample), Err(PublishError::NotFinite { name, .. }) if name == "alpha1_rad"));
+}
+
+/// Position and velocity are those of the drive's own joint, however many joints there are. (The velocity used to be the
+/// third state, which is one in a two-link arm alone.)
+#[test]
+fn a_drive_at_the_first_of_three_joints_has_its_own_rate() {
+    let drive = DriveSpec { encoder_counts_per_turn: 1000, gear_ratio: 1.0, ..spec(1).drives[0] };
+    for joint in 0..3 {
+        let one = Cia402Spec { drives: alloc::vec![DriveSpec { joint, ..drive }], ..spec(1) };
+        let mut bench = Bench::of(&one, TimeBase::Clock);
+        bench.states = alloc::vec![1.0, 2.0, 3.0, 10.0, 20.0, 30.0];
+        bench.tick();
+        let counts = |value: f64| libm::rint(value * 1000.0 / core::f64::consts::TAU) as u32;
+        let number = (joint + 1) as f64;
+        assert_eq!(
+            [bench.read(1, 0x6064), bench.read(1, 0x606C)],
+            [counts(number), counts(10.0 * number)],
+            "joint {joint}"
+        );
+    }
 }
