@@ -236,7 +236,7 @@ impl Mapping {
                 Some(name) => {
                     self.travel[axis] = Some(self.slot(description, dof, name, Of::Displacement(Dof::Point))?);
                 }
-                None if spec.limits_travel && self.inputs[2 + axis].is_some() => {
+                None if spec.limits_travel && self.inputs[MOST_JOINTS + axis].is_some() => {
                     let why = "rig.gate.travel_limit_m needs it";
                     return Err(ImportError::Missing { dof: dof.clone(), missing: "displacement", why });
                 }
