@@ -43,7 +43,7 @@ _Drive = tuple[list[tuple[str, float]], float, float]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
-_Structure = tuple[Any, Any, str, list[float], str | None, list[str]]
+_Structure = tuple[Any, Any, str, list[float], str | None, list[str], list[str], Any]
 
 _Matrices = tuple[bytes, bytes, bytes | None]
 _Drawn = tuple[list[str], list[list[int]], list[tuple[float, float, float]], list[tuple[float, float, float]]]

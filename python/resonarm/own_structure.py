@@ -15,7 +15,7 @@ Step = Callable[[float, float, Numbers, Numbers], ArrayLike]
 """Called with t, s, the step, s, the state at t and the loads held over the step, it returns the state at its end."""
 Points = Callable[[float, Numbers, Numbers], tuple[ArrayLike, ArrayLike, ArrayLike]]
 """Called with t, s, the state and the loads, it returns displacements, velocities, accelerations of the points."""
-OwnParts = tuple[Any, Any, str, list[float], str | None, list[str]]
+OwnParts = tuple[Any, Any, str, list[float], str | None, list[str], list[str], Any]
 Coordinates = Literal["angles", "displacements", "modal"]
 """What the coordinates are."""
 
@@ -61,6 +61,12 @@ class Stepped:
     """What can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
     `exciter_y`, `exciter_z`. A command of another load is refused."""
 
+    sensed: Sequence[str] = ()
+    """What the sensors of `[rig.sensors]` beside B and C may read: degrees of freedom, points along an axis (`mid.z`) and
+    joints (`joint1`, whose displacement is an angle, rad)."""
+    sensors: Points | None = None
+    """`sensors(t_s, state, loads)` has displacement (m or rad), velocity and acceleration of each of `sensed`, in order."""
+
     def _parts(self) -> OwnParts:
         """The form that the extension takes."""
         for name, call in (("step", self.step), ("points", self.points)):
@@ -68,7 +74,13 @@ class Stepped:
                 raise TypeError(f"{name} is {call!r}: it must be a function")
         initial = _checks.real("initial", self.initial).ravel().tolist()
         loads = [self.loads] if isinstance(self.loads, str) else list(self.loads)
-        return self._step, self._points, self.coordinates, initial, self.name, loads
+        sensed = [self.sensed] if isinstance(self.sensed, str) else list(self.sensed)
+        if (self.sensors is None) == bool(sensed):
+            raise ValueError("sensed and sensors belong together: the names of what sensors read, and its motion")
+        if self.sensors is not None and not callable(self.sensors):
+            raise TypeError(f"sensors is {self.sensors!r}: it must be a function")
+        sensors = None if self.sensors is None else self._sensors
+        return self._step, self._points, self.coordinates, initial, self.name, loads, sensed, sensors
 
     def _step(self, t_s: float, dt_s: float, state: bytes, loads: bytes) -> bytes:
         """The step on the bytes of arrays."""
@@ -82,6 +94,13 @@ class Stepped:
         given = self.points(t_s, np.frombuffer(state, NUMBER), np.frombuffer(loads, NUMBER))
         what = f"what points returned for t = {t_s:g} s, displacements, velocities and accelerations of B and C,"
         return _numbers(what, given, (3, 2, 2))
+
+    def _sensors(self, t_s: float, state: bytes, loads: bytes) -> bytes:
+        """The motion of what sensors read on the bytes of arrays."""
+        given = self.sensors(t_s, np.frombuffer(state, NUMBER), np.frombuffer(loads, NUMBER))  # type: ignore[misc]
+        what = f"what sensors returned for t = {t_s:g} s, displacements, velocities and accelerations of sensed,"
+        sensed = 1 if isinstance(self.sensed, str) else len(self.sensed)
+        return _numbers(what, given, (3, sensed))
 
 
 def _numbers(what: str, given: Any, shape: tuple[int, ...]) -> bytes:

@@ -5,23 +5,34 @@ use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use resonarm::plant::{PointMotion, Stepped};
+use resonarm::plant::{Kinematics, PointMotion, Stepped};
 use resonarm::rig::Load;
 use resonarm::scenario::Scenario;
-use resonarm::structure::{Channel, Coordinates, LOADS, LoadSet, StructureError, coordinate_channels};
+use resonarm::structure::{Channel, Coordinates, LOADS, LoadSet, StructureError, coordinate_channels, named_readings};
 
 use crate::errors::{self, Raised};
 use crate::rows::numbers;
 
 /// A structure as Python gives it: the calls of its step and its points, which take and give the bytes of arrays; what
-/// its coordinates are, these and their rates at the start, its name, and the names of its loads.
+/// its coordinates are, these and their rates at the start, its name, the names of its loads, and what its sensors may
+/// read with the call that gives it.
 #[derive(Debug, FromPyObject)]
-pub struct OwnParts(Py<PyAny>, Py<PyAny>, String, Vec<f64>, Option<String>, Vec<String>);
+pub struct OwnParts(
+    Py<PyAny>,
+    Py<PyAny>,
+    String,
+    Vec<f64>,
+    Option<String>,
+    Vec<String>,
+    Vec<String>,
+    Option<Py<PyAny>>,
+);
 
-/// The two calls.
+/// The calls; that of the sensors if they read anything.
 struct Calls {
     step: Py<PyAny>,
     points: Py<PyAny>,
+    sensors: Option<Py<PyAny>>,
 }
 
 impl fmt::Debug for Calls {
@@ -37,6 +48,10 @@ struct OwnStructure {
     channels: Vec<Channel>,
     /// The place among all loads of each that its functions take, in their order.
     loads: Vec<usize>,
+    /// The channels of the sensors beside B and C, and the place of what each reads among the `sensed` degrees of freedom.
+    sensor_channels: Vec<Channel>,
+    sensor_places: Vec<usize>,
+    sensed: usize,
     state: Vec<f64>,
     /// When it came to it, s.
     t_s: f64,
@@ -50,13 +65,13 @@ const POINTS: usize = 12;
 impl OwnParts {
     /// Its name goes into the scenario, if this does not say already that the program has a structure.
     pub fn name(&self, scenario: &mut Scenario) {
-        let OwnParts(.., name, _loads) = self;
+        let OwnParts(.., name, _loads, _sensed, _sensors) = self;
         scenario.leave_structure_to_program(name.clone());
     }
 
     /// The structure at its start, with the step of the scenario. An exception of a call is stored in `raised`.
     pub fn structure(self, scenario: &Scenario, raised: &Raised) -> PyResult<Box<dyn Stepped>> {
-        let OwnParts(step, points, coordinates, initial, _name, loads) = self;
+        let OwnParts(step, points, coordinates, initial, _name, loads, sensed, sensors) = self;
         let of = match coordinates.as_str() {
             "angles" => Coordinates::Joints,
             "displacements" => Coordinates::Displacements,
@@ -82,9 +97,15 @@ impl OwnParts {
             })
         };
         let loads = loads.iter().map(place).collect::<PyResult<Vec<usize>>>()?;
+        let dofs: Vec<&str> = sensed.iter().map(String::as_str).collect();
+        let readings =
+            named_readings(&scenario.rig.sensors.more, &dofs).map_err(|error| errors::value(error.to_string()))?;
         Ok(Box::new(OwnStructure {
             loads,
-            calls: Arc::new(Calls { step, points }),
+            sensor_channels: readings.iter().map(|reading| reading.channel).collect(),
+            sensor_places: readings.iter().map(|reading| reading.dof).collect(),
+            sensed: sensed.len(),
+            calls: Arc::new(Calls { step, points, sensors }),
             channels: coordinate_channels(of, count / 2),
             state: initial,
             t_s: 0.0,
@@ -165,6 +186,22 @@ impl Stepped for OwnStructure {
     fn points(&self, t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
         let [_, velocity, acceleration] = self.motion(t_s, load)?;
         Ok(PointMotion { velocity_m_s: velocity.map(Into::into), acceleration_m_s2: acceleration.map(Into::into) })
+    }
+
+    fn sensors(&self) -> &[Channel] {
+        &self.sensor_channels
+    }
+
+    fn more(&self, t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let Some(sensors) = self.calls.sensors.as_ref().filter(|_| !out.is_empty()) else { return Ok(()) };
+        let loads = self.loads(load)?;
+        let call = |py: Python<'_>| sensors.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &loads)?));
+        let given = self.call(3 * self.sensed, call)?;
+        for (to, place) in out.iter_mut().zip(&self.sensor_places) {
+            let of = |derivative: usize| given[derivative * self.sensed + place];
+            *to = Kinematics { displacement: of(0), velocity: of(1), acceleration: of(2) };
+        }
+        Ok(())
     }
 
     /// NaN, which no limit lets pass, if there is an exception.

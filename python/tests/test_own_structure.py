@@ -29,12 +29,16 @@ def rate(state, loads):
     return np.concatenate([velocity, AT[1].T @ loads[2:] - DAMPING * velocity - OMEGA**2 * q])
 
 
-def step(_t_s, dt_s, state, loads):
+def flow(rate, dt_s, state, loads):
     """The exact flow of ẋ = A x + b over the step, by its series."""
     change, term = np.zeros(4), dt_s * rate(state, loads)
     for order in range(2, 20):
-        change, term = change + term, dt_s / order * rate(term, np.zeros(4))
+        change, term = change + term, dt_s / order * rate(term, np.zeros(len(loads)))
     return state + change
+
+
+def step(_t_s, dt_s, state, loads):
+    return flow(rate, dt_s, state, loads)
 
 
 def points(_t_s, state, loads):
@@ -60,6 +64,52 @@ def test_a_plant_reads_the_same_as_that_of_the_library(converter):
         # The instruments' steps of resolution may fall on either side.
         np.testing.assert_allclose(rows[name], expected[name], rtol=0, atol=1e-3 * scale + 1e-9, err_msg=name)
     np.testing.assert_allclose(rows["q_m_sqrt_kg"], expected["q_m_sqrt_kg"], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("converter", ["instant", "sinc3"])
+def test_other_sensors_and_a_force_along_z_are_those_of_the_library(converter):
+    z = np.array([0.2, 0.7])
+    modes = [{**mode, "shape": {**mode["shape"], "tip.z": along}} for mode, along in zip(MODES, z, strict=True)]
+    sensors = {"a": {"at": "tip"}, "v": {"at": "tip.z", "measures": "velocity"}}
+    scenario = resonarm.Scenario().replace(rig={"converter": converter, "sensors": sensors})
+    tip = np.vstack([AT[1], z])
+
+    def rate_z(state, loads):
+        q, velocity = state[:2], state[2:]
+        return np.concatenate([velocity, tip.T @ loads - DAMPING * velocity - OMEGA**2 * q])
+
+    def at_tip(_t_s, state, loads):
+        return tip @ state[:2], tip @ state[2:], tip @ rate_z(state, loads)[2:]
+
+    structure = own(
+        step=lambda _t_s, dt_s, state, loads: flow(rate_z, dt_s, state, loads),
+        points=lambda _t_s, state, loads: (AT @ state[:2], AT @ state[2:], AT @ rate_z(state, loads)[2:]),
+        loads=("exciter_x", "exciter_y", "exciter_z"),
+        sensed=("tip.x", "tip.y", "tip.z"),
+        sensors=at_tip,
+    )
+    modal = resonarm.Plant(scenario.replace(structure=resonarm.Modal(modes).section))
+    plant = resonarm.Plant(scenario, structure=structure)
+    forces = 20 * np.sin(0.15 * np.arange(120))[:, None] * [1.0, -0.5, 2.0]
+    rows, expected = plant.play(force_n=forces), modal.play(force_n=forces)
+    for name in ("q_m_sqrt_kg", "acceleration_a_z_m_s2", "acceleration_a_x_m_s2", "velocity_v_z_m_s"):
+        scale = abs(expected[name]).max()
+        assert scale > 0
+        np.testing.assert_allclose(rows[name], expected[name], rtol=0, atol=1e-3 * scale + 1e-9, err_msg=name)
+    with pytest.raises(resonarm.ResonarmError, match="torque1_nm is 1: nothing of the structure takes this load"):
+        plant.advance(torque_nm=(1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"sensed": ["tip.z"]}, "sensed and sensors belong together"),
+        ({"loads": ["joint9"]}, 'loads: there is no load "joint9"'),
+    ],
+)
+def test_what_a_structure_can_not_have_is_refused(changes, said):
+    with pytest.raises(ValueError, match=said):
+        resonarm.Plant(resonarm.Scenario(), structure=own(**changes))
 
 
 @pytest.fixture

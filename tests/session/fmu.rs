@@ -170,27 +170,36 @@ fn its_readings_are_those_of_the_same_mass_as_a_mode() {
         let damping_ratio = 5.0 / (4.0 * core::f64::consts::TAU * frequency_hz);
         let text = format!(
             "[structure]\nkind = 'modal'\nmodes = [{{ frequency_hz = {frequency_hz}, damping_ratio = {damping_ratio}, \
-             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'\nsensors.c = {{ resolution_m_s2 = 1e-9 }}"
+             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'\nsensors.c = {{ resolution_m_s2 = 1e-9 }}\n\
+             sensors.a = {{ at = 'tip', resolution_m_s2 = 1e-9 }}\n\
+             sensors.d = {{ at = 'tip.x', measures = 'displacement', resolution_m = 1e-15 }}\n\
+             sensors.v = {{ at = 'tip.x', measures = 'velocity', resolution_m_s = 1e-12 }}"
         );
         let mut mode = Scenario::parse(&text, "mode").unwrap();
         mode.simulation.seed = fmu.simulation.seed;
         (mode.rig, fmu.rig) = (mode.rig.clone().without_noise(), mode.rig.without_noise());
         let mut plants = [fmu.plant().unwrap(), mode.plant().unwrap()];
-        let (mut largest, mut error): (f64, f64) = (0.0, 0.0);
+        // Accelerometer C, then the sensors of acceleration, displacement and velocity.
+        let (mut largest, mut error) = ([0.0_f64; 4], [0.0_f64; 4]);
         for sample in 0..400_u32 {
             let force_n = 20.0 * libm::sin(core::f64::consts::TAU * 0.019 * f64::from(sample));
             let load = Load::force_n(force_n, 0.0);
             let [one, other] = plants.each_mut().map(|plant: &mut Plant| {
-                let read = plant.measure().acceleration_c_m_s2[0].value;
+                let measured = plant.measure();
                 plant.advance(&load).unwrap();
-                read
+                let others = measured.more.values();
+                [measured.acceleration_c_m_s2[0].value, others[0], others[1], others[2]]
             });
-            largest = largest.max(other.abs());
-            error = error.max((one - other).abs());
+            for reading in 0..4 {
+                largest[reading] = largest[reading].max(other[reading].abs());
+                error[reading] = error[reading].max((one[reading] - other[reading]).abs());
+            }
         }
         // The filter's course over a step is linear at the start of a hold, (ωh)² of it.
         let most = if converter == "instant" { 1e-7 } else { 1e-3 };
-        assert!(largest > 10.0 && error < most * largest, "{converter}: {error:e} of {largest}");
+        assert!(largest[0] > 10.0 && largest.iter().all(|largest| *largest > 0.0), "{largest:?}");
+        let is_near = largest.iter().zip(error).all(|(largest, error)| error < most * largest);
+        assert!(is_near, "{converter}: {error:?} of {largest:?}");
     }
 }
 

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use resonarm_bench::structure::NothingSensed;
+
 use resonarm_bench::structure::ForeignFault;
 
 /// Why an FMU can't be the structure under test.
@@ -259,6 +261,9 @@ pub enum ImportError {
         /// The degrees of freedom that there are.
         known: String,
     },
+    /// A sensor is where nothing is read.
+    #[error(transparent)]
+    NothingSensed(#[from] NothingSensed),
     /// A variable that is needed is not mapped.
     #[error("structure.outputs.\"{dof}\": `{missing}` is missing: {why}")]
     Missing {

@@ -35,5 +35,6 @@ mod units;
 
 pub use archive::{Archive, sha256};
 pub use error::ImportError;
+pub use mapping::NamedChannels;
 pub use source::Source;
 pub use spec::{Numbers, OutputsOf, ReadAt, Spec};

@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use crate::description::Description;
 use crate::{ImportError, OutputsOf, ReadAt, Spec};
 use resonarm_bench::rig::{Load, MOST_JOINTS};
-use resonarm_bench::structure::{Channel, Coordinates, LoadSet, coordinate_channels};
+use resonarm_bench::structure::{
+    Channel, Coordinates, LoadSet, NamedReading, Quantity, coordinate_channels, named_readings,
+};
 pub(crate) use variable::{Block, Slot};
 use variable::{Of, named, parameters, warn_of_unit};
 
@@ -56,13 +58,24 @@ pub(crate) struct Mapping {
     /// The states of a recording, and where they are.
     pub channels: Vec<Channel>,
     pub states: Vec<Slot>,
-    /// Displacements of the exciter's point.
-    pub travel: Axes,
+    /// Displacements of the exciter's point along x, y and z.
+    pub travel: [Option<Slot>; 3],
     /// Forces in the impedance head.
     pub force: Axes,
     /// Velocities and accelerations of accelerometers B and C.
     pub velocity: [Axes; 2],
     pub acceleration: [Axes; 2],
+    /// The channels of the sensors beside B and C, and what each reads.
+    pub sensor_channels: Vec<Channel>,
+    pub sensors: Vec<Sensed>,
+}
+
+/// Displacement, velocity and acceleration of a degree of freedom, as far as they are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Sensed {
+    pub displacement: Option<Slot>,
+    pub velocity: Option<Slot>,
+    pub acceleration: Option<Slot>,
 }
 
 impl Mapping {
@@ -83,6 +96,7 @@ impl Mapping {
             mapping.accelerometer(description, spec, index, (instrument, at))?;
         }
         mapping.at_exciter(description, spec, exciter)?;
+        mapping.sensors(description, spec)?;
         Ok(mapping)
     }
 
@@ -105,10 +119,8 @@ impl Mapping {
                 return Err(ImportError::Driven { got: dof.clone() });
             }
         }
-        let [x, y] = axes(exciter);
-        let z = (!exciter.contains('.')).then(|| format!("{exciter}.z"));
         let joints = (1..=MOST_JOINTS).map(|joint| Some(format!("joint{joint}")));
-        for (slot, dof) in self.inputs.iter_mut().zip(joints.chain([x, y, z])) {
+        for (slot, dof) in self.inputs.iter_mut().zip(joints.chain(directions(exciter))) {
             let Some((dof, name)) = dof.and_then(|dof| spec.inputs.get_key_value(&dof)) else { continue };
             let of = if matches!(Dof::parse("inputs", dof)?, Dof::Point) { Of::Force } else { Of::Torque };
             let key = format!("inputs.\"{dof}\"");
@@ -157,37 +169,13 @@ impl Mapping {
         description: &Description,
         outputs: &BTreeMap<String, OutputsOf>,
     ) -> Result<(), ImportError> {
-        let mut all = Vec::new();
-        for (dof, of) in outputs {
-            if let (Some(displacement), Some(velocity)) = (&of.displacement, &of.velocity) {
-                all.push((Dof::parse("outputs", dof)?, dof, displacement, velocity));
-            }
-        }
-        // The sort is stable: points stay in the order of their names.
-        all.sort_by_key(|(kind, ..)| *kind);
-        let Some((first, one, ..)) = all.first().copied() else { return Ok(()) };
-        let kind = core::mem::discriminant(&first);
-        if let Some((_, other, ..)) = all.iter().find(|(other, ..)| core::mem::discriminant(other) != kind) {
-            return Err(ImportError::Kinds { one: one.clone(), other: (*other).clone() });
-        }
-        let (of, what) = match first {
-            Dof::Point => (Coordinates::Displacements, "points"),
-            Dof::Joint(_) => (Coordinates::Joints, "joints"),
-            Dof::Mode(_) => (Coordinates::Modes, "modes"),
-        };
-        let in_order = |(index, (dof, ..)): (usize, &(Dof, _, _, _))| match dof {
-            Dof::Point => true,
-            Dof::Joint(number) | Dof::Mode(number) => *number == index + 1,
-        };
-        if all.len() > of.most() || !all.iter().enumerate().all(in_order) {
-            return Err(ImportError::Coordinates { what, got: all.len(), most: of.most() });
-        }
-        self.channels = coordinate_channels(of, all.len());
-        for (kind, dof, displacement, _) in &all {
+        let (channels, all) = coordinates(outputs)?;
+        self.channels = channels;
+        for Coordinate { kind, dof, displacement, .. } in &all {
             let slot = self.slot(description, dof, displacement, Of::Displacement(*kind))?;
             self.states.push(slot);
         }
-        for (kind, dof, _, velocity) in &all {
+        for Coordinate { kind, dof, velocity, .. } in &all {
             let slot = self.slot(description, dof, velocity, Of::Velocity(*kind))?;
             self.states.push(slot);
         }
@@ -227,9 +215,45 @@ impl Mapping {
         Err(place(instrument, "outputs with acceleration", at, known))
     }
 
+    /// What the sensors beside B and C read.
+    fn sensors(&mut self, description: &Description, spec: &Spec) -> Result<(), ImportError> {
+        let dofs: Vec<&str> = spec.outputs.keys().map(String::as_str).collect();
+        // A filter follows the motion between two steps by all derivatives from the measured one up to the acceleration.
+        let is_followed = spec.is_filtered && spec.read == ReadAt::Middle;
+        for NamedReading { channel, dof } in named_readings(&spec.sensors, &dofs)? {
+            let (dof, kind) = (dofs[dof], Dof::parse("outputs", dofs[dof])?);
+            let Some(of) = spec.outputs.get(dof) else { continue };
+            let order = match channel.quantity {
+                Quantity::Displacement | Quantity::Angle => 0,
+                Quantity::Velocity => 1,
+                _ => 2,
+            };
+            let mut slot = |key, name: &Option<String>, number: usize, quantity: Of| {
+                let why = match number == order {
+                    true => "a sensor of [rig.sensors] measures it",
+                    // The velocity also tells the acceleration at the start of a hold.
+                    false if is_followed && (number > order || number == 1) => {
+                        "the filter of rig.converter needs it; or take the converter `instant`"
+                    }
+                    false => return Ok(None),
+                };
+                let missing = || ImportError::Missing { dof: dof.to_owned(), missing: key, why };
+                self.slot(description, dof, name.as_ref().ok_or_else(missing)?, quantity).map(Some)
+            };
+            let sensed = Sensed {
+                displacement: slot("displacement", &of.displacement, 0, Of::Displacement(kind))?,
+                velocity: slot("velocity", &of.velocity, 1, Of::Velocity(kind))?,
+                acceleration: slot("acceleration", &of.acceleration, 2, Of::Acceleration(kind))?,
+            };
+            self.sensor_channels.push(channel);
+            self.sensors.push(sensed);
+        }
+        Ok(())
+    }
+
     /// Displacement and force at the exciter's point.
     fn at_exciter(&mut self, description: &Description, spec: &Spec, exciter: &str) -> Result<(), ImportError> {
-        for (axis, dof) in axes(exciter).iter().enumerate() {
+        for (axis, dof) in directions(exciter).iter().enumerate() {
             let Some(dof) = dof else { continue };
             let of = spec.outputs.get(dof);
             match of.and_then(|of| of.displacement.as_ref()) {
@@ -242,12 +266,89 @@ impl Mapping {
                 }
                 None => {}
             }
-            if let Some(name) = of.and_then(|of| of.force.as_ref()) {
+            // The head has the axes x and y.
+            if let (Some(name), true) = (of.and_then(|of| of.force.as_ref()), axis < self.force.len()) {
                 self.force[axis] = Some(self.slot(description, dof, name, Of::Head)?);
             }
         }
         Ok(())
     }
+}
+
+/// A degree of freedom that is a coordinate, with the names of its variables.
+struct Coordinate<'a> {
+    kind: Dof,
+    dof: &'a String,
+    displacement: &'a String,
+    velocity: &'a String,
+}
+
+/// The coordinates: degrees of freedom with displacement and velocity, joints and modes by their numbers, points by their
+/// names; with the channels of all states.
+fn coordinates(outputs: &BTreeMap<String, OutputsOf>) -> Result<(Vec<Channel>, Vec<Coordinate<'_>>), ImportError> {
+    let mut all = Vec::new();
+    for (dof, of) in outputs {
+        if let (Some(displacement), Some(velocity)) = (&of.displacement, &of.velocity) {
+            all.push(Coordinate { kind: Dof::parse("outputs", dof)?, dof, displacement, velocity });
+        }
+    }
+    // The sort is stable: points stay in the order of their names.
+    all.sort_by_key(|coordinate| coordinate.kind);
+    let Some(first) = all.first() else { return Ok((Vec::new(), all)) };
+    let kind = core::mem::discriminant(&first.kind);
+    if let Some(other) = all.iter().find(|other| core::mem::discriminant(&other.kind) != kind) {
+        return Err(ImportError::Kinds { one: first.dof.clone(), other: other.dof.clone() });
+    }
+    let (of, what) = match first.kind {
+        Dof::Point => (Coordinates::Displacements, "points"),
+        Dof::Joint(_) => (Coordinates::Joints, "joints"),
+        Dof::Mode(_) => (Coordinates::Modes, "modes"),
+    };
+    let is_in_order = |(index, coordinate): (usize, &Coordinate)| match coordinate.kind {
+        Dof::Point => true,
+        Dof::Joint(number) | Dof::Mode(number) => number == index + 1,
+    };
+    if all.len() > of.most() || !all.iter().enumerate().all(is_in_order) {
+        return Err(ImportError::Coordinates { what, got: all.len(), most: of.most() });
+    }
+    Ok((coordinate_channels(of, all.len()), all))
+}
+
+/// The channels of an FMU as its specification names them, known without the FMU.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedChannels {
+    /// Coordinates and their rates.
+    pub states: Vec<Channel>,
+    /// The loads, with those that every plant has.
+    pub loads: LoadSet,
+    /// The readings of the sensors beside B and C.
+    pub sensors: Vec<Channel>,
+}
+
+impl NamedChannels {
+    /// The channels of a specification.
+    ///
+    /// # Errors
+    /// [`ImportError`] of names that are no degrees of freedom, and of sensors that are at none.
+    pub fn new(spec: &Spec) -> Result<NamedChannels, ImportError> {
+        let exciter = spec.exciter.as_deref().unwrap_or(TIP);
+        let joints = (1..=MOST_JOINTS).map(|joint| Some(format!("joint{joint}")));
+        let is_named = |dof: Option<String>| dof.is_some_and(|dof| spec.inputs.contains_key(&dof));
+        let places = joints.chain(directions(exciter)).enumerate().filter(|(_, dof)| is_named(dof.clone()));
+        let dofs: Vec<&str> = spec.outputs.keys().map(String::as_str).collect();
+        let sensors = named_readings(&spec.sensors, &dofs)?.into_iter().map(|reading| reading.channel);
+        Ok(NamedChannels {
+            states: coordinates(&spec.outputs)?.0,
+            loads: LoadSet::native_and(places.map(|(place, _)| place)),
+            sensors: sensors.collect(),
+        })
+    }
+}
+
+/// The degrees of freedom along which the exciter pushes: x, y and z of a point, or one for x.
+fn directions(exciter: &str) -> [Option<String>; 3] {
+    let [x, y] = axes(exciter);
+    [x, y, (!exciter.contains('.')).then(|| format!("{exciter}.z"))]
 }
 
 /// The degrees of freedom of a place of the rig: along x and y of a point, or one for x.

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use resonarm_bench::rig::{InstrumentName, SensorSpec};
+
 use serde::{Deserialize, Serialize};
 
 /// When within a hold outputs are read.
@@ -72,6 +74,8 @@ pub struct Spec {
     pub accelerometer_b: Option<String>,
     /// The point of accelerometer C; without it the exciter's.
     pub accelerometer_c: Option<String>,
+    /// The sensors beside B and C.
+    pub sensors: BTreeMap<InstrumentName, SensorSpec>,
     /// From sample to sample, s.
     pub sample_s: f64,
     /// Communication steps a sample.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use nalgebra::Vector2;
 
 use crate::instance::Instance;
-use crate::mapping::{Axes, Slot};
+use crate::mapping::{Axes, Sensed, Slot};
 use crate::source::Source;
 use crate::{ImportError, ReadAt};
-use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
+use resonarm_bench::plant::{Kinematics, Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
 use resonarm_bench::rig::{Load, Rig};
-use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Structure, StructureError};
+use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Quantity, Structure, StructureError};
 
 impl Source {
     /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
@@ -22,9 +22,12 @@ impl Source {
         let held = Held::new(Arc::clone(self))?;
         Ok(match self.read {
             ReadAt::Middle => Plant::stepped(spec, Box::new(Steps::new(held))),
-            ReadAt::End => Rig::new(&spec.rig, &OUTPUTS, spec.sample_rate_hz, spec.seed)
-                .map_err(PlantSpecError::from)
-                .and_then(|rig| Plant::of(Box::new(Sampled::new(held)), rig, spec.sample_rate_hz)),
+            ReadAt::End => {
+                let sampled = Sampled::new(held);
+                Rig::new(&spec.rig, &sampled.outputs, spec.sample_rate_hz, spec.seed)
+                    .map_err(PlantSpecError::from)
+                    .and_then(|rig| Plant::of(Box::new(sampled), rig, spec.sample_rate_hz))
+            }
         })
     }
 }
@@ -140,9 +143,19 @@ impl Held {
         axes.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)))
     }
 
+    /// What a sensor beside B and C reads; 0 of what it needs not know.
+    fn sensed(&self, sensed: &Sensed) -> Kinematics {
+        let number = |slot: Option<Slot>| slot.map_or(0.0, |slot| self.si(&slot));
+        Kinematics {
+            displacement: number(sensed.displacement),
+            velocity: number(sensed.velocity),
+            acceleration: number(sensed.acceleration),
+        }
+    }
+
     fn travel_m(&self) -> f64 {
-        let [x, y] = self.along(&self.source.mapping.travel);
-        libm::hypot(x, y)
+        let [x, y, z] = self.source.mapping.travel.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)));
+        libm::hypot(libm::hypot(x, y), z)
     }
 
     fn save(&self, states: &mut [f64]) {
@@ -203,17 +216,24 @@ impl Stepped for Steps {
         })
     }
 
+    fn sensors(&self) -> &[Channel] {
+        &self.held.source.mapping.sensor_channels
+    }
+
+    fn more(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let sensors = &self.held.source.mapping.sensors;
+        out.iter_mut().zip(sensors).for_each(|(to, sensed)| *to = self.held.sensed(sensed));
+        Ok(())
+    }
+
     /// An FMU gives no accelerations under loads that were set and not yet stepped with. With a course that is linear
     /// over the step, that at its start follows from the mean, the change of velocity:
     ///
     /// ```text
     /// (v(h) − v(0)) / h = (a(0) + a(h)) / 2
     /// ```
-    fn begins(&self, from: &PointMotion, to: &PointMotion, step_s: f64) -> PointMotion {
-        let start = |point: usize| {
-            (to.velocity_m_s[point] - from.velocity_m_s[point]) * (2.0 / step_s) - to.acceleration_m_s2[point]
-        };
-        PointMotion { acceleration_m_s2: [start(0), start(1)], ..*from }
+    fn acceleration_at_start(&self, [from, to]: [f64; 2], [_, at_end]: [f64; 2], step_s: f64) -> f64 {
+        (to - from) * (2.0 / step_s) - at_end
     }
 
     fn travel_m(&self) -> f64 {
@@ -237,13 +257,15 @@ impl Stepped for Steps {
 #[derive(Clone, Debug)]
 pub(crate) struct Sampled {
     held: Held,
+    outputs: Vec<Channel>,
     /// The force in the head, where the FMU does not give it: that of the last hold.
     force_n: [f64; 2],
 }
 
 impl Sampled {
     pub fn new(held: Held) -> Sampled {
-        Sampled { held, force_n: [0.0; 2] }
+        let outputs = [&OUTPUTS[..], &held.source.mapping.sensor_channels].concat();
+        Sampled { held, outputs, force_n: [0.0; 2] }
     }
 
     fn sampled(&self) -> [f64; OUTPUTS.len()] {
@@ -261,7 +283,7 @@ impl Structure for Sampled {
     }
 
     fn outputs(&self) -> &[Channel] {
-        &OUTPUTS
+        &self.outputs
     }
 
     fn states(&self) -> &[Channel] {
@@ -269,7 +291,7 @@ impl Structure for Sampled {
     }
 
     fn saved_len(&self) -> usize {
-        self.states().len() + OUTPUTS.len()
+        self.states().len() + self.outputs.len()
     }
 
     fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
@@ -279,7 +301,16 @@ impl Structure for Sampled {
     }
 
     fn sense(&self, outputs: &mut [f64]) {
-        outputs.iter_mut().zip(self.sampled()).for_each(|(to, number)| *to = number);
+        let mapping = &self.held.source.mapping;
+        let others = mapping.sensors.iter().zip(&mapping.sensor_channels).map(|(sensed, channel)| {
+            let at = self.held.sensed(sensed);
+            match channel.quantity {
+                Quantity::Displacement | Quantity::Angle => at.displacement,
+                Quantity::Velocity => at.velocity,
+                _ => at.acceleration,
+            }
+        });
+        outputs.iter_mut().zip(self.sampled().into_iter().chain(others)).for_each(|(to, number)| *to = number);
     }
 
     fn save(&self, saved: &mut [f64]) {

@@ -4,6 +4,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use nalgebra::Vector2;
+
 use super::assembly_steps::AssemblySteps;
 use super::other_sensors::{CurrentChange, OtherSensors};
 use super::sampling::{Filter, PointMotion, Sums};
@@ -57,6 +59,17 @@ pub(super) struct DrivenStructure {
     before: Vec<f64>,
 }
 
+/// The motion at the start of the first step of a hold, of length `step_s`, s, under the loads of the hold.
+fn begun(steps: &dyn Stepped, from: &PointMotion, to: &PointMotion, step_s: f64) -> PointMotion {
+    let start = |point: usize, axis: usize| {
+        let velocity = [from, to].map(|at| at.velocity_m_s[point][axis]);
+        let acceleration = [from, to].map(|at| at.acceleration_m_s2[point][axis]);
+        steps.acceleration_at_start(velocity, acceleration, step_s)
+    };
+    let acceleration_m_s2 = [0, 1].map(|point| Vector2::new(start(point, 0), start(point, 1)));
+    PointMotion { acceleration_m_s2, ..*from }
+}
+
 /// The integration step, s.
 fn step_s(spec: &PlantSpec) -> f64 {
     1.0 / (spec.sample_rate_hz * f64::from(spec.steps_per_sample))
@@ -65,7 +78,8 @@ fn step_s(spec: &PlantSpec) -> f64 {
 impl DrivenStructure {
     /// The structure of a valid specification with an ideal exciter, in its state at sample 0.
     pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<DrivenStructure, PlantSpecError> {
-        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY, Vec::new())
+        let more = steps.sensors().to_vec();
+        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY, more)
     }
 
     /// The structure of a valid specification, with its shaker if it has one, at sample 0.
@@ -150,12 +164,17 @@ impl DrivenStructure {
             let end_s = t_s + self.step_s;
             if let (Some(filter), Some(from)) = (&self.filter, start) {
                 let ended = steps.points(end_s, load)?;
-                let from = if part == 0 { steps.begins(&from, &ended, self.step_s) } else { from };
+                let from = if part == 0 { begun(&**steps, &from, &ended, self.step_s) } else { from };
                 filter.add_held(&mut sums, part as usize, &from, &ended, [load.force_n.x, load.force_n.y]);
                 start = Some(ended);
                 if !more.is_empty() {
                     more.step_on();
                     steps.more(end_s, load, &mut more.end)?;
+                    if part == 0 {
+                        more.begin_step(|velocity, acceleration| {
+                            steps.acceleration_at_start(velocity, acceleration, self.step_s)
+                        });
+                    }
                     more.add(filter, part as usize, CurrentChange::default());
                 }
             } else if 2 * (part + 1) == self.steps_per_sample {

@@ -26,6 +26,7 @@ use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, 
 use crate::structure::{Kind, LOADS, LoadSet, MOST_STATES, NATIVE_LOADS, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
+pub use resonarm_dynamics::structure::Kinematics;
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
 pub use sampling::PointMotion;
@@ -203,7 +204,8 @@ impl Plant {
         if spec.rig.shaker.is_some() {
             return Err(PlantSpecError::Shaker);
         }
-        let rig = Rig::new(&spec.rig, &OUTPUTS, spec.sample_rate_hz, spec.seed)?;
+        let outputs = [&OUTPUTS[..], structure.sensors()].concat();
+        let rig = Rig::new(&spec.rig, &outputs, spec.sample_rate_hz, spec.seed)?;
         Plant::of(Box::new(DrivenStructure::new(spec, structure)?), rig, spec.sample_rate_hz)
     }
 

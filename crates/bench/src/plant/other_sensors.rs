@@ -74,6 +74,13 @@ impl OtherSensors {
         core::mem::swap(&mut self.start_per_ampere, &mut self.end_per_ampere);
     }
 
+    /// Sets the accelerations at the start of the first step of a hold, by what was read at both ends.
+    pub fn begin_step(&mut self, acceleration: impl Fn([f64; 2], [f64; 2]) -> f64) {
+        for (start, end) in self.start.iter_mut().zip(&self.end) {
+            start.acceleration = acceleration([start.velocity, end.velocity], [start.acceleration, end.acceleration]);
+        }
+    }
+
     /// The converters as if they had always sampled the motion in [`OtherSensors::start`].
     pub fn settle(&mut self, filter: Option<&Filter>) {
         for ((gathered, channel), at) in self.gathered.iter_mut().zip(&self.channels).zip(&self.start) {

@@ -34,6 +34,11 @@ pub trait Stepped: fmt::Debug + Send + Sync {
     /// [`StructureError`] if it can't take a load, or its equations can't be solved.
     fn points(&self, t_s: f64, load: &Load) -> Result<PointMotion, StructureError>;
 
+    /// The channels of the sensors beside B and C; without this method there are none.
+    fn sensors(&self) -> &[Channel] {
+        &[]
+    }
+
     /// The motion that the sensors beside B and C read at the time `t_s`, s, under the load, a degree of freedom each.
     /// A structure without such sensors writes nothing.
     ///
@@ -43,11 +48,11 @@ pub trait Stepped: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// The motion of the points at the start of the first step of a hold, of length `step_s`, s, under the loads of
-    /// the hold, of a structure that knows it only afterwards: `from` is what [`Stepped::points`] gave at the start,
-    /// `to` what it gave at the end.
-    fn begins(&self, from: &PointMotion, _to: &PointMotion, _step_s: f64) -> PointMotion {
-        *from
+    /// The acceleration along a degree of freedom at the start of the first step of a hold, of length `step_s`, s, under
+    /// the loads of the hold, of a structure that knows it only afterwards: given are velocity and acceleration that were
+    /// read at the start and at the end.
+    fn acceleration_at_start(&self, _velocity: [f64; 2], [at_start, _]: [f64; 2], _step_s: f64) -> f64 {
+        at_start
     }
 
     /// The distance of the point that the exciter acts on from rest, m, without sign.

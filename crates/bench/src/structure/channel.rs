@@ -363,7 +363,7 @@ pub const READINGS: [Channel; 6] = [
 ];
 
 /// The axes of a sensor at a point, along those of the base frame.
-const AXES: [(Axis, &str); 3] = [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")];
+pub(super) const AXES: [(Axis, &str); 3] = [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")];
 
 /// What a sensor can measure: the quantity, the beginning of its channels' names and their unit.
 const SENSORS: [(Measured, Quantity, &str, &str); 4] = [

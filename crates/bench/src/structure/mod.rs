@@ -1,6 +1,7 @@
 //! A structure under test as the bench knows it: channels that act on it and that it answers in, one step a sample.
 
 mod channel;
+mod named_sensors;
 mod states;
 
 pub use channel::{
@@ -8,6 +9,7 @@ pub use channel::{
     Point, Quantity, READINGS, STATES, branch_channel, coordinate_channels, element_channel, joint_channel_name,
     known_states, named_sensor_channels, sensor_channels,
 };
+pub use named_sensors::{NamedReading, NothingSensed, named_readings};
 pub use states::{MOST_COORDINATES, MOST_ELEMENTS, MOST_STATES, States};
 
 use alloc::boxed::Box;

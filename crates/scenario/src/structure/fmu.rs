@@ -7,8 +7,8 @@ use super::source::unreadable;
 use super::{ImportError, StructureSection, StructureSectionError};
 use crate::text_file;
 use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError};
-use resonarm_bench::rig::{Converter, PlaceName};
-use resonarm_fmu_import::{Source, Spec, sha256};
+use resonarm_bench::rig::{Converter, PlaceName, RigSpec};
+use resonarm_fmu_import::{NamedChannels, Source, Spec, sha256};
 
 impl StructureSection {
     /// Notes the absolute path of the FMU and its SHA-256, so that a recording states which FMU was used. A
@@ -62,13 +62,26 @@ impl StructureSection {
             return Err(StructureSectionError::FmuHash { path, got, expected: expected.clone() });
         }
         let of = |fault: ImportError| StructureSectionError::Fmu { path: path.clone(), fault: Box::new(fault) };
-        let source = Source::read(bytes, &self.fmu_spec(spec)).map_err(of)?;
+        let wanted = Spec {
+            sample_s: 1.0 / spec.sample_rate_hz,
+            steps_per_sample: spec.steps_per_sample,
+            ..self.fmu_spec(&spec.rig)
+        };
+        let source = Source::read(bytes, &wanted).map_err(of)?;
         Arc::new(source).plant(spec).map_err(of)
     }
 
-    /// Returns what the rig requires of the FMU.
-    fn fmu_spec(&self, spec: &PlantSpec) -> Spec {
-        let rig = &spec.rig;
+    /// The channels of the FMU, as the section and the rig name them; the FMU is not read.
+    pub(crate) fn fmu_channels(&self, rig: &RigSpec) -> Result<NamedChannels, StructureSectionError> {
+        let of = |fault: ImportError| StructureSectionError::Fmu {
+            path: self.file.clone().unwrap_or_default(),
+            fault: Box::new(fault),
+        };
+        NamedChannels::new(&self.fmu_spec(rig)).map_err(of)
+    }
+
+    /// What the rig requires of the FMU, without its steps.
+    fn fmu_spec(&self, rig: &RigSpec) -> Spec {
         let place = |at: &Option<PlaceName>| at.as_ref().map(|at| at.as_str().to_owned());
         Spec {
             inputs: self.inputs.clone(),
@@ -78,10 +91,10 @@ impl StructureSection {
             exciter: place(&rig.exciter.at),
             accelerometer_b: place(&rig.sensors.b.at),
             accelerometer_c: place(&rig.sensors.c.at),
-            sample_s: 1.0 / spec.sample_rate_hz,
-            steps_per_sample: spec.steps_per_sample,
+            sensors: rig.sensors.more.clone(),
             is_filtered: rig.converter != Converter::Instant,
             limits_travel: rig.gate.travel_limit_m.is_some(),
+            ..Spec::default()
         }
     }
 }

@@ -11,6 +11,7 @@ use resonarm_bench::rig::InstrumentName;
 use resonarm_bench::structure::{
     COIL_CURRENT, Channel, Coordinates, Kind, LOADS, LoadSet, OUTPUTS, Point, Quantity, coordinate_channels,
 };
+use resonarm_fmu_import::NamedChannels;
 
 /// The quantities of a plant that signals can carry, each kind in the order in which the plant publishes it.
 #[derive(Clone, Debug)]
@@ -21,17 +22,23 @@ pub struct Quantities {
 }
 
 impl Quantities {
-    /// The quantities of the scenario's plant. Of a structure whose equations are not in the scenario (an FMU) the states
-    /// are taken to be those of a two-link arm; a run refuses it if they are not.
+    /// The quantities of the scenario's plant. Of a structure that a program makes the states are taken to be those of a
+    /// two-link arm; a run refuses it if they are not.
     ///
     /// # Errors
     /// [`WireError::Structure`] if the scenario makes no structure.
     pub fn of_scenario(scenario: &Scenario) -> Result<Quantities, WireError> {
+        let impossible = |reason: String| WireError::Structure { reason };
+        if scenario.is_fmu() {
+            let channels = scenario.structure.fmu_channels(&scenario.rig);
+            let NamedChannels { states, loads, sensors } = channels.map_err(|error| impossible(error.to_string()))?;
+            return Ok(Quantities { readings: [&OUTPUTS[..], &sensors].concat(), states, loads });
+        }
         if scenario.foreign_structure().is_some() {
             let states = coordinate_channels(Coordinates::Joints, 2);
             return Ok(Quantities { readings: OUTPUTS.to_vec(), states, loads: LoadSet::NATIVE });
         }
-        let tested = scenario.under_test().map_err(|error| WireError::Structure { reason: error.to_string() })?;
+        let tested = scenario.under_test().map_err(|error| impossible(error.to_string()))?;
         let readings = [&OUTPUTS[..], &tested.places.more_channels()].concat();
         let states = tested.states(scenario.rig.shaker.is_some());
         Ok(Quantities { readings, states, loads: tested.load_set() })
