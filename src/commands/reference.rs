@@ -129,7 +129,7 @@ mod tests {
         let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| `")).collect();
         assert!(rows.contains(&"| `alpha1_rad` to `alpha8_rad` | state | rad | joint 1 to joint 8 | about z |  |"));
         assert!(rows.contains(&"| `head_force_y_n` | reading | N | tip C | y | 5 |"));
-        assert_eq!(rows.len(), 6 + 4 + 3 + READINGS.len(), "{text}");
+        assert_eq!(rows.len(), 6 + 5 + 3 + READINGS.len(), "{text}");
     }
 
     #[test]

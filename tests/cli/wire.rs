@@ -460,7 +460,7 @@ links = [
 [excitation]
 amplitude = { joint3 = 20.0 }
 ramp_s = 0.05
-profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 0.3 }
+profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 0.3, settle_s = 0.1 }
 
 [wire]
 dbc = "chain.dbc"

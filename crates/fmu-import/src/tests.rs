@@ -87,7 +87,7 @@ fn variables_are_mapped_with_their_units() {
     let source = read(MASS, &spec()).unwrap();
     let mapping = &source.mapping;
     assert_eq!((mapping.set.references.as_slice(), mapping.read.references.as_slice()), (&[1][..], &[2, 3, 4][..]));
-    let force = mapping.inputs[2].unwrap();
+    let force = mapping.inputs[8].unwrap();
     assert_eq!((force.conversion.of_si(2500.0), force.conversion.to_si(2.5)), (2.5, 2500.0));
     let length = mapping.travel[0].unwrap();
     assert_eq!((length.conversion.to_si(7.0), length.conversion.of_si(0.5)), (0.507, 0.0));
@@ -156,7 +156,7 @@ fn variables_that_do_not_fit_are_refused() {
     insta::assert_snapshot!(with(|spec| outputs(spec).force = Some("a".into())), @r#"structure.outputs."tip.x": `force` is of an FMU that samples it itself: leave it out, or take `read = "end"`"#);
     insta::assert_snapshot!(with(|spec| { spec.outputs.insert("tip".into(), OutputsOf::default()); }), @r#"structure.outputs: `tip` names no degree of freedom: write point and axis, as in "tip.x", or joint1, or mode1"#);
     let mode = |spec: &mut Spec| drop(spec.inputs.insert("mode1".into(), "force".into()));
-    insta::assert_snapshot!(with(mode), @"structure.inputs: `mode1` is not driven: loads are forces at points and torques at joint1 and joint2");
+    insta::assert_snapshot!(with(mode), @"structure.inputs: `mode1` is not driven: loads are forces at points and torques at joint1 to joint8");
     insta::assert_snapshot!(with(|spec| spec.exciter = Some("top".into())), @"rig.exciter: nothing of structure.inputs is at `top`; there are tip.x");
     insta::assert_snapshot!(with(|spec| spec.accelerometer_b = Some("tip.z".into())), @"rig.sensors.b: nothing of structure.outputs with acceleration is at `tip.z`; there are tip.x");
     let filtered = |spec: &mut Spec| (spec.is_filtered, outputs(spec).velocity) = (true, None);

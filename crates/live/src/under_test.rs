@@ -246,7 +246,7 @@ at = "mid"
         assert_eq!(named(&modal.acceleration_c), "8 z (m/s²)");
         assert_eq!(named(&modal.coordinates), "10 q₁ (m·√kg), 11 q₂ (m·√kg)");
         assert!(modal.sensors.is_empty());
-        let link = "{ length_m = 0.3, mass_kg = 2, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2 }";
+        let link = "{ length_m = 0.3, mass_kg = 2, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, angle_deg = 0, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2 }";
         let chain = under_test(&format!("structure = {{ kind = 'chain', links = [{link}, {link}, {link}] }}")).panels();
         assert_eq!(named(&chain.torque), "0 torque 1 (N·m), 1 torque 2 (N·m), 13 torque 3 (N·m)");
         let along_z =

@@ -102,8 +102,8 @@ mod tests {
         let with = |from: &str, to: &str| said(&wire(&DRIVES.replacen(from, to, 1)));
         insta::assert_snapshot!(with("node_id = 1", "node_id = 128"), @"wire.drives, number 1: `node_id` is 128: it must be from 1 to 127, and another than those before");
         insta::assert_snapshot!(with("node_id = 2", "node_id = 1"), @"wire.drives, number 2: `node_id` is 1: it must be from 1 to 127, and another than those before");
-        insta::assert_snapshot!(with("joint = 2", "joint = 3"), @"wire.drives, number 2: `joint` is 3: it must be 1 or 2, and another than those before");
-        insta::assert_snapshot!(with("joint = 2", "joint = 1"), @"wire.drives, number 2: `joint` is 1: it must be 1 or 2, and another than those before");
+        insta::assert_snapshot!(with("joint = 2", "joint = 3"), @"wire.drives, number 2: `joint` is 3: it must be the number of a joint of the structure, and another than those before");
+        insta::assert_snapshot!(with("joint = 2", "joint = 1"), @"wire.drives, number 2: `joint` is 1: it must be the number of a joint of the structure, and another than those before");
         insta::assert_snapshot!(with("gear_ratio = 50.0", "gear_ratio = 0.0"), @"wire.drives, number 2: `gear_ratio` is 0: it must be a number other than 0");
         insta::assert_snapshot!(with("rated_torque_nm = 0.25", "rated_torque_nm = 0.0005"), @"wire.drives, number 2: `rated_torque_nm` is 0.0005: it must be a whole number of mN·m from 0.001 to 4294967.295, as object 6076 says it so");
         insta::assert_snapshot!(with("rated_torque_nm = 0.25, ", ""), @r#"wire.drives, number 2: it has no `rated_torque_nm`, which `preset = "cia402"` needs"#);

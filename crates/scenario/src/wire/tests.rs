@@ -211,7 +211,7 @@ fn drives_that_are_refused() {
     [wire]: a preset needs at least one drive: drives = [{ node_id = 0, joint = 1 }]
     [wire]: with a `preset` the messages are given: leave out `dbc`, `node`, `arm`, `sync`, `commands`, `events` and `readings`
     wire.drives, number 1: `node_id` is 64: it must be from 0 to 63, and another than those before
-    wire.drives, number 1: `joint` is 3: it must be 1 or 2, and another than those before
+    wire.drives, number 1: `joint` is 3: it must be the number of a joint of the structure, and another than those before
     wire.drives, number 2: `node_id` is 0: it must be from 0 to 63, and another than those before
     wire.drives, number 1: `gear_ratio` is 0: it must be a number other than 0
     wire.drives, number 1: `torque_constant_nm_a` is -1: it must be a positive number
@@ -224,14 +224,14 @@ fn drives_that_are_refused() {
 /// Angles and rates are counted as in the scenario's structure, and only its states can be sent.
 #[test]
 fn states_are_those_of_the_structure() {
-    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
+    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, angle_deg = 0, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
     let chain = format!("structure = {{ kind = 'chain', links = [{link}, {link}, {link}] }}\n");
     let modal = "structure = { kind = 'modal', modes = [{ frequency_hz = 20, damping_ratio = 0.01, shape = { 'tip.x' = 0.5 } }] }\n";
     let sent = |structure: &str, name: &str| {
+        let text: String =
+            SCENARIO.lines().filter(|line| !line.contains("alpha")).map(|line| format!("{line}\n")).collect();
         let quantity = format!("quantity = \"{name}\", scale = 1.0");
-        let text = SCENARIO.replace("quantity = \"acceleration_c_x_m_s2\"", &quantity);
-        let text =
-            text.lines().filter(|line| !line.contains("alpha")).map(|line| format!("{line}\n")).collect::<String>();
+        let text = text.replace("quantity = \"acceleration_c_x_m_s2\"", &quantity);
         compiled(&(structure.to_string() + &text), DBC)
     };
     let place = |structure: &str, name: &str| {
@@ -254,7 +254,7 @@ fn states_are_those_of_the_structure() {
 /// A drive turns any joint that the structure has.
 #[test]
 fn drives_turn_the_joints_of_the_structure() {
-    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
+    let link = "{ length_m = 0.3, mass_kg = 2.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, angle_deg = 0, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2.0 }";
     let drives = |links: usize, joint: usize| {
         let links = vec![link; links].join(", ");
         let text = format!(
@@ -265,5 +265,5 @@ fn drives_turn_the_joints_of_the_structure() {
     };
     let input = |mapping: &Mapping| mapping.incoming.iter().flat_map(|message| &message.commands).next().unwrap().input;
     assert_eq!(input(&drives(3, 3).unwrap()), LoadInput::Torque(2));
-    insta::assert_snapshot!(drives(2, 3).unwrap_err(), @"");
+    insta::assert_snapshot!(drives(2, 3).unwrap_err(), @"wire.drives, number 1: `joint` is 3: it must be the number of a joint of the structure, and another than those before");
 }

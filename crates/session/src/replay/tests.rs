@@ -38,7 +38,7 @@ fn responses_are_read_again() {
     assert_eq!((&again, again.len()), (&read, 1));
     let stated = SCENARIO.replace("22.1", "22.2");
     let error = responses(&record(&folder.path().join("other.mcap"), SCENARIO, &stated)).unwrap_err();
-    insta::assert_snapshot!(error, @"the recorded command at sample 1 is [0.0, 0.0, 8.3, 0.0] (force along x, y in N, torques in N·m), by the scenario in the recording it is [0.0, 0.0, 8.35, 0.0]: another controller was recorded; run plant and exciter with the same scenario");
+    insta::assert_snapshot!(error, @"the recorded command at sample 1 is joint1 = 8.3 N·m, by the scenario in the recording it is joint1 = 8.35 N·m: another controller was recorded; run plant and exciter with the same scenario");
     let error = responses(&record(&folder.path().join("none.mcap"), SCENARIO, "")).unwrap_err();
     assert!(matches!(error, ReplayError::Scenario(_)), "{error}");
 }
