@@ -23,7 +23,7 @@ pub struct CommandCheck {
     pub travel: Limit,
 }
 
-/// Judges every command that a plant receives: `SPEC.md`, section 8, "Commands refused".
+/// Judges every command that a plant receives: `SPEC.md`, section 8, "Commands rejected".
 ///
 /// A command passes if the plant is operational and within its travel, if it answers a sample that is neither too old
 /// nor in the future, newer than the one that the last accepted command answers, if the exciter can produce
