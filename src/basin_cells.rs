@@ -94,6 +94,8 @@ impl Cells {
         };
         let colors = [Color::SkyBlue, Color::Vermillion, Color::Yellow, Color::Green, Color::Purple, Color::Blue];
         for (k, label) in labels.into_iter().enumerate() {
+            // Seven stable orbits at one frequency would repeat a colour; grey and black are kept for the states that
+            // reach none.
             let color = colors[k % colors.len()];
             let points = cells(&|cell| cell.motion == Some(k + 1));
             panel = panel.with_any(Series::tiles(label, color, spacing, points));
@@ -104,6 +106,8 @@ impl Cells {
             let points = cells(&|cell| cell.outcome == outcome);
             panel = panel.with_any(Series::tiles(label, color, spacing, points));
         }
+        // Drawn last, over the tiles. The other coordinates of an orbit are usually not those of the plane of the
+        // grid, so that its mark is a projection and may lie in a tile of another colour.
         let sections = Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections);
         let panel = panel.with(sections.marked(8.0, false));
         Figure::new("Basins of attraction: where each initial state ends").with(panel)

@@ -47,6 +47,7 @@ impl GridFlags {
             return Err(Failure::usage(format!("--points has {count}: it must be from 2 to {MOST}")));
         }
         let to = self.to.as_ref().map_or(Ok(reach), |to| pair("--to", to))?;
+        // Coordinates count from rest, so a grid without --from is symmetric about the state of rest.
         let from = self.from.as_ref().map_or_else(|| Ok(to.map(|to| -to)), |from| pair("--from", from))?;
         let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
         match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {

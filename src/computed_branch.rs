@@ -61,6 +61,7 @@ pub(crate) fn is_at_one_load(points: &[MeasuredPoint]) -> bool {
 fn best_read(points: &[MeasuredPoint]) -> Option<&str> {
     let rank = |dof: &str| {
         let is_clipped = points.iter().any(|point| point.settled && point.is_clipped(dof));
+        // Ordered by cleanliness first: a clipped amplitude may be off by some per cent, however large it is.
         (!is_clipped, points.iter().filter_map(|point| point.amplitude(dof)).fold(0.0, f64::max))
     };
     let dofs = points.first()?.readings.keys().map(String::as_str);
@@ -95,6 +96,8 @@ impl ComputedBranch {
             points.iter().filter(|point| point.settled).filter_map(|point| point.excitation).collect();
         let drive = match acting.len() {
             count if count > 0 && is_at_one_load(points) => {
+                // Points state one amplitude each. The ratio of the loads stays as commanded, and only their size is
+                // set to the mean.
                 drive.scaled(acting.iter().sum::<f64>() / count as f64 / drive.size())
             }
             _ => drive.clone(),
@@ -102,6 +105,8 @@ impl ComputedBranch {
         let forced = drive.forced(assembly);
         let ends = [(1.0 - MARGIN) * low_hz, (1.0 + MARGIN) * high_hz];
         let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.dof]);
+        // The distance of a point is measured to straight lines between orbits. Near a sharp peak the usual steps
+        // would cut the corner by more than measured points deviate.
         options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
         let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason)?;
         Ok(Some(ComputedBranch { branch, at, drive }))

@@ -14,6 +14,8 @@ use resonarm::structure::{
 pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Value {
     let mut structure = json!(scenario.structure);
     if let (StructureKind::Preset, BodySpec::Chain(chain)) = (scenario.structure.kind, &tested.assembly.spec().body) {
+        // The links are stated in full, since a later version may know other presets. Readers make a chain from
+        // `links`, so the kind `preset` is left out.
         structure["angles_deg"] = chain.links.iter().map(|link| json!(link.angle_deg)).collect();
         structure["links"] = json!(chain.links);
         if chain.gravity_m_s2 != 0.0 {

@@ -186,6 +186,7 @@ impl Drive {
     /// The structure under these loads.
     pub fn forced(&self, assembly: &Assembly) -> Forced {
         let amplitude = self.amplitude();
+        // The continuation varies one amplitude, that of the first load. The others are stated by their ratio to it.
         let shares: Vec<(Dof, f64)> = self.loads.iter().map(|load| (load.at.dof, load.amplitude / amplitude)).collect();
         Forced::at_several(assembly.clone(), &shares, amplitude)
     }

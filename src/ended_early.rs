@@ -85,6 +85,7 @@ impl Early {
 
     /// The command's verdict once its results are out: fails with the last reason and reports the others.
     pub fn verdict(mut self) -> Result<Verdict, Failure> {
+        // A command fails with one error, which `main` prints. The others are printed here, before it.
         let last = self.0.pop();
         self.0.iter().for_each(output::complain);
         last.map_or(Ok(Verdict::Positive), Err)

@@ -141,10 +141,13 @@ impl Failure {
     fn is_exhaustion(&self) -> bool {
         let mut cause: Option<&(dyn core::error::Error + 'static)> = Some(self);
         while let Some(error) = cause {
+            // Errors that are cloned keep their `io::Error` in an `Arc`, which is a type of its own to
+            // `downcast_ref`.
             let kept = error.downcast_ref::<Arc<io::Error>>().map(|error| &**error);
             if error.downcast_ref::<io::Error>().or(kept).is_some_and(is_exhausted) {
                 return true;
             }
+            // This error keeps only the kind of its cause.
             if let Some(StructureSectionError::Read { kind: io::ErrorKind::OutOfMemory, .. }) = error.downcast_ref() {
                 return true;
             }
@@ -194,6 +197,7 @@ impl Failure {
 
 /// Whether a system call failed since memory, threads or file descriptors have run out.
 fn is_exhausted(error: &io::Error) -> bool {
+    // EAGAIN is what a new thread gets at the limit of processes (pthread_create(3), RLIMIT_NPROC).
     let numbers = [libc::ENOMEM, libc::EMFILE, libc::ENFILE, libc::EAGAIN];
     error.kind() == io::ErrorKind::OutOfMemory || error.raw_os_error().is_some_and(|number| numbers.contains(&number))
 }

@@ -31,6 +31,8 @@ pub(crate) fn in_groups(command: Command, groups: &[(&str, &[&str])]) -> Command
 fn list(command: &Command, variants: &[&str]) -> StyledStr {
     let names = variants.iter().map(|variant| variant.to_lowercase());
     let found = names.filter_map(|name| command.find_subcommand(name)).cloned();
+    // clap can't group subcommands. A command of its own for each group lends its list, wrapped as clap wraps the
+    // whole one.
     let alone = Command::new("").help_template("{subcommands}\n").max_term_width(120).disable_help_subcommand(true);
     found.enumerate().fold(alone, |list, (order, one)| list.subcommand(one.display_order(order))).render_help()
 }

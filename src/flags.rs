@@ -188,6 +188,7 @@ impl StructureFlags {
 /// Gives the links of a scenario's chain these angles, degrees.
 fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
     let section = &mut scenario.structure;
+    // Parameters of `set` are applied after the section's own values, so they would undo the angles of the flag.
     section.set.retain(|name, _| !(name.starts_with("link") && name.ends_with(".angle_deg")));
     let mut angles: Vec<&mut f64> = match section.kind {
         StructureKind::Preset => section.angles_deg.iter_mut().collect(),

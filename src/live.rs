@@ -260,6 +260,7 @@ mod serving {
 
     /// The lines with the page's URL and a warning if other machines reach it.
     fn announcement(url: &str, address: SocketAddr, json: bool) -> Vec<String> {
+        // The canonical form of ::ffff:127.0.0.1 is 127.0.0.1, which no other machine reaches.
         let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
             let port = address.port();
             format!(
@@ -281,6 +282,7 @@ mod serving {
 
     /// An address with or without a port.
     fn parse(text: &str) -> Result<SocketAddr, LiveError> {
+        // `[::1]` is neither an `IpAddr`, which has no brackets, nor a `SocketAddr`, which has a port.
         let bare = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).unwrap_or(text);
         let address = bare.parse::<IpAddr>().map(|ip| SocketAddr::new(ip, 0));
         address.or_else(|_not_bare| text.parse()).map_err(|_neither| LiveError::Address { got: text.to_owned() })

@@ -41,6 +41,7 @@ fn lines(branch: &Branch) -> BranchLines {
     let mut lines = BranchLines::default();
     for (stretch, is_stable) in stretches(branch) {
         let line = if is_stable == Some(false) { &mut lines.unstable } else { &mut lines.stable };
+        // Breaks the drawn line between stretches of equal stability.
         line.push(None);
         line.extend(stretch.iter().map(|orbit| Some(at(orbit))));
     }

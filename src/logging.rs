@@ -25,6 +25,7 @@ pub(crate) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     // No colours in a file or a pipe, nor with NO_COLOR (no-color.org).
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     let lines = tracing_subscriber::fmt::layer()
+        // Messages quote names from foreign files, whose control characters must not reach a terminal.
         .fmt_fields(debug_fn(|writer, field, value| match field.name() {
             "message" => write!(writer, "{}", printable(&format!("{value:?}"))),
             name => write!(writer, " {name}={}", printable(&format!("{value:?}"))),
@@ -46,6 +47,7 @@ fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
                  as `debug` or `resonarm_bus=trace`"
             ))
         })?;
+        // A bare level is the default of `asked`, which `with_targets` does not take over.
         filter = match asked.default_level() {
             Some(level) => filter.with_default(level),
             None => filter.with_targets(asked),

@@ -146,6 +146,7 @@ commands! {
 fn main() -> ExitCode {
     memory::exit_where_memory_is_missing();
     file_size::fail_writes_beyond_limit();
+    // Before clap, which would print its help and end with exit code 2 for a missing command.
     if std::env::args_os().len() < 2 {
         return conclude(output::print(first_minute::BY_TRADE).map(|()| Verdict::Positive));
     }
@@ -218,6 +219,7 @@ fn named(arguments: &[OsString]) -> Option<&str> {
 /// Parses a command line. Only the arguments of its command are made, if it names one.
 fn parse(arguments: impl IntoIterator<Item = impl Into<OsString>>) -> Result<Cli, clap::Error> {
     let arguments: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
+    // `named` gives up where anything unusual comes first. All arguments are then made: slower, and still right.
     let mut command = match named(&arguments) {
         Some(name) => with_arguments(|command| command == name),
         None => whole(),

@@ -93,6 +93,7 @@ impl MotionFlags {
         csv: impl FnOnce() -> String,
         figure: impl FnOnce() -> Result<Figure, Failure>,
     ) -> Result<(), Failure> {
+        // Printed first: a full disk must not take the results of a long computation as well.
         self.json.show(document, text, &[])?;
         let Some(stem) = &self.plot else { return Ok(()) };
         let csv = output::write(beside(stem, ".csv"), &csv())?;

@@ -12,6 +12,7 @@ pub(crate) fn strict(command: Command) -> Command {
 }
 
 fn strict_flag(arg: Arg) -> Arg {
+    // clap has no mark for numeric flags: the type of the parsed value is the only one.
     let holds = arg.get_value_parser().type_id();
     let integers = [
         TypeId::of::<u8>(),

@@ -20,6 +20,7 @@ use resonarm_figures::plot::{Figure, beside};
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(printable(text).as_bytes())?;
+    // Flushed here, where a failure is still an error of the command: at the end of the process it would be lost.
     Ok(out.flush()?)
 }
 
@@ -190,6 +191,7 @@ impl OverwriteFlag {
     pub fn check(self, files: impl IntoIterator<Item = PathBuf>, inputs: &Inputs) -> Result<(), Failure> {
         for path in files {
             inputs.check(&path)?;
+            // `exists` follows links, and would take a dangling link for a free name.
             if !self.overwrite && path.symlink_metadata().is_ok() {
                 return Err(Failure::Exists { path });
             }
@@ -206,6 +208,7 @@ impl OverwriteFlag {
 /// Fails unless the folder of STEM's files exists: commands that compute for minutes check first.
 pub(crate) fn check_folder(stem: &Path) -> Result<(), Failure> {
     let folder = stem.parent().filter(|folder| !folder.as_os_str().is_empty());
+    // Reading the folder gives the system's reason, which `exists` does not.
     match folder.map(std::fs::read_dir) {
         Some(Err(source)) => Err(Failure::Write { path: stem.to_path_buf(), source }),
         _ => Ok(()),

@@ -48,6 +48,7 @@ impl Pace {
         if now_ns < self.due_ns {
             return None;
         }
+        // From now, not from when it was due: after a stall the lines that were missed do not follow in a burst.
         self.due_ns = now_ns + PACE_NS;
         Some(words(self.name, done, now_ns.saturating_sub(self.start_ns) / 1_000_000_000))
     }
@@ -144,6 +145,7 @@ fn lines(name: &'static str, done: impl Fn() -> Done + Send + 'static) -> Option
 /// Waits for the time of the next line; returns whether the work is still running.
 fn is_still_running(ended: &Receiver<()>, pace: &Pace) -> bool {
     let wait = Duration::from_nanos(pace.due_ns.saturating_sub(SystemClock.now_ns()));
+    // Dropping the sender ends the wait at once, so no line follows the end of the work.
     matches!(ended.recv_timeout(wait), Err(RecvTimeoutError::Timeout))
 }
 

@@ -41,6 +41,7 @@ pub(crate) fn read_at(at: &[String], driven: &[ReadAt], assembly: &Assembly) -> 
     let named = at.iter().map(|name| Ok(ReadAt { dof: dof("--at", name, assembly)?, name: name.clone() }));
     let named = named.collect::<Result<Vec<_>, Failure>>()?;
     let read = if named.is_empty() { driven.to_vec() } else { named };
+    // Displacements count from the base, so at the base itself they would be 0 whatever the load.
     if let Some(ReadAt { name, .. }) = read.iter().find(|at| at.dof.is_base()) {
         let points = assembly.points().join(", ");
         return Err(Failure::usage(format!(

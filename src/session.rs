@@ -50,6 +50,7 @@ pub(crate) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
 /// Opens the bus of a session. Unless `all` frames are recorded or shown, the kernel passes only those of the session's
 /// network; other adapters may filter in software, and then lose the reports on their controller.
 pub(crate) fn open_bus(address: &BusAddress, session: &Session, all: bool) -> Result<Box<dyn Bus>, Failure> {
+    // First, since the adapters of python-can start threads that inherit the cores of this one.
     session.leave_core();
     let mut bus = bus::open(address)?;
     if let (false, BusAddress::SocketCan(_)) = (all, address) {

@@ -89,6 +89,7 @@ impl Status {
         }
         let (every_ns, window_ns) = match every {
             _ if line.is_on_terminal() => (ANEW_NS, WINDOW_NS),
+            // A window of 0 is over whenever a line is due, so values are measured from line to line.
             Some(every) => (u64::try_from(every.as_nanos()).unwrap_or(u64::MAX), 0),
             None => return,
         };
@@ -108,6 +109,7 @@ impl Status {
             self.window = Some(Window::between(&before, &now, passed_ns));
             self.before = Some((now_ns, now));
         }
+        // `read` would reset the extremes of the window; `look` only shows the state.
         words(&signals.gauges().look(), self.window.as_ref(), signals.responses())
     }
 }

@@ -118,6 +118,7 @@ pub(crate) fn supervise<T: Send + 'static>(
         .name(name.to_string())
         .spawn(move || {
             let result = work(&watched);
+            // Sent before the thread ends, and dropped in a panic: either wakes the loop that waits for it.
             let _nobody_waits = done.send(());
             result
         })
@@ -132,6 +133,7 @@ pub(crate) fn supervise<T: Send + 'static>(
 
 /// Fails if the system has no file descriptors left for the runtime, which panics where it gets none for its signals.
 fn check_descriptors() -> std::io::Result<()> {
+    // Eight descriptors: more than the runtime's poll, its waker and its pair of sockets for signals need.
     let pairs = [(); 4].map(|()| UnixStream::pair());
     pairs.into_iter().try_for_each(|pair| pair.map(drop))
 }
@@ -153,6 +155,7 @@ async fn watch(
             _ended = &mut finished => break,
             _ = interrupt.recv() => ask_to_stop(signals, &mut asked),
             _ = terminate.recv() => ask_to_stop(signals, &mut asked),
+            // Without a listener the block yields `None`, which disables the branch.
             Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals, &mut asked),
             _ = beat.tick() => {
                 line.set_progress(signals);

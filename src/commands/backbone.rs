@@ -114,6 +114,9 @@ impl Backbone {
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
         let walk = self.walk(&tested)?;
+        // The forced response of the plot is always that of the damped structure, also when the backbone is the
+        // undamped normal mode: without damping its peak would be infinite, and the agreement of the two is what the
+        // plot shows.
         let damped = walk.drive.forced(&tested.assembly);
         let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
         let options = self.options(&forced, &walk)?;
@@ -163,9 +166,13 @@ impl Backbone {
         let to = match self.to {
             Some(to) if to > 0.0 => Some(to),
             Some(to) => return Err(Failure::value("--to", to, "it must be a positive number")),
+            // Only an angle has a default limit. Which displacement in metres is large depends on the size of the
+            // structure.
             None if read[0].dof.is_angle() => Some(TO_RAD),
             None => None,
         };
+        // Without a limit the curve would be followed until the continuation fails. The amplitude of a load limits
+        // only the damped curve: an undamped normal mode needs no load.
         if to.is_none() && (amplitude.is_none() || self.undamped) {
             let ReadAt { name, .. } = &read[0];
             let or = if self.undamped {
@@ -183,6 +190,7 @@ impl Backbone {
 
     fn options(&self, forced: &Forced, walk: &Walk) -> Result<BackboneOptions, Failure> {
         let mode = usize::from(self.mode).saturating_sub(1);
+        // An infinite limit is never reached. At least one of the two is finite, as `walk` has checked.
         let largest = walk.to.unwrap_or(f64::INFINITY);
         let load = walk.amplitude.map_or(f64::INFINITY, f64::abs);
         let mut options = BackboneOptions::new(forced, mode, largest, load, dofs(&walk.read));

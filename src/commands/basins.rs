@@ -85,6 +85,7 @@ impl Basins {
         if let Some(early) = early {
             tracing::warn!("stable motions beyond are not known: {}", early.reason);
         }
+        // A negative verdict, not an error: the branch may have no stable orbit at this frequency.
         if motions.is_empty() {
             let hz = short(&self.frequency_hz);
             tracing::error!("no stable motion is known at {hz} Hz: no state can be said to reach one");
@@ -114,14 +115,17 @@ impl Basins {
         let figure = || Ok(document.figure(&grid, &motions, &read, assembly, conditions));
         let csv = || document.cells.csv([&document.over[0], &document.over[1]]);
         self.motion.show(&document, text, csv, figure)?;
+        // The journal is removed only now. If the results could not be written, the same command resumes from it.
         walk.finish()?;
         Ok(Verdict::Positive)
     }
 
     /// The numbers and names of the coordinates that vary.
     fn over(&self, assembly: &Assembly) -> Result<([usize; 2], [String; 2]), Failure> {
+        // States of elements are no choice for an axis: they have no channel and no unit.
         let known = configuration::state_names(assembly);
         let over = if self.coordinates.is_empty() {
+            // A state lists all coordinates, then all rates: this is the first coordinate and its rate.
             [0, assembly.coordinates()]
         } else {
             let number = |name: &String| {

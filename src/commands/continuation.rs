@@ -205,6 +205,7 @@ impl Continue {
         let assembly = &tested.assembly;
         let coordinate = coordinate("--parameter", &self.parameter, assembly)?;
         let drive = match coordinate {
+            // Where the amplitude varies, --drive states only where the loads act, and their ratio.
             Coordinate::Amplitude => self.drive.direction(assembly)?,
             Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.drive.drive(assembly)?,
         };
@@ -223,6 +224,7 @@ impl Continue {
         Ok(Walk {
             read: read_at(&self.at, &drive.driven(), assembly)?,
             second: self.curves.second(coordinate, assembly)?,
+            // A walk in the frequency starts at the first end of its range.
             frequency_hz: frequency_hz.unwrap_or(from),
             ends: [from, to],
             coordinate,
@@ -255,6 +257,8 @@ impl Continue {
         let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
         let mut doubled = Vec::new();
         if self.doubled {
+            // A doubled branch that can't be followed is left out and reported at the end: the rest are results all
+            // the same.
             for walked in trace_doublings(&forced, &branch, coordinate, &options) {
                 doubled.extend(early.keep_any(&name, walked)?);
             }
@@ -300,6 +304,7 @@ impl Continue {
 
     /// A figure's subtitle: the structure and its excitation, without the coordinates that vary.
     fn conditions(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk, varied: &[Coordinate]) -> Subtitle {
+        // What varies is on an axis; the caption must not state a single value of it.
         let names: Vec<String> = varied.iter().map(Coordinate::to_string).collect();
         let is_in_amplitude = varied.contains(&Coordinate::Amplitude);
         let load = if is_in_amplitude { format!("driven at {}", walk.drive.at()) } else { walk.drive.words() };
@@ -325,6 +330,7 @@ impl Continue {
                 &format!("{} at {} {unit}: {}\n", kind.name(), rounded(&orbit.value, 7), words(&orbit.readings, read));
         }
         if branch.bifurcations.is_empty() && branch.unlocated.is_empty() {
+            // Folds are found by the direction of the walk alone; every other bifurcation needs the multipliers.
             text += if self.no_stability { "no folds were found\n" } else { "no bifurcations were found\n" };
         }
         for Unlocated { kind, between: [from, to], .. } in &branch.unlocated {
@@ -399,6 +405,7 @@ fn peaks(branch: &Branch, read: &[ReadAt]) -> Vec<Value> {
 /// Whether a motion is the first or the last of the branch, so that beyond it there may be larger ones.
 fn is_at_end(branch: &Branch, orbit: &Orbit) -> bool {
     let ends = [branch.orbits.first(), branch.orbits.last()];
+    // Compared exactly: a peak at an end is a copy of that orbit, with the same bits.
     ends.into_iter().flatten().any(|end| end.arclength == orbit.arclength)
 }
 

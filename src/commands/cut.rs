@@ -56,6 +56,7 @@ impl Cut {
 
 impl Merge {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        // --overwrite must not destroy one of the parts while they are joined.
         Inputs::of(&self.files).check(&self.out)?;
         let recordings = self.files.iter().map(open_one).collect::<Result<Vec<_>, _>>()?;
         let recordings: Vec<_> = recordings.iter().collect();

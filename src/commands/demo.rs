@@ -73,6 +73,8 @@ impl Demo {
 
     /// Simulated seconds a second.
     pub(crate) fn speed(&self) -> Result<Speed, Failure> {
+        // Deadlines pace a run in real time. Lockstep has none; it is slowed down to the clock so that the demo can
+        // be watched.
         let default = if self.mode == Mode::RealTime { Speed::UNPACED } else { Speed::ACTUAL };
         Ok(self.speed.map_or(Ok(default), Speed::new).map_err(RunError::from)?)
     }
@@ -80,6 +82,7 @@ impl Demo {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut scenario = self.scenario()?;
         let control = control(&mut scenario)?;
+        // A scenario with both is rejected. The load of the excitation is already in the control.
         (scenario.control, scenario.excitation) = (Some(control.clone()), None);
         // The run ends with the walk.
         scenario.simulation.duration_s = None;
@@ -90,6 +93,7 @@ impl Demo {
         let options = Options {
             record: Some(record),
             speed: self.speed()?,
+            // In lockstep the result does not depend on punctuality, so no privileges are asked for.
             thread: (self.mode == Mode::RealTime).then(ThreadSetup::default),
             patience: Some(PATIENCE),
             ..Options::default()
@@ -97,6 +101,7 @@ impl Demo {
         let introduction = introduction(&scenario, &control, self.mode, options.speed)?;
         let session = Session::new(scenario.clone(), self.mode, options)?;
         let length = session.controller()?.length();
+        // Only after the session was accepted, so that an invalid scenario leaves no empty folder.
         std::fs::create_dir_all(&self.out).map_err(|source| Failure::Write { path: self.out.clone(), source })?;
         if !self.json.json {
             output::print(&introduction)?;
@@ -174,6 +179,7 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
     let (modes, label) = (tested.assembly.modes(), captions::label(scenario, &tested));
     let first = modes.first();
     let (first_hz, damping_ratio) = first.map_or((f64::NAN, f64::NAN), |mode| (mode.frequency_hz, mode.damping_ratio));
+    // Time constant of a decaying mode: its envelope is exp(−ζωt), so it is 1/(ζω), with ω = 2πf.
     let settling_s = 1.0 / (core::f64::consts::TAU * first_hz * damping_ratio);
     let others: String = modes.iter().skip(1).map(|mode| format!(", {:.2} Hz", mode.frequency_hz)).collect();
     let pace = match (mode, speed.times()) {

@@ -54,12 +54,15 @@ impl Diff {
         [&a, &b].into_iter().for_each(warn_of_one);
         let samples = match (self.range.from_s, self.range.to_s) {
             (None, None) => 0..=u64::MAX,
+            // Times are converted by the time step of A. The same samples are compared in both recordings.
             (from_s, to_s) => samples(&a, from_s, to_s)?,
         };
         let compare = |parts: &[RecordingPart]| {
             diff(&a, &b, &DiffOptions { parts: parts.to_vec(), tolerance: self.tolerance, samples: samples.clone() })
         };
+        // Frames are not compared by default: on a bus they may come at other times with the same states.
         let mut difference = compare(if self.parts.is_empty() { &DEFAULT } else { &self.parts })?;
+        // Recordings of imported logs have neither states nor samples, only frames.
         if self.parts.is_empty() && is_empty(&difference) {
             difference = compare(&[RecordingPart::Frames])?;
         }

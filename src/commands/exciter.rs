@@ -102,6 +102,8 @@ impl Exciter {
         let mut status = Status::new(Style::People { every: self.status.every()? });
         let work = move |signals: &Signals| {
             let mut report = session.exciter(bus.as_mut(), signals)?;
+            // The argument of `or` is evaluated in any case, so the bus is always closed. An error of the run takes
+            // precedence, since one on closing is usually its consequence.
             report.error = report.error.take().or(bus.close().err().map(RunError::from));
             Ok::<_, RunError>(report)
         };

@@ -61,6 +61,7 @@ impl Export {
         let chosen = Selection::of(&recording, self.to, &self.parts, from_s, to_s)?;
         let selection = Selection { magnification: self.moving_arm, ..chosen };
         self.to.check(&selection)?;
+        // All files are checked before the first is written, since an export of a long recording takes minutes.
         let targets: Vec<PathBuf> = self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path).collect();
         self.overwrite.check(targets.iter().cloned(), &Inputs::of([&self.file]))?;
         output::check_folder(&stem)?;

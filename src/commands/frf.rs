@@ -100,6 +100,7 @@ impl Frf {
             drive: drive.name.clone(),
             quantity: self.quantity,
         };
+        // Zeros have no place on a logarithmic axis: the figure would be empty. The table can state them.
         let is_still = document.responses.iter().all(|curve| curve.value.iter().all(|z| *z == [0.0; 2]));
         if is_still && self.plot.is_some() {
             let at: Vec<_> = document.responses.iter().map(|curve| curve.at.as_str()).collect();
@@ -179,6 +180,8 @@ impl Frf {
             // Zeros are left out: they have no logarithm.
             let size = |[re, im]: &[f64; 2]| Some(libm::hypot(*re, *im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
             let sizes = document.frequency_hz.iter().zip(&curve.value).map(|(hz, value)| (*hz, size(value))).collect();
+            // The phase is evaluated between the given frequencies, too, where a lightly damped resonance turns it by
+            // 180°.
             let at = |hz: f64| linear.at(self.quantity, drive.dof, curve.read.dof, hz).ok();
             let line = |points| Series::line(curve.at.as_str(), Color::Black, points).style(style(k));
             match moduli.iter_mut().find(|(unit, _)| *unit == curve.unit) {

@@ -209,6 +209,8 @@ impl Identify {
         let estimate = identify::frequency_response(&record, band, averaging)?;
         let found = match identify::modes(&record, band) {
             Ok(found) => found,
+            // The measured responses are still worth printing, so a band without a resonance is a result, not an
+            // error.
             Err(IdentifyError::NoResonance { .. }) => Identification { modes: Vec::new(), rejected: Vec::new() },
             Err(error) => return Err(error.into()),
         };
@@ -320,6 +322,7 @@ impl Document {
 
 /// Rounded to three decimal places, and never −0.
 fn to_three_places(value: f64) -> f64 {
+    // In IEEE 754, −0 + 0 is +0. Any other number is unchanged.
     libm::rint(value * 1e3) / 1e3 + 0.0
 }
 
@@ -333,6 +336,8 @@ fn figure(scenario: &Scenario, tested: Option<&TestedAssembly>, document: &Docum
     let read: Vec<&ResponseCurve> =
         document.responses.iter().filter(|curve| sizes(curve).iter().any(|size| *size > 0.0)).collect();
     let all = || read.iter().flat_map(|curve| sizes(curve)).filter(|size| *size > 0.0);
+    // A factor of two beyond the values at both ends of the logarithmic axis, the same for all rows, so that they can
+    // be compared by eye.
     let range = [all().fold(f64::INFINITY, f64::min) / 2.0, all().fold(0.0, f64::max) * 2.0];
     let has_coherence = read.iter().any(|curve| curve.coherence.is_some());
     let mut figure = Figure::new("Frequency response from readings");
@@ -383,6 +388,7 @@ fn panels(
     let is_known = |k: usize| !size(curve.h1[k]).is_nan();
     // A response of nothing but noise keeps its phases.
     let is_all_noise = !(0..document.frequency_hz.len()).any(|k| is_known(k) && !is_noise(k));
+    // Below the least coherence the phase is random and would fill the panel from edge to edge.
     let is_drawn = |k: usize| is_known(k) && (is_all_noise || !is_noise(k));
     let phases = points(&|k| if is_drawn(k) { angle(curve.h1[k]) } else { f64::NAN });
     let mut phase =
@@ -417,6 +423,8 @@ impl Identified {
     /// its mass.
     fn new(tested: &TestedAssembly, document: &Document, channel: usize) -> Option<Identified> {
         let Places { exciter, accelerometer_b, accelerometer_c, .. } = &tested.places;
+        // The mode must be known at the driven point, where an accelerometer is only if it shares its place with the
+        // exciter. The numbers are its first channel in `RESPONSES`.
         let driven = [(accelerometer_c, 2), (accelerometer_b, 0)].into_iter().find(|(placed, _)| *placed == exciter);
         let (_, first) = driven.filter(|_| !document.modes.is_empty())?;
         let [dx, dy] = document.direction;
@@ -425,6 +433,8 @@ impl Identified {
             Some(IdentifiedPart {
                 rate: core::f64::consts::TAU * mode.found.pole_frequency_hz,
                 damping_ratio: mode.found.pole_damping_ratio,
+                // Shapes φ are of unit modal mass. A unit force along d excites the mode by d·φ at the driven point,
+                // and the channel reads the modal acceleration times its own φ.
                 residue: shape.get(channel)? * (dx * shape[first] + dy * shape[first + 1]),
             })
         };
@@ -435,6 +445,7 @@ impl Identified {
     fn at(&self, hz: f64) -> [f64; 2] {
         let w = core::f64::consts::TAU * hz;
         self.modes.iter().fold([0.0, 0.0], |[re, im], &IdentifiedPart { rate, damping_ratio, residue }| {
+            // Each part is −ω²R/(a + ib) = −ω²R(a − ib)/(a² + b²), with a = ω_r² − ω² and b = 2ζω_rω.
             let (a, b) = (rate * rate - w * w, 2.0 * damping_ratio * rate * w);
             let scale = -w * w * residue / (a * a + b * b);
             [re + scale * a, im - scale * b]

@@ -117,6 +117,7 @@ impl Integrators {
     }
 
     fn measure(&self, chain: &Assembly, rate_hz: f64, row: &mut Row) -> Result<(), StepError> {
+        // The joints take the values by turns, so that neighbours move against each other, for any number of links.
         let start: Vec<f64> =
             START.iter().flat_map(|by_turns| by_turns.iter().cycle().take(chain.coordinates())).copied().collect();
         row.modes = Some(mode_errors(chain, row.scheme, rate_hz)?);
@@ -148,9 +149,12 @@ fn cost_ns(chain: &Assembly, scheme: Scheme, rate_hz: f64, start: &[f64]) -> Res
     let clock = SystemClock;
     let mut least_ns = u64::MAX;
     for _ in 0..COST_ROUNDS {
+        // Every round repeats the same steps, so that rounds differ by disturbances only and the minimum is
+        // meaningful.
         stepper.restore(start)?;
         let begin_ns = clock.now_ns();
         for k in 0..COST_STEPS {
+            // `black_box` keeps the compiler from removing steps whose result is not used.
             stepper.advance(f64::from(k) / rate_hz, black_box(&[]))?;
         }
         black_box(stepper.position());

@@ -113,9 +113,11 @@ impl Latency {
         let mut got = None;
         let mut all = Vec::with_capacity(self.rate_hz.len());
         for rate_hz in &self.rate_hz {
+            // The two loops alternate in short turns, so that a slow change of the machine's load affects both alike.
             let mut turns = Vec::with_capacity(usize::from(self.turns));
             for _ in 0..self.turns {
                 turns.push(self.turn(&self.session(*rate_hz, setup, existing)?, *rate_hz, setup, &mut got)?);
+                // A file that was there before the command is still protected: only the first turn creates it.
                 existing = Existing::Overwrite; // by a turn of this call
             }
             all.push((*rate_hz, turns));
@@ -160,6 +162,8 @@ impl Latency {
         let rate = SampleRate::new(rate_hz)?;
         let ticks = (self.turn_s * rate_hz) as u64;
         let bare = on_a_thread("bare loop", || {
+            // Dropping `_awake` would let the cores go back to their idle states: it is kept until the end of the
+            // turn.
             let (report, _awake) = setup.map(|setup| setup.apply()).unzip();
             let mut latencies = LatencyHistogram::new().map_err(RunError::from)?;
             let spin = self.spin.spin.choose(&SystemClock, rate)?;

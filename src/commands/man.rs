@@ -27,6 +27,7 @@ impl Man {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let failed = |source| Failure::Write { path: self.folder.clone(), source };
         std::fs::create_dir_all(&self.folder).map_err(failed)?;
+        // `help` repeats every command as its own subcommand, and each of these would get a page.
         let command = crate::whole().disable_help_subcommand(true);
         let mut pages = names(&command, "resonarm").into_iter().map(|name| self.folder.join(name)).collect::<Vec<_>>();
         clap_mangen::generate_to(command, &self.folder).map_err(failed)?;
@@ -39,6 +40,8 @@ impl Man {
 
 /// The pages of a command and its subcommands, whose names have hyphens for blanks.
 fn names(command: &Command, name: &str) -> Vec<String> {
+    // `generate_to` does not return the names of its files, so they are made here by its rule: hidden commands have
+    // no page.
     let shown = command.get_subcommands().filter(|inner| !inner.is_hide_set());
     let inner = shown.flat_map(|inner| names(inner, &format!("{name}-{}", inner.get_name())));
     inner.chain([format!("{name}.1")]).collect()

@@ -82,6 +82,7 @@ impl Mode {
     /// mass; a rigid mode's is 0, or infinite with damping.
     fn new(mode: &StructureMode, linear: &Linear) -> Mode {
         let StructureMode { frequency_hz, damping_ratio, shape } = mode.clone();
+        // Chunks of length 0 would panic: a structure without coordinates has no rows.
         let rows = linear.damping.chunks_exact(shape.len().max(1));
         let along = |row: &[f64]| row.iter().zip(&shape).map(|(d, part)| d * part).sum::<f64>();
         let modal: f64 = rows.zip(&shape).map(|(row, part)| along(row) * part).sum();

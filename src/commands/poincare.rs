@@ -163,6 +163,7 @@ impl Poincare {
         let RangeFlags { from_hz, to_hz, from, to } = self.range;
         let given = [Ends { unit: "-hz", from: from_hz, to: to_hz }, Ends { unit: "", from, to }];
         let Some(name) = &self.parameter else {
+            // Rejects an interval, through which nothing would be stepped.
             interval("a section without --parameter", None, &given)?;
             let drive = self.motion.drive.drive(assembly)?;
             let read = read_at(&self.at, &drive.driven(), assembly)?;
@@ -216,6 +217,7 @@ impl Poincare {
             section: point.section.clone(),
         };
         let mut motions = Vec::new();
+        // A single section has one chain of points: `zip` ends after it, and its direction is not used.
         for (chain, direction) in points.iter().zip(self.direction.directions()) {
             let (direction, values) = match &plan.grid {
                 None => (None, vec![plan.frequency_hz]),
@@ -249,6 +251,7 @@ impl Poincare {
     /// alone would show little.
     fn section_figure(&self, tested: &TestedAssembly, plan: &Plan, document: &Document) -> Result<Figure, Failure> {
         let motion = document.motions.first();
+        // Only a periodic orbit returns to its start: for others there is no closed path to draw.
         let repeating = motion.and_then(|motion| Some((motion.section.first()?, motion.period?)));
         let states = match (repeating, self.sweeps(tested, plan).first()) {
             (Some((start, periods)), Some(sweep)) => path(&sweep.map(plan.frequency_hz)?, start, periods)?,
@@ -260,6 +263,8 @@ impl Poincare {
             let plane = |state: &Vec<f64>| section_point(&tested.assembly, at.dof, state).into();
             let points: Vec<(f64, f64)> =
                 document.motions.iter().flat_map(|motion| &motion.section).map(plane).collect();
+            // The few points of a periodic orbit must be seen over its path; thousands of points of a chaotic one
+            // must not merge.
             let size = if points.len() > 20 { 2.0 } else { 6.0 };
             let (name, unit) = (&at.name, at.unit());
             let [x, y] = [format!("{name} ({unit})"), format!("d{name}/dt ({unit}/s)")].map(Axis::linear);
@@ -312,6 +317,7 @@ impl Document {
     fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
         let mut periods: Vec<Option<u32>> = self.motions.iter().map(|motion| motion.period).collect();
+        // Orbits that have not settled come last.
         periods.sort_by_key(|period| period.unwrap_or(u32::MAX));
         periods.dedup();
         for period in periods {
@@ -338,6 +344,7 @@ impl Document {
             let (direction, period) = (or_empty(motion.direction.map(Direction::name)), or_empty(motion.period));
             for state in &motion.section {
                 text += &format!("{direction},{},{period}", motion.value);
+                // The states of elements follow the rates. They have no channel, and therefore no column.
                 state.iter().take(names.len()).for_each(|value| text += &format!(",{value}"));
                 text.push('\n');
             }

@@ -66,6 +66,8 @@ impl Quickstart {
     fn undo(&self, files: &[(PathBuf, String)]) {
         for (path, _) in files {
             let _may_be_missing = fs::remove_file(self.folder.join(path));
+            // `remove_dir` refuses a folder with content, so files of the user survive. The empty path at the end of
+            // `ancestors` is the quickstart's own folder, which stays: it may have been there before.
             for folder in path.ancestors().skip(1).filter(|folder| !folder.as_os_str().is_empty()) {
                 let _may_be_in_use = fs::remove_dir(self.folder.join(folder));
             }

@@ -51,6 +51,7 @@ fn channels() -> String {
     let mut families: Vec<((String, String), Vec<Channel>)> = Vec::new();
     for channel in known_states().into_iter().chain(READINGS) {
         let family = numbered(&channel.name);
+        // A list in place of a map: the rows keep the order of the channels in a recording.
         match families.iter_mut().find(|(known, _)| *known == family) {
             Some((_, members)) => members.push(channel),
             None => families.push((family, vec![channel])),

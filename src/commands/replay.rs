@@ -178,6 +178,7 @@ fn on_bus<T: Send + 'static>(
     let mut bus = bus::open(address)?;
     let work = move |signals: &Signals| {
         let result = work(bus.as_mut(), signals);
+        // Closed after an error, too, whose message takes precedence over one on closing.
         let closed = bus.close();
         result.and_then(|done| closed.map(|()| done).map_err(Into::into))
     };

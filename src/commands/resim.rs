@@ -38,6 +38,7 @@ impl Resim {
         };
         self.warn_of_fmu(&recording);
         let (then, now) = (&recording.origin().build, build_info());
+        // A warning only: another compiler or target may still round alike, and the comparison itself will tell.
         if *then != now {
             tracing::warn!(
                 "recorded by another build ({} {} for {}), so differences are possible",

@@ -171,6 +171,7 @@ impl Run {
             Ok::<_, RunError>(close(report, bus.close()))
         };
         let report = supervise("plant", length, on_tick, work)??;
+        // A user protocol has its own way to arm, so the general advice of `complaint` is not enough.
         if let (PlantOutcome::NotArmed, Some(arming)) = (report.outcome, arming) {
             tracing::error!("[wire] the plant is armed by {arming}: no such frame came");
         }
@@ -209,6 +210,7 @@ impl Run {
         match (self.json_events, self.status.every()?) {
             (false, every) => Ok(Status::new(Style::People { every })),
             (true, None) => Ok(Status::new(Style::Off)),
+            // Lines of text between the JSON objects would break every parser of the events.
             (true, Some(_)) => {
                 Err(Failure::usage("--status-s and --json-events both write to standard error: give one of them"))
             }

@@ -91,6 +91,8 @@ impl Simulate {
             let amplitude: Vec<f64> = loads.iter().map(|load| load.amplitude).collect();
             let omega_rad_s = core::f64::consts::TAU * self.frequency_hz;
             let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s };
+            // The time is computed from the number of the step. A running sum of 1/rate would accumulate rounding
+            // errors, and with them shift the phase of the sine.
             (0..steps).try_for_each(|k| stepper.advance_under(k as f64 / rate_hz, &load))
         });
         done?;
@@ -134,6 +136,8 @@ impl Simulate {
                 steps_text(steps)
             )));
         }
+        // The product of two decimal fractions carries a rounding error of some 1e-16 of it. The tolerance is above
+        // that up to 1e9 steps, and far below any fraction that is meant.
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
             return Err(Failure::usage(format!(

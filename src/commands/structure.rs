@@ -128,6 +128,7 @@ impl Document {
 }
 
 fn links(links: &[Link]) -> String {
+    // Centres of mass beside the line of the link are rare; the column appears only where there is one.
     let is_straight = links.iter().all(|link| link.centre_of_mass_off_m == 0.0);
     let off = |text: String| if is_straight { String::new() } else { text };
     let mut text = format!(

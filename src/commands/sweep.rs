@@ -282,6 +282,7 @@ impl SweepDocument {
         let line = Series::line(stepped.clone(), color, curve(None)).unlabelled().style(style);
         let unsettled = Series::markers(format!("{stepped}, not settled"), color, Marker::Cross, curve(Some(false)));
         let settled = Series::markers(stepped, color, shape, curve(Some(true)));
+        // Filled on the way up and open on the way down, so that both are seen where they coincide.
         panel.with(line).with_any(settled.marked(3.5, self.direction == Direction::Up)).with_any(unsettled)
     }
 }
@@ -289,6 +290,8 @@ impl SweepDocument {
 impl Document {
     /// The sweeps of each structure.
     fn of_structures(&self) -> impl Iterator<Item = &[SweepDocument]> {
+        // The sweeps of one structure follow each other, and `OverFlag` rejects equal values, so chunks are
+        // structures.
         self.sweeps.chunk_by(|a, b| a.value == b.value)
     }
 
@@ -325,6 +328,7 @@ impl Document {
             if let [up, down] = same {
                 let motion = |motion: &Motion| (motion.frequency_hz, motion.largest());
                 let rising: Vec<_> = up.motions.iter().map(motion).collect();
+                // Both ways must list the frequencies in the same order to be compared place by place.
                 let falling: Vec<_> = down.motions.iter().rev().map(motion).collect();
                 let apart = hysteresis(&rising, &falling, DIFFERENT);
                 for [first, last] in &apart {

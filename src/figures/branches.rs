@@ -48,6 +48,7 @@ fn rows(branch: &Branch) -> Vec<Row<'_>> {
     let mut found = branch.bifurcations.iter().peekable();
     let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
     for (index, orbit) in branch.orbits.iter().enumerate() {
+        // A bifurcation with the index i was located between the orbits i − 1 and i.
         while let Some(bifurcation) = found.next_if(|found| found.index <= index) {
             rows.push(Row { orbit: &bifurcation.orbit, bifurcation: Some(bifurcation.kind) });
         }
@@ -79,6 +80,7 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
     let at = |row: &Row<'_>| (row.orbit.value, row.orbit.readings[index].largest);
     for (k, branch) in branches.iter().enumerate() {
         let rows = rows(branch);
+        // Without multipliers no orbit may look stable, so the line has a colour and a label of its own.
         let is_assessed = branch.orbits.iter().any(|orbit| orbit.stability.is_some());
         let lines = if is_assessed {
             let of = |wanted| analysis::stretches(&rows, Row::stable, wanted, at);
@@ -119,6 +121,7 @@ pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
     let (orbits, mut runs, mut start) = (&branch.orbits, Vec::new(), 0);
     for end in 1..=orbits.len() {
         if end == orbits.len() || orbits[end].is_stable() != orbits[start].is_stable() {
+            // One orbit of the next run is included, so that the drawn line has no gap where the stability changes.
             runs.push((&orbits[start..(end + 1).min(orbits.len())], orbits[start].is_stable()));
             start = end;
         }

@@ -30,6 +30,7 @@ pub(crate) fn structure(scenario: &Scenario, tested: &TestedAssembly, varied: &[
 fn changes(scenario: &Scenario, varied: &[String]) -> Vec<String> {
     let shows_angles = shows_angles(scenario);
     let is_shown = |name: &str| {
+        // Angles of a preset are in the line already, with the value that `set` gave them.
         let is_in_line = shows_angles && name.ends_with(".angle_deg");
         !is_in_line && varied.iter().all(|varied| varied != name)
     };

@@ -82,6 +82,8 @@ fn bars(counted: &[&LatencyHistogram]) -> Vec<(i32, u64)> {
 
 /// The outline of the bars, µs and counts, from the base line and back to it.
 fn outline(bars: &[(i32, u64)]) -> Vec<(f64, f64)> {
+    // The outline is a single line, so that several histograms can be drawn over each other. It starts and ends at
+    // the base line, which closes the first and the last bar.
     let edge_us = |bar: i32| libm::pow(10.0, f64::from(bar) / BARS) * 1e-3;
     let (Some((first, _)), Some((last, _))) = (bars.first(), bars.last()) else { return Vec::new() };
     let tops = bars.iter().flat_map(|(bar, count)| {

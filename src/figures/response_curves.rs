@@ -38,6 +38,8 @@ pub(crate) fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
         if let Some(&(before_x, before)) = broken.last()
             && (phase - before).abs() > 270.0
         {
+            // Unwrapped, the phase goes from `before` past the edge to phase + 2·edge. `share` is how far along that
+            // way the edge is; the way is 0 if one point is at +180° and the other at −180°.
             let edge = if phase < before { 180.0 } else { -180.0 };
             let way = phase + 2.0 * edge - before;
             let share = if way == 0.0 { 0.5 } else { (edge - before) / way };

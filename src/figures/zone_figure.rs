@@ -89,6 +89,8 @@ fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
         else {
             continue;
         };
+        // Branches end where their last orbit lies, not exactly at the border of the zones: the line is between the
+        // two.
         let border = (end + start) / 2.0;
         let style = Style::Line { color: Color::Grey, width: 0.8, dash: Dash::Dashed };
         let line = Series::line("load changes", Color::Grey, vec![(border, 0.0), (border, top)]).style(style);

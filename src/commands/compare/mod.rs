@@ -125,6 +125,8 @@ impl Compare {
         self.check(&measured.points, &measured.tested)?;
         let Measured { configuration, scenario, tested, drive, points } = &measured;
         let computed = ComputedBranch::new(&tested.assembly, drive, points, self.at.as_deref())?;
+        // At differing loads `ComputedBranch` falls back to the load of the document, which suits a figure.
+        // Deviations from it would compare one load with another, so they are rejected here.
         let Some(computed) = computed.filter(|_| is_at_one_load(points)) else {
             return Err(self.not_on_one_branch(points));
         };
@@ -158,6 +160,8 @@ impl Compare {
         let MeasuredDocument { configuration, points } = serde_json::from_str(&text).map_err(foreign)?;
         let Configuration { structure, drive } = configuration;
         let mut configuration = json!({ "structure": structure.clone() });
+        // `from_document` makes a chain from the links in the document and drops the preset. Its name is kept for
+        // captions.
         let preset = preset_name(&structure);
         let mut structure = StructureSection::from_document(structure).map_err(foreign)?;
         structure.name = structure.name.or(preset);
@@ -192,6 +196,7 @@ impl Compare {
         for (at, point) in points.iter().enumerate() {
             for (name, reading) in &point.readings {
                 let expected = tested.assembly.dof(name).map(displacement_unit);
+                // An unknown name has no unit here. It is rejected later if its amplitude is the one to be compared.
                 if let (Some(unit), Ok(expected)) = (&reading.unit, expected)
                     && unit != expected
                 {
@@ -232,6 +237,7 @@ impl Compared {
         let measured_deg = point.readings.get(computed.at()).and_then(|reading| reading.phase_deg);
         let off_deg = |measured_deg: f64| {
             let off_deg = measured_deg - phase_rad.to_degrees();
+            // Both phases are known up to whole turns: the difference is brought to −180° to 180°.
             off_deg - 360.0 * (off_deg / 360.0).round()
         };
         Some(Compared {
@@ -256,6 +262,7 @@ impl Document<'_> {
                 Some(false) => "unstable",
                 None => "–",
             };
+            // A point that has not settled is the graver fault, and its clipping adds nothing: one remark a point.
             let remark = match (point.settled, point.is_clipped(at)) {
                 (false, _) => ", point not settled",
                 (true, true) => ", from clipped readings",

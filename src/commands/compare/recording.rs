@@ -44,6 +44,7 @@ pub(super) fn measured(
         Ok(ResponsePoint { load, ..*response })
     };
     let acted = responses.iter().map(acting).collect::<Result<Vec<_>, Failure>>()?;
+    // Without an amplitude all loads are 0, which drives nothing and is rejected in the next statement.
     let amplitude = scenario.amplitude().copied().unwrap_or_default();
     let drive = Drive::of_exciter(&amplitude, tested).ok_or_else(|| {
         Failure::usage(format!("{}: the load of its scenario drives nothing of the structure", file.display()))

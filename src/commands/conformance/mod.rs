@@ -115,6 +115,7 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
     let command = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
     let (Some(force_n), profile) = (force_n, network.profile()) else { return Ok(()) };
     match command(force_n).check(network) {
+        // The encoder itself is asked, so that the limit is that of the frames and stated in one place only.
         Err(EncodeError::OutOfRange { limit, .. }) => {
             let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
             let (force_n, limit) = (short(&force_n), short(&limit));
@@ -172,6 +173,8 @@ impl Conformance {
     ) -> Result<Verdict, Failure> {
         let inputs = Inputs::of_scenario(self.scenario.as_deref());
         self.overwrite.check(self.junit.iter().chain(&self.record).cloned(), &inputs)?;
+        // Before the bus is opened: the frames of a node that is already running would otherwise fill the socket's
+        // buffer while nobody reads the pipe.
         let _reader = self.record.as_deref().map(wait_for_reader).transpose()?;
         let mut bus = bus::open(address)?;
         let evidence = self.evidence(&bus.name(), configuration)?;
@@ -188,6 +191,8 @@ impl Conformance {
             Err(error) => (None, Some(error)),
         };
         let document = report::Document::new((self.role, requirements), rows, commands, recording);
+        // The report is written before the errors are returned: what was found so far is worth having even if the bus
+        // was lost or the recording is incomplete.
         self.write_report(&document)?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
@@ -204,6 +209,8 @@ impl Conformance {
     ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
         let (mut rows, mut lost) = (Vec::new(), None);
         for case in cases {
+            // The remaining cases are listed as not run, so that a report names every case whatever happened to the
+            // bus.
             let row = match lost {
                 Some(_) => Row::not_run(case),
                 None => {
@@ -239,6 +246,7 @@ impl Conformance {
     fn settings(&self, network: Option<Network>) -> Result<Settings, Failure> {
         self.check_forces(network)?;
         let ns = |flag, given_s| {
+            // A quarter of the range of 64 bits, so that adding such a time to a time stamp can't overflow.
             seconds(flag, given_s).map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).min(u64::MAX / 4))
         };
         Ok(Settings {
@@ -273,6 +281,8 @@ impl Conformance {
             ("--expect-force-n", "N", self.expect_force_n, of_exciter),
             ("--expect-torque-nm", "N m", self.expect_torque_nm, of_exciter),
         ];
+        // Values are checked before roles, so that `--beyond-n -1 --role exciter` reports the value, which is wrong
+        // for any role.
         let is_wrong = |n: f64| !n.is_finite() || n <= 0.0;
         if let Some((flag, unit, ..)) = all.into_iter().find(|(_, _, given, _)| given.is_some_and(is_wrong)) {
             return Err(Failure::usage(format!("{flag} must be a number above 0 {unit}")));
@@ -287,6 +297,7 @@ impl Conformance {
             forces.try_for_each(|(flag, n)| check_carried(network, flag, n))?;
         }
         let force_n = self.force_n;
+        // The plant must accept --force-n and reject these, so each of them must be the larger one.
         for (flag, given) in [beyond, beyond_travel] {
             if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
                 return Err(Failure::usage(format!(
@@ -321,6 +332,7 @@ impl Conformance {
     fn chosen<S>(&self, all: impl IntoIterator<Item = Case<S>>) -> Result<Vec<Case<S>>, Failure> {
         let all: Vec<Case<S>> = all.into_iter().collect();
         let begins = |case: &Case<S>, wanted: &String| case.id.starts_with(wanted.as_str());
+        // A name that selects no case is an error. In CI a misspelt name would otherwise test nothing and pass.
         if let Some(unknown) = self.cases.iter().find(|wanted| !all.iter().any(|case| begins(case, wanted))) {
             let names = all.iter().map(|case| case.id).collect::<Vec<_>>().join(", ");
             return Err(Failure::usage(format!("there is no case {unknown:?}, only {names}")));

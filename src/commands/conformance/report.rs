@@ -140,6 +140,7 @@ impl Row {
         if let Some(reason) = &self.reason {
             text += &format!("{:14}{reason}  {}\n", "", self.requirements.join(" "));
         }
+        // These counts tell a silent node from one that sends something else. For a passed case they would be noise.
         if matches!(self.verdict, "failed" | "inconclusive") {
             text += &format!("{:14}heard: {}\n", "", counted(&self.heard, "nothing"));
             if !self.others.is_empty() {
@@ -158,6 +159,8 @@ impl Row {
         let body = match self.verdict {
             "passed" => String::new(),
             "failed" => format!("<failure message=\"{reason}\"/>"),
+            // JUnit has no verdict between success and failure. Inconclusive cases are listed as skipped with their
+            // own word in the message; the exit code still tells them apart.
             other => format!("<skipped message=\"{other}: {reason}\"/>"),
         };
         format!(
@@ -176,6 +179,7 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
 
 /// Escapes text for an attribute of XML, which has no control characters.
 fn escaped(text: &str) -> String {
+    // The ampersand comes first: it would otherwise escape the other escapes again.
     output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -242,6 +246,7 @@ impl Document {
 
     /// Whether every case that could be run was passed: an empty bus passes none.
     pub fn is_positive(&self) -> bool {
+        // A skipped case says nothing about the node: it needs a setting or a situation that this run did not have.
         self.failed + self.inconclusive + self.not_run == 0
     }
 

@@ -43,12 +43,15 @@ fn transmit_queues() -> Vec<Finding> {
         let fix = Some(String::from("`sudo apt-get install iproute2`; CAN interfaces are set up with it"));
         return vec![Finding { subject: "transmit queue", state, fix }];
     };
+    // An `ip` without JSON output, such as BusyBox's, yields no findings. The other checks still run.
     let links: Vec<Link> = serde_json::from_slice(&output.stdout).unwrap_or_default();
     links.iter().filter(|link| link.link_type == "can").map(transmit_queue).collect()
 }
 
 fn transmit_queue(link: &Link) -> Finding {
     let Link { ifname, qdisc, txqlen, .. } = link;
+    // Without a queue, as on vcan, each frame goes straight to the driver: nothing can fill up or reorder. An
+    // interface that is down has the discipline `noop` and gets its real one when it is brought up.
     let fix = if qdisc == "noqueue" {
         None
     } else if !IN_ORDER.contains(&qdisc.as_str()) && qdisc != "noop" {

@@ -29,6 +29,7 @@ fn finding(root: &Path, name: &str) -> Option<Finding> {
     };
     let list = format!("proc/irq/{interrupt}/smp_affinity_list");
     let cores = fs::read_to_string(root.join(&list)).map_or(String::from("unknown"), |text| text.trim().to_owned());
+    // The list is `2` for a single core, and `0-3` or `0,2` for several, which is no number.
     let fix = cores.parse::<usize>().is_err().then(|| {
         format!(
             "a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core \
@@ -43,6 +44,8 @@ fn finding(root: &Path, name: &str) -> Option<Finding> {
 fn interrupt(device: &Path) -> Option<u32> {
     let numbers = device.ancestors().map(|folder: &Path| -> PathBuf { folder.join("irq") });
     let read = |path: PathBuf| fs::read_to_string(path).ok()?.trim().parse::<u32>().ok();
+    // A USB device has no `irq` file, and 0 means none. The search goes up to the host controller, whose interrupt
+    // delivers the frames.
     numbers.filter_map(read).find(|number| *number > 0)
 }
 

@@ -202,6 +202,8 @@ impl Fig9 {
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
     let (experiment, scenario) = (Arc::new(experiment), scenario.clone());
     let watched = Arc::clone(&experiment);
+    // The experiment runs many sessions, each with its own signals. Their counts and the request to stop are passed
+    // on between them and the progress bar over the whole.
     let on_tick = move |_: &mut Line, whole: &Signals| {
         whole.set_responses(watched.responses() as usize);
         if whole.is_stopped() {
@@ -241,6 +243,8 @@ impl<'a> ZoneDocument<'a> {
             };
             json!({ "up": jump(up), "down": jump(down) })
         });
+        // An incomplete measurement would be scored by the points that happen to exist, and could look better than a
+        // complete one.
         let have_finished = [&walk, &backbone, &up, &down].iter().all(|run| run.end.is_finished());
         ZoneDocument {
             mode_number: zone.mode_number.into(),
@@ -326,6 +330,7 @@ impl Computed<'_> {
 
 fn csv(zones: &[ZoneDocument]) -> String {
     let runs = || zones.iter().flat_map(|zone| zone.runs().map(|(name, run)| (zone.mode_number, name, run)));
+    // All runs read the same degrees of freedom, so the columns are those of any run that has a point.
     let some = runs().map(|(.., run)| &run.points[..]).find(|points| !points.is_empty()).unwrap_or_default();
     let mut text = format!("zone,run,{}\n", measured_points::columns(some, "N"));
     for (zone, name, run) in runs() {

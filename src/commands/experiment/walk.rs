@@ -126,6 +126,8 @@ impl WalkExperiment {
         let amplitude = self.amplitude(scenario, tested)?;
         let mut spec = of_scenario.map_or(PhaseWalkSpec::new(amplitude), |spec| PhaseWalkSpec { amplitude, ..spec });
         if self.backbone {
+            // The mode and the number of points stay those of the scenario; everything else is that of a walk along
+            // the backbone.
             let PhaseWalkSpec { amplitude, mode_number, points, .. } = spec;
             spec = PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::backbone(amplitude) };
         }

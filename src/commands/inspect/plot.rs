@@ -45,6 +45,8 @@ impl Envelope {
     /// The points of a line that covers the envelope.
     fn points(&self, time_s: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
         let spans = self.spans.iter().enumerate().filter_map(|(span, found)| found.map(|found| (time_s(span), found)));
+        // Each span is a vertical stroke from its least to its largest value. Joined to the next they fill the
+        // envelope, as every sample would.
         spans.flat_map(|(time_s, [least, largest])| [(time_s, least), (time_s, largest)]).collect()
     }
 
@@ -57,6 +59,7 @@ impl Envelope {
     /// A line over the clipped spans at the height `y`, with gaps between them.
     fn bar(&self, y: f64, time_s: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
         let is_clipped = |span: usize| self.clipped.get(span).copied().unwrap_or(false);
+        // A clipped span is drawn from its beginning to its end. The NaN after the last of a run breaks the line.
         let ends = |span: usize| match is_clipped(span) {
             true => [Some((time_s(span), y)), Some((time_s(span + 1), y))],
             false => [(span > 0 && is_clipped(span - 1)).then_some((time_s(span), f64::NAN)), None],
@@ -78,6 +81,7 @@ impl Envelope {
 pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Result<Figure, Failure> {
     let (first, last) = summary.samples.unwrap_or_default();
     // At most SPANS spans of as many samples each.
+    // Of n samples that is ⌈n / SPANS⌉ = (n − 1)/SPANS + 1 in integers.
     let width = (last - first) / SPANS as u64 + 1;
     let channels = [Topic::States, Topic::Samples].map(|topic| recording.channels().of(topic));
     let all = channels.into_iter().flatten();
@@ -117,6 +121,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
         };
         let ends = drawn().filter_map(Envelope::ends).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let Some([low, high]) = ends else { continue };
+        // A channel that is constant has no range. Its own size, or 1, keeps the line in the middle of the panel.
         let margin = if high > low { MARGIN * (high - low) } else { low.abs().max(1.0) };
         for envelope in drawn() {
             let y = Axis::linear(quantity.unit()).range(low - margin, high + margin);

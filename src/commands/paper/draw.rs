@@ -112,6 +112,7 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
     let highest = branches.iter().fold(0.0_f64, |highest, branch| highest.max(peak(branch)));
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for branch in branches {
+        // The second bound keeps at least the upper half of a curve that is small beside the others.
         let level = (SHOWN * highest).min(0.5 * peak(branch));
         for motion in branch.motions.iter().filter(|motion| branch.size(motion, reading) >= level) {
             (low, high) = (low.min(abscissa(panel, motion)), high.max(abscissa(panel, motion)));
@@ -161,6 +162,7 @@ enum Named {
 fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
     let reading = panel.reading - 1;
     let at = |motion: &Motion| (abscissa(panel, motion), branch.size(motion, reading));
+    // Over the torque there is no resonance peak, so the name goes to the end of the curve.
     if panel.abscissa == Abscissa::Torque1Nm {
         return Named::End(branch.motions.last().map(at));
     }

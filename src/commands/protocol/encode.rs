@@ -31,6 +31,8 @@ impl Encode {
         once(&signals)?;
         let mut used = Vec::new();
         let message = Message::from_signals(kind, |name| {
+            // `from_signals` asks for every signal that the message has. What was given and never asked for is
+            // unknown.
             used.push(name);
             signals.iter().find(|(given, _)| *given == name).map(|(_, value)| *value)
         });
@@ -44,6 +46,8 @@ impl Encode {
         }
         let mut transmitter = Transmitter::new(network);
         let mut frame = transmitter.frame(&message);
+        // A transmitter counts its frames from 0 by itself, so the wanted counter is reached by sending that many
+        // before.
         for _ in 0..self.counter {
             frame = transmitter.frame(&message);
         }

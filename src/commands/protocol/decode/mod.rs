@@ -162,6 +162,7 @@ fn warning(found: &Found) -> Value {
 impl Decoding {
     /// Decodes every line of a log. Other lines are reported and left out.
     fn lines(&mut self, log: impl BufRead) -> Result<(), Failure> {
+        // Bytes, not `lines()`, which ends at the first line that is not UTF-8: a damaged log is read to its end.
         for (line, number) in log.split(b'\n').zip(1..) {
             let line = line.map_err(|error| Failure::usage(format!("standard input can't be read: {error}")))?;
             let line = String::from_utf8_lossy(&line);
@@ -209,6 +210,8 @@ impl Decoding {
     fn frame(&mut self, line: &LogLine) -> Result<(), Failure> {
         let LogLine { time_s, interface, frame } = line;
         if let Some([frames, _]) = &mut self.rows {
+            // The JSON document is printed as a whole at the end. Text is printed frame by frame, so that a live
+            // `candump` can be piped in.
             let mut row = self.explains.row(line);
             row.insert("frame".to_owned(), json!(frame.to_string()));
             row.insert("time_s".to_owned(), json!(time_s));
@@ -245,6 +248,8 @@ impl Decoding {
             }
             output::print(&format!("{text}\n"))?;
         }
+        // Error frames do not count against the verdict: they report the state of the bus, and no receiver rejects
+        // them.
         Ok(Verdict::of(explains.is_clean() && unreadable_lines == 0))
     }
 }

@@ -120,6 +120,8 @@ fn message_row(message: &DecodedMessage) -> Map<String, Value> {
         Value::Object(found.collect())
     };
     let beyond: Vec<&str> = message.beyond().map(|signal| signal.name.as_str()).collect();
+    // A double holds integers exactly up to 2⁵³. Larger ones are written from their integer value, where JSON has a
+    // number for it.
     let exact = |signal: &DecodedSignal| signal.large.and_then(|large| integer(large.value?));
     let mut row = json!({
         "message": message.message,
