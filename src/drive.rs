@@ -80,7 +80,7 @@ impl DriveFlags {
         }
     }
 
-    /// Likewise, but of no loads where none is given.
+    /// The loads with their amplitudes; `None` if no load is given.
     pub fn any(&self, assembly: &Assembly) -> Result<Option<Drive>, Failure> {
         if self.loads.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
     }

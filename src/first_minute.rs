@@ -1,4 +1,4 @@
-//! What the program says of itself: without arguments, and the commands of `--help` in groups.
+//! The overview that is printed without arguments, and the grouping of the commands in `--help`.
 
 use clap::Command;
 use clap::builder::StyledStr;

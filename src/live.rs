@@ -236,7 +236,7 @@ mod serving {
         begin(flags.live.as_deref().unwrap_or("127.0.0.1"), &flags.live_origin, shown, false)
     }
 
-    /// What is under test, in words.
+    /// Display name of the structure under test.
     fn name(scenario: &Scenario) -> Result<String, Failure> {
         if let Some(section) = scenario.foreign_structure() {
             return Ok(foreign_label(section));

@@ -16,7 +16,7 @@ struct OrExit;
 #[global_allocator]
 static ALLOCATOR: OrExit = OrExit;
 
-/// What is said, which must not take memory.
+/// The last message: a constant, since formatting one would take memory.
 const MESSAGE: &[u8] = b"resonarm: not enough memory: allow more (ulimit -v), or end other programs\n";
 
 #[allow(unsafe_code, reason = "an allocator is unsafe to implement")]

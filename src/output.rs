@@ -105,7 +105,7 @@ pub(crate) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
     }
 }
 
-/// Likewise writes a file of one JSON document.
+/// Writes one JSON document to a file, replacing an existing file when the new one is whole.
 pub(crate) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBuf, Failure> {
     write(path, &(serde_json::to_string(value)? + "\n"))
 }
@@ -116,7 +116,7 @@ pub(crate) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
 /// Whether figures are drawn without title: set once, from the command line.
 static WITHOUT_TITLES: AtomicBool = AtomicBool::new(false);
 
-/// From now on [`draw`] leaves out titles and subtitles.
+/// Makes [`draw`] leave out titles and subtitles for the rest of the process.
 pub(crate) fn leave_titles_out() {
     WITHOUT_TITLES.store(true, Ordering::Relaxed);
 }

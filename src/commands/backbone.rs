@@ -159,7 +159,8 @@ impl Backbone {
         early.verdict()
     }
 
-    /// What the flags ask for.
+    /// Resolves the flags against the structure: the load, the degrees of freedom that are read, and where the curve
+    /// ends.
     fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
         let (drive, amplitude) = self.drive.up_to(&tested.assembly)?;
         let read = read_at(&self.at, &drive.driven(), &tested.assembly)?;

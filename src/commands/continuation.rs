@@ -200,7 +200,7 @@ impl Continue {
         early.verdict()
     }
 
-    /// What the flags ask for.
+    /// Resolves the flags against the structure: the load, the coordinate that varies with its range, and the readings.
     fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
         let assembly = &tested.assembly;
         let coordinate = coordinate("--parameter", &self.parameter, assembly)?;

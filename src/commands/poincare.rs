@@ -157,7 +157,8 @@ impl Poincare {
         self.frequency_hz.ok_or_else(|| Failure::usage("give the excitation's frequency: --frequency-hz F"))
     }
 
-    /// What the flags ask for.
+    /// Resolves the flags against the structure: the load, the readings, and the values of the quantity that is
+    /// stepped.
     fn plan(&self, tested: &TestedAssembly) -> Result<Plan, Failure> {
         let assembly = &tested.assembly;
         let RangeFlags { from_hz, to_hz, from, to } = self.range;

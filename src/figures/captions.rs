@@ -10,7 +10,7 @@ pub(crate) fn degrees(value: f64) -> String {
     format!("{value}°").replace('-', "−")
 }
 
-/// What the structure under test is called in headers, with every parameter that is set.
+/// Label of the structure under test for headers, with every parameter that is set.
 pub(crate) fn label(scenario: &Scenario, tested: &TestedAssembly) -> String {
     called(scenario, tested, &[], &|changes| changes.join(", "))
 }

@@ -57,7 +57,7 @@ pub(crate) struct Compare {
     json: JsonFlag,
 }
 
-/// What was measured, and on what.
+/// Measured points, with the structure and the load at which they were measured.
 struct Measured {
     /// The structure and the drive, as the document states them.
     configuration: Value,

@@ -328,7 +328,7 @@ impl Conformance {
         }
     }
 
-    /// Those of all cases that are asked for.
+    /// The cases that --case selects; all of them without it.
     fn chosen<S>(&self, all: impl IntoIterator<Item = Case<S>>) -> Result<Vec<Case<S>>, Failure> {
         let all: Vec<Case<S>> = all.into_iter().collect();
         let begins = |case: &Case<S>, wanted: &String| case.id.starts_with(wanted.as_str());

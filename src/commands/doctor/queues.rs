@@ -8,7 +8,7 @@ use serde::Deserialize;
 use resonarm::bus::socketcan;
 use resonarm::realtime::Finding;
 
-/// A transmit queue that holds more than a node sends at once, and everything a `replay` sends in 10 ms.
+/// Length of a transmit queue, frames, that holds more than a node sends at once, and all that `replay` sends in 10 ms.
 const TRANSMIT_QUEUE: u32 = 100;
 /// Packets queued by the kernel until a core processes them: the kernel's default.
 const BACKLOG: usize = 1000;

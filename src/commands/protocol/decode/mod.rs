@@ -113,8 +113,8 @@ impl Decode {
         Ok(decoding.finish()?.and(whole))
     }
 
-    /// What explains the frames, those of the DBC, of the scenario, of the recording's scenario or of the network, and
-    /// what is wrong with the DBC.
+    /// The decoder of the frames, by the DBC, the scenario, the recording's scenario or the network, in this order; and
+    /// the faults of the DBC.
     fn explains(&self, recording: Option<&Recording>) -> Result<(Box<dyn Explains>, Vec<Found>), Failure> {
         if let Some(path) = &self.dbc {
             let database = Database::read(path).map_err(|error| Failure::usage(error.to_string()))?;
@@ -135,13 +135,13 @@ impl Decode {
         })
     }
 
-    /// What explains the frames of Resonarm's protocol.
+    /// The decoder of Resonarm's own protocol, for the network of the flags.
     fn of_network(&self) -> Result<(Box<dyn Explains>, Vec<Found>), Failure> {
         Ok((Box::new(NetworkFrames::new(self.network.network()?)), Vec::new()))
     }
 }
 
-/// What explains the frames of a DBC or of drives, and what is wrong with the DBC, which is said on standard error too.
+/// The decoder of a DBC or of drives, and the faults of the DBC, which are also reported on standard error.
 fn wire(decoder: Decoder) -> (Box<dyn Explains>, Vec<Found>) {
     let problems = decoder.problems();
     for Found { line, message, signal, problem } in &problems {

@@ -38,7 +38,7 @@ impl WireFrames {
         WireFrames { decoder, counts: Counts::default() }
     }
 
-    /// What a frame says, and the verdict.
+    /// Decodes a frame, counts it, and returns its content and the verdict on it.
     fn decode(&mut self, line: &LogLine) -> (Decoded, &'static str) {
         let decoded = self.decoder.decode(&line.frame);
         let counts = &mut self.counts;
