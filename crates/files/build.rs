@@ -14,6 +14,8 @@ const ROOT: &str = "../..";
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
+    // A path that does not exist would make cargo run this script at every build: in a package of this crate alone the
+    // folders beside it are missing.
     for path in SOURCES.iter().map(|path| Path::new(ROOT).join(path)).filter(|path| path.exists()) {
         println!("cargo:rerun-if-changed={}", path.display());
     }
@@ -33,6 +35,7 @@ fn commit() -> Option<String> {
     if top.canonicalize().ok()? != here.canonicalize().ok()? {
         return None; // a copy inside some other repository
     }
+    // `HEAD` names the branch and changes when another one is checked out; its log grows with every commit on it.
     for name in ["HEAD", "logs/HEAD"] {
         let path = output("git", &["rev-parse", "--git-path", name])?;
         if Path::new(&path).exists() {
@@ -40,6 +43,7 @@ fn commit() -> Option<String> {
         }
     }
     let commit = output("git", &["rev-parse", "HEAD"])?;
+    // Only tracked sources count: a recording or a figure in the folder does not make the build dirty.
     let mut status = vec!["-C", ROOT, "status", "--porcelain", "--untracked-files=no", "--"];
     status.extend(SOURCES);
     let dirty = !output("git", &status)?.is_empty();

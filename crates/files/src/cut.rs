@@ -34,6 +34,8 @@ pub fn cut(
     path: &Path,
     existing: Existing,
 ) -> Result<Summary, RecordingError> {
+    // The state of the plant at the first sample is needed to simulate the part again. From sample 0 on the scenario
+    // has it.
     let first = recording.summary().samples.map_or(0, |(first, _)| first.max(*samples.start()));
     join(&[recording], samples, path, existing, (first > 0).then(|| noted(recording, first)).flatten())
 }
@@ -112,6 +114,7 @@ fn join(
     }
     let recorder = Recorder::create(path, &configuration(first, plant), options(first, existing))?;
     let mut channel = recorder.channel("cut", CAPACITY)?;
+    // The recorder of an empty selection is dropped without a record, and leaves no file.
     let (mut names, mut is_empty) = (Names::default(), true);
     for recording in recordings {
         for record in recording.records()? {
@@ -126,6 +129,8 @@ fn join(
         let sources = recordings.iter().map(|it| (it.path().to_path_buf(), it.integrity().clone())).collect();
         return Err(RecordingError::NothingToCopy { sources, samples });
     }
+    // The file itself is complete in either case. If a source was not, the copy must say so, or it would pass as
+    // evidence of a whole run.
     let is_whole = recordings.iter().all(|recording| *recording.integrity() == Integrity::Complete);
     let statistics = [("cut_from_whole_recordings", is_whole.to_string())];
     if is_whole {
@@ -146,6 +151,7 @@ fn configuration(recording: &Recording, plant: Option<String>) -> Configuration 
     let there = plant.into_iter().fold(there, |there, plant| there.with(PLANT, plant));
     cut.into_iter().fold(there, |configuration, (key, value)| match configuration.get(key) {
         Some(_) => configuration,
+        // A part of a part keeps the build of the run, not that of the first cut.
         None => configuration.with(key, value),
     })
 }

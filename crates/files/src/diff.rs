@@ -133,6 +133,8 @@ fn rows<'r>(
         row.transpose().map(|row| {
             row.map(|row| {
                 count += 1;
+                // Frames and events have no numbers. They are paired by their order, since one sample may have
+                // several.
                 Row { key: if row.numbers.is_empty() { count } else { row.key }, ..row }
             })
         })
@@ -176,6 +178,7 @@ fn compare(
 ) -> Result<PartDifference, RecordingError> {
     let channels = magnitudes(a, part, options)?;
     let of_b = b.channels().of(part.topic());
+    // By name: the recordings may have different instruments, and their channels other places.
     let place = |channel: &ChannelDifference| of_b.iter().position(|of| of.name == channel.name);
     let mut found = Found {
         tolerance: options.tolerance,
@@ -193,6 +196,7 @@ fn compare(
     let (mut ours, mut theirs) = (rows(a, part, &options.samples)?, rows(b, part, &options.samples)?);
     let (mut left, mut right) = (ours.next().transpose()?, theirs.next().transpose()?);
     loop {
+        // A merge of two sequences whose keys rise: whichever key is smaller has no partner in the other recording.
         let order = match (&left, &right) {
             (None, None) => break,
             (Some(_), None) => Ordering::Less,
@@ -266,6 +270,7 @@ impl Found {
         for (channel, (a, place)) in self.channels.iter_mut().zip(numbers) {
             // A channel that B does not have is no difference of its samples: the scenarios differ.
             let Some(b) = place.and_then(|place| right.numbers.get(place)) else { continue };
+            // By bits, so that two NaN of the same bits are equal and 0 differs from −0.
             if a.to_bits() == b.to_bits() {
                 continue;
             }
@@ -273,6 +278,8 @@ impl Found {
             if apart > channel.largest {
                 (channel.largest, channel.sample) = (apart, sample);
             }
+            // At a tolerance of 0 every bit counts. The comparison alone would accept 0 against −0, whose distance is
+            // 0.
             let within = self.tolerance > 0.0 && apart <= self.tolerance * channel.magnitude;
             if !within {
                 let [a, b] = [a, b].map(|value| short(value).to_string());

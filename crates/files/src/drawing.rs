@@ -140,6 +140,7 @@ impl Drawing {
             along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
         };
         let size = norm([0, 1, 2].map(range));
+        // A single point has no size, and no points make it infinite. Widths of lines need a positive number.
         if size.is_finite() && size > 0.0 { size } else { 1.0 }
     }
 }

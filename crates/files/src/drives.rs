@@ -1,4 +1,4 @@
-//! What a master asks of CANopen drives, as the frames between them say it.
+//! The torques that a master commands CANopen drives to apply, reconstructed from the frames between them.
 
 use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, TORQUE_MODE};
 use resonarm_bench::rig::Load;
@@ -89,6 +89,8 @@ impl Drive {
                 self.report(self.listener.dictionary().number(*address) as u16);
             }
             Heard::Emergency { code: 0x0100.., .. } => self.enter(DriveState::Fault),
+            // Starting a node leaves the state of the drive as it is. Every other command, and a boot-up, ends its
+            // operation.
             Heard::Nmt { command: NmtCommand::Start, .. } => {}
             Heard::Nmt { node, .. } if ![0, self.spec.node_id].contains(node) => {}
             Heard::Nmt { .. } | Heard::Heartbeat(NmtState::Initialising) => {
@@ -132,6 +134,7 @@ impl Drive {
     }
 
     fn enter(&mut self, state: DriveState) {
+        // A target of an earlier operation must not act when the drive is enabled again.
         if state != self.state {
             self.target = 0;
         }

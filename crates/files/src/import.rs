@@ -69,7 +69,7 @@ pub enum SampleClock {
     Sync,
 }
 
-/// What gathers from the frames of a scenario's own protocol.
+/// Gathers states and readings from the frames of a user protocol.
 enum WireLog {
     /// Messages of a DBC.
     Mapped(Box<Gatherer>),
@@ -432,6 +432,7 @@ fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<Check
     for logged in &mut frames {
         let logged = logged?;
         let wanted = options.interface.as_deref().or(first.as_ref().and_then(|first| first.interface.as_deref()));
+        // Without --interface the first frame of all decides which interface is imported.
         let is_wanted = (first.is_none() && options.interface.is_none()) || logged.interface.as_deref() == wanted;
         if !is_wanted {
             continue;
@@ -480,11 +481,14 @@ impl UsualNetwork {
         self.protected += 1;
         // Whether frames before it were lost does not matter here.
         let is_of_protocol = |verdict| matches!(verdict, Ok(Some(_)) | Err(DecodeError::Counter { .. }));
+        // The frames of both profiles have the same identifiers, so each is tried.
         let is_valid = self.receivers.iter_mut().any(|receiver| is_of_protocol(receiver.accept(frame)));
         self.valid += u64::from(is_valid);
     }
 
     const fn is_likely(&self) -> bool {
+        // A majority: frames that were damaged or lost must not decide, nor must a foreign checksum that fits by
+        // chance.
         2 * self.valid > self.protected
     }
 }

@@ -1,4 +1,4 @@
-//! What is read from files and written to them: recordings, and the logs and formats of other tools.
+//! Files of the project: recordings in MCAP, CAN logs of other tools, and exports to their formats.
 
 extern crate alloc;
 

@@ -91,9 +91,12 @@ impl Staged {
         }
         if let Some(temporary) = &self.temporary {
             match self.existing {
+                // rename(2) replaces the target in one step: whoever opens the name gets the old file or the whole
+                // new one.
                 Existing::Overwrite => fs::rename(temporary, &self.target)?,
                 Existing::Refuse => rename_new(temporary, &self.target)?,
             }
+            // The new name is an entry of the folder, which is on the disk only when the folder is.
             let folder = self.target.parent().filter(|folder| !folder.as_os_str().is_empty());
             // Some file systems refuse to synchronise a folder; the file itself is safe by then.
             let _not_everywhere = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());

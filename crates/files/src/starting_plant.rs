@@ -39,8 +39,10 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
         }
         if record.sample == first {
             let numbers = plant.save();
+            // The shortest digits that give the same bits when they are read again.
             return Some(numbers.iter().map(|number| format!("{number:e}")).collect::<Vec<_>>().join(" "));
         }
+        // In the order of a run: reading first, then the step. Converters and noise advance with each reading.
         plant.measure();
         plant.advance(&record.load).ok()?;
     }

@@ -88,6 +88,7 @@ impl Listener {
         let mut refused = |reason: String| *found.refused_frames.entry(reason).or_insert(0) += 1;
         match self {
             Listener::Network(receivers) => {
+                // The counters of both directions start independently, so each has a receiver of its own.
                 let receiver = &mut receivers[usize::from(record.direction == Direction::Sent)];
                 match receiver.accept(&record.frame) {
                     Ok(Some(message)) => *found.messages.entry(message.kind().name().to_owned()).or_insert(0) += 1,

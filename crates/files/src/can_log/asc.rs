@@ -40,6 +40,7 @@ impl<W: Write> Writer<W> {
 impl<W: Write> LogWriter for Writer<W> {
     fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
         self.begin()?;
+        // Times of this format have microseconds; further digits are cut off.
         let microseconds = since(logged, self.start_ms)? / 1000;
         let direction = if logged.direction == Some(Direction::Sent) { "Tx" } else { "Rx" };
         let frame = &logged.frame;
@@ -121,6 +122,7 @@ impl Reader {
 
     /// As [`Reader::line`], of a last line without an end: an event that is no frame may be the beginning of one.
     pub fn last_line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
+        // Such as `0.5000` of `0.500000 1 201 Rx …`: it would pass for an event of another kind.
         let is_event = line.split_whitespace().next().is_some_and(|time| signed_nanoseconds(time).is_some());
         match self.line(line)? {
             None if is_event => Err(CanLogError::Truncated { inside: "inside this line" }),
@@ -142,6 +144,8 @@ impl Reader {
 
     /// An event with its time.
     fn event(&mut self, time_ns: i64, words: &[&str]) -> Result<Option<LoggedFrame>, CanLogError> {
+        // Every event counts, also those that are no frames: relative times are relative to the line before, whatever
+        // it holds.
         let before_ns = if self.is_relative { self.time_ns } else { 0 };
         self.time_ns = before_ns.saturating_add(time_ns);
         let (channel, direction, frame) = match *words {
@@ -181,11 +185,14 @@ impl Reader {
     /// form, too; the flags show it. A remote frame has no bytes, and its DLC says how many it asks for.
     fn fd(&self, id: &str, words: &[&str]) -> Result<Frame, CanLogError> {
         let is_bit = |word: Option<&&str>| matches!(word, Some(&("0" | "1")));
+        // The symbolic name is optional. Without it the two bits BRS and ESI follow the identifier at once.
         let words = if is_bit(words.first()) && is_bit(words.get(1)) { words } else { words.get(1..).unwrap_or(&[]) };
         let [brs, esi, dlc, bytes, rest @ ..] = words else { return Err(CanLogError::AscLine) };
         let dlc = usize::from_str_radix(dlc, 16).ok().and_then(length).ok_or(CanLogError::AscLine)?;
         let bytes = bytes.parse::<usize>().map_err(|_| CanLogError::AscLine)?;
         let mut data = self.data(rest.get(..bytes).ok_or(CanLogError::AscLine)?)?;
+        // The flags stand behind the duration and the number of bits. A line that ends before them counts as a CAN FD
+        // frame.
         let flags = rest.get(bytes + 2).and_then(|flags| u32::from_str_radix(flags, 16).ok()).unwrap_or(EDL);
         let set = |flag: u32, bit: &str| if bit == "1" { flag } else { 0 };
         let format = match format(flags | set(BRS, brs) | set(ESI, esi)) {
@@ -202,6 +209,7 @@ impl Reader {
 
     fn id(&self, text: &str) -> Result<Id, CanLogError> {
         match text.strip_suffix(['x', 'X']) {
+            // In logs with `base dec` the x stands behind a decimal number.
             Some(digits) => self.number(digits).map(Id::Extended),
             None => u16::try_from(self.number(text)?).map(Id::Standard).map_err(|_| CanLogError::AscLine),
         }

@@ -88,6 +88,7 @@ impl fmt::Display for ErrorFrame {
         let mut separator = "";
         let mut rest = self.classes;
         for (class, name) in ERROR_CLASSES {
+            // Bits that have no name here remain in `rest`, and are reported as a number.
             if rest & class != 0 {
                 write!(f, "{separator}{name}")?;
                 (separator, rest) = (", ", rest & !class);
@@ -111,6 +112,7 @@ pub fn parse_line(line: &str) -> Result<CandumpLine, CanLogError> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let (time_ns, words) = time(&words)?;
     let log = |interface: &str, frame: &str, direction| {
+        // Before the frame is parsed: its identifier has more than 29 bits, and would be rejected.
         let content = match error_frame(frame.split_once('#').map_or("", |(id, _)| id)) {
             Some(error) => CandumpContent::ErrorFrame(error),
             None => CandumpContent::Frame(frame.parse().map_err(CanLogError::FrameText)?),
@@ -127,6 +129,7 @@ pub fn parse_line(line: &str) -> Result<CandumpLine, CanLogError> {
             let content = view(frame, switch == "B", indicator == "E")?;
             Ok(CandumpLine { time_ns, interface: Some(interface.to_owned()), direction: Some(direction), content })
         }
+        // The view of `candump` without -x: it has no direction, and no flags of a CAN FD frame.
         [interface, ref frame @ ..] => {
             let content = view(frame, false, false)?;
             Ok(CandumpLine { time_ns, interface: Some(interface.to_owned()), direction: None, content })
@@ -168,6 +171,7 @@ fn view(words: &[&str], bit_rate_switch: bool, error_state_indicator: bool) -> R
         return Ok(CandumpContent::ErrorFrame(error));
     }
     let frame = || -> Option<Result<Frame, FrameTextError>> {
+        // `from_str_radix` also takes a sign, which no identifier has.
         let number = u32::from_str_radix(id, 16).ok().filter(|_| id.bytes().all(|digit| digit.is_ascii_hexdigit()))?;
         let id = match id.len() {
             3 => Id::Standard(number as u16),
@@ -210,6 +214,7 @@ pub(super) fn nanoseconds(text: &str) -> Option<u64> {
     if seconds.is_empty() || !is_number(seconds) || !is_number(fraction) {
         return None;
     }
+    // Filled up with zeros or cut to nine digits, which are then the nanoseconds.
     let nine: String = fraction.chars().chain(core::iter::repeat('0')).take(9).collect();
     seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(nine.parse().ok()?)
 }

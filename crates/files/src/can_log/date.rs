@@ -32,10 +32,13 @@ impl Date {
     pub fn from_unix_ms(unix_ms: u64) -> Date {
         let (seconds, millisecond) = (unix_ms / 1000, unix_ms % 1000);
         let (days, second) = (seconds / DAY_S, seconds % DAY_S);
+        // Days from 0000-03-01 to 1970-01-01. An era of 400 years has 146 097 days, a century 36 524 and four years
+        // 1461.
         let from_march = days + 719_468;
         let (era, day_of_era) = (from_march / 146_097, from_march % 146_097);
         let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
         let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+        // From March on, five months have 153 days (31, 30, 31, 30, 31), again and again.
         let month_from_march = (5 * day_of_year + 2) / 153;
         let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
         Date {
@@ -72,6 +75,7 @@ impl Date {
         let days = (era.checked_mul(146_097)? + day_of_era).checked_sub(719_468)?;
         let second = days * DAY_S + 3600 * self.hour + 60 * self.minute + self.second;
         let unix_ms = 1000 * second + self.millisecond;
+        // The weekday is not compared: logs state it, but it follows from the date.
         let found = Date { weekday: self.weekday, ..Date::from_unix_ms(unix_ms) };
         (found == *self).then_some(unix_ms)
     }
@@ -118,6 +122,7 @@ impl Date {
             Some(_) => return None,
         };
         let (day, year, millisecond) = (day.parse().ok()?, year.parse().ok()?, millisecond.parse().ok()?);
+        // Through milliseconds and back, which also fills in the weekday.
         let date = Date { year, month, day, weekday: 0, hour, minute, second, millisecond };
         date.unix_ms().map(Date::from_unix_ms)
     }

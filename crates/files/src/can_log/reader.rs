@@ -131,9 +131,12 @@ impl Lines {
                 CanLogError::Line { path, line, source: Box::new(source) }
             };
             if read == 0 {
+                // The truncation is reported once. The next call then ends the iteration.
                 let end = self.syntax.end().err().filter(|_| !core::mem::replace(&mut self.has_ended, true));
                 return Ok(end.map(|error| Entry::Unreadable(failed(error))));
             }
+            // The end of such a line is unknown, so nothing behind it can be read: this ends the log, unlike other
+            // faults of a line.
             if read > LONGEST_LINE {
                 return Err(failed(CanLogError::LongLine { most: LONGEST_LINE }));
             }

@@ -43,6 +43,7 @@ pub(super) fn flags(format: FrameFormat) -> u32 {
 pub(super) fn format(flags: u32) -> FrameFormat {
     let is = |flag: u32| flags & flag != 0;
     match (is(EDL), is(REMOTE)) {
+        // CAN FD has no remote frames, so the remote flag says nothing here (ISO 11898-1).
         (true, _) => FrameFormat::Fd { bit_rate_switch: is(BRS), error_state_indicator: is(ESI) },
         (false, true) => FrameFormat::Remote,
         (false, false) => FrameFormat::Classic,

@@ -1,4 +1,4 @@
-//! Why a receiver refuses a frame.
+//! Reasons for which a receiver rejects a frame.
 
 use thiserror::Error;
 

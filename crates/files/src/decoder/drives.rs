@@ -50,6 +50,7 @@ fn join(all: &mut DecodedMessage, other: DecodedMessage) {
     if all.message == other.message {
         return;
     }
+    // Two drives may map the same frame differently, so every signal names the message that it belongs to.
     for signal in &mut all.signals {
         signal.name = format!("{} in {}", signal.name, all.message);
     }
@@ -66,6 +67,8 @@ fn join(all: &mut DecodedMessage, other: DecodedMessage) {
 
 impl Drive {
     fn explain(&mut self, frame: &Frame) -> Decoded {
+        // Taken before the frame changes it: a command is given by the edges of the controlword, so the previous
+        // value is needed.
         let before = self.listener.dictionary().number(at(0x6040, 0)) as u16;
         let node = self.spec.node_id;
         let (name, signals) = match self.listener.hear(frame) {

@@ -104,6 +104,7 @@ pub(super) fn message(
             _ => Vec::new(),
         };
         let (name, unit) = (signal.name().to_string(), signal.unit().to_string());
+        // Beyond 53 bits the `f64` is rounded; the exact integer is stated beside it.
         let is_large = value.is_some() && signal.wire().check_exact().is_err();
         let large = if is_large { signal.raw(payload) } else { None };
         let large = large.map(|raw| LargeInteger { raw, value: signal.large_integer(payload) });

@@ -90,7 +90,7 @@ impl Decoder {
         }
     }
 
-    /// What is wrong with the DBC, in the order of the file: some of it is not decoded.
+    /// Faults of the DBC in the order of the file. What they concern is not decoded.
     pub fn problems(&self) -> Vec<Found> {
         match &self.protocol {
             Protocol::Dbc { database, .. } => database.problems(),
@@ -125,6 +125,8 @@ impl Decoder {
         if let Outcome::Taken { lost } = outcome {
             self.lost += lost;
         }
+        // A rejected frame is explained as well, but its values don't become the last ones: the plant has not used
+        // them either.
         let is_taken = !matches!(outcome, Outcome::Refused(_));
         let decoded = explained::message(message, frame, roles, is_taken);
         Decoded::Message(DecodedMessage { outcome, ..decoded })

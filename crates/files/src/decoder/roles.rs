@@ -89,6 +89,7 @@ impl MessageRoles {
             needed: Vec::new(),
         };
         let mut at = |layout: &Layout, role: Role| {
+            // The mapping states counter and checksum by their place in the payload. A DBC may have no signal there.
             let found = message.signals().find(|signal| signal.wire().layout().is_same_place(layout));
             if let Some(signal) = found {
                 roles.roles.entry(signal.name().to_string()).or_default().push(role);
@@ -166,6 +167,7 @@ impl Role {
             }
             Role::Quantity { channel, scale, offset } => {
                 let (name, unit) = (channel.name, channel.quantity.unit());
+                // The inverse of what the plant does: it sends scale · quantity + offset.
                 vec![Meaning::Quantity { name, value: (value - *offset) / *scale, unit }]
             }
             Role::Clipped(channel) => vec![Meaning::Clipped { name: channel.name, is_clipped: value != 0.0 }],

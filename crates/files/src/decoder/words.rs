@@ -132,6 +132,7 @@ const ERRORS: [(u16, &str); 9] = [
 
 /// An error code in words, or its class (CiA 301, table 26).
 pub(super) fn error(code: u16) -> &'static str {
+    // The drive's own codes first: they say more than their class.
     if let Some((_, words)) = ERRORS.iter().find(|(own, _)| *own == code) {
         return words;
     }

@@ -58,6 +58,7 @@ pub(super) fn write(
             table.row(recording.origin(), &record)?;
         }
     }
+    // All tables are written out before the first takes its name: if the disk is full, none does.
     tables.iter_mut().try_for_each(Table::flush)?;
     tables.into_iter().map(Table::publish).collect()
 }

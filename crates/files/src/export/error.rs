@@ -1,4 +1,4 @@
-//! What keeps a recording from being exported.
+//! Errors of an export.
 
 use std::io;
 use std::path::PathBuf;

@@ -63,6 +63,7 @@ fn copy(
     let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(|error| failed(error.into()))?;
     let library = concat!("resonarm ", env!("CARGO_PKG_VERSION"));
     let options =
+        // By default the library starts a compression thread for each core, which a copy does not need.
         WriteOptions::new().library(library).compression(Some(mcap::Compression::Zstd)).compression_threads(0);
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
     let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, recording.channels(), *part)?)));
@@ -83,6 +84,7 @@ fn copy(
             let time_ns = sample_ns(recording.origin(), state.sample, 0.0);
             topic.write(&mut writer, time_ns, &scene.message(state, time_ns)).map_err(failed)?;
         }
+        // Frames and ticks have no form that viewers plot, and are left out.
         let Some((part, time_ns, message)) = message(recording, &record) else { continue };
         let Some((_, topic)) = topics.iter_mut().find(|(of, _)| *of == part) else { continue };
         topic.write(&mut writer, time_ns, &message).map_err(failed)?;

@@ -23,6 +23,7 @@ pub(super) fn write(
     files: Vec<(PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let origin = recording.origin();
+    // Read twice, not collected: a recording may be larger than the memory.
     let logged = || {
         let wanted = |record: &FrameRecord| selection.samples.contains(&record.sample);
         let frames = recording.frames()?.filter(move |record| record.as_ref().map_or(true, wanted));

@@ -63,7 +63,7 @@ impl ExportFormat {
         }
     }
 
-    /// What it can hold.
+    /// The kinds of records that the format can hold.
     pub const fn parts(self) -> &'static [RecordingPart] {
         match self {
             ExportFormat::Csv => &RecordingPart::ALL,
@@ -92,6 +92,7 @@ impl ExportFormat {
     pub fn files(self, stem: &Path, parts: &[RecordingPart]) -> Vec<(PathBuf, Vec<RecordingPart>)> {
         let named = |ending: String| {
             let mut name = stem.as_os_str().to_owned();
+            // Appended, not `with_extension`, which would replace `.5` of a stem such as `run-0.5`.
             name.push(ending);
             PathBuf::from(name)
         };

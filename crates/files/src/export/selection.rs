@@ -126,6 +126,7 @@ pub fn samples(
     let dt_s = recording.origin().dt_s;
     // Of a recording without a record there is nothing, whatever is asked for.
     let Some((first, last)) = recording.summary().samples else { return Ok(0..=u64::MAX) };
+    // Rounded inwards, so that both ends are within the range that was asked for.
     let from = from_s.map_or(first, |from_s| libm::ceil(from_s / dt_s - TOLERANCE) as u64);
     let to = to_s.map_or(last, |to_s| libm::floor(to_s / dt_s + TOLERANCE) as u64);
     let is_negative = [from_s, to_s].iter().flatten().any(|time_s| *time_s < 0.0);

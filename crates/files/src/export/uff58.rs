@@ -73,6 +73,7 @@ pub(super) fn write(
                 let mut written = 0;
                 visit(recording, part, &selection.samples, |values| {
                     written += 1;
+                    // The last line of a dataset may have fewer values, and must end before the delimiter.
                     let end = if written % IN_LINE == 0 || written == count { "\n" } else { "" };
                     write!(out, "{}{end}", e20(values[index])).map_err(failed)
                 })?;
@@ -91,6 +92,7 @@ pub(super) fn write(
 fn units(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{DELIMITER}\n{:6}{:74}", 164, "")?;
     writeln!(out, "{:10}{:<20}{:10}", 1, "SI: Meter (newton)", 2)?;
+    // FORTRAN's D25.17: the factors from the file's units to SI, all 1, and an offset of temperature of 0.
     let one = "1.00000000000000000D+00";
     writeln!(out, "{one:>25}{one:>25}{one:>25}\n{:>25}\n{DELIMITER}", "0.00000000000000000D+00")
 }

@@ -27,6 +27,7 @@ pub(super) fn write(
         for part in parts {
             let channels = recording.channels().of(part.topic());
             let (_, rows) = span(recording, part, &selection.samples)?;
+            // Checked before the file is written: the length in its head has 32 bits and would wrap around.
             if rows * channels.len() as u64 * VALUE + HEADS > u64::from(u32::MAX) {
                 return Err(ExportError::Long { rows, channels: channels.len() });
             }
@@ -52,6 +53,7 @@ pub(super) fn write(
 fn whole_rate_hz(dt_s: f64) -> Result<u32, ExportError> {
     let rate_hz = 1.0 / dt_s;
     let whole = libm::round(rate_hz);
+    // 1/dt is off by a rounding error of some 1e-16 where dt is the rounded inverse of a whole rate.
     if (rate_hz - whole).abs() < 1e-9 * whole && (1.0..=f64::from(u32::MAX)).contains(&whole) {
         Ok(whole as u32)
     } else {

@@ -68,6 +68,7 @@ impl DriveGatherer {
         let heard = self.targets.hear(frame);
         let direction = heard.first().map(|(spec, heard)| direction(frame, spec, heard));
         if self.clock == SampleClock::Sync && heard.iter().any(|(_, heard)| matches!(heard, Heard::Sync(_))) {
+            // The SYNC opens its sample, so frames before the first one belong to sample 0 as well.
             self.now = Some(self.now.map_or(0, |now| now + 1));
         }
         for (spec, heard) in &heard {
@@ -84,6 +85,7 @@ impl DriveGatherer {
             }
         }
         if !heard.is_empty() {
+            // Of several changes within a sample the last one is held, as by the drive.
             self.changes.insert(self.now.unwrap_or(0), self.targets.load());
         }
         (direction, self.now)

@@ -91,6 +91,8 @@ impl FrameIndex {
     /// The time to count from. If time stamps alone number the frames, it follows theirs by a part of the difference,
     /// so that neither late frames nor another speed of the log's clock add up.
     fn followed(&self, sample: u64, time_ns: u64) -> u64 {
+        // A first-order filter: jitter of the stamps is averaged over some 16 frames, and a drift of the clock is
+        // followed.
         const PART: f64 = 1.0 / 16.0;
         match (self.numbering, self.last) {
             (Numbering::Time, Some(last)) => {
@@ -107,6 +109,7 @@ impl FrameIndex {
         match (self.numbering, last.raw, raw) {
             (Numbering::Sample(modulus) | Numbering::Counter(modulus), Some(before), Some(raw)) => {
                 let difference = (raw + modulus - before % modulus) % modulus;
+                // Counter and index agree that no frame was lost, so the time stamps may be as late as they like.
                 if difference == 1 && step == Some(Step::Next) { 1 } else { nearest(difference, modulus, expected) }
             }
             _ => libm::rint(expected) as i64,
@@ -117,6 +120,8 @@ impl FrameIndex {
     /// sample and less than a period ago, or as the indices of both say.
     fn beside(&self, other: Anchor, raw: Option<u64>, time_ns: u64) -> Option<u64> {
         let since = self.samples(other.time_ns, time_ns);
+        // Messages of one sample come in their order. If this one comes before the other in each sample, the next
+        // sample has begun.
         let guess = libm::floor(since) as i64 + i64::from(self.order < other.order);
         let difference = match (self.numbering, other.numbering, raw, other.raw) {
             (Numbering::Sample(modulus), Numbering::Sample(of_other), Some(raw), Some(before))
@@ -137,6 +142,7 @@ impl FrameIndex {
 /// The number that is `difference` modulo `modulus` and nearest to `expected`.
 fn nearest(difference: u64, modulus: u64, expected: f64) -> i64 {
     let (difference, modulus) = (difference as f64, modulus as f64);
+    // difference + k·modulus for the whole k that is nearest to (expected − difference)/modulus.
     (difference + modulus * libm::rint((expected - difference) / modulus)) as i64
 }
 

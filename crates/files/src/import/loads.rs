@@ -66,6 +66,8 @@ impl Loads {
         Loads {
             is_wanted,
             commands: mapping.incoming.iter().map(command).collect(),
+            // Arming by the operator or by a first zero command leaves no message in the log, so such drives count as
+            // armed.
             armed: vec![mapping.arming != Arming::Message; drives],
             changes: LoadChanges::default(),
         }

@@ -159,6 +159,7 @@ impl Gatherer {
         let states = self.states.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
         let (sample, row) = states?;
         self.found.states += 1;
+        // Readings and states share most of their samples; a gap is counted once.
         if self.readings.is_none() {
             self.gaps.count(sample, &mut self.found);
         }
@@ -181,6 +182,7 @@ impl Gatherer {
 
 impl Reader {
     fn new(message: &Outgoing, name: String, (order, rate_hz): (usize, f64)) -> Reader {
+        // An index is the better number: it goes round later than a counter, and names the sample itself.
         let of_signal = message.signals.iter().find_map(|signal| match signal.source {
             Source::Sample { modulus } if modulus >= 2.0 => Some(Numbering::Sample(modulus as u64)),
             _ => None,

@@ -81,6 +81,8 @@ impl<B: Batch> Batcher<B> {
     pub fn must_take_before(&self, row: &B::Row) -> bool {
         self.rows == self.limit
             || (self.rows > 0 && !self.batch.takes(row))
+            // Only the first sample is in the message; the others follow from their rows, so a gap needs another
+            // batch.
             || (self.rows > 0 && self.batch.first_sample().checked_add(u64::from(self.rows)) != Some(B::sample(row)))
     }
 

@@ -78,6 +78,7 @@ impl CheckedReader {
             .with_emit_chunks(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true)
+            // Bytes behind the end would be a second file, or the rest of a longer one that was written over.
             .with_check_finishes_after_end_magic(true)
             .with_record_length_limit(LONGEST);
         Ok(CheckedReader {
@@ -156,6 +157,7 @@ impl CheckedReader {
         while let Some(event) = self.reader.next_event() {
             match event? {
                 LinearReadEvent::ReadRequest(need) => {
+                    // The reader asks for as much as a length in the file states, which may be wrong.
                     let space = self.reader.insert(need.min(READ));
                     let read = self.file.read(space).map_err(Fault::Io)?;
                     self.reader.notify_read(read);

@@ -21,11 +21,11 @@ const LONGEST_CHUNK: u64 = 1 << 26;
 /// Fields of a chunk before its compressed records, without the name of the compression, bytes (MCAP, "Chunk").
 pub(super) const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 8;
 
-/// Why there is nothing to be had from a record.
+/// The reason why a record can't be used.
 pub(super) enum Fault {
     /// The file ends inside it.
     Truncated,
-    /// It is not what the format says.
+    /// Its content contradicts the MCAP format.
     Damaged(String),
     /// The checksum of the whole data section is wrong: any record before its end may be.
     DataSection(String),

@@ -82,6 +82,7 @@ impl Decimator {
         if self.every == 0 {
             return;
         }
+        // A filter over a gap would mix rows from before and after it, so each side is a series of its own.
         if self.series.is_some_and(|(_, next)| next != index) {
             self.end(ready);
         }
@@ -119,6 +120,8 @@ impl Decimator {
     fn take(&mut self, values: &[f64], flags: u32) {
         let is_full = self.flags.len() == self.taps.len();
         for (window, values) in self.windows.iter_mut().zip(values.chunks(LANES)) {
+            // The last block of a row is filled up with zeros, so that the inner loop has a constant length and is
+            // vectorised.
             let mut block = [0.0; LANES];
             block[..values.len()].copy_from_slice(values);
             window.push_back(block);

@@ -176,12 +176,14 @@ pub(super) fn batch(batch: &FrameBatch, mut visit: impl FnMut(FrameRecord)) -> R
 /// The payload of each frame, from the columns of bytes.
 fn payloads(batch: &FrameBatch) -> Result<Vec<[u8; LONGEST_DATA]>, String> {
     let length = |row: usize| match batch.flags[row] & flag::REMOTE {
+        // A remote frame states a length and has no data.
         0 => batch.length[row] as usize,
         _ => 0,
     };
     if let Some(length) = (0..batch.id.len()).map(length).find(|length| *length > LONGEST_DATA) {
         return Err(format!("a frame of {length} bytes"));
     }
+    // Checked before the bytes are distributed, so that `next` below always has one.
     let expected: usize = (0..batch.id.len()).map(length).sum();
     if batch.data.len() != expected {
         return Err(format!("a batch of frames with {} bytes of payload, expected {expected}", batch.data.len()));

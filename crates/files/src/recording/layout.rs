@@ -214,6 +214,8 @@ impl Layout {
                     None => return Err(ChannelsError::Unknown { name: name.clone() }),
                 },
             };
+            // `NumberBatch` reads these two by their fixed fields, whatever the schema says. All other fields are
+            // found by name.
             let is_reserved = name == "first_step" && number != STEP || name == "dt_s" && number != DT_S;
             if (*label, *kind) != expected || is_reserved {
                 return Err(ChannelsError::Type { name: name.clone() });
@@ -245,6 +247,7 @@ fn readings(fields: &[Field]) -> Result<Vec<Channel>, ChannelsError> {
         !["first_step", "dt_s", "clipped"].contains(&name) && READINGS.iter().all(|channel| channel.name != name)
     };
     let mut others: Vec<&Field> = fields.iter().filter(is_other).collect();
+    // The order of the fields in a schema is free. The recorder numbers them in the order of the channels.
     others.sort_by_key(|field| field.number);
     let names: Vec<&str> = others.iter().map(|field| field.name.as_str()).collect();
     let others = named_sensor_channels(&names).map_err(|name| ChannelsError::Unknown { name: name.to_owned() })?;

@@ -15,6 +15,8 @@ pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
         op::MESSAGE => body.get(2 + 4 + 8 + 8..),
         op::CHUNK => after_texts(1, body.get(8 + 8 + 8 + 4..)),
         op::MESSAGE_INDEX => after_texts(1, body.get(2..)),
+        // Behind the four numbers stand a map of offsets, the length of the message index, the name of the
+        // compression, and two lengths.
         op::CHUNK_INDEX => after_texts(1, body.get(4 * 8..))
             .and_then(|rest| after_texts(1, rest.get(8..)))
             .and_then(|rest| rest.get(8 + 8..)),

@@ -147,6 +147,7 @@ impl<R: Numbers> Message for NumberBatch<R> {
             STEP => encoding::uint64::merge(wire, &mut self.first_sample, buf, context),
             DT_S => encoding::double::merge(wire, &mut self.dt_s, buf, context),
             tag if tag != self.layout.mark => encoding::skip_field(wire, tag, buf, context),
+            // The mark is one flag for the last row of states, and a column of bits of readings.
             _ if Self::IS_STATES => encoding::bool::merge(wire, &mut self.ends, buf, context),
             _ => encoding::uint32::merge_repeated(wire, &mut self.clipped, buf, context),
         }

@@ -12,6 +12,8 @@ use resonarm_bench::rig::Load;
 fn plotted(every: u64, value: f64) -> f64 {
     const DROPPED: u64 = (1 << 29) - 1;
     match value.is_finite() && every > 1 {
+        // Half of the last kept bit is added before the rest is dropped: it rounds to nearest. A carry into the
+        // exponent is right, too: the next power of two follows the largest mantissa.
         true => f64::from_bits((value.to_bits() + (DROPPED >> 1) + 1) & !DROPPED),
         false => value,
     }

@@ -40,6 +40,8 @@ impl Recording {
         let path = path.as_ref();
         let scan = scan(path)?;
         let origin = scan.origin(path)?;
+        // By bits: every batch and the metadata state the same number, so a difference is a damage or a file of two
+        // runs.
         if scan.tally.dt_s.is_some_and(|dt_s| dt_s.to_bits() != origin.dt_s.to_bits()) {
             let (path, name, key) = (path.to_path_buf(), metadata::RECORDING, String::from(DT_S));
             let expected = "what its batches state";

@@ -122,6 +122,7 @@ impl SampleRecord {
 
     /// Which of all its numbers are clipped, a bit each in their order.
     pub fn clipped_bits(&self) -> u32 {
+        // The six readings of every rig come first, so their bits are the same in all recordings.
         self.clipped.bits() | self.more.clipped() << Clipped::COUNT
     }
 

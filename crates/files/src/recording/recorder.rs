@@ -82,6 +82,7 @@ impl Recorder {
             let (option, got, expected) = ("capacity", String::from("0"), "at least 1 record");
             return Err(RecordingError::Option { option, got, expected });
         }
+        // A ring shorter than the longest record could never take that record, and would wait for ever.
         let (ring, records) = rtrb::RingBuffer::new(capacity.max(MOST_SLOTS));
         let lost = Arc::new(AtomicU64::new(0));
         let source = Source::new(name.to_string(), records, Arc::clone(&lost));
@@ -179,6 +180,7 @@ impl Channel {
         if !self.ring.is_abandoned() && slots::push(&mut self.ring, record) {
             Pushed::Stored
         } else {
+            // Paired with the acquiring load of the writer thread. The ring has its own ordering.
             self.lost.fetch_add(1, Ordering::Release);
             Pushed::Lost
         }
@@ -190,6 +192,8 @@ impl Channel {
     /// The failure of the recorder; [`RecordingError::Finished`] if it was finished.
     pub fn push_blocking(&mut self, record: &Record) -> Result<(), RecordingError> {
         while slots::is_full(&self.ring, record) && !self.ring.is_abandoned() {
+            // The writer sleeps while the channels are empty; waiting for its next look would cost 5 ms at each full
+            // ring.
             self.writer.unpark();
             thread::park_timeout(FULL_WAIT);
         }

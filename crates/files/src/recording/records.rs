@@ -62,6 +62,7 @@ impl<T> Records<T> {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(error) => {
+                    // Neither another message nor another chunk is found from here on.
                     (self.readable_bytes, self.next) = (0, usize::MAX);
                     self.queue.clear();
                     return Err(error);

@@ -117,6 +117,7 @@ fn messages(sink: &Sink) -> u64 {
 
 /// A first pass: metadata behind what is damaged go into `scan`, and what is declared anywhere is known to the second.
 fn survey(input: &Path, scan: &mut Scan) -> Result<Salvage, RecordingError> {
+    // In a file that is only cut short everything before the end has been checked, messages outside chunks too.
     let is_damaged = matches!(scan.integrity, Integrity::Damaged { .. });
     let mut salvage = Salvage::open(input, !is_damaged)?;
     while let Some(piece) = salvage.next()? {
@@ -128,7 +129,7 @@ fn survey(input: &Path, scan: &mut Scan) -> Result<Salvage, RecordingError> {
     Ok(salvage.again())
 }
 
-/// What copying came to.
+/// Result of copying: the parts that were left out, and the samples that are missing.
 struct Copied {
     lost: Vec<LostChunk>,
     missing: Vec<MissingSamples>,
@@ -140,6 +141,8 @@ fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copie
     while let Some(piece) = salvage.next()? {
         match piece {
             Piece::Chunk { offset, bytes } => match tally.clone().with(salvage.contents()) {
+                // A chunk is copied whole or not at all: the tally takes it in on a copy, which is dropped if a
+                // message is wrong.
                 Ok(with) => {
                     missing.extend(between(&tally, &with));
                     tally = with;

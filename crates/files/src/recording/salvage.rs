@@ -207,11 +207,14 @@ impl Salvage {
         self.file.read_exact_at(&mut body[..known], offset + RECORD_HEAD)?;
         let body = &body[..known];
         if opcode == op::METADATA {
+            // The length of the name is below 256, so its three higher bytes are 0.
             return Ok(body.get(1..4) == Some(&[0; 3]) && body[4..].starts_with(OUR_METADATA));
         }
         let number =
             |at: usize| body.get(at..at + 4).map(|bytes| bytes.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)));
         let Some(name) = number(28).filter(|name| *name <= 4) else { return Ok(false) };
+        // The length of the compressed records has eight bytes, low half first. Together with the head it must be the
+        // length of the chunk.
         let records = number(32 + name as usize).zip(number(36 + name as usize)).map(|(low, high)| high << 32 | low);
         Ok(records.and_then(|records| records.checked_add(CHUNK_HEAD as u64 + name)) == Some(length))
     }

@@ -118,6 +118,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
             Err(error) => break Err(error),
         }
     };
+    // A wrong checksum of the data section names an earlier byte than where the reading ended.
     let readable_bytes = match &end {
         Err(RecordingError::Damaged { offset, .. }) => *offset,
         _ => reader.offset(),
@@ -146,7 +147,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     Ok(Scan { integrity, file_bytes, readable_bytes, library, metadata, lost, tally })
 }
 
-/// What is wrong with a file whose every record is in order: messages are missing or repeated.
+/// The first flaw of a file whose every record is in order: messages that are missing or repeated.
 fn flaw(
     tally: &Tally,
     metadata: &BTreeMap<String, BTreeMap<String, String>>,
@@ -159,7 +160,7 @@ fn flaw(
     missing_samples(tally, metadata).or_else(|| wrong_count(tally, stated_messages, messages))
 }
 
-/// What the statistics of the run say of the samples that are here.
+/// Compares the count of samples in the statistics of the run with the states that are in the file.
 fn missing_samples(tally: &Tally, metadata: &BTreeMap<String, BTreeMap<String, String>>) -> Option<String> {
     // The samples of a run are its states, unless the recorder lost some.
     let lost = metadata.get(metadata::LOST)?.values().any(|count| count != "0");
@@ -170,7 +171,7 @@ fn missing_samples(tally: &Tally, metadata: &BTreeMap<String, BTreeMap<String, S
         .then(|| format!("the statistics count {stated} samples, and {found} are here"))
 }
 
-/// What the file's own count of messages says of those that are here.
+/// Compares the file's own count of messages with those that were read.
 fn wrong_count(tally: &Tally, stated_messages: Option<u64>, messages: u64) -> Option<String> {
     match stated_messages {
         Some(stated) if stated != messages => {

@@ -85,6 +85,8 @@ impl Sink {
             .library(concat!("resonarm ", env!("CARGO_PKG_VERSION")))
             .compression(compression)
             .compression_level(ZSTD_LEVEL)
+            // The recorder has one thread, which `leave_core` can keep off the core of the real-time loop. The
+            // library would start more.
             .compression_threads(0)
             .disable_seeking(true)
             .create(NoSeek::new(BufWriter::new(Counted { file, bytes: 0 })))
@@ -190,6 +192,8 @@ impl Sink {
     pub fn finish(mut self) -> Result<Finished, RecordingError> {
         let finished = self.writer.finish();
         let path = self.path.clone();
+        // The file is taken out even if the summary failed: dropping the library's writer would try to finish it once
+        // more.
         let mut file = self.into_file();
         finished.map_err(|error| RecordingError::write(&path, error))?;
         io::Write::flush(&mut file)

@@ -147,6 +147,7 @@ fn push_many<Other>(
     rest: &[f64],
     content: fn([f64; NEXT]) -> Content<Other>,
 ) -> bool {
+    // All slots are reserved at once and become visible together, so a reader never sees a part of a record.
     let Ok(chunk) = ring.write_chunk_uninit(slots_for(record)) else { return false };
     let rest = rest.chunks(NEXT).map(|numbers| Slot(content(padded(numbers.iter().copied()))));
     chunk.fill_from_iter(core::iter::once(first(record)).chain(rest));

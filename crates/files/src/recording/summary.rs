@@ -12,7 +12,7 @@ use super::{BuildInfo, FrameRecord};
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Origin {
-    /// Version of the format, 3 or 4.
+    /// Version of topics, schemas and metadata.
     pub format: u32,
     /// Time from one sample to the next, s.
     pub dt_s: f64,
@@ -152,6 +152,7 @@ impl RecordedFault {
     pub(super) fn with_partner(self, emergency: Option<(u64, i64)>) -> RecordedFault {
         let is_reason = |at: u64| match self.cause() {
             Some(EmergencyCode::PartnerFault) => true,
+            // A timeout has other reasons as well. Only an emergency of the same sample is taken for the one.
             Some(EmergencyCode::CommandTimeout) => at == self.sample,
             _ => false,
         };

@@ -345,6 +345,7 @@ impl Writer {
     fn report_losses(&mut self) -> Result<(), RecordingError> {
         for index in 0..self.sources.len() {
             let source = &mut self.sources[index];
+            // The counter only grows; what was reported before is subtracted, so no loss is reported twice.
             let lost = source.lost.load(Ordering::Acquire);
             let new = lost - core::mem::replace(&mut source.lost_reported, lost);
             if new > 0 {
@@ -404,6 +405,7 @@ impl Writer {
         self.plots.end();
         self.write_plots()?;
         self.flush()?;
+        // A second time, now with the start of the run, which the head could not state yet.
         self.sink.metadata(metadata::RECORDING, &about(&self.options, self.times.start_unix_ns))?;
         self.sink.metadata(metadata::CONFIGURATION, &self.configuration)?;
         self.sink.metadata(metadata::STATISTICS, statistics)?;

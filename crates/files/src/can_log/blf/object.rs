@@ -112,6 +112,7 @@ impl<'a> Object<'a> {
         let format = format(u32::from_le_bytes(self.number(body + 12)?));
         let [direction, further] = self.number(body + 34)?;
         let rest = self.from(body + 40)?;
+        // The offset counts from the beginning of the object; 0 means that nothing follows the data.
         let rest = match usize::from(further).checked_sub(body + 40) {
             Some(end) => &rest[..end.min(rest.len())],
             None => rest,
@@ -121,6 +122,7 @@ impl<'a> Object<'a> {
             _ => LONGEST_CLASSIC.min(dlc.into()),
         };
         let mut data = [0; PAYLOAD_MAX_BYTES];
+        // Each of the three comes from the file, and any of them may be wrong.
         let used = rest.len().min(valid.into()).min(length);
         data[..used].copy_from_slice(&rest[..used]);
         let frame = Frame::new(self.id(body + 4)?, format, &data[..length])?;
@@ -131,6 +133,7 @@ impl<'a> Object<'a> {
         let id = u32::from_le_bytes(self.number(at)?);
         match id & EXTENDED {
             0 => u16::try_from(id).map(Id::Standard).map_err(|_| BlfFault::Id { got: id }),
+            // `Frame::new` rejects what has more than 29 bits.
             _ => Ok(Id::Extended(id & !EXTENDED)),
         }
     }

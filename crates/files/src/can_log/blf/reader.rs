@@ -94,10 +94,14 @@ impl Reader {
             *field = u16::from_le_bytes(self.array()?);
         }
         self.start_ns = start_ns(begin)?;
+        // Of the head only the fields up to the end date are read. Its stated length says where the objects begin, so
+        // longer heads of other versions are skipped.
         let least = self.position as usize;
         let length = within(length, least)?;
         self.exactly(length - least)?;
         let got = self.file.get_ref().metadata()?.len();
+        // Checked at once and not at the end, so that a log that was cut short while it was copied is not imported in
+        // part.
         if got < file_bytes { Err(BlfFault::Short { expected: file_bytes, got }.into()) } else { Ok(()) }
     }
 
@@ -116,12 +120,15 @@ impl Reader {
             unpack(&object, &mut self.objects)?;
         }
         let got = self.objects.len() - self.taken;
+        // What is left may be the padding of the last object.
         if got > PADDING { Err(BlfFault::Unfinished { got }.into()) } else { Ok(None) }
     }
 
     /// The next object of the containers read so far, if it is complete.
     fn entry_of_container(&mut self) -> Result<Option<Entry>, BlfFault> {
         let rest = &self.objects[self.taken..];
+        // The length of an object does not include its padding, so the next signature is looked for in the few bytes
+        // behind it.
         for padding in 0..=PADDING {
             let Some(base) = rest.get(padding..padding + BASE_HEAD) else { return Ok(None) };
             if base.starts_with(OBJECT_SIGNATURE) {

@@ -82,6 +82,7 @@ impl<W: Write + Seek> Writer<W> {
 impl<W: Write + Seek> LogWriter for Writer<W> {
     fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
         self.begin()?;
+        // Frames need not be in order, so the last one is not always the latest.
         self.last_ms = self.last_ms.max(logged.time_ns / 1_000_000);
         // A file with the date 0, of simulated time, has the times unchanged.
         let time_ns = vector::since(logged, stated_ms(self.start_ms))?;
@@ -100,6 +101,8 @@ impl<W: Write + Seek> LogWriter for Writer<W> {
         if !self.objects.is_empty() {
             self.write_container()?;
         }
+        // The size of the file and the number of objects are known now: the head is written a second time over its
+        // place.
         self.out.seek(SeekFrom::Start(0))?;
         self.write_head()?;
         self.out.flush()
