@@ -70,6 +70,7 @@ impl Jump {
     pub fn steps_off(&self) -> Option<f64> {
         let [a, b] = self.between_hz;
         let fold_hz = self.fold_hz?;
+        // The distance from an interval: one of the first two terms is positive on each side of it, and none within.
         let outside = (a.min(b) - fold_hz).max(fold_hz - a.max(b)).max(0.0);
         Some(outside / (b - a).abs())
     }
@@ -136,6 +137,7 @@ pub fn score(tested: &TestedAssembly, zone: &Zone, measured: &ZoneMeasured) -> R
 fn forced(tested: &TestedAssembly, zone: &Zone) -> Forced {
     let driven = tested.driven(&zone.amplitude);
     let size = driven.iter().map(|(_, load)| load * load).sum::<f64>().sqrt();
+    // The load is a unit direction times its size, so the amplitude of `Forced` is the amplitude that was commanded.
     let shares: Vec<(Dof, f64)> = driven.iter().map(|(dof, load)| (*dof, load / size)).collect();
     Forced::at_several(tested.assembly.clone(), &shares, size)
 }
@@ -173,6 +175,8 @@ fn computed_backbone(forced: &Forced, zone: &Zone, read: Vec<Dof>) -> Result<Bac
 /// The backbone's frequency at an amplitude of the reading of this number, between the two points around it.
 fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
     backbone.points.windows(2).find_map(|pair| {
+        // Linear between neighbouring points, which are close enough for it (`STRAIGHT_RAD`). If both amplitudes are
+        // equal the share is not finite, and the pair is passed over.
         let [a, b] = [&pair[0], &pair[1]].map(|motion| size(&motion.readings[at]));
         let share = (amplitude - a) / (b - a);
         (0.0..=1.0)
@@ -191,6 +195,7 @@ fn jumps(channel: usize, up_and_down: [&[ResponsePoint]; 2], folds_hz: &[f64]) -
     };
     let [up, down] = up_and_down.map(amplitudes);
     // Of the frequencies of the one some may be missing in the other.
+    // Equal to the bit: both lists were made from the same frequencies.
     let pairs = up.iter().filter_map(|a| Some((*a, *down.iter().find(|b| b.0 == a.0)?)));
     let largest_m = up.iter().chain(&down).map(|(_, [amplitude_m])| *amplitude_m).fold(0.0, f64::max);
     let (up, down): (Vec<_>, Vec<_>) = pairs.filter(|(a, b)| a.1[0].max(b.1[0]) > RESOLVED * largest_m).unzip();
@@ -199,6 +204,8 @@ fn jumps(channel: usize, up_and_down: [&[ResponsePoint]; 2], folds_hz: &[f64]) -
     let before_hz = up.iter().map(|point| point.0).take_while(|hz| *hz < first_hz).last()?;
     let after_hz = up.iter().map(|point| point.0).find(|hz| *hz > last_hz)?;
     Some([
+        // Going up, the response leaves its branch at the upper fold, behind the last frequency at which up and down
+        // differ; going down at the lower fold, before the first.
         Jump { between_hz: [last_hz, after_hz], fold_hz: folds_hz.last().copied() },
         Jump { between_hz: [first_hz, before_hz], fold_hz: folds_hz.first().copied() },
     ])

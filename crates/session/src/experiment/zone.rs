@@ -99,6 +99,8 @@ impl Zone {
     /// A stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode without and
     /// with the shaker.
     fn stepped(&self, frequencies_hz: Vec<f64>, (alone_s, coupled_s): (f64, f64)) -> ControlSpec {
+        // After this time exp(−settle/T_coupled) = e⁻³ · T_coupled/T_alone of the change is left in the motion: less
+        // than e⁻³ by the ratio of the damping without the shaker to that with it.
         let settle_s = (SETTLE + libm::log(alone_s / coupled_s)) * coupled_s;
         let dwell_s = settle_s + (READ * coupled_s).max(LEAST_PERIODS / self.range_hz[0]);
         let profile = Waveform::SineList { frequencies_hz, dwell_s, settle_s };
@@ -112,6 +114,8 @@ impl Zone {
 fn braked(tested: &TestedAssembly, shaker: &ShakerSpec) -> Result<Armature, ShakerAcross> {
     let mut armature = shaker.armature_at(&tested.places.exciter)?;
     if shaker.amplifier == Amplifier::Voltage {
+        // A coil that moves with v has the voltage Bl·v. At a fixed voltage of the amplifier its current changes by
+        // −Bl·v/R, and its force by Bl times that.
         armature.damping_n_s_m += shaker.force_factor_n_a * shaker.force_factor_n_a / shaker.resistance_ohm;
     }
     Ok(armature)
@@ -170,6 +174,8 @@ impl ZoneExperiment {
         self.check(scenario)?;
         let [for_walks, for_sines] = &self.signals;
         let walks = self.walks().zip(for_walks).collect::<Vec<_>>();
+        // The sines need the frequencies of the walks, so all walks come first. Runs are independent of each other,
+        // and their results do not depend on the number of cores.
         let walks = on_all_cores(&walks, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
         let sines = self.zones.iter().zip(walks.chunks_exact(2)).flat_map(|(zone, walks)| {
             let up_hz = zone.frequencies_hz(&walks[0].points);

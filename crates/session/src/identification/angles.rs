@@ -72,6 +72,7 @@ impl RecordedAngles {
     /// has a fault, another sensitivity than stated or a filter.
     pub fn contradiction(&self) -> Option<f64> {
         let residual = &self.history.residual;
+        // Ideal instruments have no noise to compare with. The residual over the displacement then decides alone.
         let exceeds = residual.over_noise.unwrap_or(f64::INFINITY) > CONTRADICTION[0];
         Some(residual.over_displacement).filter(|over| exceeds && *over > CONTRADICTION[1])
     }

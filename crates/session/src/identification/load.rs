@@ -27,6 +27,7 @@ pub fn acting_load(
 fn of_head(response: &ResponsePoint, scenario: &Scenario, share: f64, spec: &ExcitationSpec) -> f64 {
     let command_n = spec.amplitude.force_n;
     let images = share * scenario.sampling().images(response.frequency_hz);
+    // Images are in phase with the command, which is the reference of the phasors, so they are real.
     let head = [0, 1].map(|axis| response.head_force_n[axis] - Phasor::new(images * command_n[axis], 0.0));
     (head[0].norm_sqr() + head[1].norm_sqr()).sqrt()
 }

@@ -68,6 +68,8 @@ impl Display for MissingMode {
 /// The number of each mode that was found: that of the nearest of the structure's modes, each used once, by its pole
 /// frequencies `known_hz`.
 pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8>> {
+    // The logarithm makes the distance symmetric: twice the frequency is as far off as half of it. Against NaN, of a
+    // mode without a pole, no comparison holds.
     let off = |mode: &IdentifiedMode, of_hz: f64| libm::fabs(libm::log(mode.pole_frequency_hz / of_hz));
     let nearest = |of_hz: f64| {
         let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of_hz) < SAME_MODE);

@@ -63,6 +63,7 @@ pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> R
     let (mut rows, mut clipped) = (Vec::new(), 0);
     for sample in recording.samples()? {
         let sample = sample?;
+        // All clipped samples are counted before the error is returned, so that it states how many there are.
         clipped += usize::from(sample.clipped.any());
         let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
         if sample.sample > 0 {
@@ -100,6 +101,7 @@ pub fn band(waveform: Option<&Waveform>, rate_hz: f64) -> Band {
             let ends = |(low, high): (f64, f64), hz: &f64| (low.min(*hz), high.max(*hz));
             frequencies_hz.iter().fold((f64::INFINITY, 0.0), ends)
         }
+        // The spectrum of a pulse falls off beyond about 1 over its length.
         Some(Waveform::Impulse { pulse_s, .. }) => (1.0, highest_hz.min(1.0 / pulse_s)),
         Some(Waveform::Dwell { .. } | Waveform::File { .. }) | None => (1.0, highest_hz.min(HIGHEST_HZ)),
     };

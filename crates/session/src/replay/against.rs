@@ -47,7 +47,7 @@ pub struct Regression {
     pub patience: Duration,
 }
 
-/// What became of the test.
+/// Result of the test.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Compared {
     /// Frames of the plant sent.
@@ -172,6 +172,8 @@ pub fn play_against<C: Clock>(
     }
     let network = scenario.network()?;
     let mut test = Test { bus, clock, regression, signals, live: Live::new(network), compared };
+    // The patience of this wait is for the start of the controller. Without it the first frame that is compared would
+    // report a difference where nobody is on the bus.
     if !test.wait_for(|live| live.is_there)? {
         return test.unheard();
     }
@@ -226,6 +228,7 @@ impl Live {
     }
 
     fn ask(&mut self, request: OperatorRequest) {
+        // A controller repeats a request until the plant's state shows that it was taken. How often depends on time.
         if self.requests.back() != Some(&request) {
             self.requests.push_back(request);
         }
@@ -234,7 +237,7 @@ impl Live {
         }
     }
 
-    /// Whether it has asked for that, be it that it has asked for more since.
+    /// Whether this request was seen, even if later ones followed.
     fn has_asked(&self, request: OperatorRequest) -> bool {
         self.requests.contains(&request)
     }
@@ -302,6 +305,7 @@ impl<C: Clock> Test<'_, C, Live> {
             Message::Operator(operator) => {
                 let expected = name(operator.request);
                 let done = self.wait_for(|live| live.has_asked(operator.request))?;
+                // The request itself stays: it may be repeated, and a repetition is no new one.
                 self.live.forget_before(operator.request);
                 (done, DifferenceKind::NoRequest { expected })
             }
@@ -408,6 +412,7 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
                 return Ok(true);
             }
             let left_ns = end_ns.saturating_sub(self.clock.now_ns());
+            // A controller that has faulted does nothing more, so waiting on would only cost the patience.
             if left_ns == 0 || self.live.fault().is_some() || self.signals.is_stopped() {
                 return Ok(false);
             }

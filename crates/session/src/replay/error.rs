@@ -1,4 +1,4 @@
-//! What keeps a recording from being replayed.
+//! Errors of replay and re-simulation.
 
 use thiserror::Error;
 

@@ -148,6 +148,7 @@ impl<C: Clock> Player<'_, C> {
                 played.latest_s = played.latest_s.max(self.clock.now_ns().saturating_sub(due_ns) as f64 * 1e-9);
             }
         }
+        // A sample period is added: the next pass begins where the sample after the last would have been.
         Ok(first_ns.map(|_| length_ns.saturating_add(libm::round(origin.dt_s * 1e9) as u64)))
     }
 
@@ -162,6 +163,8 @@ impl<C: Clock> Player<'_, C> {
             if now_ns >= due_ns {
                 return Ok(true);
             }
+            // In slices, so that a request to stop is seen within one of them, and the receive queue is emptied
+            // meanwhile.
             self.clock.sleep_until_ns(due_ns.min(now_ns.saturating_add(LOOK_NS)));
         }
     }

@@ -36,6 +36,7 @@ pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, Rep
     let mut verdict = ReadingsVerdict { identical: true, samples: 0, first_divergence: None };
     for state in recording.states()? {
         let state = state?;
+        // Measured at every state, also where no reading was recorded: each reading advances converters and noise.
         let measured = plant.measure();
         if let Some(recorded) = next.filter(|recorded| recorded.sample == state.sample) {
             verdict.samples += 1;

@@ -27,6 +27,7 @@ pub(super) fn repeat(recording: &Recording, scenario: &Scenario) -> Result<Verdi
     let mut applied = None;
     for record in recording.states()? {
         let record = record?;
+        // The load of a record is held from its sample on, so each step takes the load of the record before.
         if let Some(load) = applied.replace(load(&record, &plant)?) {
             plant.advance(&load)?;
             verdict.steps += u64::from(scenario.simulation.steps_per_sample());

@@ -56,6 +56,8 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
         if block.len() == 1 {
             return Ok(verdict);
         }
+        // A part may start from a recorded state only while the recorded states are those of the run. After the first
+        // divergence the plant is followed from its own state, which shows how far it drifts.
         if verdict.first_divergence.is_none() && agrees(&fresh, &spec, &block) {
             verdict.samples += block.len() as u64 - 1;
             verdict.steps += u64::from(spec.steps_per_sample) * (block.len() as u64 - 1);
@@ -85,6 +87,7 @@ fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant,
 /// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
 /// one after the other tells why.
 fn agrees(fresh: &Plant, spec: &PlantSpec, block: &[StateRecord]) -> bool {
+    // Parts overlap by one record, the end of the one and the start of the next, so that every step is tried once.
     let starts: Vec<usize> = (0..block.len() - 1).step_by(PART).collect();
     let part = |start: &usize| {
         let records = &block[*start..block.len().min(start + PART + 1)];

@@ -86,6 +86,7 @@ fn responses_reading(
         }
         let read = core::iter::from_fn(|| exciter.work_mut().controller.poll_response());
         responses.extend(read.map(|response| (record.sample, response)));
+        // Kept by the sample that they answer, until the recorded command for it comes.
         while let Some(frame) = exciter.poll_transmit() {
             commands.extend(made.accept(&frame).ok().flatten().and_then(command));
         }

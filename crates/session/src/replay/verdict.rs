@@ -28,6 +28,7 @@ pub struct Verdict {
 /// Refuses a scenario with other samples than the recorded ones.
 pub(super) fn check(recording: &Recording, sample_rate_hz: f64) -> Result<(), ReplayError> {
     let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / sample_rate_hz);
+    // By bits, since both are 1/rate of the same rate. Another period would shift every sample.
     if recorded_s.to_bits() != configured_s.to_bits() {
         return Err(ReplayError::SamplePeriod { recorded_s, configured_s });
     }

@@ -196,7 +196,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Does what those who watch ask for, by the node's own gate, and records it.
+    /// Executes the requests of watchers through the node's own gate, and records them.
     fn handle_requests(&mut self, now_ns: u64) {
         while let Some(request) = self.watched.as_mut().and_then(Watched::request) {
             request_records(&request).into_iter().flatten().for_each(|(name, value)| {
@@ -265,7 +265,7 @@ impl<'a> Bench<'a> {
         outcome
     }
 
-    /// Tells a new state of the controller. By itself it changes nothing: a bus that works goes on.
+    /// Reports a state change of the CAN controller. The run continues.
     fn heed_controller(&mut self, now_ns: u64, state: ControllerState) {
         if state == self.controller {
             return;
@@ -290,6 +290,7 @@ impl<'a> Bench<'a> {
         self.outage.iter_mut().for_each(Outage::hear);
         let refused = self.node.frames().refused;
         self.node.handle_frame(now_ns, &received.frame);
+        // The node counts and does not say which frame it was, so the count before and after tells.
         if self.node.frames().refused > refused {
             let sample = self.sample();
             self.first_refused_frame.get_or_insert(RefusedFrame { sample, frame: received.frame });
@@ -320,6 +321,7 @@ impl<'a> Bench<'a> {
             NodeEvent::State { to: NodeState::Operational, .. } => {
                 (self.on_event)(RunEvent::Armed { sample });
             }
+            // A fault is reported by its emergency, which has the reason.
             NodeEvent::State { from: NodeState::Operational, to } => {
                 if *to == NodeState::PreOperational {
                     (self.on_event)(RunEvent::Disarmed { sample });
@@ -369,6 +371,8 @@ impl<'a> Bench<'a> {
     /// Publishes sample 0 while nobody has armed the plant. It is measured and recorded once.
     pub fn publish_start(&mut self) -> Result<(), RunError> {
         let measurement = self.measurement();
+        // Kept for `measure`: a second reading would advance converters and noise, and the run would differ from one
+        // whose plant was armed at once.
         self.start = Some(measurement);
         self.publish(&measurement)
     }
@@ -468,6 +472,8 @@ impl<'a> Bench<'a> {
     /// Sends the frames that wait, and records those that the bus took.
     fn send(&mut self, now_ns: u64, bus: &mut dyn Bus, frames: &[Frame]) -> Result<Sent, BusError> {
         let mut rest = frames;
+        // One call for all frames of a sample: on SocketCAN each call is a system call, and the loop in real time has
+        // few of them to spend.
         let outcome = bus.send_all(&mut rest);
         let sent = &frames[..frames.len() - rest.len()];
         if !sent.is_empty() && self.outage.is_some_and(|outage| outage.is_over(bus.controller())) {

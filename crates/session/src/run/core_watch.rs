@@ -193,6 +193,7 @@ impl Found {
     fn moved(mut self, mut causes: OverrunCauses) -> OverrunCauses {
         for cause in OverrunCause::ALL {
             let (stolen, preempted) = (*self.stolen.of(cause), *self.preempted.of(cause));
+            // Never below 0: what is moved was counted by the loop before it was reported to this thread.
             *causes.of(cause) -= stolen + preempted;
             causes.stolen += stolen;
             causes.preempted += preempted;
@@ -231,6 +232,7 @@ impl Spans {
     /// Who had the core for half of the overrun or longer, if anybody had.
     fn explain(&self, overrun: &Overrun) -> Option<Taken> {
         let (from_ns, to_ns) = overrun.held_up_ns;
+        // Two intervals overlap if each begins before the other ends.
         let touched = self.last.iter().filter(|span| span.from_ns <= to_ns && from_ns <= span.to_ns);
         let sum = |of: fn(&Share) -> u64| touched.clone().map(|span| of(&span.share)).sum::<u64>();
         let (stolen_ns, waited_ns, turns) = (sum(|s| s.stolen_ns), sum(|s| s.waited_ns), sum(|s| s.turns));

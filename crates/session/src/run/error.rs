@@ -1,4 +1,4 @@
-//! What keeps a run from beginning, or ends it before its end.
+//! Errors that prevent a run from starting, or end it early.
 
 use thiserror::Error;
 

@@ -188,6 +188,7 @@ impl<C: Clock> Run<'_, C> {
             return true;
         }
         self.rearmed += 1;
+        // The profile is played from its start again, so the responses of the first try would be there twice.
         self.responses.clear();
         false
     }
@@ -215,6 +216,7 @@ impl<C: Clock> Run<'_, C> {
     fn wait(&mut self, limit_ns: u64) -> Result<(), RunError> {
         let Err(error) = self.bus.wait(Duration::from_nanos(limit_ns)) else { return Ok(()) };
         self.survive::<bool>(self.now_ns(), Err(error))?;
+        // A lost bus returns from its wait at once. Without this sleep the loop would spin until the bus is back.
         self.clock.sleep_until_ns(self.clock.now_ns() + limit_ns);
         Ok(())
     }
@@ -262,6 +264,7 @@ impl<C: Clock> Run<'_, C> {
             return Ok(());
         };
         let waited_s = patience.as_secs_f64();
+        // Two errors, since they have different remedies: no plant on the bus, or one that can't be armed.
         if !self.node.has_heard_plant() {
             return Err(RunError::NoPlant { waited_s });
         }
@@ -286,6 +289,7 @@ impl<C: Clock> Run<'_, C> {
             self.node.frame_sent();
             self.jammed_since_ns = None;
             let controller = self.bus.controller();
+            // The kernel's queue has taken a frame, which alone does not prove that the bus works.
             self.outage = self.outage.filter(|outage| !outage.is_over(controller));
             self.notify_frame(Direction::Sent, None, frame);
         }

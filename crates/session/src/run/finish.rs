@@ -39,6 +39,7 @@ pub(super) fn finish<C: Clock>(
     match &ended {
         Ok(_) => {}
         Err(RunError::Periodic(error)) => bench.fault(now_ns, EmergencyCode::Overrun, missed(error)),
+        // The partner can't be told, but the recording and the latched fault must say why the run ended.
         Err(RunError::Bus(_)) => bench.bus_lost(now_ns),
         // The node has faulted when the plant did.
         Err(RunError::Plant(_)) => {}
@@ -50,6 +51,7 @@ pub(super) fn finish<C: Clock>(
     let ramped = if simulates { ramp(bench, bus, pace) } else { Ok(()) };
     bench.handle_deadline(pace.now_ns());
     bench.record_end();
+    // Both are done in any case. The error that ended the run comes first, since these two usually follow from it.
     let rest = [ramped, send_rest(bench, bus, pace)];
     let mut errors = ended.err().into_iter().chain(rest.into_iter().filter_map(Result::err));
     match errors.next() {
@@ -80,6 +82,7 @@ pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> Plant
 
 /// Continues until the load is zero, even if the bus fails: the first of its errors is returned at the end.
 fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) -> Result<(), RunError> {
+    // The ramp is paced from now on: a run that was late must not catch up while its load falls.
     pace.anchor(bench.sample());
     let mut failed = Ok(());
     while bench.node().is_ramping() {

@@ -105,6 +105,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
     /// As [`finish`](super::finish::finish), in simulated time.
     fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
         self.bench.leave(self.now_ns());
+        // Told directly, since both are in this loop: the exciter need not find out by a timeout.
         self.exciter.plant_ended(self.now_ns());
         while simulates && self.bench.node().is_ramping() {
             self.pass_sample()?;
@@ -119,6 +120,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
     /// Lets what is on its way on the bus come, up to `until_ns`.
     fn pass_until(&mut self, until_ns: u64) -> Result<(), RunError> {
         loop {
+            // Time jumps from event to event: nothing on the bus changes between them.
             let next_ns = [self.near.next_event_ns(), self.far.next_event_ns()].into_iter().flatten().min();
             let Some(next_ns) = next_ns.filter(|next_ns| *next_ns <= until_ns) else { return Ok(()) };
             self.clock.advance_to_ns(next_ns);

@@ -1,4 +1,4 @@
-//! What a run's loop shows of itself while it goes.
+//! Gauges of a running loop: counts, lateness and load, written by the loop and read by a display.
 
 use core::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 

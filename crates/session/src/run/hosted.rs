@@ -55,6 +55,7 @@ impl Bus for HostPort {
     }
 
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        // Frames that came in before the controller went off are still read, as from a kernel's queue.
         let Some(frame) = self.incoming.pop_front() else {
             return if self.is_off { Err(self.bus_off()) } else { Ok(None) };
         };
@@ -166,6 +167,8 @@ impl HostedPlant {
     pub fn exchange(&mut self, now_ns: u64) -> Result<(), RunError> {
         self.bench.handle_deadline(now_ns);
         loop {
+            // The plant may answer a frame within the same instant: it is served until nothing moves any more, as in
+            // `free`.
             let before = (self.port.statistics.sent, self.port.statistics.received);
             self.bench.transmit(now_ns, &mut self.port)?;
             self.bench.receive(now_ns, &mut self.port)?;

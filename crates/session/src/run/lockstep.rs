@@ -67,6 +67,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         if let Some(end) = self.wait_for_arming()? {
             return Ok(end);
         }
+        // Sample 0 is due when the plant is armed. Waiting for it must not count as being late.
         self.pace.anchor(0);
         let mut now_ns = self.pace.now_ns();
         // An unpaced round is system calls for the most part, and on some machines each look at the clock is one.
@@ -151,6 +152,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
 
     /// Nobody answers: lets one sample period pass, taking in what comes. Returns the time then.
     fn pass_period(&mut self, published_ns: u64, mut now_ns: u64) -> Result<u64, RunError> {
+        // By the clock, though time is simulated: without an answer to wait for, a plant without a pace would run
+        // through its whole duration in a moment.
         let due_ns = published_ns + self.rate.offset_ns(1);
         while self.pace.report().is_none() && self.ended().is_none() {
             let left_ns = due_ns.saturating_sub(now_ns);

@@ -1,5 +1,5 @@
-//! What a controller did wrong, in words: the first command that was refused, with its load and the limit, and the first
-//! frame that was refused, with the reason.
+//! Descriptions of a controller's mistakes: the first rejected command with its load and the limit, and the first
+//! rejected frame with the reason.
 
 use resonarm_bench::node::RefusedLoad;
 use resonarm_bench::plant::Plant;
@@ -94,6 +94,7 @@ fn load_in_words(load: &Load) -> String {
 
 /// The full index of a sample that a protocol states modulo 65536: the last one up to `now`.
 pub(super) fn last_such_sample(stated: u16, now: u64) -> u64 {
+    // The difference modulo 65536 is how many samples ago it was, if less than 65536.
     let ahead = u64::from((now as u16).wrapping_sub(stated));
     now.checked_sub(ahead).unwrap_or_else(|| stated.into())
 }

@@ -31,6 +31,8 @@ impl Outage {
     /// Whether it is over, now that the bus has taken a frame. The kernel takes frames also for a controller that is
     /// bus-off; not all controllers tell that they are back, but then frames come in.
     pub fn is_over(&self, controller: ControllerState) -> bool {
+        // A node that is bus-off neither sends nor receives (ISO 11898-1), so a frame from the bus proves that it is
+        // back.
         controller != ControllerState::BusOff || self.was_heard
     }
 

@@ -124,7 +124,7 @@ impl<'c, C: Clock> Pace<'c, C> {
         self.clock
     }
 
-    /// From now on `sample` is due now, and the others as the speed says from there.
+    /// Restarts the schedule: `sample` is due now, and the others count from there at the speed.
     pub fn anchor(&mut self, sample: u64) {
         self.anchor = (sample, self.clock.now_ns());
     }

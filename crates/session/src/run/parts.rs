@@ -28,6 +28,8 @@ impl Session {
             None => network_filters(self.scenario.network()?).to_vec(),
             Some(wire) => match wire.ids() {
                 Some(ids) => ids.into_iter().map(exactly).collect(),
+                // A mask of 0 compares no bit of the identifier: a master may choose those of the drives during the
+                // run.
                 None => vec![Filter { id: Id::Standard(0), mask: 0 }],
             },
         })
@@ -104,6 +106,8 @@ impl Session {
         let channel = recorder.map(|recorder| recorder.channel("plant", RECORDS_CAPACITY)).transpose()?;
         let records = match (channel, self.mode) {
             (None, _) => RecordSink::Off,
+            // In real time the loop must not wait for a disk. In simulated time waiting changes nothing, so nothing
+            // is lost.
             (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
             (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
         };

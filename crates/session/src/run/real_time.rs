@@ -90,11 +90,13 @@ fn work<C: Clock>(
         bench.slipped(tick.slipped);
     }
     bench.handle_deadline(now_ns);
+    // Tick 0 measures the initial state: there is no sample before it from which to advance.
     if tick.index > 0 {
         bench.advance(now_ns)?;
     }
     bench.measure()?;
     let measured_ns = pace.now_ns();
     bench.transmit_timed(now_ns, pace.clock().unix_ns(), bus)?;
+    // Receiving and sending are separate, since a long bus call has another remedy than a long integration step.
     Ok((received_ns - now_ns) + (pace.now_ns() - measured_ns))
 }

@@ -33,6 +33,7 @@ impl RecordSink {
                 channel.push(record);
                 false
             }
+            // A failed recording would fail at every further record, and each time wait for nothing.
             RecordSink::Whole(channel) => channel.push_blocking(record).is_err(),
             RecordSink::Kept(records) => {
                 records.push(*record);

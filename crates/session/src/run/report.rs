@@ -1,4 +1,4 @@
-//! What a run came to.
+//! Reports of a run: how plant and exciter ended, and what was measured and counted on the way.
 
 use core::fmt::Write;
 
@@ -41,7 +41,7 @@ impl PlantOutcome {
     }
 }
 
-/// What a plant's run came to. As JSON it is the document of `resonarm run --json`, which adds the arm as
+/// Report of a plant's run. As JSON it is the document of `resonarm run --json`, which adds the arm as
 /// `configuration`.
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
@@ -110,7 +110,7 @@ pub struct PlantReport {
 }
 
 impl PlantReport {
-    /// What a run of `bench` came to, without its timing.
+    /// Report of a run of `bench`, without its timing.
     pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: PlantOutcome, error: Option<RunError>) -> PlantReport {
         let emergency = bench.node().latched_fault();
         PlantReport {
@@ -160,7 +160,7 @@ pub struct Histograms {
     pub exec: Option<LatencyHistogram>,
 }
 
-/// What the exciter's work came to.
+/// Report of an exciter's run.
 #[derive(Debug)]
 pub struct ExciterReport {
     /// How it ended; `None` if an error ended it.
@@ -224,6 +224,7 @@ impl ExciterReport {
             causes.push(format!("{} frames were refused, the first of them {first}", self.bus.refused));
         }
         if !causes.is_empty() {
+            // Causes stand before the remedy, which ends the sentence.
             let place = text.find(REMEDY).unwrap_or(text.len());
             text.insert_str(place, &format!(": {}", causes.join("; ")));
         }
@@ -242,7 +243,7 @@ impl ExciterReport {
     }
 }
 
-/// What leads from a fault to its remedy.
+/// Text between the description of a fault and its remedy.
 const REMEDY: &str = "; to fix it: ";
 
 /// The text of a fault with the full index of its sample in place of that modulo 65536.
@@ -251,7 +252,7 @@ fn at_full_sample(text: String, emergency: &Emergency, sample: u64) -> String {
     if sample == u64::from(emergency.sample) { text } else { text.replacen(&stated, &format!("at sample {sample}"), 1) }
 }
 
-/// What a run with both ends in one process came to.
+/// Reports of a run with both ends in one process.
 #[derive(Debug)]
 pub struct BothReport {
     /// Report of the plant's end of the bus.

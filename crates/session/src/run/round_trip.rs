@@ -59,6 +59,8 @@ impl RoundTrips {
             return;
         };
         let passed_ns = run_ns.saturating_sub(since_ns);
+        // `checked_sub` leaves out a stamp before the departure, which shows that the UNIX clock was set back
+        // meanwhile.
         let time_ns = stamp_ns.and_then(|stamp_ns| stamp_ns.checked_sub(unix_ns));
         if let Some(time_ns) = time_ns.filter(|time_ns| *time_ns <= passed_ns) {
             self.times.record(time_ns);

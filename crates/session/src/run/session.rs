@@ -1,4 +1,4 @@
-//! A scenario put to work: everything of a run put together, in one place.
+//! The session: assembles plant, nodes, bus, recording and pace of a scenario, and runs them in one of the modes.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -45,7 +45,7 @@ pub struct RecordTo {
     pub existing: Existing,
 }
 
-/// What it leads to if a run's thread can't have what was asked for.
+/// What to do if the operating system denies a run's thread the settings that were asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnShortfall {
     /// A warning in the log.
@@ -69,7 +69,7 @@ pub struct Options {
     /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. The report says
     /// what it got.
     pub thread: Option<ThreadSetup>,
-    /// What it leads to if the thread can't have something.
+    /// What to do if the operating system denies a thread setting.
     pub on_shortfall: OnShortfall,
     /// Whether a run ends when an armed plant is disarmed or faults.
     pub end_on_disarm: bool,
@@ -182,6 +182,8 @@ impl Session {
             (timed, _) => Network::Real(timed),
         };
         let timing = match (mode, network) {
+            // On a bus that loses or delays frames the timeouts of real time apply, also in simulated time: they are
+            // what such a bus is meant to test.
             (Mode::RealTime, _) | (Mode::Free, Network::Real(_)) => scenario.real_time_timing()?,
             (Mode::Lockstep, _) | (Mode::Free, Network::Ideal) => scenario.lockstep_timing()?,
         };
@@ -404,6 +406,7 @@ impl Session {
             // Also if the plant panics: the scope then waits for the exciter, which would wait for the plant for ever.
             let ended = AtEnd(|| plant_ended.store(true, Ordering::Release));
             let plant = self.plant(&mut near, signals, on_event);
+            // The exciter would wait for a plant that never began.
             if plant.is_err() {
                 signals.stop();
             }

@@ -1,4 +1,4 @@
-//! What a run and the rest of the program tell each other while it runs.
+//! Shared flags and counters of a running session: the request to stop, progress, gauges; and the events of a run.
 
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 

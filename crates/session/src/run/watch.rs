@@ -307,11 +307,14 @@ impl Watcher {
         self.open.extend(self.opening.try_iter());
         let wanted = |end: End| match request {
             Request::Set(_) => end != End::CoreWatch,
+            // With both in one process the plant is asked: an exciter beside it learns of the disarm from the bus.
             Request::Disarm => matches!(end, End::Plant | End::Exciter),
             Request::Arm | Request::Reset => end == End::Plant,
         };
         let mut asked = Err(NotAsked::Nobody);
         for opened in self.open.iter_mut().filter(|opened| wanted(opened.end) && !opened.requests.is_abandoned()) {
+            // An error after the first loop took the request is still an error: the caller asks again, and a
+            // set-point that comes twice is the same.
             opened.requests.push(request).map_err(|_full| NotAsked::Busy)?;
             asked = Ok(());
         }

@@ -180,6 +180,7 @@ impl BasinComputation {
             (control.done)(done.fetch_add(more, Ordering::Relaxed) + more);
             Ok(Some(outcomes))
         };
+        // Known parts are jobs, too, so that the results come back in the order of the grid.
         let jobs: Vec<(usize, Option<Vec<BasinOutcome>>)> = self.parts.into_iter().enumerate().collect();
         let work = |(part, known): &(usize, Option<Vec<BasinOutcome>>)| match known {
             Some(outcomes) => Ok(Some(outcomes.clone())),

@@ -93,6 +93,7 @@ impl Journal {
         file.read_to_end(&mut bytes).map_err(open)?;
         let mut journal = Journal { path, file };
         // Numbers as they are after being written and read.
+        // The build belongs to it: another one may round differently, and a study must not mix points of two builds.
         let header: Value = json!({ "build": build_info(), "configuration": configuration });
         // What stands behind the last end of a line was cut off.
         let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
@@ -134,6 +135,7 @@ impl Journal {
         let failed = |source| JournalError::Write { path: self.path.clone(), source };
         let mut line = serde_json::to_vec(value).map_err(|error| failed(error.into()))?;
         line.push(b'\n');
+        // One call for the line with its end, so that a killed process tears at most the line that it was writing.
         self.file.write_all(&line).map_err(failed)
     }
 

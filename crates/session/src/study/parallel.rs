@@ -20,6 +20,7 @@ pub fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync,
     };
     let mut results: Vec<(usize, R)> = thread::scope(|scope| {
         let start = |_| thread::Builder::new().spawn_scoped(scope, worker).ok();
+        // One less than there are cores: this thread works as well.
         let workers: Vec<_> = (1..cores).map_while(start).collect();
         let mut results = worker();
         for worker in workers {

@@ -85,6 +85,8 @@ impl Sweeps {
         for (k, point) in points.into_iter().enumerate() {
             let length = self.sweeps.get(point.sweep).map_or(0, |sweep| sweep.values.len());
             let before = sweeps.get_mut(point.sweep);
+            // Sweeps run in parallel, so their points are interleaved in the file. Within a sweep they must be
+            // complete from the first on.
             let place = before.filter(|before| before.len() == point.index && point.index < length);
             place.ok_or_else(|| journal.damaged(k + 2, "point that follows"))?.push(point);
         }
@@ -101,6 +103,8 @@ impl Sweeps {
     ) -> Result<SweepPoint, TimeDomainError> {
         let swept = &self.sweeps[sweep];
         let map = swept.map(swept.values[index])?;
+        // Each point starts in the state in which the one before ended: that is what makes a sweep show hysteresis,
+        // and why the points of one sweep can't be computed in parallel.
         let start = before.map_or(&self.start, |before| &before.end);
         let settled = settle(&map, &self.read, start, &self.options, stop)?;
         let Settled { period, largest_multiplier, settling_periods, drift, coordinates, readings, section, end } =

@@ -178,6 +178,7 @@ pub(super) fn expect<C: Clock>(
             Said::Load { load, .. } if !recorded.has_begun && load == Load::default() => None,
             Said::Load { place, load: expected } => {
                 recorded.has_begun = true;
+                // A controller that has disarmed the plant sends no more loads: the difference is reported at once.
                 test.wait_for(|live| !live.loads[place].is_empty() || live.has_ended())?;
                 let ahead = test.live.loads[place].len();
                 match test.live.loads[place].pop_front() {
