@@ -51,6 +51,8 @@ impl Bits {
     /// Their duration, ns, the bits of each rate rounded up.
     pub const fn time_ns(self, rates: BitRates) -> u64 {
         const SECOND_NS: u64 = 1_000_000_000;
+        // Each part is rounded up by itself: the sum is never below the exact duration, and above it by less than 2
+        // ns.
         (self.nominal * SECOND_NS).div_ceil(rates.nominal_hz as u64)
             + (self.data * SECOND_NS).div_ceil(rates.data_hz as u64)
     }
@@ -104,6 +106,7 @@ const fn fd_crc(len: usize) -> u64 {
 
 /// Stuff count, CRC, their fixed stuff bits, and the delimiter.
 const fn fd_check(len: usize) -> u64 {
+    // One fixed stuff bit before the first of n bits and one after every fourth are ⌈n/4⌉; the 1 is the delimiter.
     let checked = 4 + fd_crc(len);
     checked + checked.div_ceil(4) + 1
 }
@@ -126,6 +129,8 @@ pub const fn bounds(id: IdFormat, format: FrameFormat, len: usize, stuffing: Stu
             let data = if matches!(format, FrameFormat::Remote) { 0 } else { bits };
             let stuffed = data
                 + match id {
+                    // SOF 1, identifier 11, RTR, IDE, r0, DLC 4, CRC 15. The extended format has SRR, 18 bits of
+                    // identifier and r1 more.
                     IdFormat::Standard => 34,
                     IdFormat::Extended => 54,
                 };
@@ -188,8 +193,10 @@ pub fn noticed_after(frame: &Frame, k: u64, behind: Level) -> Option<u64> {
     // level `behind`, so level and length of the run are enough to find the first violation.
     let (mut level, mut run) = match line.disturbed {
         _ if k >= checked || is_fixed(k) => return Some(0),
+        // A stuff bit that is not as sent makes six equal bits by itself.
         Some((_, 6)) => return Some(0),
         Some((level, run)) if k > 0 => (Some(level), run),
+        // SOF was not seen and the bus is idle: to the receiver there was no frame.
         _ if k == 0 && behind == Level::Recessive => return None,
         _ => (None, 0),
     };
@@ -200,6 +207,8 @@ pub fn noticed_after(frame: &Frame, k: u64, behind: Level) -> Option<u64> {
         }
         level = Some(behind);
     }
+    // Bit `checked` is the CRC delimiter. If it is recessive, the wrong CRC is reported after the ACK slot and the
+    // ACK delimiter, two bits later.
     Some(checked - k + if behind == Level::Dominant { 0 } else { 2 })
 }
 
@@ -212,6 +221,7 @@ const fn split(bit_rate_switch: bool, nominal: u64, data: u64) -> Bits {
 const fn fd_length_code(len: usize) -> u32 {
     match len {
         0..=8 => len as u32,
+        // 12, 16, 20 and 24 bytes have the codes 9 to 12; 32, 48 and 64 bytes the codes 13 to 15.
         9..=24 => 9 + (len as u32 - 12) / 4,
         _ => 12 + len as u32 / 16 - 1,
     }
@@ -237,6 +247,7 @@ struct Line {
 impl Line {
     /// The frame up to the end of its stuff bits: the CRC of a classical frame, the data of an FD frame.
     fn of(frame: &Frame, watched: Option<u64>) -> Line {
+        // Before SOF the bus is idle, so recessive. The idle level counts in no run: stuffing begins with SOF.
         let mut line = Line { bits: 0, head: 0, level: true, run: 0, crc: 0, watched, disturbed: None };
         line.put(0, 1);
         match frame.format() {
@@ -279,6 +290,7 @@ impl Line {
     fn push(&mut self, level: bool) {
         let run = |level| if level == self.level { self.run + 1 } else { 1 };
         if self.watched == Some(self.bits) {
+            // The disturbed bit has the other level: level and run are those of `!level`.
             self.disturbed = Some((if level { Level::Dominant } else { Level::Recessive }, run(!level)));
         }
         (self.level, self.run) = (level, run(level));
@@ -291,6 +303,7 @@ impl Line {
             Id::Standard(id) => self.put(u32::from(id), 11),
             Id::Extended(id) => {
                 self.put(id >> 18, 11);
+                // SRR and IDE are recessive, so a standard frame with the same first 11 bits wins the arbitration.
                 self.put(0b11, 2);
                 self.put(id, 18);
             }
@@ -304,6 +317,7 @@ impl Line {
         self.put(0, 2);
         self.put(frame.len() as u32, 4);
         frame.data().iter().for_each(|byte| self.put(u32::from(*byte), 8));
+        // The argument is taken before `put` changes the CRC. The CRC of a classical frame is stuffed like its data.
         self.put(u32::from(self.crc), 15);
     }
 }

@@ -28,6 +28,8 @@ impl Content {
             Some(Protection::Profile5) => data = message.encode_fd()?,
             Some(Protection::Profile11) => {
                 let payload = message.encode()?;
+                // Byte 0 and the low nibble of byte 1 stay free for CRC and counter, which are known only when the
+                // frame is sent.
                 data[1] = payload.flags << 4;
                 data[2..8].copy_from_slice(&payload.bytes);
             }
@@ -50,6 +52,7 @@ impl Content {
         let bytes = frame.bytes_mut();
         match self.protection {
             Some((Protection::Profile11, data_id)) => {
+                // The counter goes in first: the CRC covers it.
                 bytes[1] |= counter;
                 if let Some(data) = bytes.first_chunk() {
                     bytes[0] = profile11::crc(data_id, data);

@@ -16,6 +16,7 @@ pub const fn text(profile: Profile) -> &'static str {
 /// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It
 /// identifies the layouts, so it is the same for every base and all node ids.
 pub const fn hash(profile: Profile) -> u32 {
+    // A constant, so that the compiler hashes the files and firmware holds only the results.
     const HASHES: [u32; 2] = [crc32(text(Profile::Classic).as_bytes()), crc32(text(Profile::Fd).as_bytes())];
     HASHES[profile as usize]
 }
@@ -59,6 +60,7 @@ impl Dbc {
     /// Text without identifiers: what it says of the file that the hash is of is said of this one.
     fn comment(&self, f: &mut fmt::Formatter<'_>, text: &str) -> fmt::Result {
         let network = self.0;
+        // At the defaults the file stays as distributed, byte for byte: the hash in a hello is that of these bytes.
         if network == Network::default().with_profile(network.profile()) {
             return f.write_str(text);
         }
@@ -85,11 +87,14 @@ impl Dbc {
 fn identifier(profile: Profile, line: &str) -> Option<(&str, MessageKind, &str)> {
     const BEFORE: [&str; 6] = ["BO_ ", "CM_ BO_ ", "CM_ SG_ ", "VAL_ ", "SIG_VALTYPE_ ", "BA_ \""];
     let word = BEFORE.into_iter().find(|word| line.starts_with(word))?;
+    // An attribute's name stands before ` BO_ `. Attributes of a node or of the whole network have none, and stay as
+    // they are.
     let start = if word.starts_with("BA_") { line.find(" BO_ ")? + " BO_ ".len() } else { word.len() };
     let (before, rest) = line.split_at(start);
     let digits = rest.find(|c: char| !c.is_ascii_digit())?;
     let (number, after) = rest.split_at(digits);
     let id = number.parse().ok()?;
+    // The text has the identifiers of the default network, whatever network is written.
     let network = Network::default().with_profile(profile);
     let kind = MessageKind::from_id(network, crate::Id::Standard(id))?;
     Some((before, kind, after))
@@ -97,6 +102,7 @@ fn identifier(profile: Profile, line: &str) -> Option<(&str, MessageKind, &str)>
 
 /// CRC-32/ISO-HDLC: reflected polynomial 0xEDB88320, start and final XOR 0xFFFFFFFF.
 const fn crc32(bytes: &[u8]) -> u32 {
+    // Bit by bit, without a table: it runs only at compile time. A const fn has no `for`.
     let mut crc = u32::MAX;
     let mut i = 0;
     while i < bytes.len() {

@@ -12,6 +12,7 @@ impl embedded_can::Frame for Frame {
     }
 
     fn new_remote(id: impl Into<embedded_can::Id>, dlc: usize) -> Option<Frame> {
+        // Of the data only the length counts. The trait has no error: `get` makes `None` of more than 8 bytes.
         Frame::new(own(id.into()), FrameFormat::Remote, [0; 8].get(..dlc)?).ok()
     }
 

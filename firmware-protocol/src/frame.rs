@@ -117,6 +117,7 @@ impl Frame {
             return Err(FrameError::Length { got: data.len(), format });
         }
         let mut bytes = [0; 64];
+        // The buffer of a remote frame stays zero, since frames are compared and hashed with the whole of it.
         if format != FrameFormat::Remote {
             bytes[..data.len()].copy_from_slice(data);
         }
@@ -187,6 +188,7 @@ impl fmt::Display for Frame {
             FrameFormat::Classic => write!(f, "#")?,
             FrameFormat::Remote => write!(f, "#R{}", self.len)?,
             FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
+                // The flags of linux/can.h: CANFD_BRS is 1, CANFD_ESI is 2.
                 let flags = u8::from(bit_rate_switch) | u8::from(error_state_indicator) << 1;
                 write!(f, "##{flags:X}")?;
             }

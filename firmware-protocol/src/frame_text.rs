@@ -53,6 +53,8 @@ impl FromStr for Frame {
         let (id, rest) = text.split_once('#').ok_or(FrameTextError::NoHash)?;
         let id = identifier(id).ok_or(FrameTextError::Id)?;
         let (format, digits) = if let Some(rest) = rest.strip_prefix('#') {
+            // Bit 0 is BRS and bit 1 ESI, as in linux/can.h. Others, like CANFD_FDF (4), say nothing that `##`
+            // doesn't, and are ignored.
             let flags = rest.chars().next().and_then(|c| c.to_digit(16)).ok_or(FrameTextError::Flags)?;
             let (bit_rate_switch, error_state_indicator) = (flags & 1 != 0, flags & 2 != 0);
             (FrameFormat::Fd { bit_rate_switch, error_state_indicator }, &rest[1..])
@@ -69,6 +71,7 @@ impl FromStr for Frame {
 fn classical(id: Id, text: &str) -> Result<Frame, FrameTextError> {
     let (text, raw_dlc) = text.split_once('_').map_or((text, None), |(text, raw_dlc)| (text, Some(raw_dlc)));
     let frame = if let Some(length) = text.strip_prefix(['R', 'r']) {
+        // `#R` alone asks for no data, as in can-utils.
         let length = if length.is_empty() { Ok(0) } else { length.parse() };
         let length = length.ok().filter(|length| *length <= 8).ok_or(FrameTextError::RemoteLength)?;
         Frame::new(id, FrameFormat::Remote, &[0; 8][..length])
@@ -78,6 +81,7 @@ fn classical(id: Id, text: &str) -> Result<Frame, FrameTextError> {
         Frame::new(id, FrameFormat::Classic, bytes.get(..length).unwrap_or(&bytes))
     };
     let frame = frame.map_err(FrameTextError::Frame)?;
+    // In a classical frame the DLC 9 to 15 mean 8 bytes as well, so only a frame of 8 bytes can have one of them.
     match raw_dlc.map(str::as_bytes) {
         None | Some([b'9' | b'A'..=b'F' | b'a'..=b'f']) if raw_dlc.is_none() || frame.len() == 8 => Ok(frame),
         _ => Err(FrameTextError::RawDlc),
@@ -85,6 +89,7 @@ fn classical(id: Id, text: &str) -> Result<Frame, FrameTextError> {
 }
 
 fn identifier(text: &str) -> Option<Id> {
+    // The digits are checked first, because `from_str_radix` would also take a sign.
     let number = text.bytes().all(|c| c.is_ascii_hexdigit()).then(|| u32::from_str_radix(text, 16).ok())??;
     match text.len() {
         3 => u16::try_from(number).ok().map(Id::Standard),

@@ -77,10 +77,13 @@ impl CommandGate {
         if state != NodeState::Operational {
             return Err(Refusal::NotArmed);
         }
+        // Before the age and the sequence: beyond its travel the plant trips at any command, whatever sample that
+        // answers.
         if check.travel == Limit::Beyond {
             return Err(Refusal::Travel);
         }
         let age = u64::from((sample as u16).wrapping_sub(index));
+        // `sample` has lost nothing to the modulus, so a subtraction that underflows means a sample that never was.
         let answered = sample.checked_sub(age).filter(|_| age <= self.age_limit).ok_or(Refusal::Late)?;
         match self.answered {
             Some(last) if answered < last => return Err(Refusal::OutOfOrder),

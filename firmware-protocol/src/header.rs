@@ -57,6 +57,7 @@ fn protocol(f: &mut fmt::Formatter<'_>) -> fmt::Result {
     f.write_str("/** The same of resonarm-fd.dbc, for the FD profile. */\n")?;
     writeln!(f, "#define RESONARM_DBC_HASH_FD {:#08X}u", hash(Profile::Fd))?;
     f.write_str("/** The classic profile's counts (section 3). */\n")?;
+    // Without the suffix u: counts are signed, and in C an unsigned factor would make the product unsigned.
     writeln!(f, "#define RESONARM_COUNT_MAX {}", scaling::RAW_MAX)?;
     writeln!(f, "#define RESONARM_COUNTS_PER_N {}", scaling::FORCE.counts_per_unit())?;
     writeln!(f, "#define RESONARM_COUNTS_PER_NM {}", scaling::TORQUE.counts_per_unit())?;
@@ -82,6 +83,7 @@ fn times(f: &mut fmt::Formatter<'_>) -> fmt::Result {
     ];
     f.write_str("\n/** @name Times of section 6, ns, and limits of section 8 */\n/**@{*/\n")?;
     for (name, time_ns) in ns {
+        // 64 bits, since C would compute with an int otherwise, and 32 bits end at 4.3 s.
         writeln!(f, "#define RESONARM_{name}_NS UINT64_C({time_ns})")?;
     }
     f.write_str("/** Lowest sample rate in real time, Hz. */\n")?;
@@ -107,6 +109,7 @@ impl fmt::Display for Macro {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("RESONARM")?;
         for letter in self.0.chars() {
+            // Each capital begins a word, so the first one writes the underscore after RESONARM.
             if letter.is_ascii_uppercase() {
                 f.write_str("_")?;
             }

@@ -29,6 +29,8 @@ pub fn streams(profile: Profile, rate_hz: u16, samples: SamplesPerFrame) -> impl
     MessageKind::ALL.into_iter().filter_map(move |kind| {
         let form = kind.form(profile)?;
         let per_second = match (kind, kind.cycle()) {
+            // A sample has one command, of force or of torque, with the same length: the force stands for both.
+            // Events are rare.
             (MessageKind::Torque, _) | (_, Cycle::Event) => return None,
             (kind, _) if kind == unused => return None,
             (_, Cycle::Sample) => u64::from(rate_hz).div_ceil(samples as u64),

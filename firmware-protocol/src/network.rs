@@ -134,6 +134,7 @@ impl Network {
         if base < BASE_MIN || base > BASE_MAX {
             return Err(NetworkError::OutOfRange { got: base });
         }
+        // The block of 16 identifiers at the largest base ends at 0x57F, before CANopen's SDO at 0x580.
         if base & 0xF != 0 {
             return Err(NetworkError::Unaligned { got: base });
         }

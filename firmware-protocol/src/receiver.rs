@@ -77,11 +77,13 @@ impl Receiver {
     fn profile11(&mut self, kind: MessageKind, data_id: u16, data: &[u8]) -> Result<Payload, DecodeError> {
         let protection = Protection::Profile11;
         let mut bytes = [0; 8];
+        // `accept` has checked the length: all messages of Profile 11 have 8 bytes.
         bytes.copy_from_slice(data);
         let (got, expected) = (bytes[0].into(), profile11::crc(data_id, &bytes).into());
         if got != expected {
             return Err(DecodeError::Crc { kind, got, expected, protection });
         }
+        // After the CRC: a counter that was damaged on the way must not move the supervision.
         self.supervise(kind, protection, bytes[1] & 0xF)?;
         let [_, flags, bytes @ ..] = bytes;
         Ok(Payload { flags: flags >> 4, bytes })

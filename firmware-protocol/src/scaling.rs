@@ -64,6 +64,8 @@ impl Scale {
         let scaled = value * self.counts_per_unit as f64;
         if !value.is_finite() {
             Count::NotFinite
+        // 32767.5 is beyond: it would go to the even neighbour, 32768. A product that overflows is infinite, and
+        // beyond as well.
         } else if scaled >= RAW_MAX as f64 + 0.5 {
             Count::Beyond(RAW_MAX)
         } else if scaled <= -(RAW_MAX as f64) - 0.5 {

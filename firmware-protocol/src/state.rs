@@ -43,6 +43,7 @@ const TRANSITIONS: [(NodeState, StateEvent, NodeState); 7] = [
 
 /// The state after `event` in `state`, or `None` if `event` is not accepted there.
 pub const fn next(state: NodeState, event: StateEvent) -> Option<NodeState> {
+    // A const fn has neither `for` nor `==` of enums: hence the index and the numbers.
     let mut i = 0;
     while i < TRANSITIONS.len() {
         let (from, on, to) = TRANSITIONS[i];

@@ -39,12 +39,14 @@ pub const SAMPLE_WINDOW_MIN: u16 = 16;
 
 /// A sample period, rounded down.
 pub const fn sample_period_ns(rate_hz: u16) -> u64 {
+    // No hello can state a rate of 0; the 1 only keeps the division defined.
     1_000_000_000 / if rate_hz == 0 { 1 } else { rate_hz as u64 }
 }
 
 /// How far, in samples, the index of a sample may be from the last one answered: [`HEARTBEAT_TIMEOUT_NS`] in samples,
 /// rounded down, and at least [`SAMPLE_WINDOW_MIN`]. Always below 2¹⁵.
 pub const fn sample_window(rate_hz: u16) -> u16 {
+    // At most 65535 · 0.35 = 22937, below 2¹⁵.
     let samples = (rate_hz as u64 * HEARTBEAT_TIMEOUT_NS / 1_000_000_000) as u16;
     if samples > SAMPLE_WINDOW_MIN { samples } else { SAMPLE_WINDOW_MIN }
 }

@@ -72,8 +72,11 @@ impl Supervision {
             self.last = Some(counter);
             return Ok(0);
         };
+        // Stored even if the message is refused below: the next one is compared with what the sender really sent
+        // before it.
         self.last = Some(counter);
         let counters = protection.counter_max() as u16 + 1;
+        // Adding n first keeps the unsigned difference from underflowing.
         match (counter as u16 + counters - last as u16) % counters {
             0 => Err(CounterFault::Repeated),
             delta if delta <= MAX_DELTA_COUNTER as u16 => Ok(delta as u8 - 1),

@@ -24,6 +24,7 @@ const TABLES: [[u8; 256]; 3] = {
                 crc = if crc & 0x80 != 0 { crc << 1 ^ 0x1D } else { crc << 1 };
                 bit += 1;
             }
+            // Eight more shifts of this remainder append a zero byte: they give the entry of the next table.
             tables[zeros][byte] = crc;
             zeros += 1;
         }
@@ -35,10 +36,12 @@ const TABLES: [[u8; 256]; 3] = {
 /// The CRC of a message with this data id: over the data id and all of `data` but byte 0, which is the CRC itself.
 pub const fn crc(data_id: u16, data: &[u8; 8]) -> u8 {
     let ([low, high], [_, a, b, c, d, e, f, g]) = (data_id.to_le_bytes(), *data);
+    // Two bytes of the data id and seven of the frame: three steps of three bytes, without a rest.
     step(step(step(0, low, high, a), b, c, d), e, f, g)
 }
 
 const fn step(crc: u8, a: u8, b: u8, c: u8) -> u8 {
+    // The remainder so far has eight bits, so it adds to the first of the three bytes alone.
     TABLES[2][(crc ^ a) as usize] ^ TABLES[1][b as usize] ^ TABLES[0][c as usize]
 }
 

@@ -36,6 +36,7 @@ pub const fn crc(data_id: u16, data: &[u8]) -> u16 {
     let mut crc: u16 = 0xFFFF;
     let mut left = if let [_, _, content @ ..] = data { content } else { &[] };
     while let [a, b, c, d, behind @ ..] = left {
+        // The remainder so far has 16 bits, so it adds to the first two of the four bytes.
         let [high, low] = crc.to_be_bytes();
         crc = TABLES[3][(high ^ *a) as usize]
             ^ TABLES[2][(low ^ *b) as usize]
@@ -43,6 +44,8 @@ pub const fn crc(data_id: u16, data: &[u8]) -> u16 {
             ^ TABLES[0][*d as usize];
         left = behind;
     }
+    // Frames of 16, 32 and 64 bytes have 14, 30 and 62 bytes behind the CRC: two are left over from the steps of
+    // four.
     while let [byte, behind @ ..] = left {
         crc = step(crc, *byte);
         left = behind;

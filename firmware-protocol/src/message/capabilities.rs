@@ -58,6 +58,7 @@ impl Capabilities {
 
     pub(super) fn decode(reader: &FdReader) -> Result<Capabilities, DecodeError> {
         let kind = reader.kind;
+        // Capabilities have no sample, so the bytes of its index are reserved like the two after it.
         reader.zero(4..8)?;
         let got = reader.bytes[Self::SAMPLES];
         let unknown = DecodeError::UnknownValue { kind, signal: "samples_per_frame", got: got.into() };

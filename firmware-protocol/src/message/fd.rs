@@ -42,6 +42,7 @@ impl Message {
             Message::Sensors(sensors) => sensors.encode(),
             Message::SensorPair(pair) => pair.encode(),
             Message::Capabilities(capabilities) => capabilities.encode(kind),
+            // Not reached: `MessageKind::form` gives Profile 5 to the messages above and to no other.
             _ => Err(EncodeError::OtherProfile { kind }),
         }
     }
@@ -92,6 +93,8 @@ pub(super) fn with_sample(sample: u16) -> FdBytes {
 
 /// The single nearest to a commanded value, ties to even; a value beyond the range is refused.
 fn commanded(kind: MessageKind, signal: &'static str, got: f64) -> Result<f32, EncodeError> {
+    // The conversion rounds before it overflows: a value that rounds to the largest single is in range, and a larger
+    // one gives an infinity.
     let single = got as f32;
     if !got.is_finite() {
         Err(EncodeError::NotFinite { kind, signal, got })
@@ -108,6 +111,7 @@ pub(super) fn measured(kind: MessageKind, signal: &'static str, got: f64) -> Res
     if !got.is_finite() {
         Err(EncodeError::NotFinite { kind, signal, got })
     } else if !single.is_finite() {
+        // The infinity has kept the sign of the value.
         Ok((f32::MAX.copysign(single), true))
     } else {
         Ok((single, false))
@@ -152,6 +156,8 @@ impl FdReader<'_> {
     }
 
     fn command(&self, signals: [&'static str; 2]) -> Result<([f64; 2], u16), DecodeError> {
+        // Bytes 3, 6 and 7 of a command have no signal. What is set there is refused, so a later version can
+        // use it.
         self.zero(CONTENT..SAMPLE)?;
         self.zero(6..8)?;
         Ok(([self.single(signals[0], VALUES)?, self.single(signals[1], VALUES + 4)?], self.sample()))

@@ -101,6 +101,8 @@ impl Hello {
 
     /// Why a node with this hello doesn't fit one with the hello `partner`, if it doesn't.
     pub fn mismatch(&self, partner: &Hello) -> Option<Mismatch> {
+        // The order of SPEC.md, section 9: the profile before the hash, since a node of the other profile has
+        // another hash as well.
         if self.version.major != partner.version.major {
             Some(Mismatch::Version)
         } else if self.profile != partner.profile {

@@ -61,6 +61,7 @@ impl Form {
     const CLASSIC: Form = Form { format: FrameFormat::Classic, length: 8, protection: Some(Protection::Profile11) };
 
     const fn fd(length: usize) -> Form {
+        // ESI is set by the CAN controller, when it is error passive; no message asks for it.
         let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
         Form { format, length, protection: Some(Protection::Profile5) }
     }
@@ -68,6 +69,7 @@ impl Form {
     /// Whether a frame of this format may hold the message.
     pub const fn takes(&self, format: FrameFormat) -> bool {
         matches!(
+            // BRS and ESI are not compared: an FD frame without bit rate switch must be taken, too.
             (self.format, format),
             (FrameFormat::Classic, FrameFormat::Classic) | (FrameFormat::Fd { .. }, FrameFormat::Fd { .. })
         )
@@ -142,6 +144,8 @@ impl MessageKind {
         match self {
             MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => 0x700 + of_node,
             MessageKind::PlantEmergency | MessageKind::ExciterEmergency => 0x080 + of_node,
+            // The messages of nodes have the discriminants 8 to 11 and no place in the block, so these four lie four
+            // lower in it.
             MessageKind::Sensors => network.base() + 8,
             MessageKind::SensorPair => network.base() + 9,
             MessageKind::PlantCapabilities => network.base() + 10,
@@ -152,7 +156,9 @@ impl MessageKind {
 
     /// The kind of the frames with this identifier, if it is the protocol's.
     pub fn from_id(network: Network, id: Id) -> Option<MessageKind> {
+        // A frame with a 29-bit identifier is never a message (SPEC.md, section 1).
         let Id::Standard(id) = id else { return None };
+        // The block first: it has the messages of every sample, and costs a subtraction and a look-up.
         let in_block = id.checked_sub(network.base()).and_then(|offset| MessageKind::BLOCK.get(usize::from(offset)));
         in_block.or_else(|| MessageKind::OF_NODES.iter().find(|kind| kind.id(network) == id)).copied()
     }
@@ -180,6 +186,7 @@ impl MessageKind {
             MessageKind::ExciterCapabilities => 0x0E,
             MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => return None,
         };
+        // At most 0x51 + 127 = 0xD0, so the sum fits the high byte.
         Some((0x51 + network.node_id(Node::Plant) as u16) << 8 | number)
     }
 

@@ -48,6 +48,7 @@ impl OperatorCommand {
     pub(crate) fn decode(payload: &Payload) -> Result<OperatorCommand, DecodeError> {
         let kind = MessageKind::Operator;
         payload.check_flags(kind, 0)?;
+        // Bytes 2 and 3 are request and target. What is behind them has no signal and must be zero.
         payload.check_zero_from(kind, 4)?;
         let [request, target, ..] = payload.bytes;
         let unknown = |signal, got: u8| DecodeError::UnknownValue { kind, signal, got: got.into() };

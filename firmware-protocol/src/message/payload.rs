@@ -47,6 +47,7 @@ impl Payload {
     pub(crate) const fn check_flags(&self, kind: MessageKind, used: u8) -> Result<(), DecodeError> {
         match self.flags & !used {
             0 => Ok(()),
+            // The flags are the high nibble of byte 1, and are reported as they stand in it.
             reserved => Err(DecodeError::Reserved { kind, byte: 1, got: reserved << 4 }),
         }
     }
@@ -104,6 +105,8 @@ impl Payload {
             let raw = match scale.count(got) {
                 Count::InRange(raw) => raw,
                 Count::Beyond(end) => {
+                    // The flag of a sensor that clipped: without it a reader knows the true value to half a count
+                    // (SPEC.md, section 3).
                     saturated[axis] = true;
                     end
                 }
@@ -138,6 +141,7 @@ impl Payload {
         let mut values = [0.0; 2];
         for axis in 0..2 {
             let raw = words[axis].cast_signed();
+            // A peer of a later version may send it; this one has no use for a sample that is not whole.
             if raw == RAW_NOT_AVAILABLE {
                 return Err(DecodeError::NotAvailable { kind, signal: signals[axis] });
             }

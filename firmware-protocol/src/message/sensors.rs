@@ -80,6 +80,7 @@ impl SensorValues {
         for (k, (signal, measured)) in Self::SIGNALS.into_iter().zip(self.all()).enumerate() {
             let (single, beyond) = fd::measured(kind, signal, measured.value)?;
             bytes[at + 4 * k..][..4].copy_from_slice(&single.to_le_bytes());
+            // Bit k of the flags belongs to signal k, in both samples of a pair.
             bytes[flags_at] |= u8::from(measured.saturated || beyond) << k;
         }
         Ok(())
@@ -124,6 +125,8 @@ impl SensorPair {
     }
 
     pub(super) fn decode(reader: &FdReader) -> Result<SensorPair, DecodeError> {
+        // Byte 6 has the flags of the second sample. Its values end at byte 32 + 6 · 4 = 56, and CAN FD has no length
+        // between 48 and 64.
         reader.zero(7..8)?;
         reader.zero(56..64)?;
         let first = SensorValues::decode(reader, fd::VALUES, fd::FLAGS)?;

@@ -73,6 +73,7 @@ impl<C: Answering> ExciterNode<C> {
     /// periods. In the classic profile capabilities are not sent; in the FD profile a command beyond their limits is a
     /// fault, [`EmergencyCode::CommandOutOfRange`], and is not sent.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, capabilities: Capabilities, controller: C) -> Self {
+        // The link takes the node's role from here, so a wrong one of the caller must not get through.
         let capabilities = Capabilities { node: Node::Exciter, ..capabilities };
         ExciterNode {
             link: Link::new(network, rate_hz, timing, capabilities),
@@ -186,6 +187,7 @@ impl<C: Answering> ExciterNode<C> {
             Phase::Playing => self.disarm(now_ns, ExciterOutcome::Stopped),
             // The request to arm may be on its way, so the plant is disarmed all the same.
             Phase::Arming if self.plant_hello.is_some() => self.disarm(now_ns, ExciterOutcome::Stopped),
+            // Nothing was asked of the plant: a request is sent only after its hello.
             Phase::Arming => self.work.phase = Phase::Done(ExciterOutcome::Stopped),
             Phase::Disarming(_) | Phase::Done(_) => {}
         }
@@ -198,6 +200,7 @@ impl<C: Answering> ExciterNode<C> {
             return false;
         }
         self.link.announce(now_ns);
+        // Parts of a sample from before the fault must not join those after it.
         (self.head, self.b, self.plant_fault) = (None, None, None);
         self.sequence = Sequence::new(self.link.hello().rate_hz);
         true
@@ -288,6 +291,8 @@ impl<C: Answering> ExciterNode<C> {
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
                 self.fault(now_ns, self.work.of_plant(None));
             }
+            // An operator's station, for example, has disarmed the plant. Disarming it again does no harm, and its
+            // next heartbeat ends the work as usual.
             (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, ExciterOutcome::Stopped),
             (Phase::Disarming(outcome), NodeState::PreOperational | NodeState::Fault) => {
                 self.work.phase = Phase::Done(outcome)
@@ -348,6 +353,7 @@ impl<C: Answering> ExciterNode<C> {
     /// The second of two samples in a frame is answered: a command for the first would be too late.
     fn pair(&mut self, now_ns: u64, pair: &SensorPair) {
         let [first, second] = &pair.values;
+        // The controller sees every sample; its answer to the first is dropped.
         self.whole(now_ns, pair.sample, first);
         let command = self.whole(now_ns, pair.sample.wrapping_add(1), second);
         self.command(now_ns, command);
@@ -374,6 +380,7 @@ impl<C: Answering> ExciterNode<C> {
             Place::First => 1,
         };
         let n = self.work.next_sample(&self.link.core, ahead, 1);
+        // The number of a sample counts from arming and the index from the plant's start, so both differ.
         self.work.last_index = index;
         let outcome = match self.work.controller.answer(n, values) {
             Answer::HoldForce { force_x_n, force_y_n } => {
@@ -390,6 +397,8 @@ impl<C: Answering> ExciterNode<C> {
     }
 
     fn command(&mut self, now_ns: u64, command: Option<Message>) {
+        // Neither more than the node has stated nor more than the signal can hold may be sent, not
+        // even cut.
         if command.is_some_and(|command| !self.link.is_stated(&command) || self.link.send(&command).is_err()) {
             self.fault(now_ns, self.work.own(EmergencyCode::CommandOutOfRange, 0));
         }
@@ -400,6 +409,7 @@ impl<C: Answering> ExciterNode<C> {
         if self.plant_hello.is_none() {
             return;
         }
+        // The plant refuses to arm without this node's hello, and may have missed the one before.
         self.link.send_hello(now_ns);
         // A latched fault must be reset before the plant can be armed.
         if self.plant_state == Some(NodeState::Fault) {
@@ -430,6 +440,7 @@ impl<C: Answering> ExciterNode<C> {
         self.link.handle_deadline(now_ns);
         match self.work.phase {
             Phase::Arming if self.work.is_due(now_ns) => self.ask_for_arming(now_ns),
+            // Before the retry: otherwise a plant that has vanished would be asked for ever.
             Phase::Disarming(_) if self.link.is_partner_lost() => {
                 self.fault(now_ns, self.work.own(EmergencyCode::HeartbeatLost, u16::from(Node::Plant.number())));
             }
@@ -447,6 +458,8 @@ impl<C: Answering> ExciterNode<C> {
     pub fn next_deadline_ns(&self) -> u64 {
         let deadline_ns = self.link.next_deadline_ns().min(self.work.deadline_ns(&self.link.core));
         match self.work.phase {
+            // Only an exciter that waits for the plant to disarm watches the plant's signs of life (SPEC.md, section
+            // 9, code 3). A playing one watches the samples.
             Phase::Disarming(_) => deadline_ns.min(self.link.partner_deadline_ns()),
             _ => deadline_ns,
         }

@@ -58,6 +58,8 @@ impl Link {
     /// Boot-up heartbeat, then pre-operational, then hello.
     pub fn start(&mut self, now_ns: u64) {
         self.send_heartbeat(now_ns);
+        // The boot-up heartbeat is queued before the node leaves boot-up: with it receivers forget the node's
+        // counters, which start at 0 again.
         self.core.start(now_ns);
         self.announce(now_ns);
         self.send_hello(now_ns);
@@ -181,6 +183,7 @@ impl Link {
 
     /// Queues the hello, in the FD profile followed by the capabilities.
     pub fn send_hello(&mut self, now_ns: u64) {
+        // Every hello moves the next one, also a hello out of turn: the period is the most between two.
         self.hello_at_ns = now_ns.saturating_add(self.timing.early(self.timing.hello_period_ns));
         self.send_own(&match self.node {
             Node::Plant => Message::PlantHello(self.hello),
@@ -225,6 +228,7 @@ impl Link {
 
     /// The next frame to send.
     pub fn next_frame(&self) -> Option<Frame> {
+        // The frame is made when it is fetched: what newer messages replaced has used no counter.
         Some(self.transmitter.next(&self.outbox.contents().next()?))
     }
 
@@ -233,6 +237,7 @@ impl Link {
         if let Some(kind) = self.outbox.pop() {
             self.transmitter.sent(kind);
         }
+        // Any frame that the bus takes shows that it works, and restarts the time of a jam.
         self.core.frame_sent(self.outbox.waiting() > 0);
     }
 

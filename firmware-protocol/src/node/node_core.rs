@@ -111,6 +111,7 @@ impl NodeCore {
     fn go(&mut self, event: StateEvent, fault: Option<Emergency>) -> bool {
         let Some(to) = self.state.next(event) else { return false };
         let from = core::mem::replace(&mut self.state, to);
+        // `None` for every event but a fault. Only a reset leaves the state fault, so only a reset forgets one.
         self.fault = fault;
         self.arms = self.arms.saturating_add(u32::from(to == NodeState::Operational));
         self.leaves = self.leaves.saturating_add(u32::from(from == NodeState::Operational));
@@ -147,6 +148,7 @@ impl NodeCore {
 
     /// A frame waits to be sent.
     pub fn frame_waits(&mut self) {
+        // The first frame that waits starts the time; those that join it don't prolong it.
         self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
     }
 
@@ -183,6 +185,7 @@ impl NodeCore {
         match self.turns.front_mut() {
             // The sign of the wrapped difference orders both, also when the counter overflows.
             Some(turn) if note.is_none_or(|note| (turn.order.wrapping_sub(note) as i32) < 0) => {
+                // The transition stays in front, for the next call.
                 if let Some(fault) = turn.fault.take() {
                     return Some(NodeEvent::Emergency(fault));
                 }

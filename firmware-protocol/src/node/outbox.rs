@@ -97,6 +97,7 @@ impl Outbox {
 
     /// The messages to send, in their order.
     pub fn contents(&self) -> impl Iterator<Item = Content> {
+        // `push` has encoded each of them once, so none is left out.
         let control = self.control.iter().filter_map(|control| Content::new(self.network, &control.message()).ok());
         control.chain(self.latest.iter().flatten().copied())
     }

@@ -18,6 +18,7 @@ impl<T, const N: usize> Default for Queue<T, N> {
 impl<T, const N: usize> Queue<T, N> {
     /// Returns an empty queue.
     pub const fn new() -> Queue<T, N> {
+        // A repeated `None` needs `Copy`, which `T` need not have; a repeated constant doesn't.
         Queue { items: [const { None }; N], first: 0, len: 0, lost: 0 }
     }
 

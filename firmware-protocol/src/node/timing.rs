@@ -57,6 +57,7 @@ impl Timing {
     /// only at its ticks, and a little late, stays within the period.
     pub(super) const fn early(&self, period_ns: u64) -> u64 {
         let margin_ns = self.look_period_ns.saturating_mul(2);
+        // Not before half of the period: for heartbeats that is 20 a second, the most that allows.
         let least_ns = period_ns / 2;
         let early_ns = period_ns.saturating_sub(margin_ns);
         if early_ns > least_ns { early_ns } else { least_ns }

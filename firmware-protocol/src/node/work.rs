@@ -220,6 +220,7 @@ impl<C: Answering> Work<C> {
     /// The node leaves the bus; whether the plant has to be disarmed for that.
     pub fn leave(&mut self) -> bool {
         let is_first = !core::mem::replace(&mut self.is_leaving, true);
+        // A node that disarms the plant already, or is done, has nothing to stop.
         is_first && matches!(self.phase, Phase::Arming | Phase::Playing)
     }
 
@@ -230,6 +231,7 @@ impl<C: Answering> Work<C> {
                 self.phase = Phase::Done(ExciterOutcome::PlantLeft);
                 core.turn(StateEvent::Disarm);
             }
+            // A plant that leaves disarms itself, which is all that was asked of it.
             Phase::Disarming(outcome) => self.phase = Phase::Done(outcome),
             Phase::Arming | Phase::Done(_) => {}
         }
