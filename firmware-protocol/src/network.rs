@@ -176,7 +176,7 @@ impl Network {
         }
     }
 
-    /// The frames of its commands and samples.
+    /// Returns the profile, which says in what frames commands and samples are sent.
     pub const fn profile(self) -> Profile {
         self.profile
     }

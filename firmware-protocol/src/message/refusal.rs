@@ -1,4 +1,4 @@
-//! Why a plant refused a valid command.
+//! The reasons for which a plant refuses a valid command, and their numbers in an emergency.
 
 use core::fmt;
 

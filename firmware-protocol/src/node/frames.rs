@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::{DecodeError, Id};
 
-/// What a node counted of frames.
+/// Counts of the frames that a node dropped, rejected or changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
     /// Frames that were never sent, because newer ones replaced them.

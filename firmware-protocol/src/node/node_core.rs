@@ -146,13 +146,14 @@ impl NodeCore {
         self.note(NodeEvent::OtherSender(id));
     }
 
-    /// A frame waits to be sent.
+    /// Notes that a frame waits to be sent, which begins the time of a jam.
     pub fn frame_waits(&mut self) {
         // The first frame that waits starts the time; those that join it don't prolong it.
         self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
     }
 
-    /// A frame was sent, or those that waited were dropped; others wait or not.
+    /// Notes that a frame was sent, or that those which waited were dropped. The time of a jam begins again if others
+    /// wait, else it ends.
     pub fn frame_sent(&mut self, do_others_wait: bool) {
         self.jammed_since_ns = do_others_wait.then(|| self.listening.listened_ns());
     }

@@ -78,7 +78,7 @@ impl<C: Answering> Work<C> {
         }
     }
 
-    /// The plant may be asked from now on.
+    /// Permits the first request to the plant from now on.
     pub fn start(&mut self, now_ns: u64) {
         self.retry_at_ns = now_ns;
     }
@@ -106,13 +106,13 @@ impl<C: Answering> Work<C> {
         self.is_leaving
     }
 
-    /// The plant was heard; whether it was for the first time.
+    /// Notes that the plant was heard; returns whether it was for the first time.
     pub fn hear(&mut self) -> bool {
         self.heard_since_asked = true;
         !core::mem::replace(&mut self.has_heard, true)
     }
 
-    /// The plant is asked for something now.
+    /// Notes that the plant is asked for something now, so that it is due again one retry later.
     pub fn asked(&mut self, now_ns: u64) {
         self.retry_at_ns = now_ns.saturating_add(self.retry_ns);
         self.heard_since_asked = false;
@@ -123,7 +123,7 @@ impl<C: Answering> Work<C> {
         matches!(self.phase, Phase::Arming | Phase::Disarming(_)) && now_ns >= self.retry_at_ns
     }
 
-    /// The plant is armed.
+    /// Begins to answer samples: the plant is armed.
     pub fn begin(&mut self, core: &mut NodeCore) {
         self.phase = Phase::Playing;
         self.sample_heard_ns = core.listening.listened_ns();
@@ -143,7 +143,7 @@ impl<C: Answering> Work<C> {
         sample
     }
 
-    /// The plant is to be disarmed, for this outcome.
+    /// Begins to disarm the plant; the work ends with this outcome once the plant has answered.
     pub fn disarm(&mut self, core: &mut NodeCore, outcome: ExciterOutcome<C::Abort>) {
         (self.phase, self.tries) = (Phase::Disarming(outcome), 1);
         core.turn(StateEvent::Disarm);
@@ -217,14 +217,14 @@ impl<C: Answering> Work<C> {
         true
     }
 
-    /// The node leaves the bus; whether the plant has to be disarmed for that.
+    /// Begins to leave the bus; returns whether the plant has to be disarmed for that.
     pub fn leave(&mut self) -> bool {
         let is_first = !core::mem::replace(&mut self.is_leaving, true);
         // A node that disarms the plant already, or is done, has nothing to stop.
         is_first && matches!(self.phase, Phase::Arming | Phase::Playing)
     }
 
-    /// The plant has ended for good.
+    /// Ends the work, since the plant has ended for good.
     pub fn plant_ended(&mut self, core: &mut NodeCore) {
         match self.phase {
             Phase::Playing => {
