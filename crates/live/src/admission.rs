@@ -66,12 +66,15 @@ impl Origins {
     /// Admits or refuses a request.
     pub fn admit(&self, headers: &HeaderMap) -> Result<(), Refused> {
         let host = only(headers, HOST, "Host")?.ok_or(Refused::Missing("Host"))?;
+        // A name that the user has allowed as an origin is one that the user trusts, so it may be the host as well.
         let is_of_host = |origin: &String| origin.split_once("://").is_some_and(|(_scheme, name)| name == host);
         if !is_address(host) && !self.0.iter().any(is_of_host) {
             return Err(Refused::Host(host.to_owned()));
         }
         match only(headers, ORIGIN, "Origin")? {
             None => Ok(()),
+            // The server speaks plain HTTP, so its own origin has no other scheme. A browser states the origin of
+            // every WebSocket that a page opens; other programs need not.
             Some(origin) if origin == format!("http://{host}") || self.0.iter().any(|allowed| allowed == origin) => {
                 Ok(())
             }
@@ -104,6 +107,7 @@ fn only<'h>(headers: &'h HeaderMap, key: HeaderName, name: &'static str) -> Resu
 
 /// Whether `host[:port]` is an address or `localhost`, which nobody else can publish.
 fn is_address(host: &str) -> bool {
+    // In `[::1]` the last colon is within the brackets, and what follows it is not all digits.
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
         _ => host,
@@ -125,6 +129,7 @@ impl Token {
         let mut bytes = [0_u8; TOKEN_BYTES];
         let filled = rustix::rand::getrandom(&mut bytes, rustix::rand::GetRandomFlags::empty());
         match filled.map_err(|error| LiveError::Random(error.into()))? {
+            // So few bytes come whole (getrandom(2)). A part of them would be a token that is easier to guess.
             TOKEN_BYTES => Ok(Token(bytes.iter().map(|byte| format!("{byte:02x}")).collect())),
             _ => Err(LiveError::Random(std::io::ErrorKind::UnexpectedEof.into())),
         }
@@ -138,6 +143,7 @@ impl Token {
     /// Whether `given` is the token; takes the same time for every wrong one of its length.
     pub fn is(&self, given: &str) -> bool {
         let differing = |sum, (a, b): (u8, u8)| sum | (a ^ b);
+        // The length is no secret, so it may decide first.
         given.len() == self.0.len() && given.bytes().zip(self.0.bytes()).fold(0, differing) == 0
     }
 }

@@ -36,6 +36,8 @@ impl Branches {
                 while let Ok(first) = asked.recv() {
                     // The last range requested is the widest.
                     let (low_hz, high_hz) = asked.try_iter().last().unwrap_or(first);
+                    // An error of `send` means that the view has gone. A branch that can't be traced leaves the one
+                    // before on the page.
                     if compute(low_hz, high_hz).is_some_and(|branch| done.send(branch).is_err()) {
                         break;
                     }

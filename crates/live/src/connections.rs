@@ -39,6 +39,7 @@ pub async fn serve(listener: TcpListener, router: Router, limits: Limits) {
     let free = Arc::new(Semaphore::new(limits.connections));
     // The semaphore is never closed.
     while let Ok(permit) = Arc::clone(&free).acquire_owned().await {
+        // The permit comes first: beyond the limit clients wait in the system's queue and cost nothing here.
         match listener.accept().await {
             Ok((stream, _from)) => {
                 prepare(&stream);
@@ -64,6 +65,7 @@ async fn answer(stream: TcpStream, router: Router, limits: Limits, _permit: Owne
         .max_buf_size(BUFFERED_BYTES)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
+    // An upgrade to a WebSocket ends this future, and with it the permit: viewers have a limit of their own.
     match timeout(limits.whole, answering).await {
         Ok(Ok(())) => {}
         Ok(Err(error)) => tracing::debug!("a connection of the live view: {error}"),

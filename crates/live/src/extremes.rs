@@ -36,6 +36,7 @@ impl Extremes {
 
     /// Takes a sample; returns the previous stretch if it begins a new one.
     pub fn push(&mut self, sample: u64, row: &Row) -> Option<Stretch> {
+        // Multiples of the width, so that stretches have the same places after a gap.
         let first = sample - sample % self.width;
         match &mut self.stretch {
             Some(stretch) if stretch.first == first => {

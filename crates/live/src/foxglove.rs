@@ -135,7 +135,7 @@ impl Stream {
         &self.channels
     }
 
-    /// Takes a notice of the loop.
+    /// Publishes what a notice of the loop contains. Responses and set-points have no channel.
     pub fn notice(&mut self, notice: &run::Notice) {
         match notice {
             run::Notice::Record(record) => self.record(record),
@@ -158,6 +158,7 @@ impl Stream {
     pub fn record<Name: AsRef<str>>(&mut self, record: &Record<Name>) {
         match record {
             Record::State(state) => {
+                // All batches are published together, so that no topic lags behind the others.
                 if self.states.must_take_before(state) {
                     self.take_batches();
                 }
@@ -200,6 +201,7 @@ impl Stream {
         if let Some((sample, scene)) =
             self.moving.as_mut().and_then(|moving| moving.take(|sample| time_ns(start_and_dt, sample)))
         {
+            // The scene's channel follows those of recordings.
             self.push(RECORDED.len(), sample, scene.to_string().into_bytes());
         }
         core::mem::take(&mut self.published)
@@ -254,6 +256,8 @@ fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
 
 /// The first messages to a client.
 pub fn introduction(about: &About, channels: &[Channel], table: &Channels, session: &str) -> [Message; 2] {
+    // Without capabilities a client may neither publish nor call anything. The session tells a client that connects
+    // again whether this is still the same run.
     let info = json!({
         "op": "serverInfo",
         "name": format!("resonarm {} ({}, {})", about.version, about.role, about.place),
@@ -326,6 +330,7 @@ impl Subscriptions {
         if channel_id as usize >= self.channels {
             return Err(format!("there is no channel {channel_id}"));
         }
+        // A number that is used again replaces its subscription, and needs no more room.
         if self.subscribed.len() >= SUBSCRIPTIONS && !self.subscribed.contains_key(&id) {
             return Err(format!("more than {SUBSCRIPTIONS} subscriptions"));
         }

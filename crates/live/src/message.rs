@@ -183,6 +183,7 @@ pub fn update(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> serde_j
     let mut bytes = Vec::with_capacity(8 + json.len() + row_bytes * (2 * stretches.len() + rows.len()));
     bytes.extend_from_slice(&(json.len() as u32).to_le_bytes());
     bytes.extend_from_slice(&json);
+    // The page reads the numbers in place: a Float32Array must begin at a multiple of four bytes.
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     let extremes = stretches.iter().flat_map(|stretch| [&stretch.least, &stretch.largest]);
     for numbers in extremes.chain(rows.iter().map(|row| &row.numbers)) {

@@ -55,6 +55,7 @@ impl Missed {
         };
         match self.ticks.remove(&sample) {
             Some((cause, missed)) => {
+                // The tick has counted them for the cause that the loop knew.
                 *self.causes.of(cause) -= missed;
                 *self.of(taken) += missed;
             }

@@ -108,7 +108,7 @@ impl Model {
         &self.about
     }
 
-    /// Takes a notice of the loop.
+    /// Adds a notice of the loop to the model.
     pub fn notice(&mut self, notice: &run::Notice) {
         match notice {
             run::Notice::Record(record) => self.record(record),
@@ -144,6 +144,8 @@ impl Model {
             "state.boot_up" => Some(("boot-up", None)),
             "state.pre_operational" => Some(("pre-operational", None)),
             "state.operational" => Some(("operational", None)),
+            // The emergency comes before the state that it causes, so its text is taken over. No other state keeps a
+            // fault.
             "state.fault" => Some(("fault", self.status.fault.take())),
             "emergency" => Some((self.status.state, text.clone())),
             _ => None,
@@ -158,7 +160,7 @@ impl Model {
         keep(&mut self.events, line);
     }
 
-    /// Takes a response that was read.
+    /// Sends a response that was read to the viewers, and keeps it for later ones.
     pub fn response(&mut self, point: &ResponsePoint) {
         let Sizes { amplitude, clipped } = self.under_test.sizes(point);
         let read = ReadPoint {
@@ -181,7 +183,7 @@ impl Model {
             .reduce(|(low, high), (hz, _)| (low.min(hz), high.max(hz)))
     }
 
-    /// Takes the computed branch.
+    /// Sends the computed branch to the viewers, and keeps it in place of the one before.
     pub fn branch(&mut self, branch: BranchLines) {
         self.send(&PageMessage::Branch(&branch));
         self.branch = Some(branch);
@@ -208,7 +210,7 @@ impl Model {
         self.rows.settle(sample);
     }
 
-    /// Takes the position in a recording.
+    /// Sends the position in a recording to the viewers, and keeps it for later ones.
     pub fn player(&mut self, player: PlayerStatus) {
         self.send(&PageMessage::Player(&player));
         self.player = Some(player);
@@ -250,7 +252,10 @@ impl Model {
             self.unsent += 1;
         }
         trim(&mut self.kept, STRETCHES_KEPT);
+        // A spectrum needs the latest rows also after they were sent.
         trim(&mut self.recent, self.spectrum.length().max(ROWS_SENT));
+        // After a restart the page has dropped all it had. Otherwise a run that is faster than the clock would fill
+        // the updates.
         let (stretches, rows) = match core::mem::take(&mut self.is_new) {
             true => (STRETCHES_KEPT, self.recent.len()),
             false => (STRETCHES_SENT, ROWS_SENT.min(self.recent.len())),
@@ -287,6 +292,7 @@ impl Model {
             time_s: self.time_s(self.shown.unwrap_or(sample)),
             stretches: stretches.iter().map(|stretch| stretch.first).collect(),
             width: self.extremes.width(),
+            // A gap empties the latest rows, so they are contiguous up to the newest sample.
             first: (sample + 1).saturating_sub(rows.len() as u64),
             rows: rows.len(),
             stretches_clipped: stretches.iter().map(|stretch| stretch.clipped).collect(),
@@ -309,11 +315,13 @@ impl Model {
         let recent = || self.recent.iter().skip(skipped);
         let of = |place: usize| self.spectrum.amplitudes(recent().map(|row| row.numbers[place]));
         let has = |place: usize| recent().map(|row| row.numbers[place]).any(|value| value != 0.0 && !value.is_nan());
+        // What was measured, if anything was; else what was commanded. Numbers that are all 0 or unknown say nothing.
         let force = [HEAD, FORCE, TORQUE].into_iter().find(|place| has(*place) || has(*place + 1)).unwrap_or(HEAD);
         let [c_x, c_y] = [ACCELERATION_C, ACCELERATION_C + 1];
         let shown = [force, force + 1, c_x, c_y].into_iter().filter_map(clipped_bit).sum::<u32>();
         let (force, acceleration_c) = ([of(force), of(force + 1)], [of(c_x), of(c_y)]);
         let [x, y] = &acceleration_c;
+        // One peak for both axes, so that it does not depend on the direction of the motion.
         let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
         let peak_hz = self.spectrum.peak_hz(&both);
         let line_hz = self.spectrum.line_hz();
@@ -352,6 +360,7 @@ impl Ticks {
 
     /// The figures since the last call, at `rate_hz` samples a second; `None` if there was no tick.
     fn take(&mut self, rate_hz: f64) -> Option<Timing> {
+        // Without a tick the means are NaN. They are not returned then.
         let count = self.count as f64;
         let timing = Timing {
             load: self.exec_ns as f64 * 1e-9 * rate_hz / count,

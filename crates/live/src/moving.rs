@@ -65,6 +65,7 @@ fn magnification(largest: f64, now: f64) -> f64 {
     if now > 1.0 && KEPT.contains(&(wanted / now)) {
         return now;
     }
+    // `wanted` lies from `power` to ten times as much, so a digit fits, except where `power` was rounded up.
     let power = libm::pow(10.0, libm::floor(libm::log10(wanted)));
     let chosen = [5.0, 2.0, 1.0].into_iter().map(|digit| digit * power).find(|chosen| *chosen <= wanted);
     chosen.unwrap_or(power).max(1.0)

@@ -121,6 +121,7 @@ impl Playing {
 
     fn run(mut self, orders: &mpsc::Receiver<PlayerOrder>) {
         let mut looked_ns = SystemClock.now_ns();
+        // The first sample is shown even if nobody has asked to play.
         let mut going = self.seek(self.first).and_then(|()| self.send_status());
         while going.is_ok() {
             let order = orders.recv_timeout(LOOK);
@@ -157,6 +158,7 @@ impl Playing {
         for order in orders {
             match order {
                 PlayerOrder::Play => {
+                    // At the end, to play means from the beginning.
                     if wanted.unwrap_or(self.shown()) >= self.last || self.is_at_end() {
                         wanted = Some(self.first);
                     }
@@ -167,11 +169,13 @@ impl Playing {
                 PlayerOrder::Seek { time_s } => wanted = Some((time_s * self.rate_hz).round() as u64),
                 PlayerOrder::Step { samples } => {
                     self.is_playing = false;
+                    // From where an order before it leads, which is not reached yet: several quick steps add up.
                     wanted = Some(wanted.unwrap_or(self.shown()).saturating_add_signed(samples));
                 }
             }
         }
         match wanted.map(|sample| sample.clamp(self.first, self.last)) {
+            // A short way ahead is read on. A jump reads the file from its beginning, for the events before.
             Some(sample) if (self.shown()..=self.shown() + self.kept()).contains(&sample) => {
                 self.position = sample as f64;
             }
@@ -221,6 +225,7 @@ impl Playing {
         if self.times != Some(0) {
             return self.seek(self.first);
         }
+        // An order to play plays it once more.
         (self.is_playing, self.times) = (false, Some(1));
         self.position = self.shown() as f64;
         self.send_status()
@@ -247,6 +252,7 @@ impl Playing {
                 Err(_) => self.records = None,
             }
         }
+        // `split_off` leaves what is due in `ahead`; the rest takes its place.
         let later = self.ahead.split_off(&due);
         records.extend(core::mem::replace(&mut self.ahead, later).into_values().flatten());
         records

@@ -53,6 +53,7 @@ impl Shown {
     fn of(states: &[Channel], readings: &[Channel]) -> Shown {
         let states = || states.iter();
         let moving = || states().filter(|channel| channel.kind == Kind::State);
+        // A state is the coordinates, then as many rates. Rates are not shown.
         let coordinates = moving().count() / 2;
         let is_shown = |channel: &Channel| {
             matches!(channel.point, structure::Point::Element(_))
@@ -150,6 +151,7 @@ fn label(point: structure::Point) -> String {
 
 /// A symbol with a number as its subscript.
 fn subscripted(symbol: char, number: impl ToString) -> String {
+    // U+2080 to U+2089 are the digits as subscripts.
     let subscript = |digit: char| digit.to_digit(10).and_then(|digit| char::from_u32(0x2080 + digit));
     core::iter::once(symbol).chain(number.to_string().chars().filter_map(subscript)).collect()
 }
@@ -266,6 +268,7 @@ impl Rows {
             self.restart();
             (self.next, self.restarted) = (sample, true);
         }
+        // Kept in the order of samples, though records of one kind may come behind those of the other.
         let at = self.pending.partition_point(|pending| pending.sample < sample);
         if self.pending.get(at).is_none_or(|pending| pending.sample != sample) {
             self.pending.insert(at, Pending { sample, row: Row::unknown(self.shown.channels.len()), known: 0 });

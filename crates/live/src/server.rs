@@ -91,10 +91,12 @@ pub struct Live {
 /// [`LiveError`] if the address can't be listened on, or the thread can't be started.
 pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let failed = |source| LiveError::Listen { address: options.address, source };
+    // Bound here and not on the thread, so that a wrong address is an error of the command.
     let listener = TcpListener::bind(options.address).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
     let token = Token::new()?;
+    // One thread for all tasks: nice(2) acts on a thread, and so on the whole server.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
     let branches = shown.compute.map(Branches::start).transpose()?;
     let dt_s = 1.0 / shown.model.about().rate_hz;
@@ -149,6 +151,7 @@ impl Live {
     /// Returns the URL of the page, without the token.
     pub fn url(&self) -> String {
         let mut shown = self.address;
+        // 0.0.0.0 and [::] are addresses to listen on, not to open in a browser.
         if shown.ip().is_unspecified() {
             let loopback = if shown.is_ipv4() { [127, 0, 0, 1].into() } else { std::net::Ipv6Addr::LOCALHOST.into() };
             shown.set_ip(loopback);
@@ -186,6 +189,7 @@ async fn run(
         .with_state(shared);
     let serving = tokio::spawn(connections::serve(listener, router, LIMITS));
     let mut beat = tokio::time::interval(BEAT);
+    // A late beat takes all that has come, so beats to catch up would have nothing to send.
     beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
         tokio::select! {
@@ -286,6 +290,7 @@ impl Beats {
         let is_over = self.is_over.load(Ordering::Acquire);
         let shared = &self.shared;
         let (mut model, mut source) = (lock(&shared.model), lock(&shared.source));
+        // Messages for Foxglove are made only while a client is connected.
         let is_wanted = shared.published.receiver_count() > 0;
         source.drain(&mut model, is_wanted.then_some(&mut self.stream));
         if let Some(branches) = &mut self.branches {
@@ -316,6 +321,7 @@ impl Beats {
     /// Sends the end of the run.
     fn end(&mut self) {
         self.beat();
+        // The beat before has taken the last records; the one after sends the end behind them.
         lock(&self.shared.model).end();
         self.beat();
     }

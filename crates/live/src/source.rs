@@ -80,7 +80,7 @@ impl Source {
         }
     }
 
-    /// Takes the number of viewers.
+    /// Starts a player that waits for its first viewer, once there are viewers.
     pub fn viewed(&mut self, viewers: usize) {
         if let Source::Recording(player) = self
             && viewers > 0

@@ -71,9 +71,11 @@ impl Spectrum {
     /// with s common to all three: a = s (1 − δ)(2 − δ), b = s (4 − δ²), c = s (1 + δ)(2 + δ). So δ = 2 (c − a)/(a + 2b + c),
     /// which is exact, where a parabola through the logarithms is wrong by up to 1/60 of a line.
     pub fn peak_hz(&self, lines: &[f32]) -> Option<f64> {
+        // Line 0 is the mean, which was removed, and the last line has no right neighbour.
         let inner = 1..lines.len().saturating_sub(1);
         let k = inner.max_by(|a, b| lines[*a].total_cmp(&lines[*b]))?;
         let [a, b, c] = [lines[k - 1], lines[k], lines[k + 1]].map(f64::from);
+        // With noise δ may leave the line; the sine is nearest to the largest line all the same.
         let shift = (2.0 * (c - a) / (a + 2.0 * b + c)).clamp(-0.5, 0.5);
         (b > 0.0).then_some((k as f64 + shift) * self.line_hz)
     }

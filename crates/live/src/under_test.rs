@@ -102,6 +102,7 @@ impl UnderTest {
             Kind::Assembly(tested) => {
                 let places = [&tested.places.exciter, &tested.places.accelerometer_b, &tested.places.accelerometer_c];
                 let point = |placed: &Placed| placed.along.into_iter().flatten().next().map(|dof| tested.dof_name(dof));
+                // A degree of freedom is called `point.axis`.
                 let name = |placed| point(placed).unwrap_or_default().split('.').next().unwrap_or_default().to_owned();
                 Some(places.map(name))
             }
@@ -157,7 +158,7 @@ impl UnderTest {
         }
     }
 
-    /// The sizes of the responses.
+    /// The axes of the responses: what is read, in the order of [`Sizes`].
     pub fn responses(&self) -> Vec<ResponseAxis> {
         let displacement =
             |name: String| ResponseAxis { title: format!("amplitude of {name}"), label: name, unit: "m" };

@@ -31,6 +31,7 @@ pub struct Counted {
 impl Counted {
     /// Counts one more, if there are fewer than `most`.
     pub fn new(shared: &Arc<Shared>, most: usize) -> Option<Counted> {
+        // Made before the comparison: if there are too many, dropping it takes the count back.
         let counted = Counted { shared: Arc::clone(shared) };
         (shared.viewers.fetch_add(1, Ordering::Relaxed) < most).then_some(counted)
     }
@@ -51,7 +52,7 @@ enum LetGo {
     TooSlow,
 }
 
-/// Sends messages, one after the other.
+/// Sends messages one after the other; each must be received within [`PATIENCE`].
 async fn send(socket: &mut WebSocket, messages: impl IntoIterator<Item = Message>) -> Result<(), LetGo> {
     for message in messages {
         match tokio::time::timeout(PATIENCE, socket.send(message)).await {
@@ -70,6 +71,8 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
         // The semaphore is never closed.
         let turn = shared.greetings.acquire().await;
         let (introduction, mut updates) = {
+            // Subscribed while both are locked: an update in between would be in neither the introduction nor the
+            // updates.
             let (model, source) = (lock(&shared.model), lock(&shared.source));
             (model.introduction(source.lost()), shared.updates.subscribe())
         };
@@ -82,6 +85,7 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
         };
         let lost = match outcome {
             Ok(lost) => lost,
+            // What still waits for it will not be sent.
             Err(LetGo::TooSlow) => updates.len() as u64,
             Err(LetGo::Gone) => 0,
         };
@@ -132,6 +136,7 @@ fn answer(shared: &Shared, asked: &str, nonsense: &mut u32) -> Option<Message> {
     let order = request.order(lock(&shared.model).about());
     match order.and_then(|order| lock(&shared.source).order(order)) {
         Ok(()) => text(&PageMessage::Taken),
+        // Not nonsense: it has the token, and may ask for what is impossible just now.
         Err(why) => text(&PageMessage::Refused { why: &why }),
     }
 }
@@ -167,6 +172,7 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
             batch = published.recv() => match batch {
                 Ok(batch) => send_frames(&mut socket, &batch, &subscriptions).await,
                 Err(RecvError::Lagged(lost)) => {
+                    // Each message stands for itself, so the client continues with the next ones.
                     shared.lost_updates.fetch_add(lost, Ordering::Relaxed);
                     continue;
                 }
