@@ -316,6 +316,7 @@ fn joined(branch: &Branch) -> Vec<Motion> {
         }
         motions.push(Motion::new(orbit, None));
     }
+    // Those behind the last orbit, if there are any.
     motions.extend(found.map(|event| Motion::new(&event.orbit, Some(event.kind))));
     motions
 }

@@ -192,6 +192,7 @@ impl Plan {
             plan.over_frequency(format!("{} N", zone.force_n), measured.structure.clone(), force, zone.range_hz)
         };
         let curves: Vec<usize> = zones.iter().map(add).collect();
+        // Readings are counted from 1, as in `Panel::reading`.
         for (name, (letter, number)) in measured.read.iter().zip(('a'..).zip(1..)) {
             plan.panel(format!("({letter}) {name}"), number, Some(measured.range_hz()), curves.clone());
         }
@@ -309,6 +310,7 @@ impl Plan {
         let nine = &settings.figure9;
         let arm = subject.on_line(nine.beta2_deg)?;
         let force = (Drive::ForceX, nine.force_n);
+        // The only curve needs no name. Both panels show it.
         let curve = self.over_frequency(String::new(), arm, force, nine.range_hz);
         self.unnamed("(a) Link 1", 1, Some(nine.range_hz), vec![curve]);
         self.unnamed("(b) Link 2", 2, Some(nine.range_hz), vec![curve]);

@@ -40,6 +40,8 @@ impl ForcedBranch {
             .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, self.size(motion, link))))
             .collect();
         let mut largest = (1.0, f64::NAN);
+        // Between the frequencies of two neighbouring motions all segments are straight, and the quotient of two
+        // straight lines is monotonic: the largest ratio is at the frequency of a motion.
         for motion in &self.motions {
             let hz = motion.frequency_hz;
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -48,6 +50,7 @@ impl ForcedBranch {
                 let amplitude = a.1 + (b.1 - a.1) * (hz - a.0) / (b.0 - a.0);
                 (least, most) = (least.min(amplitude), most.max(amplitude));
             }
+            // Without a stable segment this is −∞/∞, a NaN, which is not larger.
             if most / least > largest.0 {
                 largest = (most / least, hz);
             }

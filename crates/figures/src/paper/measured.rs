@@ -269,6 +269,7 @@ impl Zone {
             let refusal = || MeasuredError::Value { origin: origin.to_string(), zone, key, got, expected };
             if fits { Ok(()) } else { Err(refusal()) }
         };
+        // A force that is missing is reported like one of 0.
         let (x, [from, to]) = (self.drive.get("tip.x").map_or(0.0, |load| load.amplitude), self.range_hz);
         require("drive.tip.x", x, x > 0.0, "a positive number, since Fig. 9 is of a force along x")?;
         let other = self.drive.iter().find(|(name, load)| name.as_str() != "tip.x" && load.amplitude != 0.0);
@@ -283,6 +284,8 @@ impl Zone {
         let runs = Way::ALL.into_iter().zip([&self.up, &self.down, &self.walk]);
         let mut points = Vec::new();
         for (way, point) in runs.flat_map(|(way, run)| run.points.iter().map(move |point| (way, point))) {
+            // Points that have not settled are left out, but checked: an impossible number there means a damaged
+            // document.
             let Point { frequency_hz, readings, settled } = point;
             require("frequency_hz of a point", *frequency_hz, *frequency_hz > 0.0, "a positive number")?;
             for Reading { amplitude } in readings.values() {

@@ -283,6 +283,7 @@ const LEAST_STEP_DEG: f64 = 0.01;
 impl Scan {
     fn check(&self) -> Result<(), SettingsError> {
         ascending("scan.torque_nm", &self.torque_nm, 1)?;
+        // Statements compare the smallest with the largest force, so there are two at least.
         ascending("scan.force_n", &self.force_n, 2)?;
         // Unlike the other ranges, heights may be zero or negative.
         self.height_m.iter().try_for_each(|height_m| finite("scan.height_m", *height_m))?;

@@ -25,6 +25,7 @@ impl FigureCurves {
         for (index, curve) in self.curves.iter().enumerate() {
             let branch = &curve.branch;
             for motion in &branch.motions {
+                // Both columns in every file, so that one reader takes the files of all figures.
                 let (torque, force) = match branch.drive {
                     Drive::Torque1 => (motion.excitation, 0.0),
                     Drive::ForceX => (0.0, motion.excitation),

@@ -124,6 +124,7 @@ fn data_range(coordinate: Coordinate, scale: Scale, panels: &[&Panel]) -> (f64, 
     match scale {
         Scale::Log if low == high => (low / 2.0, high * 2.0),
         Scale::Log => {
+            // A margin of the length on the page: log(low) − margin · log(high / low), and likewise at the other end.
             let factor = libm::pow(high / low, margin);
             (low / factor, high * factor)
         }

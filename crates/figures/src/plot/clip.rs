@@ -66,6 +66,7 @@ pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)>
     let sides = [(-dx, a[0] - area.left), (dx, area.right - a[0]), (-dy, a[1] - area.top), (dy, area.bottom - a[1])];
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for (p, q) in sides {
+        // Parallel to this side: beyond it for all t, or for none.
         if p == 0.0 {
             if q < 0.0 {
                 return None;
@@ -96,6 +97,7 @@ fn thinned(points: &[Point]) -> Vec<Point> {
         let last = group.len() - 1;
         let lowest = (0..=last).min_by(by_y).unwrap_or(0);
         let highest = (0..=last).max_by(by_y).unwrap_or(0);
+        // In the order of the line. Repeated indices are dropped below, as points near to the one before.
         let mut chosen = [0, lowest.min(highest), lowest.max(highest), last];
         chosen.sort_unstable();
         for index in chosen {

@@ -50,6 +50,7 @@ impl Fonts {
         for c in text.chars() {
             outline.start_at(x as f32);
             // A glyph without outline, such as a space, draws nothing.
+            // Glyph 0 of every font is the box for what it lacks (OpenType, `.notdef`).
             let _ = face.outline_glyph(face.glyph_index(c).unwrap_or_default(), outline);
             x += advance(face, c);
         }

@@ -62,6 +62,7 @@ pub(super) fn scene(figure: &Figure) -> Result<Scene, PlotError> {
         }
     };
     let area = Rect { left: 0.0, top: 0.0, right: width, bottom: height };
+    // Without a ground the figure would take the colour of the page on which it is shown.
     let mut shapes = vec![Shape::Rect { area, fill: WHITE }];
     shapes.extend(heading);
     let page = Page { width, height };
@@ -85,6 +86,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
         // The margin depends on the tick labels, and these on the height of the plot, which is fixed.
         let height = plot_height(figure);
         let map = AxisMap { scale: panel.y.scale, low: y_range.0, high: y_range.1, from: height, to: 0.0 };
+        // Labels of a y axis are above each other, so each needs its height, whatever its text.
         let y_ticks = ticks::ticks(&map, &|_| TICK_SIZE * 2.4);
         let widths = y_ticks.labelled.iter().map(|(_, label)| fonts.width(label, TICK_SIZE, Weight::Regular));
         Ok(Draft {
@@ -108,6 +110,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
 /// The panels that share the x axis of panel `index`, itself included: its neighbours above and below with an equal
 /// axis.
 fn sharing_x(figure: &Figure, index: usize) -> Vec<usize> {
+    // Panels are numbered row by row, so those of a column are as far apart as there are columns.
     let column: Vec<usize> = (index % figure.columns..figure.panels.len()).step_by(figure.columns).collect();
     let groups = column.chunk_by(|a, b| figure.panels[*a].x == figure.panels[*b].x);
     groups.into_iter().find(|group| group.contains(&index)).unwrap_or_default().to_vec()

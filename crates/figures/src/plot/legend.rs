@@ -109,6 +109,7 @@ fn sample(style: Style, left: f64, y: f64) -> Shape {
             Shape::Rect { area, fill: color.rgb() }
         }
         (Style::Markers { .. }, marker) => {
+            // There is a point, so there is a marker.
             marker.unwrap_or(Shape::Lines { runs: Vec::new(), stroke: Stroke::solid(BLACK, 1.0) })
         }
     }
@@ -124,6 +125,7 @@ pub(super) fn free_corner(
 ) -> Option<Point> {
     let (left, top) = (plot.left + INSET, plot.top + INSET);
     let (right, bottom) = (plot.right - INSET - entries.width(), plot.bottom - INSET - entries.size(1)[1]);
+    // The legend is larger than the plot.
     if right < left || bottom < top {
         return None;
     }
@@ -131,6 +133,7 @@ pub(super) fn free_corner(
     let corners = [[right, top], [left, top], [right, bottom], [left, bottom]];
     let sides = [[middle_x, top], [right, middle_y], [left, middle_y], [middle_x, bottom]];
     let drawn: Vec<Drawn> = panel.series.iter().map(|series| Drawn::of(series, plot, x, y)).collect();
+    // The upper right is the usual place; the sides are tried only if no corner is free.
     corners.into_iter().chain(sides).find(|corner| {
         let area = entries.area(*corner, 1).grown(CLEARANCE);
         !drawn.iter().any(|drawn| drawn.meets(&area))

@@ -58,6 +58,7 @@ fn free_area(at: Point, width: f64, plot: &Rect, lines: &[Vec<Point>], taken: &[
         let (dx, dy) = (f64::from(*sideways) * STEP, f64::from(*up) * LINE);
         dx * dx + dy * dy
     };
+    // The sort is stable, so places equally far keep one order, and the same figure gives the same bytes.
     places.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
     let crosses =
         |run: &Vec<Point>, area: &Rect| run.windows(2).any(|pair| clip::segment(pair[0], pair[1], area).is_some());

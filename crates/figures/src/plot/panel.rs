@@ -69,6 +69,7 @@ fn tiles(shapes: &mut Vec<Shape>, cell: &Cell<'_>, series: &Series, fill: Rgb, [
         let (top, bottom) = (cell.y.px(y + height / 2.0), cell.y.px(y - height / 2.0));
         match rows.last_mut() {
             // One rectangle for a row of tiles keeps files small, and no seams show within it.
+            // Tiles of one row have equal y, so also equal positions: an exact comparison is right.
             Some(row) if row.bottom == bottom && (row.right - left).abs() < OVERLAP => row.right = right,
             _ => rows.push(Rect { left, top, right, bottom }),
         }

@@ -64,6 +64,7 @@ fn paint([red, green, blue]: Rgb) -> Paint<'static> {
 /// Without a path there is nothing to draw: a text of spaces, a line without points.
 fn fill_path(canvas: &mut Pixmap, path: Option<Path>, color: Rgb, transform: Transform) {
     if let Some(path) = path {
+        // Contours of a glyph may overlap; by the even-odd rule the overlap would be a hole.
         canvas.fill_path(&path, &paint(color), FillRule::Winding, transform, None);
     }
 }
@@ -73,6 +74,7 @@ fn stroke_path(canvas: &mut Pixmap, path: Option<Path>, stroke: &Stroke) {
     let dashes = stroke.dash.pattern().iter().map(|length| (length * stroke.width) as f32).collect();
     let pen = tiny_skia::Stroke {
         width: stroke.width as f32,
+        // Round ends would close the gaps between dashes.
         line_cap: if stroke.dash == Dash::Solid { LineCap::Round } else { LineCap::Butt },
         line_join: LineJoin::Round,
         dash: StrokeDash::new(dashes, 0.0),
@@ -126,6 +128,8 @@ fn draw_text(canvas: &mut Pixmap, fonts: &Fonts, text: &Text) {
         Direction::Upwards => -90.0,
     };
     let unit = (text.size / units_per_em) as f32;
+    // Each `pre_` acts before those above it: from the font's units, y upwards, to px; to the anchor; turned; to its
+    // place; to pixels.
     let transform = to_pixels()
         .pre_translate(text.at[0] as f32, text.at[1] as f32)
         .pre_rotate(degrees)

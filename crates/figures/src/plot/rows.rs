@@ -89,6 +89,8 @@ fn spread(wanted: &[f64], widths: &[f64], (left, right): (f64, f64)) -> Vec<f64>
         pools.push(pool);
     }
     let shifts = pools.into_iter().flat_map(|(mean, count)| core::iter::repeat_n(mean, count));
+    // `end` has a space behind the last name, which may reach beyond the range. Names that are too wide together
+    // begin at its left.
     shifts.zip(&packed).map(|(shift, packed)| shift.min(right - end + SPACE).max(left) + packed).collect()
 }
 

@@ -122,6 +122,7 @@ impl Marker {
     /// Corners on the unit circle about the marker's centre, y downwards; empty for a circle, two strokes for a cross.
     pub(super) fn corners(self) -> &'static [[f64; 2]] {
         const H: f64 = core::f64::consts::FRAC_1_SQRT_2;
+        // cos 30°, for the lower corners of the triangle, 120° from its point.
         const C30: f64 = 0.866_025_403_784_438_6;
         match self {
             Self::Circle => &[],

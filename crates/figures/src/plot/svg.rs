@@ -80,6 +80,7 @@ fn polyline(points: &[Point]) -> String {
     let mut before = [0_i64, 0];
     for (index, point) in points.iter().enumerate() {
         let at = point.map(hundredths);
+        // `M` begins the line, `l` is relative to the point before, and each further pair of numbers repeats it.
         let command = match index {
             0 => "M",
             1 => "l",
@@ -102,6 +103,7 @@ fn marker(shape: Marker, [x, y]: Point, radius: f64) -> String {
         Marker::Circle => {
             let (r, left, y) = (number(radius), number(x - radius), number(y));
             let diameter = number(2.0 * radius);
+            // Two half circles: an arc from a point to itself is not drawn.
             format!("M{left} {y}a{r} {r} 0 1 0 {diameter} 0a{r} {r} 0 1 0-{diameter} 0z")
         }
         Marker::Cross => corners.chunks(2).map(polyline).collect(),
@@ -128,6 +130,7 @@ fn decimal(hundredths: i64) -> String {
     let (whole, part) = (hundredths.unsigned_abs() / 100, hundredths.unsigned_abs() % 100);
     match (whole, part) {
         (_, 0) => format!("{sign}{whole}"),
+        // SVG needs no zero before the point, which makes long paths shorter.
         (0, _) => format!("{sign}.{}", format!("{part:02}").trim_end_matches('0')),
         _ => format!("{sign}{whole}.{}", format!("{part:02}").trim_end_matches('0')),
     }

@@ -38,6 +38,7 @@ struct Step {
 
 /// 1, 2 and 5 times powers of ten, from far too dense for `span` upwards.
 fn decimal_steps(span: f64) -> Vec<Step> {
+    // From at most a hundredth of the span, over four powers of ten, to more than the span.
     let first = libm::floor(libm::log10(span)) as i32 - 2;
     (first..first + 4)
         .flat_map(|exponent| [(1, 5), (2, 4), (5, 5)].map(|(mantissa, parts)| Step { mantissa, exponent, parts }))
@@ -76,6 +77,7 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     let largest = axis.low.abs().max(axis.high.abs());
     let magnitude = libm::floor(libm::log10(largest)) as i32;
     // The common power: a multiple of three, used if plain numbers would be long.
+    // Rounded down below zero as well, so that the largest label is from 1 to 1000.
     let common = if (-2..5).contains(&magnitude) { 0 } else { magnitude.div_euclid(3) * 3 };
     let digits = (common - step.exponent).max(0) as usize;
     let scaled = power_of_ten(step.exponent - common);
@@ -95,11 +97,13 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     }
 }
 
-/// Powers of ten: every one, or every second, third … if they do not fit; below two decades also 2 and 5 times these.
+/// Powers of ten: every one, or every second, third … if they do not fit; over few decades also multiples of them, as
+/// many as fit.
 fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
     let decades = libm::log10(axis.high / axis.low);
     let (first, last) = (libm::floor(libm::log10(axis.low)) as i32, libm::ceil(libm::log10(axis.high)) as i32);
     let inside = |value: &f64| (axis.low * (1.0 - 1e-9)..=axis.high * (1.0 + 1e-9)).contains(value);
+    // From 0.001 to 10000 plain numbers are short enough; beyond, powers are shorter.
     let plain = first >= -3 && last <= 4;
     let choose = |multiples: &[i32], stride: i32| -> Vec<(f64, String)> {
         let powers = (first..=last).filter(|exponent| exponent.rem_euclid(stride) == 0);
@@ -133,6 +137,7 @@ fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
             break;
         }
     }
+    // Relative to the value, since the axis spans powers of ten.
     let is_labelled = |value: f64| labelled.iter().any(|(labelled, _)| (labelled / value - 1.0).abs() < 1e-9);
     // Over many decades the ticks between the powers would merge into a band.
     let between: &[i32] = if decades > 8.0 { &[1] } else { &[1, 2, 3, 4, 5, 6, 7, 8, 9] };

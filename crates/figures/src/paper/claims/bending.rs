@@ -16,6 +16,7 @@ fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn
     survey.over_torques(mode, |driven| {
         let holds = all_hold(poses.iter().map(|pose| survey.bent(driven, *pose, mode).map(&kind)))?;
         let (value, numbers) = listed(survey, driven, mode, &poses);
+        // Settings may leave out all poses of the kind; an empty list must not be a yes.
         Ok(Opinion::new(holds && !poses.is_empty(), value, numbers))
     })
 }

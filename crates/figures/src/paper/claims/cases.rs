@@ -3,7 +3,7 @@
 use super::survey::{Driven, Seen, Survey, forces_n, heights_m, torques_nm};
 use super::{Case, Number, Verdict};
 
-/// The return value of a statement's function.
+/// A statement judged in all its cases.
 pub(super) struct Judgement {
     /// The quantity that varies between the cases.
     pub over: &'static str,
@@ -66,7 +66,7 @@ pub(super) fn once(opinion: Seen<Opinion>) -> Judgement {
     Judgement { over: "", own: 0, cases: vec![Opinion::case(String::new(), opinion)] }
 }
 
-/// A case for each value.
+/// Judges a statement for each value of a parameter, of which `own` is that of the figures.
 pub(super) fn over<T: Copy + PartialEq>(
     over: &'static str,
     own: T,
@@ -74,6 +74,7 @@ pub(super) fn over<T: Copy + PartialEq>(
     (words, judge): (impl Fn(T) -> String, impl Fn(T) -> Seen<Opinion>),
 ) -> Judgement {
     let values: Vec<T> = values.into_iter().collect();
+    // A NaN is no case's own: then the first case stands for the figures.
     let own = values.iter().position(|value| *value == own).unwrap_or(0);
     Judgement { over, own, cases: values.into_iter().map(|value| Opinion::case(words(value), judge(value))).collect() }
 }

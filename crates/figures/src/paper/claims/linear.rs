@@ -14,6 +14,7 @@ fn frequencies(survey: &Survey<'_>, beta2_deg: f64) -> Seen<[f64; 2]> {
 /// from "strongly": each of the two must vary by more than a tenth. The numbers show how little that threshold matters.
 pub(super) fn depend_on_pose(survey: &Survey<'_>) -> Judgement {
     let opinion = || {
+        // Whole degrees are dense enough for the extremes: both frequencies are smooth in β2.
         let all = (-180..=180).map(|beta2_deg| frequencies(survey, f64::from(beta2_deg)));
         let all = all.collect::<Result<Vec<_>, _>>()?;
         let ends = |mode: usize| {

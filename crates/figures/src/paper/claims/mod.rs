@@ -148,6 +148,7 @@ pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + S
         jobs.extend(survey::jobs(subject, settings)?.into_iter().map(|job| (index, job)));
     }
     let all = &statements::STATEMENTS;
+    // A statement counts as a computation for each preset: some follow curves or integrate on their own.
     begin(jobs.len() + all.len() * subjects.len());
     // First all curves, then the statements: many statements are judged on one curve, which is computed once.
     let seen = on_all_cores(&jobs, |(index, job)| survey::done(&subjects[*index], settings, *job), &done);
@@ -157,6 +158,7 @@ pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + S
         .enumerate()
         .map(|(index, subject)| {
             let own = jobs.iter().filter(|(of, _)| *of == index).count();
+            // The results are in the order of the jobs, and the jobs in that of the subjects.
             Survey::new(subject, settings, seen.by_ref().take(own))
         })
         .collect();
@@ -170,6 +172,7 @@ pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + S
         statement: statement.statement,
         rule: statement.rule,
         chosen_for: statement.chosen_for,
+        // In the order of the pairs: all subjects of a statement follow each other.
         findings: findings.by_ref().take(subjects.len()).collect(),
     };
     Ok(Report { claims: all.iter().map(claim).collect() })
@@ -184,6 +187,7 @@ fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
 
 /// Whether enough cases could be computed for a verdict: two thirds.
 fn enough(computed: usize, all: usize) -> bool {
+    // In whole numbers, so that rounding doesn't decide at exactly two thirds.
     3 * computed >= 2 * all
 }
 

@@ -60,6 +60,7 @@ fn displacement_m(arm: &Assembly, position: &[f64], point: &[Dof; 2]) -> f64 {
 pub(super) fn amplitude(survey: &Survey<'_>) -> Judgement {
     let settings = survey.settings;
     let mut lengths_s = settings.scan.pulse_length_s.clone();
+    // The figures' own length is a case even if the scan leaves it out.
     if !lengths_s.contains(&settings.pulse.length_s) {
         lengths_s.push(settings.pulse.length_s);
     }

@@ -24,6 +24,7 @@ impl Finding {
             return String::new();
         }
         let (holds, which) = self.of(Verdict::Holds);
+        // Where it holds in all cases, or in none, a list would say nothing new.
         let which = if self.verdict == Verdict::HoldsInPart { which } else { String::new() };
         let mut text = format!("{holds} of {} {}{which}", self.cases.len(), self.over);
         let (unknown, which) = self.of(Verdict::NotComputed);

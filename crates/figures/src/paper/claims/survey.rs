@@ -100,7 +100,7 @@ impl Zone {
     }
 }
 
-/// The results for a place.
+/// Zone and backbone of a place, or why each could not be computed.
 #[derive(Clone, Debug)]
 pub(super) struct View {
     place: Place,
@@ -166,6 +166,7 @@ pub(super) fn heights_m(settings: &Settings) -> Vec<f64> {
 /// The computations for a preset.
 pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, PaperError> {
     let mut driven: Vec<(Driven, Vec<f64>)> = Vec::new();
+    // Both zones are computed under the torques of either, since some statements compare them under one torque.
     let torques = with(&torques_nm(settings, subject.preset(), 0), &torques_nm(settings, subject.preset(), 1));
     driven.extend(torques.into_iter().map(|nm| (Driven::Torque { nm }, settings.figure4.beta2_deg.clone())));
     let seven = &settings.figure7;
@@ -197,6 +198,7 @@ fn poses_of_figure5(subject: &Subject, settings: &Settings) -> Result<Vec<f64>, 
     let (step, nearness) = (settings.scan.figure5_step_deg, settings.scan.figure5_nearness);
     let mut poses = Vec::new();
     for k in 0..=(180.0 / step) as u32 {
+        // Not by adding the step, whose rounding would add up.
         let beta2_deg = f64::from(k) * step;
         let first_hz = natural_hz(&subject.bent(beta2_deg)?)[0];
         if (settings.figure5.frequency_hz / first_hz - 1.0).abs() <= nearness {
@@ -249,6 +251,7 @@ impl<'a> Survey<'a> {
     }
 
     fn view(&self, place: Place) -> Seen<&View> {
+        // Compared exactly: the places asked for come from the same settings as those computed.
         self.views.iter().find(|view| view.place == place).ok_or_else(|| format!("not surveyed: {place:?}"))
     }
 
@@ -257,7 +260,7 @@ impl<'a> Survey<'a> {
         self.view(Place { driven, beta2_deg, mode })?.zone.as_ref().map_err(String::clone)
     }
 
-    /// Its backbone up to the excitation.
+    /// Returns the backbone of a zone up to the excitation, or why it could not be computed.
     pub fn bent(&self, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<&Bent> {
         self.view(Place { driven, beta2_deg, mode })?.bent.as_ref().map_err(String::clone)
     }

@@ -75,6 +75,7 @@ pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
 /// been computed; a single width that falls is a no.
 pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> Seen<f64>) -> Seen<Opinion> {
     let seen: Vec<Seen<f64>> = excitations.iter().map(|excitation| width(*excitation)).collect();
+    // Up to the first that failed: beyond the gap a width would be compared with one that is not its neighbour.
     let computed = seen.iter().take_while(|width| width.is_ok()).count();
     let numbers: Vec<Number> = excitations
         .iter()
@@ -93,7 +94,7 @@ pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> S
     Ok(Opinion::new(grows, value, numbers))
 }
 
-/// The excitations, and those from which on there is no result.
+/// Says under which excitations there are results, and under which there are none.
 fn computed_at(excitations: &[f64], computed: usize, unit: &str) -> String {
     let words = |excitations: &[f64]| excitations.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
     let (seen, rest) = excitations.split_at(computed);
@@ -140,6 +141,7 @@ pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
         }
         let (mut counts, mut seconds, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
         for (n, zone) in forces.iter().zip(zones.iter().flatten()).take(computed) {
+            // The maxima come by their height, and the second highest need not be the second most prominent.
             let mut prominences: Vec<f64> = zone.maxima(1).iter().map(|maximum| maximum.prominence).collect();
             prominences.sort_by(|a, b| b.total_cmp(a));
             let second = prominences.get(1).copied().unwrap_or(0.0);

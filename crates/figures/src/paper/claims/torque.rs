@@ -63,6 +63,7 @@ pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
         };
         let zones = [count(0), count(1)];
         let part = |(bistable, why): &(usize, Option<String>)| match why {
+            // A pose that failed matters only where no other pose shows the effect.
             Some(why) if *bistable == 0 => Err(why.clone()),
             _ => Ok(*bistable > 0),
         };
@@ -95,6 +96,7 @@ pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
         }
         let largest = numbers.iter().fold(0.0_f64, |largest, ratio| largest.max(ratio.value));
         match unknown {
+            // A zone that failed may have any ratio. It no longer matters once another has a ratio beyond six.
             Some(why) if largest < SIX.end => Err(why),
             unknown => {
                 let least = if unknown.is_some() { " at least" } else { "" };
@@ -171,6 +173,7 @@ pub(super) fn folds_over_the_torque(survey: &Survey<'_>) -> Judgement {
             .filter(|(_, folds)| !folds.is_empty())
             .collect();
         let failed = survey.over_torque.iter().find_map(|(_, folds)| folds.as_ref().err());
+        // Neighbours suffice: if each list equals the one before it, all are equal.
         let differ = folded.windows(2).any(|pair| pair[0].1 != pair[1].1);
         if let (Some(why), false) = (failed, differ) {
             return Err(why.clone());
