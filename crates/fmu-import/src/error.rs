@@ -1,4 +1,4 @@
-//! What keeps an FMU from being the structure.
+//! The reasons why an FMU can't be the structure under test.
 
 use thiserror::Error;
 

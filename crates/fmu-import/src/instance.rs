@@ -48,7 +48,7 @@ fn is_good(status: i32) -> bool {
     matches!(status, 0 | 1)
 }
 
-/// What a process did that has ended with a status of waitpid(2).
+/// Says how a process has ended, by its status of waitpid(2).
 fn ended(status: i32) -> ForeignFault {
     if libc::WIFSIGNALED(status) {
         ForeignFault::Killed { signal: libc::WTERMSIG(status) }
@@ -215,6 +215,7 @@ impl Instance {
         if core::mem::replace(&mut self.is_over, true) {
             return Ok(());
         }
+        // Requests have one length, so the last one carries values, too.
         let unused = vec![0.0; self.inputs];
         match self.ask(Request::End, &unused, &mut [])? {
             Answer::Freed => Ok(()),

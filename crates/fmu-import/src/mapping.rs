@@ -15,10 +15,10 @@ use variable::{Of, named, parameters, warn_of_unit};
 
 /// The point of the exciter unless the scenario names another.
 const TIP: &str = "tip";
-/// That of accelerometer B, if something is read there.
+/// The point of accelerometer B unless the scenario names another, if something is read there.
 const ELBOW: &str = "joint2";
 
-/// What a degree of freedom is.
+/// The kind of a degree of freedom, and its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Dof {
     /// A point along an axis.
@@ -45,7 +45,7 @@ impl Dof {
 /// Slots along x and y.
 pub(crate) type Axes = [Option<Slot>; 2];
 
-/// What is set and read of an FMU.
+/// The variables of an FMU that are set and read, and the places of loads, states and readings among them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Mapping {
     /// Values of parameters by their value reference, set before initialization.
@@ -156,7 +156,7 @@ impl Mapping {
         Ok(())
     }
 
-    /// Where a variable of a degree of freedom is among those that are read.
+    /// Adds a variable of a degree of freedom to those that are read, and returns its place there.
     fn slot(&mut self, description: &Description, dof: &str, name: &str, of: Of) -> Result<Slot, ImportError> {
         let variable = named(description, &format!("outputs.\"{dof}\""), name, of)?;
         Ok(self.read.slot(&variable))
@@ -182,7 +182,7 @@ impl Mapping {
         Ok(())
     }
 
-    /// What accelerometer `index`, B or C, reads.
+    /// Maps accelerometer `index`, B or C: its accelerations, and the velocities that a filter needs.
     fn accelerometer(
         &mut self,
         description: &Description,

@@ -11,7 +11,7 @@ use crate::abi::StepOutcome;
 /// The longest answer that is read, bytes: an array of a million numbers has 8 MB.
 const MOST_LENGTH: u32 = 1 << 26;
 
-/// What the process of an FMU is asked to do.
+/// A request to the process of an FMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Request {
     /// A communication step, before which the inputs are set if they have changed.
@@ -21,7 +21,7 @@ pub(crate) enum Request {
 }
 
 impl Request {
-    /// The bytes in front of the values of the inputs.
+    /// The bytes in front of the values of the inputs: the kind, and two times of eight bytes.
     const HEAD: usize = 17;
 
     /// The length of a request with so many values of inputs.
@@ -80,7 +80,7 @@ impl Stepped {
     }
 }
 
-/// What the process of an FMU answers, or the one that watches it.
+/// An answer of the process of an FMU, or of the one that watches it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Answer {
     /// The FMU says something, with a status as the standards number them.

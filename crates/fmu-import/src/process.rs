@@ -99,7 +99,7 @@ fn exit(code: c_int) -> ! {
     unsafe { libc::_exit(code) }
 }
 
-/// What system calls return: -1 is an error.
+/// Makes a result of what a system call returned: -1 is an error.
 fn checked(returned: c_int) -> Result<c_int> {
     if returned == -1 { Err(Error::last_os_error()) } else { Ok(returned) }
 }
@@ -132,6 +132,7 @@ fn separate() -> Result<()> {
 fn close_others(kept: [RawFd; 2]) -> Result<()> {
     let open = fs::read_dir("/proc/self/fd")?;
     let open = open.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok());
+    // Collected before any is closed, since the folder is read through one of these files.
     let open: Vec<RawFd> = open.filter(|fd| *fd > 2 && !kept.contains(fd)).collect();
     for fd in open {
         // SAFETY: a file of the program, which goes on in its own process; nothing of it is used in this one.
@@ -233,6 +234,8 @@ fn run(
             libc::sigemptyset(&mut none);
             checked(libc::sigprocmask(libc::SIG_SETMASK, &none, core::ptr::null_mut()))?;
             checked(libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL))?;
+            // The signal comes only for a death after the call above (prctl(2)); a guard that has died before it has
+            // left this process to another parent.
             if libc::getppid() != guard {
                 exit(1);
             }

@@ -13,7 +13,7 @@ pub struct Source {
     pub(crate) description: Description,
     pub(crate) mapping: Mapping,
     pub(crate) read: ReadAt,
-    /// From one communication step to the next, s.
+    /// Length of a communication step, s.
     pub(crate) step_s: f64,
 }
 
@@ -43,6 +43,7 @@ impl Source {
             ReadAt::End => spec.sample_s,
         };
         if let Some(own_s) = description.own_step_s {
+            // An FMU that can't divide the step into whole ones of its own may stop short of its end, or interpolate.
             let whole = libm::round(step_s / own_s);
             if whole < 1.0 || (whole * own_s - step_s).abs() > TOLERANCE * step_s {
                 let [own_s, step_s] = [own_s, step_s].map(|s| short(&s).to_string());

@@ -32,7 +32,7 @@ impl Source {
     }
 }
 
-/// Whether and how it runs.
+/// The state of an FMU: whether it is loaded, and whether it can be stepped.
 #[derive(Debug)]
 enum Run {
     /// It is at its start; it is loaded with the first step.
@@ -52,7 +52,7 @@ pub(crate) struct Held {
     /// The variables that are set and read, in the units of the FMU.
     set: Vec<f64>,
     read: Vec<f64>,
-    /// Where the variables of the step that is made are read.
+    /// Receives what is read in a step; exchanged with `read` once the step has succeeded.
     next: Vec<f64>,
     /// The states to which a hold that failed has returned.
     kept: Vec<f64>,

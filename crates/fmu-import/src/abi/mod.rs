@@ -209,7 +209,7 @@ impl Handle {
     /// `fmi2Fatal` and `fmi3Fatal`: no function may be called any more, so that its memory is lost.
     const FATAL: c_int = 4;
 
-    /// That of the instance that `instantiate` returned, unless it is NULL.
+    /// Wraps the instance that `instantiate` returned, unless it is NULL.
     fn new(
         pointer: *mut c_void,
         instantiate: &'static str,

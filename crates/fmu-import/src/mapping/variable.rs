@@ -7,7 +7,7 @@ use crate::description::{Description, Variable};
 use crate::units::{self, Conversion, Exponents};
 use crate::{ImportError, Numbers};
 
-/// What a variable is to be.
+/// The quantity for which a variable is named; it must have its causality and its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
     Force,
@@ -67,7 +67,7 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Where the number of a variable is, which becomes one of the block.
+    /// Returns the place of a number in the block, to which its variable is added unless it is there.
     pub(super) fn slot(&mut self, named: &Named) -> Slot {
         let Block { references, count, first } = self;
         let first = *first.entry(named.reference).or_insert_with(|| {
