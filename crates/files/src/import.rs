@@ -414,7 +414,7 @@ fn readable_twice(log: &Path) -> Result<(), ImportError> {
     Err(ImportError::NotAFile { log: log.to_path_buf(), got: file_kind(found.file_type()) })
 }
 
-/// What the first reading of a log says.
+/// Results of the first reading of a log, by which the second one imports it.
 struct Checked {
     /// The first frame that is wanted, with the time of the earliest.
     first: LoggedFrame,

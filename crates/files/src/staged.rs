@@ -186,7 +186,7 @@ pub(crate) fn is_at(file: &fs::Metadata, path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| (found.dev(), found.ino()) == (file.dev(), file.ino()))
 }
 
-/// What a file is, in words.
+/// Names the kind of a file, with its article, for messages.
 pub(crate) fn file_kind(kind: FileType) -> &'static str {
     match kind {
         kind if kind.is_dir() => "a folder",

@@ -10,7 +10,7 @@ use crate::recording::{Direction, FrameRecord, Record, Recording, RecordingError
 use resonarm_bench::structure::{Channel, ChannelName};
 use resonarm_scenario::Scenario;
 
-/// What is in a recording, in numbers.
+/// Statistics of a recording, by channels, frames and events.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecordingStatistics {
     /// States, loads and readings, channel by channel.

@@ -67,7 +67,7 @@ pub struct CandumpLine {
     pub content: CandumpContent,
 }
 
-/// What a line of `candump` holds.
+/// Content of a line of `candump`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CandumpContent {
     /// A data or remote frame that was on the bus.

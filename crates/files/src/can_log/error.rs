@@ -71,7 +71,7 @@ pub enum CanLogError {
     /// The end of an ASC log that isn't its end.
     #[error("the log is cut short: it ends {inside}")]
     Truncated {
-        /// What it ends in.
+        /// Element of the log within which it ends, in words.
         inside: &'static str,
     },
     /// A date of an ASC log.

@@ -34,7 +34,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// What is wrong, without its numbers.
+    /// Names the kind of fault, without its numbers, for counts.
     pub const fn kind(&self) -> &'static str {
         match self {
             Fault::Protection(ProtectionFault::Checksum(_)) => "checksum",

@@ -51,7 +51,7 @@ pub struct DecodedMessage {
     pub expected_bytes: usize,
     /// Its signals in the order of the DBC, without those that the switches do not select.
     pub signals: Vec<DecodedSignal>,
-    /// What the whole message means.
+    /// Meanings of the message as a whole.
     pub means: Vec<Meaning>,
 }
 
@@ -75,7 +75,7 @@ pub struct DecodedSignal {
     pub unit: String,
     /// The text that the DBC's value table has for it, or CANopen's words.
     pub text: Option<String>,
-    /// What it means to the plant.
+    /// Meanings of the signal's value to the plant.
     pub means: Vec<Meaning>,
 }
 

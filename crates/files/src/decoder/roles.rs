@@ -18,7 +18,7 @@ use resonarm_wire::layout::Layout;
 /// Rounding of a value by the scale of its signal, as a share.
 const ROUNDING: f64 = 1e-9;
 
-/// What a signal is to the plant.
+/// Role of a signal in the plant's mapping.
 #[derive(Clone, Debug)]
 enum Role {
     Counter,
@@ -120,7 +120,7 @@ impl MessageRoles {
         self.is_sync
     }
 
-    /// What every frame asks for.
+    /// Returns the actions for which every frame of the message asks.
     pub fn requests(&self) -> &[Action] {
         &self.requests
     }

@@ -22,7 +22,7 @@ pub enum ExportError {
     Write {
         /// Path of the file that can't be written.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The format can't hold what was asked for.

@@ -24,7 +24,7 @@ use crate::recording::Recording;
 pub use error::{ExportError, UnknownExportFormat, UnknownRecordingPart};
 pub use selection::{RecordingPart, Selection, samples};
 
-/// What a recording is exported to.
+/// File format to which a recording is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportFormat {
     /// A table of comma-separated values a part, with a line of names.

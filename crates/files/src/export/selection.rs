@@ -12,7 +12,7 @@ use crate::recording::{Recording, Topic};
 pub enum RecordingPart {
     /// States of the arm and the load held from each sample to the next.
     States,
-    /// What the instruments said.
+    /// Readings of the instruments at the samples.
     Samples,
     /// The frames on the bus.
     Frames,

@@ -57,7 +57,7 @@ impl FrameIndex {
         FrameIndex { order, numbering, rate_hz, last: None }
     }
 
-    /// What numbers the frames.
+    /// Returns how the frames are numbered: by a signal, by the alive counter, or by time stamps alone.
     pub const fn numbering(&self) -> Numbering {
         self.numbering
     }

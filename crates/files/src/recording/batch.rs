@@ -13,7 +13,7 @@ pub trait Batch: prost::Message {
     /// What one row is made from.
     type Row: Copy;
 
-    /// What the message is.
+    /// Type of the message on its topic.
     const TYPE: MessageType;
 
     /// An empty batch for samples from `first_sample` on.
@@ -50,7 +50,7 @@ pub trait Batch: prost::Message {
         }
     }
 
-    /// What is wrong with the batch, in words.
+    /// Describes a damaged batch by its first sample and the lengths of its columns.
     fn wrong(&self) -> String {
         format!("a batch from sample {} with columns of {:?} rows", self.first_sample(), self.columns())
     }

@@ -251,7 +251,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<McapRecord<'_>, Fault> {
     Ok(parse_record(opcode, body)?)
 }
 
-/// What an error inside a chunk means. The chunk is there to its last byte, so it can't be cut short.
+/// Makes a fault of an error inside a chunk. The chunk is there to its last byte, so it can't be cut short.
 fn in_chunk(error: McapError) -> Fault {
     match error {
         McapError::UnexpectedEof => Fault::Damaged(String::from("a chunk that ends inside a record")),

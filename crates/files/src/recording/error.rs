@@ -25,7 +25,7 @@ pub enum RecordingError {
     Create {
         /// Path of the file that can't be created.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: Arc<io::Error>,
     },
     /// An option has a value that makes no sense.
@@ -43,7 +43,7 @@ pub enum RecordingError {
     Write {
         /// Path of the recording that can't be written.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: Arc<io::Error>,
     },
     /// The MCAP library refused a record.
@@ -51,7 +51,7 @@ pub enum RecordingError {
     Format {
         /// Path of the recording that can't be written.
         path: PathBuf,
-        /// What the library says.
+        /// Error of the MCAP library.
         source: Arc<McapError>,
     },
     /// The writer thread ended by itself.
@@ -65,7 +65,7 @@ pub enum RecordingError {
     Open {
         /// Path of the recording that can't be read.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: Arc<io::Error>,
     },
     /// The path leads to a folder, a pipe or a device.
@@ -139,7 +139,7 @@ pub enum RecordingError {
         key: String,
         /// Its value; empty if it is missing.
         got: String,
-        /// What it should be.
+        /// Description of the valid values.
         expected: &'static str,
     },
     /// The file has a format that this version does not read.
@@ -177,7 +177,7 @@ pub enum RecordingError {
         path: PathBuf,
         /// Name of the topic.
         topic: String,
-        /// What is wrong with them.
+        /// Error in its channels.
         cause: ChannelsError,
     },
     /// A record does not have the channels of its recording.
@@ -233,7 +233,7 @@ pub enum RecordingError {
     NothingRecovered {
         /// Path of the recording from which nothing was recovered.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Damage of the recording.
         integrity: Integrity,
     },
     /// There is no record to copy: of the samples that were asked for, or at all.

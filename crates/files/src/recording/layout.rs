@@ -129,7 +129,7 @@ pub enum ChannelsError {
     /// The schema is not one.
     #[error("a schema that can't be read: {cause}")]
     Schema {
-        /// What is wrong with it.
+        /// Error in the schema, in words.
         cause: String,
     },
     /// A channel that this version does not know.

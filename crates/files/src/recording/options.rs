@@ -40,7 +40,7 @@ impl TimeBase {
         }
     }
 
-    /// How it is called in the file.
+    /// Name of the time base in the file.
     pub(super) const fn name(self) -> &'static str {
         match self {
             TimeBase::Simulated => RunTime::Simulated.name(),

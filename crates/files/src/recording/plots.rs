@@ -72,7 +72,7 @@ impl Plots {
         self.readings.end(&mut self.readings_ready);
     }
 
-    /// What is ready, in order within each topic.
+    /// Takes the plotting messages that are complete, in order within each topic.
     pub fn ready(&mut self) -> Vec<Plot> {
         let mut plots = Vec::new();
         let every = self.every;

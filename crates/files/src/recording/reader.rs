@@ -80,7 +80,7 @@ impl Recording {
         &self.scan.integrity
     }
 
-    /// Where the recording comes from.
+    /// Returns where and when the recording was made, and its sample period.
     pub fn origin(&self) -> &Origin {
         &self.origin
     }
@@ -90,7 +90,7 @@ impl Recording {
         &self.configuration
     }
 
-    /// What its states and readings consist of.
+    /// Returns the channels of its states and readings.
     pub fn channels(&self) -> &Channels {
         &self.scan.tally.channels
     }
@@ -100,7 +100,7 @@ impl Recording {
         self.scan.metadata.get(metadata::STATISTICS)
     }
 
-    /// What the recording holds, in numbers.
+    /// Summarises the recording: size, integrity, origin, samples and counts by topic.
     pub fn summary(&self) -> RecordingSummary {
         let samples = self.scan.tally.samples;
         RecordingSummary {

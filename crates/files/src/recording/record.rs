@@ -18,7 +18,7 @@ use resonarm_realtime::OverrunCause;
 pub enum Record<Name = &'static str> {
     /// The states of the structure at a sample and the load held over it.
     State(StateRecord),
-    /// What the sensors said at a sample.
+    /// Readings of the sensors at a sample.
     Sample(SampleRecord),
     /// A frame on the bus.
     Frame(FrameRecord),
@@ -126,7 +126,7 @@ impl SampleRecord {
         self.clipped.bits() | self.more.clipped() << Clipped::COUNT
     }
 
-    /// The same, vector by vector.
+    /// The numbers of [`SampleRecord::values`] as the vectors of a batch.
     pub(super) fn vectors(&self) -> [&[f64]; 4] {
         [&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n, self.more.values()]
     }

@@ -164,7 +164,7 @@ fn between(before: &Tally, with: &Tally) -> Option<MissingSamples> {
     (first > expected).then(|| MissingSamples { first: expected, last: first - 1 })
 }
 
-/// What the new file says about the old.
+/// Metadata of the new file about the recording from which it was recovered.
 fn account(input: &Path, scan: &Scan, copied: &Copied) -> BTreeMap<String, String> {
     let mut account = BTreeMap::from([(String::from("source"), input.display().to_string())]);
     let mut note = |key: &str, value: String| account.insert(String::from(key), value);

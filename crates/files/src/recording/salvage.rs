@@ -30,7 +30,7 @@ pub struct LostChunk {
     pub bytes: u64,
     /// First and last log time that it states of itself, ns, where it can be believed.
     pub log_times_ns: Option<(u64, u64)>,
-    /// What is wrong with it.
+    /// Damage of the chunk, in words.
     pub cause: String,
 }
 

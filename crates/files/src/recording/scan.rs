@@ -22,7 +22,7 @@ use resonarm_numeric::number::short;
 /// How many faults are listed one by one; later ones are in `/events`.
 const MOST_FAULTS: usize = 100;
 
-/// What a pass through a file has shown.
+/// Results of a pass through a whole file.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     pub integrity: Integrity,
@@ -37,7 +37,7 @@ pub(super) struct Scan {
     pub tally: Tally,
 }
 
-/// What is in the chunks.
+/// Results of reading the messages in the chunks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
     /// First and last sample of any record.
@@ -62,7 +62,7 @@ pub(super) struct Tally {
     pub flaw: Option<String>,
 }
 
-/// What is in a topic.
+/// Counts of the messages of a topic.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TopicTally {
     /// Whether the file has the topic, be it empty.

@@ -109,7 +109,7 @@ impl MessageType {
         MessageType::Event,
     ];
 
-    /// Where its messages are.
+    /// Topic on which messages of the type are recorded.
     pub const fn topic(self) -> Topic {
         match self {
             MessageType::StepBatch => Topic::States,

@@ -27,7 +27,7 @@ impl Shared {
     }
 }
 
-/// What the recorder tells its thread.
+/// Message of the recorder to its thread.
 #[derive(Debug)]
 pub(super) enum Control {
     /// A channel was opened.

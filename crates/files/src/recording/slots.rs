@@ -34,7 +34,7 @@ enum Content<Other> {
     Other(Other),
 }
 
-/// What is in a ring.
+/// Entry of a ring: a record of the run, or another value, which is not recorded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Entry<'a, Other = Infallible> {
     /// A record of the run.

@@ -160,13 +160,13 @@ impl RecordedFault {
         RecordedFault { partner_code, ..self }
     }
 
-    /// What the code means.
+    /// Returns the emergency code, if this version knows it.
     pub fn cause(&self) -> Option<EmergencyCode> {
         meaning(self.code)
     }
 }
 
-/// What a code means, if this version knows it.
+/// Finds the emergency code of a number, among those of this protocol and those of users' protocols.
 fn meaning(code: i64) -> Option<EmergencyCode> {
     let of_users_protocols = [EmergencyCode::StopRequested];
     let code = u16::try_from(code).ok()?;
@@ -202,7 +202,7 @@ impl serde::Serialize for RecordedFault {
     }
 }
 
-/// What is in a topic.
+/// Counts of a topic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct TopicSummary {
     /// Messages; in a batched topic a batch is one.
@@ -246,7 +246,7 @@ impl RunTime {
         }
     }
 
-    /// What a file states.
+    /// The kind of time that a file states by its name, if this version knows it.
     pub(super) fn stated(time: &str) -> Option<RunTime> {
         [RunTime::Simulated, RunTime::Lockstep, RunTime::RealTime].into_iter().find(|of| of.name() == time)
     }

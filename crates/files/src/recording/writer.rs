@@ -50,7 +50,7 @@ impl Summary {
     }
 }
 
-/// What the thread works on.
+/// State of the thread that writes a recording.
 pub(super) struct Writer {
     shared: Arc<Shared>,
     sink: Sink,

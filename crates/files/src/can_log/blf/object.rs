@@ -138,7 +138,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Where the body begins: after the head, whose length it states.
+    /// Offset of the body: the length that the head states of itself.
     fn body(&self) -> Result<usize, BlfFault> {
         let got = u16::from_le_bytes(self.number(4)?);
         let body = usize::from(got);
