@@ -15,7 +15,7 @@ use resonarm_bench::control::{ControlSpec, ResponsePoint};
 use resonarm_bench::node::ExciterOutcome;
 use resonarm_scenario::Scenario;
 
-/// What a controller has read in one run.
+/// Results of one run of a controller: the responses that it read, and how it ended.
 #[derive(Clone, Debug)]
 pub struct Measured {
     /// The responses, in the order in which they were read.

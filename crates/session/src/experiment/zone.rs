@@ -136,7 +136,7 @@ impl ZoneExperiment {
         ZoneExperiment { zones: zones.to_vec(), signals: [signals(), signals()] }
     }
 
-    /// How many responses have been read so far.
+    /// Returns the number of responses read so far.
     pub fn responses(&self) -> u64 {
         self.signals.iter().flatten().map(Signals::responses).sum()
     }

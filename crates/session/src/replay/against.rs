@@ -72,7 +72,7 @@ pub struct Difference {
     pub kind: DifferenceKind,
 }
 
-/// What a controller does otherwise.
+/// Kind of difference between the live controller and the recorded one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum DifferenceKind {
@@ -112,7 +112,7 @@ pub enum DifferenceKind {
 }
 
 impl DifferenceKind {
-    /// What the recorded controller did.
+    /// Names what the recorded controller did where the live one differs.
     const fn expected(&self) -> &'static str {
         match self {
             DifferenceKind::Command { .. } | DifferenceKind::NoAnswer => "answer",
@@ -199,7 +199,7 @@ trait Controller {
     }
 }
 
-/// What the controller has done.
+/// The live controller, as its frames show it so far.
 struct Live {
     receiver: Receiver,
     /// Anything of it has been heard.

@@ -66,7 +66,7 @@ fn armed_ns(recording: &Recording) -> Result<u64, ReplayError> {
     Ok(0)
 }
 
-/// How the recorded exciter answered samples, as the run made it.
+/// Finds how the recorded exciter answered samples: in lockstep, or by the clock.
 fn time_base(recording: &Recording, scenario: &Scenario) -> Result<TimeBase, ReplayError> {
     let has_lockstep = scenario.wire.as_ref().is_some_and(|wire| wire.lockstep.is_some());
     let is_ideal = scenario.network.faults.is_empty() && scenario.timed_bus()?.is_none();

@@ -32,7 +32,7 @@ pub(super) struct Bench<'a> {
     batch: Vec<Frame>,
     /// While the bus is lost.
     outage: Option<Outage>,
-    /// How it was lost last.
+    /// Cause of the last loss of the bus.
     bus_loss: Option<BusLoss>,
     /// Whether another sender of the plant's messages has been reported.
     other_sender_reported: bool,
@@ -128,7 +128,7 @@ impl<'a> Bench<'a> {
         &*self.node
     }
 
-    /// What was counted so far, with a bus that has counted `statistics`.
+    /// Joins the node's counts of frames so far with the `statistics` of the bus.
     pub fn counts(&self, statistics: Statistics) -> BusCounts {
         BusCounts::new(statistics, self.node.frames())
     }
@@ -158,7 +158,7 @@ impl<'a> Bench<'a> {
         self.round_trips = Some(round_trips);
     }
 
-    /// How long they took, µs.
+    /// Durations of the round trips, µs, if they are timed.
     pub fn round_trip_us(&self) -> Option<Percentiles> {
         self.round_trips.as_ref().and_then(RoundTrips::percentiles)
     }

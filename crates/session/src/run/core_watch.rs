@@ -53,7 +53,7 @@ pub(super) struct Overrun {
 }
 
 impl Overrun {
-    /// What `tick` tells, in a run that began at `run_start_ns`.
+    /// The overrun that `tick` reports, if it does, in a run that began at `run_start_ns`.
     pub fn of(tick: &Tick, run_start_ns: u64) -> Option<Overrun> {
         let held_up_ns = (tick.held_up_since_ns, tick.woke_ns);
         let cause = tick.cause?;

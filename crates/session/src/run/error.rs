@@ -84,13 +84,13 @@ pub enum RunError {
     /// The system has no thread left for the run.
     #[error("the operating system denied the run another thread: {source}; end other programs, or raise `ulimit -u`")]
     NoThread {
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The run asks for a real-time thread, and the system refuses it.
     #[error("the thread of the run must be a real-time thread, and has {}", in_words(shortfalls))]
     NoRealTimeThread {
-        /// What it can't have.
+        /// Settings that the system refuses.
         shortfalls: Vec<Shortfall>,
     },
     /// The loop can't spin so.

@@ -117,7 +117,7 @@ struct Run<'r, C: Clock> {
     outage: Option<Outage>,
     /// Since when its transmit queue has taken nothing, ns.
     jammed_since_ns: Option<u64>,
-    /// How it was lost last.
+    /// Cause of the last loss of the bus.
     bus_loss: Option<BusLoss>,
     /// The first frame that the node refused for one of its checks.
     first_refused: Option<RefusedFrame>,

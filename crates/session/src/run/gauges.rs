@@ -65,7 +65,7 @@ impl Gauges {
         self.state.store(state.heartbeat_byte(), Ordering::Relaxed);
     }
 
-    /// What they show now; the latest sample and the largest loads are looked for anew from here on.
+    /// Reads the gauges; the latest sample and the largest loads are looked for anew from here on.
     pub fn read(&self) -> Shown {
         // Each is taken and set back at once, so that what the loop writes meanwhile is there for the next reading.
         let [latest_ns, force, torque] =
@@ -73,7 +73,7 @@ impl Gauges {
         Shown { latest_ns, force_n: f64::from_bits(force), torque_nm: f64::from_bits(torque), ..self.look() }
     }
 
-    /// What they show now.
+    /// Reads the gauges and leaves them as they are.
     pub fn look(&self) -> Shown {
         Shown {
             samples: self.samples.load(Ordering::Relaxed),

@@ -204,7 +204,7 @@ impl HostedPlant {
         self.bench.node()
     }
 
-    /// What was counted of frames.
+    /// Returns the counts of frames.
     pub fn statistics(&self) -> Statistics {
         self.port.statistics
     }

@@ -11,7 +11,7 @@ const PATIENCE_NS: u64 = 10_000_000_000;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outage {
     since_ns: u64,
-    /// How it was lost.
+    /// Cause of the loss.
     pub cause: BusLoss,
     /// Whether a frame came in since.
     was_heard: bool,

@@ -163,7 +163,7 @@ pub struct Histograms {
 /// Report of an exciter's run.
 #[derive(Debug)]
 pub struct ExciterReport {
-    /// How it ended; `None` if an error ended it.
+    /// Outcome of the exciter's work; `None` if an error ended it.
     pub outcome: Option<node::ExciterOutcome>,
     /// What the plant said was wrong, where that is why the exciter missed its samples.
     pub partner_fault: Option<Emergency>,
@@ -173,7 +173,7 @@ pub struct ExciterReport {
     pub cause: Option<String>,
     /// The first frame that was refused for its checks, with the reason.
     pub first_refused_frame: Option<String>,
-    /// The same, before it is put in words.
+    /// The first refused frame, before it is put in words.
     pub(super) first_refused: Option<RefusedFrame>,
     /// The load by which the controller answered last, and the sample.
     pub(super) last_answer: Option<(u64, Load)>,
@@ -370,7 +370,7 @@ fn text_of_fault(
     text
 }
 
-/// How to fix a fault.
+/// Says how to fix a fault.
 fn remedy(emergency: &Emergency) -> &'static str {
     match emergency.code {
         EmergencyCode::CommandTimeout => match Refusal::from_detail(emergency.detail).1 {

@@ -67,7 +67,7 @@ impl RoundTrips {
         }
     }
 
-    /// How long they took, µs; `None` if there was none.
+    /// Durations of the round trips, µs; `None` if there was none.
     pub fn percentiles(&self) -> Option<Percentiles> {
         self.times.percentiles()
     }
@@ -86,7 +86,7 @@ mod tests {
         trips
     }
 
-    /// How many, and the longest, µs.
+    /// Number of round trips, and the longest, µs.
     fn summary(trips: &RoundTrips) -> (u64, f64) {
         (trips.times.count(), trips.percentiles().map_or(0.0, |times| times.max))
     }

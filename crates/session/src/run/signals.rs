@@ -45,12 +45,12 @@ impl Signals {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// How many responses the exciter has read.
+    /// Returns the number of responses that the exciter has read.
     pub fn responses(&self) -> u64 {
         self.responses.load(Ordering::Relaxed)
     }
 
-    /// What the run's loop shows of itself.
+    /// Returns the gauges, by which the run's loop shows its state and timing.
     pub fn gauges(&self) -> &Gauges {
         &self.gauges
     }
@@ -77,7 +77,7 @@ pub enum BusLoss {
 }
 
 impl BusLoss {
-    /// How an error of a bus that may come back has lost it.
+    /// Finds how the bus was lost, from the error of a bus that may come back.
     pub(super) const fn of(error: &BusError) -> BusLoss {
         match error {
             BusError::BusOff { .. } => BusLoss::BusOff,

@@ -36,7 +36,7 @@ const EVENTS: usize = 1 << 12;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
-/// What a run passes to its watcher.
+/// Notice of a run's loop to its watcher.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
 pub enum Notice {
@@ -288,7 +288,7 @@ impl Watcher {
         self.open.len()
     }
 
-    /// How much was lost because a ring was full.
+    /// Returns the number of notices and frames that were lost because a ring was full.
     pub fn lost(&self) -> u64 {
         self.shared.lost.load(Ordering::Relaxed)
     }

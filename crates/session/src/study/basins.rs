@@ -30,7 +30,7 @@ pub struct StateGrid {
 }
 
 impl StateGrid {
-    /// How many states there are.
+    /// Returns the number of states of the grid.
     pub fn len(&self) -> usize {
         self.counts[0] * self.counts[1]
     }
@@ -116,7 +116,7 @@ impl Basins {
         Ok(BasinComputation { basins: self, parts, journal })
     }
 
-    /// Where the motions from some of the states end.
+    /// Follows the motions from some of the states to their ends.
     fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.forced, self.frequency_hz)?;
         let starts: Vec<Vec<f64>> = states.map(|index| self.grid.state(index)).collect();
@@ -138,18 +138,18 @@ pub struct BasinComputation {
 }
 
 impl BasinComputation {
-    /// What became of the states, in the order of the grid; `None` until all are computed.
+    /// Returns where the motion from each state ends, in the order of the grid; `None` until all are computed.
     pub fn outcomes(&self) -> Option<Vec<BasinOutcome>> {
         let parts: Option<Vec<&Vec<BasinOutcome>>> = self.parts.iter().map(Option::as_ref).collect();
         parts.map(|parts| parts.into_iter().flatten().copied().collect())
     }
 
-    /// How many states are computed.
+    /// Returns the number of states that are computed.
     pub fn done(&self) -> usize {
         self.parts.iter().flatten().map(Vec::len).sum()
     }
 
-    /// How many there are.
+    /// Returns the number of states in all.
     pub fn total(&self) -> usize {
         self.basins.grid.len()
     }

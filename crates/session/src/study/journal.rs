@@ -23,7 +23,7 @@ pub enum JournalError {
     Open {
         /// Path of the journal.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The file can't be written.
@@ -31,7 +31,7 @@ pub enum JournalError {
     Write {
         /// Path of the journal.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// Another process has it open.
@@ -62,7 +62,7 @@ pub enum JournalError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What it should be.
+        /// Description of the entry that is expected there.
         what: &'static str,
     },
 }

@@ -160,12 +160,12 @@ impl SweepComputation {
         &self.points
     }
 
-    /// How many points there are.
+    /// Returns the number of points computed so far.
     pub fn done(&self) -> usize {
         self.points.iter().map(Vec::len).sum()
     }
 
-    /// How many there are to be.
+    /// Returns the number of points that all sweeps have when they are complete.
     pub fn total(&self) -> usize {
         self.sweeps.sweeps.iter().map(|sweep| sweep.values.len()).sum()
     }

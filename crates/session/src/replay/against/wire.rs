@@ -17,12 +17,12 @@ use resonarm_files::recording::{Direction, FrameRecord};
 use resonarm_protocol::Frame;
 use resonarm_realtime::Clock;
 
-/// What a controller asks for when it ends.
+/// Name of the request by which a controller ends.
 const DISARM: &str = "disarm";
 /// Commands that may wait to be compared: more than are under way at one moment.
 const AHEAD: usize = 1024;
 
-/// What a frame of a controller says.
+/// Statement of a controller's frame.
 #[derive(Clone, Debug, PartialEq)]
 enum Said {
     /// It asks for something, by its name: `arm`.
@@ -49,7 +49,7 @@ impl Reader {
         Reader(mapping.incoming.iter().map(message).collect())
     }
 
-    /// What a frame of the controller says, requests first.
+    /// Reads the statements of a controller's frame, requests first.
     fn hear(&mut self, frame: &Frame) -> Vec<Said> {
         let is_meant =
             |message: &Message| (message.incoming.id, message.incoming.format) == (frame.id(), frame.format());
@@ -89,7 +89,7 @@ const fn name(action: Action) -> &'static str {
     }
 }
 
-/// What the live controller has done.
+/// The live controller, as its frames show it so far.
 pub(super) struct Live {
     reader: Reader,
     /// Anything of it has been heard.
@@ -137,7 +137,7 @@ impl Controller for Live {
     }
 }
 
-/// What the recorded controller has done.
+/// The recorded controller, as its frames show it so far.
 pub(super) struct Recorded {
     reader: Reader,
     has_begun: bool,
