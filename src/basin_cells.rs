@@ -43,17 +43,17 @@ impl Cells {
         Cells { undecided: count("undecided"), diverging: count("diverges"), cells }
     }
 
-    /// How many states there are.
+    /// Returns the number of states.
     pub fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// How many reach a motion, counted from 0.
+    /// Returns the number of states that reach a motion, which is counted from 0.
     pub fn reaching(&self, motion: usize) -> usize {
         self.cells.iter().filter(|cell| cell.motion == Some(motion + 1)).count()
     }
 
-    /// Those that reach no motion, for people.
+    /// Says in words how many states reach no motion, and what to try.
     pub fn others(&self, time_constants: f64) -> String {
         let mut text = String::new();
         if self.undecided > 0 {

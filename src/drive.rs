@@ -201,12 +201,12 @@ impl Drive {
         self.loads[0].at.dof.load_unit()
     }
 
-    /// Where the loads act.
+    /// Returns the degrees of freedom on which the loads act.
     pub fn driven(&self) -> Vec<ReadAt> {
         self.loads.iter().map(|load| load.at.clone()).collect()
     }
 
-    /// Where they act in words: `tip.x and tip.y`.
+    /// Says in words where the loads act: `tip.x and tip.y`.
     pub fn at(&self) -> String {
         self.loads.iter().map(|load| load.at.name.as_str()).collect::<Vec<_>>().join(" and ")
     }

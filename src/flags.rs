@@ -143,7 +143,7 @@ impl ThreadFlags {
         }
     }
 
-    /// How to react if the system does not grant a setting.
+    /// Says whether a setting that the system does not grant is refused or only warned of.
     pub fn on_shortfall(&self) -> OnShortfall {
         match self.rt {
             RealTimeThread::Require => OnShortfall::Refuse,

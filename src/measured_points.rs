@@ -147,7 +147,7 @@ pub(crate) fn columns(points: &[MeasuredPoint], unit: &str) -> String {
 }
 
 impl MeasuredPoint {
-    /// Its cells in [`columns`]; what is unknown is empty.
+    /// Cells of the point in the order of [`columns`]; what is unknown is empty.
     pub fn cells(&self) -> String {
         let or_empty = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let mut text = format!("{},{},{}", self.frequency_hz, or_empty(self.lag_deg), or_empty(self.excitation));

@@ -1,4 +1,4 @@
-//! What the commands on recordings share.
+//! Flags, steps and notes that the commands on recordings share.
 
 use std::fs::File;
 use std::path::Path;
@@ -68,7 +68,7 @@ pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
     }
 }
 
-/// What happens to a recording that is there already.
+/// Says whether a recording that is there already is overwritten or refused.
 pub(crate) const fn existing(overwrite: bool) -> Existing {
     if overwrite { Existing::Overwrite } else { Existing::Refuse }
 }

@@ -114,7 +114,7 @@ impl Frf {
         self.json.show(&document, text, &files)
     }
 
-    /// Where the load acts.
+    /// Finds the degree of freedom on which the load acts: the one named, or joint 1.
     fn drive(&self, assembly: &Assembly) -> Result<ReadAt, Failure> {
         let name = match &self.drive {
             Some(name) => name,

@@ -70,7 +70,7 @@ impl Resim {
     }
 }
 
-/// What is printed as JSON.
+/// Document that `resim --json` prints.
 #[derive(Debug, Serialize)]
 struct Document {
     #[serde(flatten)]

@@ -39,7 +39,7 @@ pub(crate) struct Structure {
     json: JsonFlag,
 }
 
-/// What is printed with --json.
+/// Document that `structure --json` prints.
 #[derive(Serialize)]
 struct Document {
     /// Section `[structure]` of the scenario.

@@ -67,7 +67,7 @@ impl Envelope {
         (0..=self.clipped.len()).flat_map(ends).flatten().collect()
     }
 
-    /// Its least and largest value.
+    /// Least and largest value of the channel.
     fn ends(&self) -> Option<[f64; 2]> {
         self.spans.iter().flatten().copied().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }

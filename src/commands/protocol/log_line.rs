@@ -3,7 +3,7 @@
 use resonarm::can_log::{self, CanLogError, CandumpContent, CandumpLine, ErrorFrame};
 use resonarm::protocol::Frame;
 
-/// What a line of a log holds.
+/// Content of a line of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum LogEntry {
     Frame(LogLine),

@@ -79,7 +79,7 @@ trait Explains {
 
 struct Decoding {
     explains: Box<dyn Explains>,
-    /// What is wrong with the DBC, for --json.
+    /// Warnings about the DBC, for --json.
     warnings: Vec<Value>,
     /// Lines that hold no frame.
     unreadable_lines: u64,
