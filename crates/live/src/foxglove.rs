@@ -61,7 +61,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// Its entry in `advertise`.
+    /// Entry of the channel, with number `id`, in the message `advertise`.
     fn advertised(self, id: usize, table: &Channels) -> Value {
         match self {
             Channel::Recorded(of) => json!({

@@ -70,7 +70,7 @@ impl Missed {
         }
     }
 
-    /// How many deadlines were missed.
+    /// Returns the number of deadlines that were missed.
     pub fn deadlines(&self) -> u64 {
         self.deadlines
     }

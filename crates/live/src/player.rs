@@ -190,7 +190,7 @@ impl Playing {
         self.records.is_none() && self.ahead.is_empty()
     }
 
-    /// How many samples the plots over time show.
+    /// Number of samples that the plots over time show.
     fn kept(&self) -> u64 {
         (SHOWN_S * self.rate_hz) as u64
     }

@@ -97,7 +97,7 @@ impl Shown {
         all.map(|(channel, place)| self.plotted(channel, label(*place))).collect()
     }
 
-    /// What the bits that mark clipped readings stand for, the lowest first.
+    /// Names of the readings that the bits of clipped readings stand for, the lowest bit first.
     pub fn clipped_bits(&self) -> Vec<String> {
         let sensors = self.channels.iter().skip(self.first_sensor()).take(self.sensors);
         structure::READINGS.iter().chain(sensors).map(|channel| channel.name.to_string()).collect()

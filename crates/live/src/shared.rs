@@ -1,4 +1,4 @@
-//! What the tasks of the server share.
+//! State and queues that the tasks of the server share.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -37,7 +37,7 @@ impl Kind {
     }
 }
 
-/// What the panels plot.
+/// Channels that each panel of the page plots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Panels {
     /// The commanded torques about joints.
@@ -61,7 +61,7 @@ pub struct Panels {
 pub struct ResponseAxis {
     /// Name of the point or coordinate that responds.
     pub label: String,
-    /// What is read of it.
+    /// Title of the size in plots: what is read of the point or coordinate.
     pub title: String,
     /// Unit of the size.
     pub unit: &'static str,
@@ -118,7 +118,7 @@ impl UnderTest {
         }
     }
 
-    /// What the panels plot.
+    /// Assigns the channels of a sample to the panels, with a label for each.
     pub fn panels(&self) -> Panels {
         let shown = Shown::new(&self.table);
         let all = |first: usize, labels: [&str; 2]| {

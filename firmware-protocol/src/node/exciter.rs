@@ -100,7 +100,7 @@ impl<C: Answering> ExciterNode<C> {
         &self.link.core
     }
 
-    /// The same, to fetch the events.
+    /// The core of the node, to fetch its events.
     pub fn core_mut(&mut self) -> &mut NodeCore {
         &mut self.link.core
     }
@@ -110,7 +110,7 @@ impl<C: Answering> ExciterNode<C> {
         &self.work
     }
 
-    /// The same, to read the controller's results.
+    /// The work, to read the controller's results.
     pub fn work_mut(&mut self) -> &mut Work<C> {
         &mut self.work
     }

@@ -274,7 +274,8 @@ impl ForcedBranch {
         Traced { structure, arm, drive, read: &Read::joints() }.over_amplitude(largest, frequency_hz)
     }
 
-    /// What of a motion's reading of a number is drawn and measured.
+    /// Returns the size of a motion at a reading, by its number: the largest displacement or the amplitude, as the
+    /// branch is read.
     pub fn size(&self, motion: &Motion, reading: usize) -> f64 {
         let sizes = match self.read.size {
             Size::Largest => &motion.largest,

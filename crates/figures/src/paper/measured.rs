@@ -35,7 +35,7 @@ pub enum MeasuredError {
     Structure {
         /// Name of the document.
         origin: String,
-        /// What is wrong with the structure.
+        /// Error in the structure.
         source: StructureSectionError,
     },
     /// It was not measured on a structure with a tip that is driven along x.
@@ -65,7 +65,7 @@ pub enum MeasuredError {
         key: &'static str,
         /// Value in the document.
         got: f64,
-        /// What the number must be.
+        /// Description of the valid numbers.
         expected: &'static str,
     },
     /// No point in it settled.
@@ -105,7 +105,7 @@ impl Way {
 /// A measured periodic response.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeasuredPoint {
-    /// How it was measured.
+    /// Way in which the point was measured.
     pub way: Way,
     /// Frequency of the excitation, Hz.
     pub frequency_hz: f64,

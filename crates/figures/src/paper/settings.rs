@@ -173,7 +173,7 @@ pub enum SettingsError {
         key: String,
         /// Value in the file.
         got: f64,
-        /// What the number must be.
+        /// Description of the valid numbers.
         expected: &'static str,
     },
     /// A list has too few numbers.

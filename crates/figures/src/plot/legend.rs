@@ -44,17 +44,17 @@ impl<'a> Entries<'a> {
         self.entries.is_empty()
     }
 
-    /// Its width with its entries below each other.
+    /// Width of the legend with its entries below each other.
     pub fn width(&self) -> f64 {
         self.width
     }
 
-    /// How many entries fit side by side into this width, at least one.
+    /// Number of entries that fit side by side into this width, at least one.
     pub fn columns(&self, room: f64) -> usize {
         (libm::floor(room / self.width) as usize).clamp(1, self.entries.len().max(1))
     }
 
-    /// Its size with so many entries side by side: width and height.
+    /// Width and height of the legend with so many entries side by side.
     pub fn size(&self, columns: usize) -> [f64; 2] {
         let rows = self.entries.len().div_ceil(columns);
         [self.width * columns as f64, 2.0 * PADDING + LINE * rows as f64]

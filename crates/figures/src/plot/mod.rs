@@ -171,7 +171,7 @@ impl Panel {
         self
     }
 
-    /// The same, unless the series has no points.
+    /// The panel with another series on top, unless that has no points.
     #[must_use]
     pub fn with_any(self, series: Series) -> Self {
         if series.points.is_empty() { self } else { self.with(series) }

@@ -56,7 +56,7 @@ impl Verdict {
 /// A number behind a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Number {
-    /// What it belongs to: a pose, a force, a zone.
+    /// Name of what the number belongs to: a pose, a force, a zone.
     pub of: String,
     /// The number, in the unit of `unit`.
     pub value: f64,
