@@ -48,7 +48,7 @@ pub struct Zone {
     pub cancel_harmonics: CancelHarmonics,
 }
 
-/// What was measured in a zone.
+/// Results of the four runs of a zone.
 #[derive(Clone, Debug)]
 pub struct ZoneMeasured {
     /// The whole response at constant force, stable or not.

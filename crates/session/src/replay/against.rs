@@ -89,7 +89,7 @@ pub enum DifferenceKind {
     NoHello,
     /// It does not ask for what the recorded one asked for.
     NoRequest {
-        /// What that was: `arm`, `disarm`, `reset` or `stop`.
+        /// Name of the request: `arm`, `disarm`, `reset` or `stop`.
         expected: &'static str,
     },
     /// It has sent no command in the place of a recorded one, on a protocol whose commands name no sample.
@@ -188,7 +188,7 @@ pub fn play_against<C: Clock>(
     })
 }
 
-/// What the frames of a live controller say of it.
+/// A live controller, as its frames show it.
 trait Controller {
     /// Takes in a frame of its own.
     fn hear(&mut self, frame: &Frame);

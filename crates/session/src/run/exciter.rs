@@ -77,7 +77,7 @@ pub(super) fn run<C: Clock>(
     ExciterReport { outcome, responses, rearmed, bus: counts, bus_loss, first_refused, ..report }
 }
 
-/// What ended the exciter's loop.
+/// Cause by which the exciter's loop ended.
 enum Answered {
     /// The node's work is done.
     Node,

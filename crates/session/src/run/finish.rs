@@ -12,7 +12,7 @@ const SEND_LIMIT_NS: u64 = 500_000_000;
 /// How long to wait before a full transmit queue is tried again, ns.
 pub(super) const RETRY_NS: u64 = 200_000;
 
-/// What ended the loop of a run.
+/// Cause by which the loop of a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EndedBy {
     /// All samples asked for were made.

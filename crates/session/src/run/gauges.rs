@@ -18,7 +18,7 @@ pub struct Gauges {
     state: AtomicU8,
 }
 
-/// What gauges show at one time.
+/// Readings of the gauges at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
     /// Number of samples worked on.

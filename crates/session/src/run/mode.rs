@@ -57,7 +57,7 @@ pub struct UnknownMode {
 }
 
 impl Network {
-    /// What a recording of both nodes calls the bus between them, in a run of this mode.
+    /// Name of the bus between the nodes in a recording of both, in a run of this mode.
     pub(super) const fn interface(self, mode: Mode) -> &'static str {
         match (mode, self) {
             (Mode::Free, _) => "none",

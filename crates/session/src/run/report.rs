@@ -63,7 +63,7 @@ pub struct PlantReport {
     pub partner: Option<Fault>,
     /// How the bus was lost, the last time that it was.
     pub bus_loss: Option<BusLoss>,
-    /// What ended it early, if something failed.
+    /// Error that ended the run early, if one did.
     #[serde(serialize_with = "as_text")]
     pub error: Option<RunError>,
     /// Samples measured: samples 0 to `samples` − 1.
@@ -94,7 +94,7 @@ pub struct PlantReport {
     pub round_trip_us: Option<Percentiles>,
     /// Simulated time: how it kept up with the clock, if that was asked for.
     pub pacing: Option<Pacing>,
-    /// What the bus and the protocol's checks counted.
+    /// Counts of the bus and of the protocol's checks.
     pub bus: BusCounts,
     /// Valid commands that did not reach the arm, by reason.
     pub refused: RefusedCommands,
@@ -177,7 +177,7 @@ pub struct ExciterReport {
     pub(super) first_refused: Option<RefusedFrame>,
     /// The load by which the controller answered last, and the sample.
     pub(super) last_answer: Option<(u64, Load)>,
-    /// What ended it early, if something failed.
+    /// Error that ended the run early, if one did.
     pub error: Option<RunError>,
     /// Samples answered, counted from the start of the profile.
     pub samples_played: u64,
@@ -187,7 +187,7 @@ pub struct ExciterReport {
     pub slipped_periods: u64,
     /// How often it began anew after a fault.
     pub rearmed: u32,
-    /// What the bus and the protocol's checks counted.
+    /// Counts of the bus and of the protocol's checks.
     pub bus: BusCounts,
     /// Responses that the controller has read.
     pub responses: Vec<ResponsePoint>,
@@ -446,7 +446,7 @@ impl From<&Refusals> for RefusedCommands {
     }
 }
 
-/// What the bus and the protocol's checks counted, in frames.
+/// Counts of the bus and of the protocol's checks, in frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct BusCounts {
     /// Number of frames received.

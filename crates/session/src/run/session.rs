@@ -96,7 +96,7 @@ impl Default for Options {
     }
 }
 
-/// What lies between the nodes of a run that has both.
+/// Connection between the nodes of a run that has both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Network {
     /// A bus on which every frame is there at once: each sample is answered before the next.
@@ -350,7 +350,7 @@ impl Session {
         Ok(report.explained(&self.scenario))
     }
 
-    /// What a recording of [`Session::both`] calls the bus between them.
+    /// Name of the bus between the nodes in a recording of [`Session::both`].
     pub fn interface_of_both(&self) -> &'static str {
         self.network.interface(self.mode)
     }

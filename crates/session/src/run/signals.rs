@@ -8,7 +8,7 @@ use super::{Fault, Gauges};
 use resonarm_bus::{BusError, ControllerState};
 use resonarm_protocol::Id;
 
-/// What the run's threads and the rest of the program tell each other.
+/// Signals between the run's threads and the rest of the program.
 #[derive(Debug, Default)]
 pub struct Signals {
     stop: AtomicBool,

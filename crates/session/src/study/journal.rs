@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use resonarm_files::recording::build_info;
 
-/// What keeps a journal from being used.
+/// Reasons why a journal can't be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum JournalError {

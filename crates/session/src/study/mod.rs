@@ -27,7 +27,7 @@ pub struct Control<'a> {
     pub done: &'a (dyn Fn(u64) + Sync),
 }
 
-/// What ends a study without a result.
+/// Reasons why a study ends without a result.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StudyError {
