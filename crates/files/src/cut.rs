@@ -88,7 +88,7 @@ fn began(origin: &Origin) -> String {
     }
 }
 
-/// What two parts of a run have in common.
+/// Configuration that all parts of a run share: all of it but the plant at the first sample.
 fn of_the_run(recording: &Recording) -> Vec<(&str, &str)> {
     without_plant(recording.configuration()).collect()
 }

@@ -242,7 +242,7 @@ fn magnitudes(
     Ok(channels)
 }
 
-/// What has been found so far.
+/// Differences found so far.
 struct Found {
     tolerance: f64,
     channels: Vec<ChannelDifference>,
@@ -289,7 +289,7 @@ impl Found {
     }
 }
 
-/// What differs in what two recordings say of themselves.
+/// Entries in which two recordings describe themselves differently.
 fn configuration(a: &Recording, b: &Recording) -> Vec<KeyDifference> {
     let (a, b) = (entries(a), entries(b));
     let mut keys: Vec<_> = a.keys().chain(b.keys()).collect();

@@ -31,7 +31,7 @@ struct Drive {
     mode: i64,
     /// Thousandths of the rated torque.
     target: i64,
-    /// What PDOs say that wait for SYNC.
+    /// Values of PDOs that act only at the next SYNC.
     waiting: Vec<(Address, i64)>,
 }
 

@@ -1,4 +1,4 @@
-//! What the records of a recording come to, in numbers.
+//! Statistics of a recording: channels in numbers, and counts of frames and events.
 
 use std::collections::BTreeMap;
 
@@ -66,7 +66,7 @@ pub fn statistics(recording: &Recording) -> Result<RecordingStatistics, Recordin
     Ok(found)
 }
 
-/// What counts the frames of a recording.
+/// Receivers that judge the frames of a recording.
 enum Listener {
     /// Of Resonarm's protocol. Each end has counters of its own, and hears the other's frames alone.
     Network([Receiver; 2]),
@@ -116,7 +116,7 @@ impl Listener {
     }
 }
 
-/// What is wrong with a frame, without its numbers.
+/// Names the message and the check that its frame failed, without numbers.
 fn reason(error: &DecodeError) -> String {
     let what = match error {
         DecodeError::Crc { .. } => "checksum",

@@ -22,7 +22,7 @@ pub enum Decoded {
     Message(DecodedMessage),
 }
 
-/// What the receiver of a message makes of a frame.
+/// Outcome of a receiver's checks of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// Its form and protection are right.
@@ -43,7 +43,7 @@ pub struct DecodedMessage {
     pub message: String,
     /// The nodes that send it, according to the DBC; of CANopen drives the master, or a node and its joint.
     pub senders: Vec<String>,
-    /// What its receiver makes of it.
+    /// Outcome of the receiver's checks.
     pub outcome: Outcome,
     /// The bytes of the payload.
     pub bytes: usize,

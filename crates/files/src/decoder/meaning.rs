@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use resonarm_numeric::number::short;
 
-/// What a signal or a message means to the plant.
+/// Meaning of a signal or a message to the plant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]

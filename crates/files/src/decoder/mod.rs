@@ -41,7 +41,7 @@ pub struct Decoder {
 enum Protocol {
     Dbc {
         database: Box<Database>,
-        /// What each mapped message is, by its identifier.
+        /// Roles of the signals of each mapped message, by its identifier.
         mapped: HashMap<Id, MessageRoles>,
     },
     CanOpen(Drives),

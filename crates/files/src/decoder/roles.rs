@@ -30,7 +30,7 @@ enum Role {
     Report(Source),
 }
 
-/// What the signals of a message are to the plant.
+/// Roles of the signals of a message, and its protection.
 #[derive(Clone, Debug)]
 pub(super) struct MessageRoles {
     protection: ProtectionCheck,

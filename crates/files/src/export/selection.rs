@@ -70,7 +70,7 @@ impl FromStr for RecordingPart {
     }
 }
 
-/// What of a recording is wanted.
+/// Part of a recording that is wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     /// Which records, in order and each at most once.

@@ -2,7 +2,7 @@
 
 use resonarm_wire::counter::Step;
 
-/// What numbers the frames of a message.
+/// Source of the numbers by which a message's frames are placed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Numbering {
     /// A signal with the index of the sample, modulo this.
@@ -29,13 +29,13 @@ pub(super) enum Placed {
 pub(super) struct Anchor {
     /// Sample of the recording to which the frame belongs.
     pub sample: u64,
-    /// What its message says: index or counter.
+    /// Number in the frame: index or counter.
     pub raw: Option<u64>,
     /// When it came, ns.
     pub time_ns: u64,
     /// The place of its message among those of a sample.
     pub order: usize,
-    /// What numbers its message.
+    /// Source of the number.
     pub numbering: Numbering,
 }
 

@@ -10,7 +10,7 @@ use resonarm_realtime::OverrunCause;
 
 /// A message that holds one row for each of a number of consecutive samples, column by column.
 pub trait Batch: prost::Message {
-    /// What one row is made from.
+    /// Record of which one row is made.
     type Row: Copy;
 
     /// Type of the message on its topic.

@@ -263,7 +263,7 @@ pub enum RecordingError {
         path: PathBuf,
         /// Property in which the recording differs.
         got: String,
-        /// What would follow the recording before it.
+        /// Property that would fit the recording before it.
         expected: String,
     },
     /// More names of events than can be copied.

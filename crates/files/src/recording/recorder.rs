@@ -29,7 +29,7 @@ pub struct Recorder {
     thread: Option<JoinHandle<Result<Summary, RecordingError>>>,
 }
 
-/// What became of a record given to [`Channel::push`].
+/// Fate of a record given to [`Channel::push`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pushed {
     /// It is on its way to the file.

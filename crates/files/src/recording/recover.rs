@@ -19,7 +19,7 @@ pub struct Recovered {
     pub bytes: u64,
     /// Number of messages that were recovered.
     pub messages: u64,
-    /// What was wrong with the old file.
+    /// Damage of the old file.
     pub source: Integrity,
     /// The parts of the old file from which nothing could be had.
     pub lost_chunks: Vec<LostChunk>,

@@ -34,7 +34,7 @@ pub struct LostChunk {
     pub cause: String,
 }
 
-/// What comes next in the file.
+/// Next readable piece of the file.
 pub(super) enum Piece {
     /// A metadata record: name and content.
     Metadata(String, BTreeMap<String, String>),

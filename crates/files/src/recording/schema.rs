@@ -75,7 +75,7 @@ impl Topic {
     }
 }
 
-/// What a message is. A topic has messages of one type.
+/// Type of a message. A topic has messages of one type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageType {
     /// States and loads of consecutive samples.

@@ -50,7 +50,7 @@ impl io::Write for Counted {
 pub(super) struct Finished {
     /// Which file it is.
     pub metadata: Metadata,
-    /// What was written, bytes.
+    /// Size of the file, bytes.
     pub bytes: u64,
 }
 

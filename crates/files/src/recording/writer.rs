@@ -421,7 +421,7 @@ impl Writer {
         lost
     }
 
-    /// What was written, the size of the file apart.
+    /// Summarises what was written; the size of the file is filled in later.
     fn summary(&self) -> Summary {
         Summary {
             path: self.sink.path().to_path_buf(),
