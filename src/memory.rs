@@ -73,7 +73,8 @@ pub(crate) fn exit_where_memory_is_missing() {
         if is_missing() {
             exit();
         }
-        // Only with memory left: a crate that panics over a failed allocation, such as zstd-safe, is no defect to report.
+        // Only with memory left: a crate that panics over a failed allocation, such as zstd-safe, is no defect to
+        // report.
         report(info);
     }));
     let handler: extern "C" fn(libc::c_int) = aborted;
