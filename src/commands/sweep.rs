@@ -31,7 +31,7 @@ Examples:
   resonarm sweep --drive joint1=60 --from-hz 21.9 --to-hz 22.3 --points 41 \\
       --direction down --at joint1,joint2
   resonarm sweep --drive tip.x=20 --over link2.angle_deg=60,70 --from-hz 22 \\
-      --to-hz 23 --plot poses
+      --to-hz 23 --points 21 --plot poses
   resonarm sweep --scenario hardening.toml --drive tip.x=2 --from-hz 22 \\
       --to-hz 22.8 --points 9 --plot tip
 
