@@ -9,9 +9,11 @@ use resonarm::rig::{Converter, ShakerSpec};
 use resonarm::scenario::Scenario;
 use resonarm::structure::{BodySpec, Link};
 
-/// Steps of the integration a sample. The force has a kink at every sample, and sums over its values have an error of
-/// 10⁻⁴ of it with so many.
+/// Instants a sample at which the force is known where it is compared. It has a kink at every sample, and sums over its
+/// values have an error of 10⁻⁴ of it with so many.
 const FINE: u32 = 80;
+/// Steps of the integration a sample where no force is compared: a third of the coil's time constant each.
+const COARSE: u32 = 20;
 /// Least length of a controller's reading, s: that of a step less what it waits.
 const READ_S: f64 = 1.0;
 
@@ -74,15 +76,20 @@ impl Rig {
         core::array::from_fn(|i| state[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]))
     }
 
-    /// The force in the head over the commands held, N, [`FINE`] instants a sample.
-    fn head_n(&self, commands_n: &[f64], rate_hz: f64) -> Vec<f64> {
+    /// The force in the head over the commands held, N, [`FINE`] instants a sample; NaN in samples that `is_compared`
+    /// leaves out.
+    fn head_n(&self, commands_n: &[f64], rate_hz: f64, is_compared: impl Fn(usize) -> bool) -> Vec<f64> {
         let (mut state, mut head_n) = ([0.0; 5], Vec::new());
-        for command_n in commands_n {
+        for (sample, command_n) in commands_n.iter().enumerate() {
             let voltage_v = command_n / self.shaker.force_factor_n_a * self.shaker.resistance_ohm;
-            for _ in 0..FINE {
-                head_n.push(self.rates(state, voltage_v).1);
-                state = self.step(state, voltage_v, 1.0 / (rate_hz * f64::from(FINE)));
+            let steps = if is_compared(sample) { FINE } else { COARSE };
+            for _ in 0..steps {
+                if steps == FINE {
+                    head_n.push(self.rates(state, voltage_v).1);
+                }
+                state = self.step(state, voltage_v, 1.0 / (rate_hz * f64::from(steps)));
             }
+            head_n.resize((sample + 1) * FINE as usize, f64::NAN);
         }
         head_n
     }
@@ -138,21 +145,26 @@ fn compared(converter: Converter) -> Vec<Compared> {
     let tested = scenario.under_test().unwrap();
     let BodySpec::Chain(chain) = &tested.assembly.spec().body else { panic!("{tested:?}") };
     let rig = Rig { links: chain.links[..].try_into().unwrap(), shaker: scenario.rig.shaker.unwrap() };
-    let head_n = rig.head_n(&commands_n, rate_hz);
-    let compare = |(sample, point): &(usize, ResponsePoint)| {
-        // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples
-        // before.
-        let fine = f64::from(FINE);
+    let fine = f64::from(FINE);
+    // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples before.
+    let read = |(sample, point): &(usize, ResponsePoint)| {
         let periods = libm::ceil(READ_S * point.frequency_hz);
         let length = libm::round(periods / point.frequency_hz * rate_hz * fine) as usize;
         let end = ((*sample as f64 - 3.5) * fine) as usize;
-        Compared {
-            _frequency_hz: point.frequency_hz,
-            read_n: point.load,
-            continuous_n: amplitude(&head_n[end - length..end], point.frequency_hz / (rate_hz * fine)),
-        }
+        end - length..end
     };
-    points.iter().map(compare).collect()
+    let windows: Vec<_> = points.iter().map(read).collect();
+    let is_compared = |sample: usize| {
+        let instants = sample * FINE as usize..(sample + 1) * FINE as usize;
+        windows.iter().any(|window| window.start < instants.end && instants.start < window.end)
+    };
+    let head_n = rig.head_n(&commands_n, rate_hz, is_compared);
+    let compare = |((_, point), window): (&(usize, ResponsePoint), &core::ops::Range<usize>)| Compared {
+        _frequency_hz: point.frequency_hz,
+        read_n: point.load,
+        continuous_n: amplitude(&head_n[window.clone()], point.frequency_hz / (rate_hz * fine)),
+    };
+    points.iter().zip(&windows).map(compare).collect()
 }
 
 fn largest_error(compared: &[Compared]) -> f64 {
