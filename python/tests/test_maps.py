@@ -182,21 +182,34 @@ response_map(resonarm.Chain.preset(), frequency_hz=[10.0, 11.0], drive="joint1",
 """
 
 
+class CopiedPackage:
+    """A copy of the package, and the chunks of the map that a process computes with it."""
+
+    def __init__(self, folder):
+        self.package, self.folder = folder / "package", folder / "chunks"
+        shutil.copytree(Path(resonarm.__file__).parent, self.package / "resonarm")
+
+    def chunks(self):
+        words = [sys.executable, "-c", ONCE, str(self.package), str(self.folder)]
+        environment = os.environ | {"PYTHONPATH": str(self.package), "PYTHONDONTWRITEBYTECODE": "1"}
+        subprocess.run(words, check=True, env=environment, cwd=self.package)
+        return {path: path.stat().st_mtime_ns for path in self.folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    copied = CopiedPackage(tmp_path_factory.mktemp("copied"))
+    first = copied.chunks()
+    assert len(first) == 1 and copied.chunks() == first, "the same code resumes from its chunks"
+    return copied
+
+
 @pytest.mark.parametrize("changed", ["_resonarm.abi3.so", "maps.py", "continuation.py"])
-def test_chunks_of_other_code_are_not_taken(tmp_path, changed):
+def test_chunks_of_other_code_are_not_taken(copied, changed):
     """A byte after the end of the extension, or a line added to the package, changes only the identity of the code."""
-    package, folder = tmp_path / "package", tmp_path / "chunks"
-    shutil.copytree(Path(resonarm.__file__).parent, package / "resonarm")
-
-    def chunks():
-        words = [sys.executable, "-c", ONCE, str(package), str(folder)]
-        environment = os.environ | {"PYTHONPATH": str(package), "PYTHONDONTWRITEBYTECODE": "1"}
-        subprocess.run(words, check=True, env=environment, cwd=tmp_path)
-        return {path: path.stat().st_mtime_ns for path in folder.iterdir()}
-
-    first = chunks()
-    assert len(first) == 1 and chunks() == first, "the same code resumes from its chunks"
-    with (package / "resonarm" / changed).open("ab") as file:
-        file.write(b"\n")
-    second = chunks()
-    assert len(second) == 2 and first.items() < second.items()
+    file = copied.package / "resonarm" / changed
+    original, before = file.read_bytes(), {path: path.stat().st_mtime_ns for path in copied.folder.iterdir()}
+    file.write_bytes(original + b"\n")
+    after = copied.chunks()
+    file.write_bytes(original)
+    assert len(after) == len(before) + 1 and before.items() < after.items()
