@@ -180,7 +180,7 @@ fn at_once(t: &mut Tester, from: usize, what: &str, state: NodeState) -> Result<
     if late > most + usize::from(samples(t, t.held_up_ns)) { failed(text) } else { undecided(t, &text) }
 }
 
-/// What may be due to a hold-up of the tester is no verdict.
+/// Returns inconclusive: what was seen may be due to a hold-up of the tester.
 fn undecided(t: &Tester, text: &str) -> Result<(), Stop> {
     inconclusive(format!("{text}; but the tester was held up for {}", ms(t.held_up_ns)))
 }

@@ -290,14 +290,7 @@ fn a_fold_and_a_neimark_sacker_point_side_by_side() {
     let of_pair = pair.orbit.stability.as_ref().unwrap().multipliers[0];
     assert!(of_pair.im > 1e-3 && (of_pair.norm_sqr() - 1.0).abs() < 1e-12, "{of_pair}");
     for (orbit, expected) in [(&fold.orbit, 1.000_014), (&pair.orbit, 1.0)] {
-        let mut state = orbit.coefficients[..2].to_vec();
-        state.resize(4, 0.0);
-        for (k, rows) in (1..).zip(orbit.coefficients[2..].chunks_exact(4)) {
-            for i in 0..2 {
-                state[i] += rows[i];
-                state[2 + i] += f64::from(k) * TAU * orbit.frequency_hz * rows[2 + i];
-            }
-        }
+        let state = super::start_of_two(orbit);
         let map = time_domain::StroboscopicMap::new(&forced, orbit.frequency_hz).unwrap();
         let mut derivative = map.derivative(&map.to_point(&state), 1).unwrap();
         let mut multipliers = crate::eigenvalues::eigenvalues(4, derivative.as_mut_slice()).unwrap();

@@ -32,6 +32,20 @@ pub(crate) fn preset_at(preset: Preset, angles_deg: [f64; 2]) -> Assembly {
     assembly_of(ChainSpec { unstated: vec![], ..chain })
 }
 
+/// The state at phase 0 of a periodic motion of a structure with two coordinates: the sum of its cosines, and of its sines
+/// times their angular frequencies.
+pub(crate) fn start_of_two(orbit: &Orbit) -> Vec<f64> {
+    let mut state = orbit.coefficients[..2].to_vec();
+    state.resize(4, 0.0);
+    for (k, rows) in (1..).zip(orbit.coefficients[2..].chunks_exact(4)) {
+        for i in 0..2 {
+            state[i] += rows[i];
+            state[2 + i] += f64::from(k) * TAU * orbit.frequency_hz * rows[2 + i];
+        }
+    }
+    state
+}
+
 /// The cases of a kind; see `tests/oracles/README.md`.
 pub(super) fn oracles(kind: &str) -> Vec<Value> {
     let file: Value = serde_json::from_str(include_str!("../../../../tests/oracles/structures.json")).unwrap();

@@ -3,9 +3,9 @@ use core::f64::consts::TAU;
 
 use super::*;
 use crate::tests::preset_at;
-use crate::tests::{modal, near, number, of_kind, oracles, place};
+use crate::tests::{modal, near, number, of_kind, oracles, place, start_of_two};
 use crate::time_domain::{BasinOutcome, Grid, SettleOptions, TimeDomainError};
-use crate::{Bifurcation, Branch, Coordinate, Forced, LinearResponse, Orbit, TraceOptions, trace};
+use crate::{Bifurcation, Branch, Coordinate, Forced, LinearResponse, TraceOptions, trace};
 use crate::{BifurcationKind, Quantity};
 use nalgebra::Normed as _;
 use resonarm_dynamics::integrate::Scheme;
@@ -79,19 +79,6 @@ fn arm(beta2_deg: f64, torque1_nm: f64) -> (Forced, Dof) {
     (Forced::new(assembly, joint, torque1_nm), joint)
 }
 
-/// The state at phase 0 of a motion of a branch.
-fn start_of(orbit: &Orbit) -> Vec<f64> {
-    let mut state = orbit.coefficients[..2].to_vec();
-    state.resize(4, 0.0);
-    for (k, rows) in (1..).zip(orbit.coefficients[2..].chunks_exact(4)) {
-        for i in 0..2 {
-            state[i] += rows[i];
-            state[2 + i] += f64::from(k) * TAU * orbit.frequency_hz * rows[2 + i];
-        }
-    }
-    state
-}
-
 /// How far a state is from another, relative to its size, in the coordinates of the section.
 fn off(map: &StroboscopicMap, state: &[f64], expected: &[f64]) -> f64 {
     let [state, expected] = [state, expected].map(|state| map.to_point(state));
@@ -160,9 +147,9 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     let at = |frequency_hz, start: &[f64]| {
         settle(&StroboscopicMap::new(&forced, frequency_hz).unwrap(), &[joint], start, &options, &|| false).unwrap()
     };
-    let above = at(upper.orbit.frequency_hz + 0.005, &start_of(&upper.orbit));
+    let above = at(upper.orbit.frequency_hz + 0.005, &start_of_two(&upper.orbit));
     let between = at(upper.orbit.frequency_hz - 0.01, &above.end);
-    let below = at(lower.orbit.frequency_hz - 0.005, &start_of(&lower.orbit));
+    let below = at(lower.orbit.frequency_hz - 0.005, &start_of_two(&lower.orbit));
     assert_eq!([above.period, between.period, below.period], [Some(1), None, Some(1)]);
     assert!(between.drift > 1e-4 && between.section.len() == 400);
     // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has

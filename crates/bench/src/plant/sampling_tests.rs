@@ -25,7 +25,7 @@ const ANGLES_DEG: [f64; 2] = [17.3, 101.7];
 /// α and α̇ at the beginning.
 const INITIAL: [[f64; 2]; 2] = [[2e-3, -1e-3], [0.1, 0.3]];
 
-/// The arm from its beginning.
+/// A plant of the fitted arm in the state [`INITIAL`].
 fn plant(spec: &PlantSpec) -> Plant {
     Plant::new(spec, &TestedAssembly { initial: INITIAL.concat(), ..preset(ANGLES_DEG) }).unwrap()
 }
