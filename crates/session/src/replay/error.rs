@@ -181,8 +181,15 @@ pub enum ReplayError {
         /// The sample at which it came in.
         sample: u64,
         /// The load, as recorded.
-        got: Load,
+        got: Box<Load>,
         /// As the scenario's controller commands them.
-        expected: Load,
+        expected: Box<Load>,
     },
+}
+
+impl ReplayError {
+    /// [`ReplayError::Command`] of these loads.
+    pub(super) fn command(sample: u64, got: Load, expected: Load) -> ReplayError {
+        ReplayError::Command { sample, got: Box::new(got), expected: Box::new(expected) }
+    }
 }

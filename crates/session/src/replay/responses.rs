@@ -75,7 +75,7 @@ fn responses_reading(
                 if let Some((wire_sample, got)) = command
                     && let Some(expected) = commands.get(&wire_sample).filter(|expected| **expected != got)
                 {
-                    return Err(ReplayError::Command { sample: record.sample, got, expected: *expected });
+                    return Err(ReplayError::command(record.sample, got, *expected));
                 }
             }
         }

@@ -122,8 +122,8 @@ impl Loads<'_> {
         // What arms or disarms the plant has no load.
         match rest.first().or(loads.last()) {
             _ if got == Load::default() => Ok(()),
-            Some(expected) => Err(ReplayError::Command { sample, got, expected: *expected }),
-            None => Err(ReplayError::Command { sample, got, expected: Load::default() }),
+            Some(expected) => Err(ReplayError::command(sample, got, *expected)),
+            None => Err(ReplayError::command(sample, got, Load::default())),
         }
     }
 

@@ -77,7 +77,7 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
         }
         let near = |index: u64| (*got - expected(index)).parts().iter().all(|apart| apart.abs() <= half);
         if !(index.saturating_sub(1)..=index + 1).any(near) {
-            return Err(ReplayError::Command { sample: *sample, got: *got, expected: expected(index) });
+            return Err(ReplayError::command(*sample, *got, expected(index)));
         }
     }
     Ok(start)
