@@ -67,7 +67,7 @@ fn sent(bencher: Bencher) {
             let measurement = Measurement { sample, ..Measurement::default() };
             let published = PublishedSample {
                 measurement: &measurement,
-                states: &States::new(&[1e-6; 4], &[]).unwrap(),
+                states: &States::written(4, 4, |numbers| numbers.fill(1e-6)),
                 travel_m: 0.0,
             };
             node.publish(black_box(&published)).ok();

@@ -519,7 +519,7 @@ fn a_log_of_a_chain_holds_the_states_that_its_run_recorded() {
     let imported = document(folder.path(), 0, &import);
     assert_eq!(imported["wire"]["missing_states"], serde_json::json!([]));
     let states = |name: &str| -> Vec<StateRecord> {
-        Recording::open(&folder.path().join(name)).unwrap().states().unwrap().map(Result::unwrap).collect()
+        Recording::open(folder.path().join(name)).unwrap().states().unwrap().map(Result::unwrap).collect()
     };
     let (ours, back) = (states("run.mcap"), states("back.mcap"));
     assert!(back.len() > 250, "{} of {} samples", back.len(), ours.len());
