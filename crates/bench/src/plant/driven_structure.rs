@@ -19,9 +19,9 @@ use crate::structure::{Channel, LoadSet, OUTPUTS, Structure, StructureError};
 /// What makes the steps, by what drives it.
 #[derive(Clone, Debug)]
 enum Steps {
-    /// An ideal exciter.
+    /// The steps of a structure that an ideal exciter drives.
     Ideal(Box<dyn Stepped>),
-    /// A shaker.
+    /// The steps of a structure with the coil of a shaker.
     Shaken(Box<Shaken>),
 }
 

@@ -40,14 +40,14 @@ pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
 /// Everything that makes a plant of a structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlantSpec {
-    /// The integration scheme.
+    /// The scheme by which the structure is integrated.
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
     pub sample_rate_hz: f64,
     /// Integration steps a sample: even, since the instruments sample in the middle, and from 2 to
     /// [`MOST_STEPS_PER_SAMPLE`].
     pub steps_per_sample: u32,
-    /// The instruments.
+    /// The exciter and the sensors, with their limits and faults.
     pub rig: RigSpec,
     /// Seed of all noise.
     pub seed: u64,
@@ -61,7 +61,7 @@ pub enum PlantError {
     Integrate {
         /// The sample from which the step was tried.
         sample: u64,
-        /// Why.
+        /// Why the integrator could not make the step.
         source: IntegrateError,
     },
     /// The shaker's amplifier switched off; the plant stays at the sample before.
@@ -77,21 +77,21 @@ pub enum PlantError {
         limit: ShakerLimit,
         /// The value that would result, in the limit's unit.
         got: f64,
-        /// The limit.
+        /// The largest value that the amplifier allows, in the same unit.
         most: f64,
     },
     /// A saved state of another plant.
     #[error("a saved state of {got} numbers: the instruments of this plant have gathered more or fewer")]
     Saved {
-        /// The numbers given.
+        /// How many numbers the saved state has.
         got: usize,
     },
     /// The structure can't take up a state, or has other inputs.
     #[error("sample {sample}: {source}")]
     Structure {
-        /// The sample.
+        /// The sample at which the structure was.
         sample: u64,
-        /// Why.
+        /// What the structure could not do.
         source: StructureError,
     },
 }
@@ -158,7 +158,7 @@ pub enum PlantSpecError {
          {MOST_STEPS_PER_SAMPLE}"
     )]
     StepsPerSample {
-        /// The given value.
+        /// The number of steps that was given.
         got: u32,
     },
 }
@@ -274,7 +274,7 @@ impl Plant {
         &*self.structure
     }
 
-    /// The exciter.
+    /// The exciter, which limits the loads.
     pub fn exciter(&self) -> &Exciter {
         self.rig.exciter()
     }

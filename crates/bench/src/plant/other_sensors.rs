@@ -58,7 +58,7 @@ impl OtherSensors {
         self.channels.is_empty()
     }
 
-    /// Begins a hold.
+    /// Begins a hold: keeps what was gathered, for a hold that fails.
     pub fn begin(&mut self) {
         self.before.copy_from_slice(&self.gathered);
     }

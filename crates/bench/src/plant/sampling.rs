@@ -47,7 +47,7 @@ pub(super) struct Filter {
     step_s: f64,
     /// λ, infinite without a coil.
     decay: f64,
-    /// ∫ e^{−λτ} dτ.
+    /// Mean of the transient e^{−λτ} over a step, τ from 0 to 1.
     transient_mean: f64,
     /// The unit vector of a possible shaker.
     along: Vector2<f64>,

@@ -30,7 +30,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct ShakerAcross {
     /// The given direction, degrees.
     pub direction_deg: f64,
-    /// The axis.
+    /// The axis along which the structure does not move: x or y.
     pub axis: &'static str,
 }
 

@@ -36,9 +36,9 @@ impl Placed {
 /// A sensor beside B and C where it is on a structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedSensor {
-    /// Its name.
+    /// The name of the sensor in the scenario.
     pub name: InstrumentName,
-    /// What it measures.
+    /// The quantity that the sensor measures.
     pub measures: Measured,
     /// Its axes with the degrees of freedom that it reads, at most three.
     pub along: Vec<(Axis, Dof)>,
@@ -51,9 +51,9 @@ pub struct Places {
     pub exciter: Placed,
     /// The degree of freedom that is the exciter's z, if the structure has it.
     pub exciter_z: Option<Dof>,
-    /// Accelerometer B.
+    /// The point of accelerometer B, with the axes that it reads.
     pub accelerometer_b: Placed,
-    /// Accelerometer C.
+    /// The point of accelerometer C, with the axes that it reads.
     pub accelerometer_c: Placed,
     /// The other sensors, in the order of their names.
     pub more: Vec<PlacedSensor>,
@@ -74,7 +74,7 @@ impl Places {
 /// A chain of links or vibration modes under test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestedAssembly {
-    /// The structure.
+    /// The equations of the structure.
     pub assembly: Assembly,
     /// Its coordinates and their rates at sample 0.
     pub initial: Vec<f64>,

@@ -51,7 +51,7 @@ impl ChannelName {
         name
     }
 
-    /// As text.
+    /// The name as text, of ASCII characters.
     pub fn as_str(&self) -> &str {
         // It was made of a text.
         str::from_utf8(&self.bytes[..usize::from(self.length)]).unwrap_or_default()
@@ -138,7 +138,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// In words.
+    /// The kind in words, as tables of channels state it.
     pub const fn name(self) -> &'static str {
         match self {
             Kind::State => "state",
@@ -154,23 +154,23 @@ impl Kind {
 pub enum Quantity {
     /// Angle of a joint.
     Angle,
-    /// Its rate.
+    /// Angular velocity of a joint, the rate of its angle.
     AngularVelocity,
     /// Torque at a joint.
     Torque,
-    /// Force.
+    /// Force, N.
     Force,
-    /// Acceleration.
+    /// Acceleration, m/s².
     Acceleration,
-    /// Electric current.
+    /// Electric current in a coil, A.
     Current,
     /// A modal coordinate, of a shape that is normalised to the modal mass 1 kg.
     ModalDisplacement,
-    /// Its rate.
+    /// Modal velocity, the rate of a modal coordinate.
     ModalVelocity,
-    /// Displacement.
+    /// Displacement of a point, m.
     Displacement,
-    /// Its rate.
+    /// Velocity of a point, m/s.
     Velocity,
     /// Length: the deflection of an element's spring.
     Length,
@@ -180,7 +180,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// The unit.
+    /// The SI unit of the quantity.
     pub const fn unit(self) -> &'static str {
         match self {
             Quantity::Angle => "rad",
@@ -203,11 +203,11 @@ impl Quantity {
 /// or at one of another structure, of which the loads and readings have the names of the arm's (the exciter acts at C).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Point {
-    /// The base.
+    /// The joint at the base, joint 1.
     Joint1,
-    /// The elbow.
+    /// The elbow of an arm, joint 2, where accelerometer B is.
     Joint2B,
-    /// The tip.
+    /// The tip, where the exciter and accelerometer C are.
     TipC,
     /// A joint of a chain, from 1 at the base.
     Joint(u8),
@@ -219,15 +219,15 @@ pub enum Point {
     Element(u8),
     /// Where the sensor of this name is; of the sensors beside B and C it is the `number`-th, from 1.
     Sensor {
-        /// The name.
+        /// The name of the sensor in the scenario.
         name: InstrumentName,
-        /// The number.
+        /// The number of the sensor among those beside B and C, from 1.
         number: u8,
     },
 }
 
 impl Point {
-    /// In words.
+    /// The point in words, as tables of channels state it.
     pub fn name(self) -> Cow<'static, str> {
         match self {
             Point::Joint1 => "joint 1".into(),
@@ -293,11 +293,11 @@ pub struct Channel {
     pub vector: ChannelName,
     /// What it is to the plant.
     pub kind: Kind,
-    /// What it measures.
+    /// The physical quantity, which gives the unit.
     pub quantity: Quantity,
-    /// Where.
+    /// The point or the coordinate to which the number belongs.
     pub point: Point,
-    /// Along which axis.
+    /// The axis along which or about which it is counted.
     pub axis: Axis,
 }
 
@@ -523,7 +523,7 @@ impl LoadSet {
         (0..LOADS.len()).filter(move |place| self.has(*place))
     }
 
-    /// Its channels.
+    /// The channels of its loads, in the order of [`LOADS`].
     pub fn channels(self) -> Vec<Channel> {
         self.places().map(|place| LOADS[place]).collect()
     }

@@ -107,7 +107,7 @@ pub enum ForeignFault {
     /// A number that is not finite.
     #[error("it gave {got}")]
     NotFinite {
-        /// The number.
+        /// The number that is infinite or not a number.
         got: f64,
     },
     /// It ended its own process.
@@ -147,7 +147,7 @@ pub enum StructureError {
         limit: ShakerLimit,
         /// The value that would result, in the limit's unit.
         got: f64,
-        /// The limit.
+        /// The largest value that the amplifier allows, in the same unit.
         most: f64,
     },
     /// A step of a structure of the library could not be made.
@@ -156,7 +156,7 @@ pub enum StructureError {
     /// A load on an input that the structure doesn't have.
     #[error("{name} is {got}: nothing of the structure takes this load; command 0, or place the exciter elsewhere")]
     NoInput {
-        /// The load.
+        /// The name of the load that nothing takes.
         name: ChannelName,
         /// Its value, in its unit.
         got: f64,
@@ -167,11 +167,11 @@ pub enum StructureError {
     /// The library of somebody else that makes the steps failed.
     #[error("the FMU fails: {call} at {t_s} s: {fault}", t_s = short(.t_s))]
     Foreign {
-        /// Its function.
+        /// The function of the library that failed.
         call: &'static str,
         /// The time from which it was called, s.
         t_s: f64,
-        /// What it did.
+        /// What the library did in place of the step.
         fault: ForeignFault,
     },
     /// A saved state of an FMU, which an importer can't set.
@@ -184,7 +184,7 @@ pub enum StructureError {
         got: usize,
         /// The number of states.
         states: usize,
-        /// [`Structure::saved_len`].
+        /// The states and what the converters have gathered: [`Structure::saved_len`].
         all: usize,
     },
 }

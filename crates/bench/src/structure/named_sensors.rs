@@ -14,7 +14,7 @@ use crate::rig::{InstrumentName, Measured, PlaceName, SensorSpec};
 /// A channel of a sensor, and the degree of freedom that it reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NamedReading {
-    /// The channel.
+    /// The channel, with the name and the unit of the reading.
     pub channel: Channel,
     /// The place of the degree of freedom among those of the structure.
     pub dof: usize,
@@ -24,9 +24,9 @@ pub struct NamedReading {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("rig.sensors.{sensor}: `at` is `{at}`, and what the structure lets a sensor read are {known}")]
 pub struct NothingSensed {
-    /// The sensor.
+    /// The sensor that has nothing to read.
     pub sensor: InstrumentName,
-    /// Where it is.
+    /// The place that the scenario gives it.
     pub at: String,
     /// The degrees of freedom that there are.
     pub known: String,

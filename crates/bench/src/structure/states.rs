@@ -48,19 +48,19 @@ impl States {
         })
     }
 
-    /// Coordinates and rates.
+    /// The coordinates, and behind them their rates.
     #[inline]
     pub fn moving(&self) -> &[f64] {
         &self.numbers[..self.moving]
     }
 
-    /// The coordinates.
+    /// The coordinates: angles, rad, or modal coordinates, m·√kg.
     #[inline]
     pub fn coordinates(&self) -> &[f64] {
         &self.numbers[..self.moving / 2]
     }
 
-    /// Their rates.
+    /// The rates of the coordinates, in their units a second.
     #[inline]
     pub fn rates(&self) -> &[f64] {
         &self.numbers[self.moving / 2..self.moving]
