@@ -32,7 +32,7 @@ pub struct Cia402Spec {
 pub struct DriveSpec {
     /// CANopen node id, 1 to 127.
     pub node_id: u8,
-    /// Joint that the drive turns, counted from 0 at the base, below [`MOST_JOINTS`].
+    /// Joint that the drive turns, counted from 0 at the base, below [`MOST_JOINTS`](crate::rig::MOST_JOINTS).
     pub joint: usize,
     /// Turns of the motor for one turn of the joint, not 0. The gearbox has no losses.
     pub gear_ratio: f64,
