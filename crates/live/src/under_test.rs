@@ -158,7 +158,7 @@ impl UnderTest {
         }
     }
 
-    /// The axes of the responses: what is read, in the order of [`Sizes`].
+    /// The axes of the responses: what is read, in the order of `Sizes`.
     pub fn responses(&self) -> Vec<ResponseAxis> {
         let displacement =
             |name: String| ResponseAxis { title: format!("amplitude of {name}"), label: name, unit: "m" };
