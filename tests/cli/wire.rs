@@ -464,9 +464,9 @@ profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 0.3, settle_s 
 
 [wire]
 dbc = "chain.dbc"
-arm = "zero-command"
 lockstep = "command"
 commands = [{ message = "Torque", torque3_nm = { signal = "Torque3" }, timeout_s = 0.5 }]
+events = [{ message = "Torque", signal = "Enable", arm = [1], disarm = [0] }]
 
 [[wire.readings]]
 message = "Joint1"
@@ -494,7 +494,7 @@ signals.Rate = { quantity = "alpha3_dot_rad_s" }
 fn a_log_of_a_chain_holds_the_states_that_its_run_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let mut dbc = String::from(
-        "VERSION \"\"\nBU_: Plant Controller\nBO_ 256 Torque: 4 Controller\n SG_ Torque3 : 0|32@1- (1,0) [0|0] \"Nm\" Plant\n",
+        "VERSION \"\"\nBU_: Plant Controller\nBO_ 256 Torque: 5 Controller\n SG_ Torque3 : 0|32@1- (1,0) [0|0] \"Nm\" Plant\n SG_ Enable : 32|8@1+ (1,0) [0|0] \"\" Plant\n",
     );
     let mut types = String::from("SIG_VALTYPE_ 256 Torque3 : 1;\n");
     for joint in 1..=3 {
