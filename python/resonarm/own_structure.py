@@ -62,10 +62,11 @@ class Stepped:
     `exciter_y`, `exciter_z`. A command of another load is refused."""
 
     sensed: Sequence[str] = ()
-    """What the sensors of `[rig.sensors]` beside B and C may read: degrees of freedom, points along an axis (`mid.z`) and
-    joints (`joint1`, whose displacement is an angle, rad)."""
+    """What the sensors of `[rig.sensors]` beside B and C may read: points along an axis (`mid.z`) and joints (`joint1`,
+    whose displacement is an angle, rad)."""
     sensors: Points | None = None
-    """`sensors(t_s, state, loads)` has displacement (m or rad), velocity and acceleration of each of `sensed`, in order."""
+    """`sensors(t_s, state, loads)` has displacements (m or rad), velocities and accelerations, each with a number for
+    each of `sensed`."""
 
     def _parts(self) -> OwnParts:
         """The form that the extension takes."""

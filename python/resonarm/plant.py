@@ -55,14 +55,14 @@ class Plant(_resonarm.Plant):
 
     def play(self, force_n: ArrayLike | None = None, torque_nm: ArrayLike | None = None) -> Array:
         """Measures and advances once for each row of loads: forces (Fx, Fy) of the exciter, or (Fx, Fy, Fz), N, and
-        torques (u1, u2) at the joints, or of up to eight joints, N·m. A row has, before its load acts, `sample`, the states by the names of `states`, such as
-        `alpha_rad`, the readings `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, those of other
-        sensors by the names of their channels, such as `acceleration_m3_z_m_s2`, and `clipped` (as
-        `Measurement.clipped`).
+        torques (u1, u2) at the joints, or of up to eight joints, N·m. A row has, before its load acts, `sample`, the
+        states by the names of `states`, such as `alpha_rad`, the readings `acceleration_b_m_s2`, `acceleration_c_m_s2`
+        and `head_force_n`, those of other sensors by the names of their channels, such as `acceleration_m3_z_m_s2`, and
+        `clipped` (as `Measurement.clipped`).
 
         Raises ValueError, and plays nothing, if the loads have other columns, or not the same number of rows, or one is
-        not finite; TypeError if they are not real numbers; ResonarmError if the structure does not take a load, the integrator
-        can't continue or the shaker trips: the plant is then at the sample before.
+        not finite; TypeError if they are not real numbers; ResonarmError if the structure does not take a load, the
+        integrator can't continue or the shaker trips: the plant is then at the sample before.
         """
         force, torque = _rows("force_n", force_n, 3, self.sample), _rows("torque_nm", torque_nm, 8, self.sample)
         if force is None and torque is None:
@@ -82,7 +82,7 @@ class Plant(_resonarm.Plant):
 
 
 def _rows(name: str, loads: ArrayLike | None, most: int, first: int) -> NDArray[np.float64] | None:
-    """Loads from the sample `first` on, all finite, in `most` columns: zeros are added to two or more that are given."""
+    """Loads from the sample `first` on, all finite, in `most` columns: zeros are added to the two or more given."""
     if loads is None:
         return None
     array = _checks.real(name, loads)
