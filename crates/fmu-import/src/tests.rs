@@ -163,6 +163,9 @@ fn variables_that_do_not_fit_are_refused() {
     insta::assert_snapshot!(with(filtered), @r#"structure.outputs."tip.x": `velocity` is missing: the filter of rig.converter needs it beside the acceleration; or take the converter `instant`"#);
     let limited = |spec: &mut Spec| (spec.limits_travel, outputs(spec).displacement) = (true, None);
     insta::assert_snapshot!(with(limited), @r#"structure.outputs."tip.x": `displacement` is missing: rig.gate.travel_limit_m needs it"#);
+    let along_z =
+        |spec: &mut Spec| (spec.limits_travel, spec.inputs) = (true, [("tip.z".into(), "force".into())].into());
+    insta::assert_snapshot!(with(along_z), @r#"structure.outputs."tip.z": `displacement` is missing: rig.gate.travel_limit_m needs it"#);
     let parameter = |name: &str, numbers: Numbers| {
         with(|spec| {
             spec.parameters.insert(name.to_owned(), numbers);
