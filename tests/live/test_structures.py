@@ -117,7 +117,8 @@ def test_a_chain_is_steered_and_drawn_where_its_kinematics_have_it(browser, prog
     point = page.until("resonarm.data.points[0]")
     assert point["frequency_hz"] == 18 and abs(point["load"] - 30) < 0.1 and len(point["amplitude"]) == 4
     about = page.value("resonarm.data.about")
-    assert about["channels"][10:] == ["alpha1_rad", "alpha2_rad", "alpha3_rad"] and len(about["modes_hz"]) == 3
+    assert about["channels"][10:] == ["alpha1_rad", "alpha2_rad", "alpha3_rad", "torque3_nm"]
+    assert len(about["modes_hz"]) == 3
     assert [axis["label"] for axis in about["responses"]] == ["tip.x", "tip.y", "joint2.x", "joint2.y"]
     # Shown at first is what the load drives.
     assert page.value("document.querySelector('[name=response]:checked').value") == "1"
