@@ -250,7 +250,7 @@ at = "mid"
         let link = "{ length_m = 0.3, mass_kg = 2, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.02, angle_deg = 0, stiffness_nm_rad = 1e4, damping_nm_s_rad = 2 }";
         let chain = under_test(&format!("structure = {{ kind = 'chain', links = [{link}, {link}, {link}] }}")).panels();
         assert_eq!(named(&chain.torque), "0 torque 1 (N·m), 1 torque 2 (N·m), 13 torque 3 (N·m)");
-        let both = MODAL.replace("\"tip.z\" = 0.5", "\"tip.x\" = 0.2, \"tip.z\" = 0.5");
+        let both = MODAL.replace("\"tip.z\" = ", "\"tip.x\" = 0.2, \"tip.z\" = ");
         let both = under_test(&both.replace("[rig.exciter]\nat = \"tip.z\"", "[rig.exciter]\nat = \"tip\"")).panels();
         assert_eq!(named(&both.force), "2 load x (N), 13 load z (N)");
         let sensed = "[rig.sensors.m3]\nat = \"mid\"\n[rig.sensors.v]\nat = \"tip.z\"\nmeasures = \"velocity\"\n";
