@@ -59,6 +59,7 @@ impl Basis {
 
     /// The tables that are missing, from the last that is there.
     fn fill(&mut self) {
+        // Table by table, so that the product sums of `project` run over adjacent numbers.
         let points = self.turns.len();
         let known = self.cosines.len().checked_div(points).unwrap_or(0);
         for i in known.max(1)..self.harmonics {

@@ -34,6 +34,7 @@ fn lagrange_integral(c: &[f64; S], j: usize, upper: f64) -> f64 {
     let mut polynomial = [1.0, 0.0, 0.0, 0.0];
     for (_, node) in c.iter().enumerate().filter(|(m, _)| *m != j) {
         let scale = 1.0 / (c[j] - node);
+        // From the highest power down: each new coefficient needs the old one of the power below.
         for power in (0..S).rev() {
             let lower = if power == 0 { 0.0 } else { polynomial[power - 1] };
             polynomial[power] = scale * (lower - node * polynomial[power]);

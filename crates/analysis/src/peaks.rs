@@ -17,6 +17,7 @@ pub struct Maximum {
 
 /// The maxima of a curve, its ends excluded, the highest first.
 pub fn maxima(curve: &[(f64, f64)]) -> Vec<Maximum> {
+    // Strict on one side only: of two equal neighbours at the top the first counts, and only once.
     let summit = |i: &usize| curve[*i].1 > curve[i - 1].1 && curve[*i].1 >= curve[i + 1].1;
     let inner = 1..curve.len().saturating_sub(1);
     let maximum = |i: usize| {

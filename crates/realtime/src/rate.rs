@@ -41,6 +41,7 @@ impl SampleRate {
         let bits = rate_hz.to_bits();
         let exponent = (bits >> 52) as i32 - 1075;
         let mantissa = u128::from(bits & ((1 << 52) - 1) | 1 << 52);
+        // Common factors of two are cancelled, which makes m odd or s zero: the products of `offset_ns` stay small.
         let spare = mantissa.trailing_zeros().min(exponent.unsigned_abs());
         Ok(Self { rate_hz, numerator: mantissa >> spare, shift: exponent.unsigned_abs() - spare })
     }
@@ -53,6 +54,7 @@ impl SampleRate {
     /// When tick `index` is due, ns after tick 0.
     pub fn offset_ns(&self, index: u64) -> u64 {
         let scaled = (u128::from(index) * 1_000_000_000) << self.shift;
+        // ⌊x/m + 1/2⌋ as ⌊(2x + m)/(2m)⌋, in whole numbers.
         ((2 * scaled + self.numerator) / (2 * self.numerator)) as u64
     }
 
