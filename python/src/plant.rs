@@ -81,6 +81,7 @@ impl Measurement {
 
     fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
         let (sample, head, b, c, clipped, sensors) = self.__getnewargs__();
+        // Of the parts that `__eq__` compares. A list has no hash, so the sensors become a tuple.
         (sample, head, b, c, clipped, PyTuple::new(py, sensors)?).into_pyobject(py)?.hash()
     }
 
@@ -146,6 +147,7 @@ impl Measurement {
 
 fn clipped(measurement: &rig::Measurement) -> u32 {
     let rig::Measurement { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, more, .. } = measurement;
+    // The order gives the bits: 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head.
     let pairs = [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n];
     let readings = pairs.into_iter().flatten().enumerate();
     let own: u32 = readings.map(|(bit, reading)| u32::from(reading.clipped) << bit).sum();
@@ -272,6 +274,7 @@ impl Plant {
             .map(|(force_n, torque_nm)| Load { torque_nm: (*torque_nm).into(), force_n: (*force_n).into() })
             .collect();
         let mut rows = Rows::default();
+        // In parts, so that Ctrl-C ends a long batch; other threads of Python run during each part.
         for part in loads.chunks(SAMPLES_A_LOOK) {
             py.detach(|| {
                 part.iter().try_for_each(|load| {

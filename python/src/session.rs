@@ -142,6 +142,7 @@ impl How {
         let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time) = self;
         let mode: Mode = mode.parse().map_err(errors::value)?;
         let read = scenario.files();
+        // Such a recording would overwrite the scenario, or a file that it refers to.
         if let Some(path) = record.as_ref().filter(|path| read.iter().any(|file| resonarm::same_file(file, path))) {
             let path = errors::printable(path.display().to_string());
             return Err(errors::value(format!(
@@ -161,6 +162,8 @@ impl How {
         real_time.set(mode, &mut options)?;
         let (raised, mut scenario) = (Raised::default(), scenario.inner.clone());
         let session = match structure {
+            // Each step of it takes the interpreter's lock and may wait for other threads, so no deadline can be
+            // kept.
             Some(_) if mode == Mode::RealTime => {
                 let message = "a structure in Python steps in simulated time alone: take the mode free or lockstep";
                 return Err(errors::value(message));
@@ -172,6 +175,7 @@ impl How {
             }
             None => Session::new(scenario, mode, options),
         };
+        // An exception of the user's code is the cause, and the session's error only its consequence.
         let mut session = session.map_err(|error| taken(&raised).unwrap_or_else(|| errors::run(error)))?;
         if let Some((call, kind)) = controller {
             let (kind, raised) = (load_kind(&kind)?, Arc::clone(&raised));
@@ -232,6 +236,7 @@ pub fn run_both<'py>(
 fn responses<'py>(py: Python<'py>, points: &[ResponsePoint]) -> PyResult<Bound<'py, PyByteArray>> {
     let mut rows = Rows::default();
     for point in points {
+        // Rows have a fixed length, so a phase that could not be read is NaN.
         rows.numbers(&[point.frequency_hz, point.load, point.lag_rad.map_or(f64::NAN, f64::to_degrees), point.drift]);
         for pair in [point.head_force_n, point.acceleration_b_m_s2, point.acceleration_c_m_s2] {
             pair.iter().for_each(|Phasor { re, im, .. }| rows.numbers(&[*re, *im]));
@@ -284,6 +289,7 @@ impl NodeRun {
             return Err(errors::value("structure is for a plant: leave it out"));
         }
         let (session, raised) = how.session(scenario, controller, structure)?;
+        // Last of the arguments, so that another one that is wrong leaves the end of the bus with its owner.
         let mut bus: Box<dyn Bus> = match bus.cast::<BusEnd>() {
             Ok(end) => Box::new(end.get().take()?),
             Err(_) => {
@@ -338,9 +344,12 @@ impl NodeRun {
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
         let thread = thread.ok_or_else(|| errors::failed("the report of this node was taken before"))?;
         while !thread.is_finished() {
+            // Joining would block Ctrl-C, so the end is polled. Without the interpreter's lock, meanwhile, the node
+            // can call a controller or a structure in Python.
             py.detach(|| thread::park_timeout(Duration::from_millis(1)));
             if let Err(error) = py.check_signals() {
                 self.signals.stop();
+                // The handle goes back, so that the node can be joined once it has ended in order.
                 *self.thread.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread);
                 return Err(error);
             }

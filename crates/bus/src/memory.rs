@@ -43,6 +43,7 @@ pub fn pair(capacity: usize) -> [MemoryBus; 2] {
 fn join(ends: &mut [MemoryBus], capacity: usize) {
     for sender in 0..ends.len() {
         for receiver in (0..ends.len()).filter(|&receiver| receiver != sender) {
+            // One ring for each ordered pair of ends: with a single producer and a single consumer it needs no lock.
             let (ring, incoming) = RingBuffer::new(capacity);
             let mailbox = Arc::clone(&ends[receiver].receiver.mailbox);
             ends[sender].sender.outgoing.push(Outgoing { ring, mailbox });
@@ -115,10 +116,14 @@ impl Mailbox {
 impl MemorySender {
     /// Sends a frame to every other end.
     pub fn send(&mut self, frame: &Frame) {
+        // One counter for all ends gives the frames a total order, as arbitration does on a wire. Relaxed suffices,
+        // since the ring publishes the number together with the frame.
         let sequence = self.sequence.fetch_add(1, Ordering::Relaxed);
         for Outgoing { ring, mailbox } in &mut self.outgoing {
             match ring.push(Numbered { sequence, frame: *frame }) {
                 Ok(()) => mailbox.wake(),
+                // An end that is full loses the frame alone: a slow receiver neither holds up the sender nor the
+                // other ends.
                 Err(_) => _ = mailbox.dropped.fetch_add(1, Ordering::Relaxed),
             }
         }
@@ -132,6 +137,8 @@ impl MemoryReceiver {
     fn next_ring(&mut self) -> Option<usize> {
         let queued: usize = self.incoming.iter().map(Consumer::slots).sum();
         for _ in 0..queued {
+            // Each ring is in order by itself, so that the lowest number among their heads is the next frame of the
+            // bus.
             let heads = self.incoming.iter().enumerate().filter_map(|(ring, frames)| Some((ring, frames.peek().ok()?)));
             let (ring, head) = heads.min_by_key(|(_, head)| head.sequence)?;
             if accepts(&self.filters, &head.frame) {

@@ -74,6 +74,8 @@ impl Counters {
             }
             return;
         };
+        // Counters wrap, so the step is taken modulo their number; that is added first, since u16 has no negative
+        // numbers.
         let counters = u16::from(protection.counter_max()) + 1;
         let step = (u16::from(counter) + counters - u16::from(last.counter)) % counters;
         steps.all += 1;
@@ -104,6 +106,8 @@ impl Counters {
 
     /// The fault of the counters: more than single lost frames explain.
     pub fn fault(&self) -> Option<String> {
+        // A proof goes first: wrong steps alone may be losses, so at least two, and most of all steps, are needed for
+        // a fault.
         let proof = self.steps.iter().find_map(|steps| steps.proof.clone());
         proof.or_else(|| {
             let steps = self.steps.iter().find(|steps| steps.wrong >= 2 && 2 * steps.wrong > steps.all)?;

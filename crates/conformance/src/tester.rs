@@ -158,6 +158,7 @@ impl<'w> Tester<'w> {
     }
 
     pub fn send_hello(&mut self) -> Result<(), Stop> {
+        // Twice as often as demanded, like heartbeats, so that a late one does not end the connection.
         self.hello_at_ns = self.now_ns() + HELLO_PERIOD_NS / 2;
         self.send(&match self.tested {
             Node::Plant => Message::ExciterHello(self.hello),
@@ -167,6 +168,8 @@ impl<'w> Tester<'w> {
             return Ok(());
         }
         let node = self.tested.partner();
+        // The largest number that the message can carry: limits of the tester must not bound what the node under test
+        // does.
         let limit = f32::MAX.into();
         self.send(&Message::Capabilities(Capabilities {
             node,
@@ -201,12 +204,15 @@ impl<'w> Tester<'w> {
     /// time count as in time: the tester may have been stopped.
     pub fn wait_for(&mut self, within_ns: u64, holds: impl Fn(&Message) -> bool) -> Result<Option<Heard>, Stop> {
         let end_ns = self.now_ns() + within_ns;
+        // Only messages from now on count. One heard before is no answer to what the case has just sent.
         let mut seen = self.heard.len();
         loop {
             if let Some(heard) = self.heard[seen..].iter().find(|heard| holds(&heard.message)) {
                 return Ok(Some(*heard));
             }
             seen = self.heard.len();
+            // Read before the look, so that frames that already wait at the end are still taken: the loop ends only
+            // with a look that finds none.
             let is_over = self.now_ns() >= end_ns;
             if self.look(end_ns)? == Looked::NothingCame && is_over {
                 return Ok(None);
@@ -237,6 +243,7 @@ impl<'w> Tester<'w> {
         if let Some(word) = self.wait_for_emergency(within_ns)? {
             return Ok(word);
         }
+        // A node that answers late and one that never answers get different verdicts, so the tester waits on.
         match self.wait_for_emergency(GONE_NS)? {
             Some((heard, e)) if e.code == code => slow(text, heard.at_ns - end_ns),
             _ => late(text),
@@ -268,6 +275,7 @@ impl<'w> Tester<'w> {
         self.send_sample(now_ns)?;
         self.send_load(now_ns)?;
         let load_ns = self.load.as_ref().map_or(u64::MAX, BusLoad::next_ns);
+        // The wait ends at the tester's own next duty, so that its samples and its bus load keep their times.
         let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns()).min(load_ns);
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
@@ -285,6 +293,8 @@ impl<'w> Tester<'w> {
             load.count(frame);
         }
         let decoded = self.receiver.accept(frame);
+        // These two see refused frames as well: a frame that the receiver drops may be the very fault that the case
+        // looks for.
         self.traffic.note(self.network, frame, &decoded);
         self.counters.note(self.network, frame, &decoded);
         let message = match decoded {
@@ -297,6 +307,7 @@ impl<'w> Tester<'w> {
         match message {
             Message::AccelerometerC(c) => self.answer(c.sample),
             Message::Sensors(sensors) => self.answer(sensors.sample),
+            // A pair carries the samples n and n + 1; the command answers the newer one.
             Message::SensorPair(pair) => self.answer(pair.sample.wrapping_add(1)),
             Message::Force(command) => self.commanded(command.sample),
             Message::Torque(command) => self.commanded(command.sample),
@@ -385,6 +396,7 @@ impl<'w> Tester<'w> {
         };
         Some(Rejected {
             text: format!("{count} of its frames {} refused{demand}: {first}", if count == 1 { "is" } else { "are" }),
+            // Lost frames show as a wrong counter. Every other refusal is due to the node itself.
             may_be_lost: refused().all(|refused| matches!(refused.error, DecodeError::Counter { .. })),
         })
     }

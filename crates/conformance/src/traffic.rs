@@ -163,6 +163,7 @@ impl Traffic {
     }
 
     fn refuse(&mut self, network: Network, frame: &Frame, error: DecodeError) {
+        // A node tends to repeat its fault. The first frame shows it, and the others are only counted.
         match self.refused.iter_mut().find(|refused| is_alike(&refused.error, &error)) {
             Some(refused) => refused.count += 1,
             None => {
@@ -181,6 +182,7 @@ impl Traffic {
 
     /// Counts a frame that neither protocol nor mapping has.
     pub(super) fn note_other(&mut self, id: Id) {
+        // Nodes of other protocols may use any number of identifiers; the report must stay bounded.
         if self.others.len() < MOST_OTHERS || self.others.contains_key(&id) {
             *self.others.entry(id).or_default() += 1;
         } else {

@@ -107,6 +107,8 @@ impl Sender {
                 if closing {
                     break;
                 }
+                // A frame queued since the last `pop` is not left behind: an `unpark` before `park` lets it return at
+                // once.
                 py.detach(thread::park);
             }
         });
@@ -159,6 +161,7 @@ impl Receiver {
                 if let Ok(FilterRequest { filters, reply }) = self.requests.try_recv() {
                     let list = message::filter_list(py, &filters);
                     let outcome = list.and_then(|list| bus.call_method1("set_filters", (list,)));
+                    // The caller may have lost its patience and be gone.
                     let _ = reply.send(outcome.map(drop).map_err(|error| exception(py, Operation::SetFilters, error)));
                 }
                 match self.receive(&bus) {

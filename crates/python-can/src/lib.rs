@@ -124,9 +124,12 @@ impl PythonCan {
         let shared = Arc::new(Shared::default());
         let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
         let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
+        // A ring has one producer, so each thread has its own.
         let (send_failed, send_failures) = RingBuffer::new(FAILURE_QUEUE);
         let (receive_failed, receive_failures) = RingBuffer::new(FAILURE_QUEUE);
         let (requests, requested) = mpsc::channel();
+        // Joining a thread has no time limit, and a driver may hang in a call. A channel can be waited on for a
+        // limited time.
         let (ended, outcome) = mpsc::sync_channel(1);
         let bus = Arc::new(bus);
         let (class, counted) =
@@ -161,6 +164,7 @@ impl PythonCan {
         let receiver = spawn("python-can-rx", move || {
             let _ = ended.send(receiver.run(sender));
         });
+        // Without the second thread nobody would end the first.
         let receiver = receiver.inspect_err(|_| {
             shared.closing.store(true, Ordering::Release);
             sender_thread.unpark();
@@ -320,6 +324,7 @@ impl Bus for PythonCan {
         if self.direct.is_some() {
             return Ok(());
         }
+        // Set before the threads end, or the receiver would shut the bus down.
         self.shared.keeps_open.store(true, Ordering::Release);
         self.end_threads(Operation::Receive)?;
         self.direct = self.spare.take();
@@ -404,6 +409,7 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>),
 /// Whether the bus says that it was opened for classical frames only (`can.BusABC.protocol`, from python-can 4.2 on).
 fn is_classic(bus: &Bound<'_, PyAny>) -> bool {
     let protocol = bus.getattr("protocol").and_then(|protocol| protocol.getattr("name"));
+    // Older releases have no such attribute. Their buses are not said to be classical.
     protocol.and_then(|name| name.extract::<String>()).is_ok_and(|name| name == "CAN_20")
 }
 
@@ -429,6 +435,7 @@ fn check_interface(can: &Bound<'_, PyModule>, interface: &str) -> Result<(), Pyt
     if known.iter().any(|name| name == interface) {
         return Ok(());
     }
+    // python-can keeps them in a set, and the message should be the same every time.
     known.sort();
     Err(PythonCanError::UnknownInterface { interface: interface.to_string(), version, known: known.join(", ") })
 }

@@ -209,6 +209,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
             rate,
             policy,
             spin_ns: 0,
+            // A tick due now would be late already, so that every run would begin with a miss.
             start_ns: now_ns + rate.offset_ns(1),
             next: 0,
             slipped: 0,
@@ -256,6 +257,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
             wait_until(self.clock, deadline_ns, self.spin_ns);
             (self.clock.now_ns(), deadline_ns, OverrunCause::WokeLate)
         } else {
+            // Since the last wake-up: what came before it was sleep, not work.
             let work_ns = ready_ns.saturating_sub(self.last_woke_ns);
             (ready_ns, self.last_woke_ns, OverrunCause::of_work(work_ns, self.last_bus_ns))
         };

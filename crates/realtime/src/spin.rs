@@ -74,6 +74,8 @@ impl Spin {
             Spin::Off => Ok(None),
             Spin::For(ns) => Ok(Some(choice(ns, None))),
             Spin::Auto => {
+                // The sleeps are no longer than those of the loop, since a core that idles longer may sleep deeper
+                // and wake up later. Half a millisecond each bounds the whole measurement to some 0.15 s.
                 let p99_us = sleeps_p99_us(clock, rate.offset_ns(1).min(SLEEP_NS))?;
                 let p99_ns = (p99_us * 1e3) as u64;
                 // Sleeps later than the longest spin would end after the deadline even so: the spin would cost the core
@@ -134,6 +136,7 @@ impl FromStr for Spin {
             "off" => Ok(Spin::Off),
             "auto" => Ok(Spin::Auto),
             number => match number.parse::<f64>() {
+                // A coarse bound on the text. `check`, which knows the rate, has the bound that counts.
                 Ok(us) if us > 0.0 && us <= 1e6 => Ok(Spin::For((us * 1e3) as u64)),
                 _ => Err(SpinError::Text { got: text.to_owned() }),
             },

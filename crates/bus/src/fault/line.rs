@@ -18,6 +18,8 @@ const HELD: usize = 1024;
 
 /// The stream of the fault at `index` of the scenario, in one direction.
 pub(super) fn stream(seed: u64, index: usize, direction: FaultDirection) -> Noise {
+    // Each fault has a stream for each direction: another fault, or more traffic the other way, leaves its draws as
+    // they were.
     Noise::new(seed, FIRST_STREAM + 2 * index as u64 + u64::from(direction == FaultDirection::Receive))
 }
 
@@ -91,6 +93,7 @@ impl Fault {
         if !concerns || !self.is_active(now_ns) || self.left == 0 {
             return false;
         }
+        // The draw comes last, so that frames that the fault does not concern take no number from its stream.
         let struck = self.probability >= 1.0 || self.chance.uniform() < self.probability;
         self.left -= u64::from(struck);
         struck
@@ -100,6 +103,7 @@ impl Fault {
 impl Line {
     /// The line in one direction of an end with these faults, each with its place in the scenario.
     pub fn new(faults: &[(usize, &FaultSpec)], direction: FaultDirection, seed: u64) -> Line {
+        // Babble and bus-off do not act on single frames; the end of the bus makes them itself.
         let of_line = |kind| !matches!(kind, FaultKind::Babble | FaultKind::BusOff);
         let own = faults.iter().filter(|(_, spec)| of_line(spec.kind) && spec.goes(direction));
         let faults = own.map(|(index, spec)| Fault {
@@ -138,6 +142,7 @@ impl Line {
                 continue;
             }
             match fault.kind {
+                // Faults after this one don't see a frame that is lost, so they neither count it nor draw for it.
                 FaultKind::Loss | FaultKind::LinkDown => return,
                 FaultKind::Delay => delay_ns += fault.delay_ns,
                 FaultKind::Jitter => delay_ns += (fault.chance.uniform() * fault.delay_ns as f64) as u64,

@@ -94,6 +94,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         if !self.is_off {
             return Ok(());
         }
+        // Only the change counts: the same bus-off is looked at many times.
         self.bus_offs += u64::from(!was_off);
         self.outgoing.clear();
         self.incoming.clear();
@@ -107,6 +108,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
 
     /// Sends the frames that are due, and those of a babbling node. `false` if the transmit queue beneath is full.
     fn pump(&mut self, now_ns: u64) -> Result<bool, BusError> {
+        // As with a cut cable: without an acknowledgement the controller keeps its frames, until its queue is full.
         if self.outgoing.is_down(now_ns) {
             return Ok(false);
         }
@@ -116,6 +118,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
             }
         }
         while let Some(held) = self.outgoing.peek(now_ns) {
+            // The frame stays in the line until the bus has taken it, so a full queue loses nothing.
             if self.bus.send(&held.frame)? == Sent::QueueFull {
                 return Ok(false);
             }
@@ -212,6 +215,8 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
                     return Ok(true);
                 }
             }
+            // A frame that is due but found no room beneath would make this wait zero. The time to retry keeps the
+            // loop from spinning on it.
             let until_ns = end_ns.min(self.next_ns().max(retry_ns));
             let has_come = self.bus.wait(Duration::from_nanos(until_ns.saturating_sub(now_ns)))?;
             if has_come && self.incoming.is_sound() {
@@ -292,6 +297,7 @@ impl Babble {
         let rate_hz = spec.rate_hz.filter(|_| spec.kind == FaultKind::Babble)?;
         let mut ids = spec.identifiers();
         if ids.is_empty() {
+            // The lowest identifier wins every arbitration, which is the worst that a babbling node can do.
             ids.push(Id::Standard(0));
         }
         let (span_ns, content) = (spec.span_ns(), stream(seed, index, FaultDirection::Send));
@@ -304,6 +310,7 @@ impl Babble {
             return None;
         }
         let since_s = now_ns.min(self.span_ns.end).saturating_sub(self.span_ns.start) as f64 * 1e-9;
+        // Counted by the time since the start. Adding up periods would add up their rounding errors, too.
         self.turns = (libm::floor(since_s * self.rate_hz) as u64).max(self.turns) + 1;
         let next_ns = self.span_ns.start.saturating_add(spec::nanoseconds(self.turns as f64 / self.rate_hz));
         self.next_ns = if self.span_ns.contains(&next_ns) { next_ns } else { u64::MAX };

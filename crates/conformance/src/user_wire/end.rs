@@ -27,6 +27,7 @@ pub(super) struct Constant {
 impl Constant {
     /// A controller of this load, zero, and the number by which it is changed, N or N·m.
     pub fn new(input: LoadInput) -> (Constant, Arc<AtomicU64>) {
+        // There is no atomic float, so the bits are shared. The load must change while the node owns the controller.
         let load = Arc::new(AtomicU64::new(0.0_f64.to_bits()));
         (Constant { input, load: Arc::clone(&load) }, load)
     }
@@ -110,6 +111,8 @@ impl PlantEnd {
     pub fn next_ns(&self) -> u64 {
         match self.mode {
             _ if self.is_paused => self.node.next_deadline_ns(),
+            // A frame ends this wait. Until then only the deadlines of the node itself, such as its heartbeats, are
+            // due.
             Mode::Lockstep if self.waits() => self.node.next_deadline_ns(),
             _ => self.due_ns,
         }
@@ -126,7 +129,9 @@ impl PlantEnd {
 
     /// Does what is due. In real time the node looks at commands once a sample.
     pub fn work(&mut self, now_ns: u64) -> Result<(), Stop> {
+        // Events are dropped: the cases judge what is on the bus and the state of the node.
         while self.node.poll_event().is_some() {}
+        // In lockstep there may be no next sample for long, so deadlines are handled at every call.
         if self.mode == Mode::Lockstep {
             self.node.handle_deadline(now_ns);
         }

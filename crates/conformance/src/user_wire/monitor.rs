@@ -34,6 +34,7 @@ impl Heard {
     }
 
     fn meanings(&self) -> impl Iterator<Item = &Meaning> {
+        // A frame that its receiver refuses means nothing, whatever its bits would say.
         let of_signals = self.message.signals.iter().flat_map(|signal| &signal.means);
         of_signals.chain(&self.message.means).filter(|_| self.is_taken())
     }
@@ -68,6 +69,8 @@ impl Heard {
 
     fn state_in_it(&self, kind: Kind) -> Option<&'static str> {
         match kind {
+            // CiA 402 has eight states. The tester needs to know only whether the drive follows targets, is in fault,
+            // or neither.
             Kind::Cia402 => Some(match DriveState::of(self.signal("Statusword")? as u16)? {
                 DriveState::OperationEnabled => "operational",
                 state if state.is_fault() => "fault",
@@ -209,6 +212,8 @@ impl Monitor {
         }
         let steps = self.steps.entry(name.clone()).or_default();
         steps.frames += 1;
+        // Two frames can be compared strictly only within one run: between runs a controller may have been started
+        // anew, with any counter.
         let run_before = core::mem::replace(&mut steps.run, run);
         let is_in_run = run.is_some() && run_before == run;
         let text = match &message.outcome {
@@ -259,6 +264,8 @@ impl Monitor {
     /// What is wrong with the counters: more than single lost frames explain.
     pub fn counter_fault(&self) -> Option<String> {
         let proof = self.steps.values().find_map(|steps| steps.proof.clone());
+        // A bus that works loses single frames. Repeats that chance does not explain, or more wrong steps than right
+        // ones, are a habit of the node.
         let is_habit =
             |steps: &&Steps| steps.repeated >= REPEATED || (steps.wrong >= 2 && 2 * steps.wrong > steps.frames);
         proof.or_else(|| {
@@ -297,6 +304,7 @@ impl Monitor {
 
     /// The frame that was refused last since a time, and why.
     pub fn refused_since(&self, since_ns: u64) -> Option<String> {
+        // The list is in the order of time, so that the search from its end stops at the first older frame.
         let since = self.heard.iter().rev().take_while(|heard| heard.at_ns >= since_ns);
         since.into_iter().find_map(|Heard { message, .. }| match &message.outcome {
             Outcome::Refused(fault) => Some(format!("{}: {fault}", message.message)),

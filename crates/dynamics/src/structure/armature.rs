@@ -174,6 +174,7 @@ impl Armature {
     pub(super) fn push(&self, at: &Position<'_>, v: &[f64], state_a: f64, blocked_n: f64) -> Push {
         let (coil, motion) = (&self.coil, self.motion(at, v));
         let current_a = coil.current_a(state_a, blocked_n, motion.velocity_m_s);
+        // L di/dt = R (F/Bl − i) − Bl ṡ is R times the settled current less i, so that R/L is its rate.
         let settled_a = coil.settled_a(blocked_n, motion.velocity_m_s);
         let force_n = self.push_n(coil.force_factor_n_a() * current_a, &motion);
         Push { force_n, current_a_s: coil.rate_1_s().map_or(0.0, |rate_1_s| rate_1_s * (settled_a - current_a)) }
@@ -185,6 +186,8 @@ impl Armature {
         // wᵀ(M + m wwᵀ)⁻¹w = wᵀM⁻¹w/(1 + m wᵀM⁻¹w) (J. Sherman, W. J. Morrison, 1950): the armature's own mass counts
         // in what its spring and coil move.
         let mobility = self.mobility_1_kg(of) * self.high_frequency_force_share(of);
+        // Bl²/L: much faster than R/L the coil obeys L di/dt = −Bl ṡ, so i = −Bl s/L, and its force −(Bl²/L) s is
+        // that of a spring.
         let coil_n_m = self
             .coil
             .rate_1_s()
@@ -198,6 +201,8 @@ impl Armature {
         let (n, rest, mut w) = (of.coordinates(), [0.0; MOST_COORDINATES], [0.0; MOST_COORDINATES]);
         self.direction(&of.at(&rest[..n]), &mut w[..n]);
         let mut linear = of.linear();
+        // Each gives a matrix of rank 1 along w. The spring's share by the curvature of s is zero, since s = 0 at
+        // rest.
         let own = [self.mass_kg, self.damping_n_s_m, self.stiffness_n_m];
         for (matrix, own) in [&mut linear.mass, &mut linear.damping, &mut linear.stiffness].into_iter().zip(own) {
             matrix.iter_mut().enumerate().for_each(|(k, entry)| *entry += own * w[k / n] * w[k % n]);

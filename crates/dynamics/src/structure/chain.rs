@@ -129,6 +129,7 @@ fn sum_both_outwards(n: usize, matrix: &mut [f64]) {
     for row in matrix.chunks_exact_mut(n) {
         sum_outwards(row);
     }
+    // By rows of n: each entry is added to the one above it, from the last row upwards.
     for i in (n..n * n).rev() {
         matrix[i - n] += matrix[i];
     }
@@ -153,6 +154,7 @@ impl Chain {
         let mut chain = Chain::relaxed(&spec.links, gravity_m_s2);
         let relaxed = summed(&per_link(&spec.links, |link| link.angle_deg.to_radians()));
         chain.sag_rad = chain.equilibrium(&relaxed).ok_or(StructureError::Collapse { gravity_m_s2 })?;
+        // Rest is the sagged position: q counts from the equilibrium in which the springs carry the weight.
         let sagged = summed(&chain.sag_rad);
         for i in 0..n {
             chain.rest[i] = Angle::new(relaxed[i] + sagged[i]);
@@ -167,6 +169,7 @@ impl Chain {
         let mut inertia = [[0.0; MOST_LINKS]; MOST_LINKS];
         let (mut outside_kg, mut weight_nm, mut moment_kg_m) = (0.0, [0.0; MOST_LINKS], [0.0; MOST_LINKS]);
         let mut moment_turn_rad = [0.0; MOST_LINKS];
+        // From the tip inwards, so that `outside_kg` is the mass of the links beyond the jth.
         for j in (0..n).rev() {
             let Link { length_m, mass_kg, centre_of_mass_m, centre_of_mass_off_m, inertia_kg_m2, .. } = links[j];
             let (along, across) = (mass_kg * centre_of_mass_m + length_m * outside_kg, mass_kg * centre_of_mass_off_m);
@@ -177,6 +180,8 @@ impl Chain {
             };
             (moment_kg_m[j], weight_nm[j], moment_turn_rad[j]) = (moment, gravity_m_s2 * moment, turn_rad);
             let off_m2 = centre_of_mass_off_m * centre_of_mass_off_m;
+            // The parallel-axis theorem (Steiner) moves the inertia to the joint. The links outside act like a point
+            // mass at the end of this one, since their own turning is in their own rows.
             let about_joint = mass_kg * (centre_of_mass_m * centre_of_mass_m + off_m2);
             inertia[j][j] = inertia_kg_m2 + about_joint + length_m * length_m * outside_kg;
             for i in 0..j {
@@ -205,6 +210,7 @@ impl Chain {
     /// found, or the one found is not stable.
     fn equilibrium(&self, relaxed_rad: &PerLink) -> Option<PerLink> {
         let (n, mut sag) = (self.n, [0.0; MOST_LINKS]);
+        // Without weight the springs stay relaxed, and zero is the exact solution.
         if self.weight_nm == [0.0; MOST_LINKS] {
             return Some(sag);
         }
@@ -260,6 +266,8 @@ impl Chain {
     pub fn unbalance(&self, links: &Turned, [q, v, a]: [&[f64]; 3], force: &[f64], out: &mut [f64]) {
         let (n, rate, acceleration) = (self.n, summed(&v[..self.n]), summed(&a[..self.n]));
         for (i, out) in out[..n].iter_mut().enumerate() {
+            // Only the change of the weight's moment since rest: the preload of the springs balances the moment at
+            // rest.
             *out = self.weight_nm[i] * self.cosine_change(links, i);
             for j in 0..n {
                 let (sine, cosine) = links.between(i, j);
@@ -292,11 +300,13 @@ impl Chain {
         if let Some((mass_kg, w)) = added {
             mass.iter_mut().enumerate().for_each(|(k, entry)| *entry += mass_kg * w[k / n] * w[k % n]);
         }
+        // At q̈ = 0 the unbalance is everything but M q̈, so that M q̈ is its negative.
         self.unbalance(links, [q, v, &[0.0; MOST_LINKS]], force, out);
         out[..n].iter_mut().for_each(|entry| *entry = -*entry);
         if super::modes::cholesky(n, mass).is_some() {
             super::modes::solve_cholesky(n, mass, out);
         } else {
+            // There is no acceleration without a positive definite mass. The step reports a state that is not finite.
             out[..n].fill(f64::NAN);
         }
     }

@@ -301,6 +301,8 @@ impl Server {
             NmtCommand::Stop => self.enter(NmtState::Stopped),
             NmtCommand::PreOperational => self.enter(NmtState::PreOperational),
             NmtCommand::ResetNode | NmtCommand::ResetCommunication => {
+                // Reset communication restores the communication objects, 1000h to 1FFFh, alone; reset node also
+                // restores those of the manufacturer and of the device profile (CiA 301).
                 let is_all = command == NmtCommand::ResetNode;
                 self.dictionary.reset(0x1000..=if is_all { u16::MAX } else { 0x1FFF });
                 self.sdo = SdoServer::new();
@@ -341,6 +343,7 @@ impl Server {
 
     /// Handles a master's write: the dictionary judges it, then the rules for PDO parameters, then the device.
     fn write(&mut self, address: Address, bytes: &[u8], device: &mut impl Device) -> Result<(), Abort> {
+        // Everything that can refuse the value comes before it is stored, and the device, which may act on it, last.
         let value = self.dictionary.judge(address, bytes)?;
         pdo::check(&self.dictionary, address, value)?;
         check_history(address, value)?;
@@ -433,6 +436,7 @@ impl Server {
             Some(error) => {
                 self.emergency(error.code(), self.register(), [number as u8 + 1, byte(got), byte(mapped), 0, 0]);
             }
+            // Code 0000h says that no error is left (CiA 301), so it is not sent while another one stays.
             None if self.register() == 0 => self.emergency(0, 0, [0; 5]),
             None => {}
         }
@@ -607,6 +611,7 @@ impl Server {
     /// Appends the frames that wait, in the order of sending, until `frames` has `most`.
     pub fn frames(&self, most: usize, frames: &mut Vec<Frame>) {
         let room = |frames: &Vec<Frame>| most.saturating_sub(frames.len());
+        // The same order as in `sent`, which removes the first frame: the queue, then the PDOs by number.
         frames.extend(self.waiting.iter().take(room(frames)));
         for (number, transmit) in (0..PDOS).zip(&self.transmit) {
             if transmit.waits && room(frames) > 0 {
