@@ -39,6 +39,7 @@ impl Subscriber for Keeper {
         let mut text = Text::default();
         event.record(&mut text);
         let mut messages = MESSAGES.lock().unwrap_or_else(PoisonError::into_inner);
+        // The first messages are nearest to a cause, and a long run must not fill the memory.
         if messages.len() < KEPT {
             messages.push((*event.metadata().level(), text.message + &text.fields));
         }
@@ -73,6 +74,7 @@ pub fn begin() {
 
 /// Passes the messages kept to the logger.
 pub fn hand_over(py: Python<'_>) -> PyResult<()> {
+    // Taken out first: a handler of the logger may call this library, which would find the lock held.
     let messages = core::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner));
     if messages.is_empty() {
         return Ok(());
@@ -81,6 +83,7 @@ pub fn hand_over(py: Python<'_>) -> PyResult<()> {
     for (level, message) in messages {
         logger.call_method1(
             if level == Level::ERROR { "error" } else { "warning" },
+            // As an argument, so that a percent sign in the message does not format anything.
             ("%s", errors::printable(message)),
         )?;
     }

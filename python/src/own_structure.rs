@@ -44,6 +44,7 @@ impl fmt::Debug for Calls {
 /// The structure in a state.
 #[derive(Clone, Debug)]
 struct OwnStructure {
+    // Shared, since a `Py` can be cloned only under the interpreter's lock, and clones are made without it.
     calls: Arc<Calls>,
     channels: Vec<Channel>,
     /// The place among all loads of each that its functions take, in their order.
@@ -82,6 +83,7 @@ impl OwnParts {
             }
         };
         let (count, most) = (initial.len(), 2 * of.most());
+        // Each coordinate comes with its rate, so the count is even.
         if count == 0 || !count.is_multiple_of(2) || count > most {
             let message =
                 format!("initial has {count} numbers: give the {coordinates} and their rates, 2 to {most} in all");
@@ -137,6 +139,7 @@ impl OwnStructure {
             if given.len() == count { Ok(given) } else { Err(wrong()) }
         });
         given.map_err(|error| {
+            // The first exception stays: those after it are its consequences.
             self.raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
             StructureError::Own
         })
@@ -148,6 +151,7 @@ impl OwnStructure {
     /// [`StructureError::NoInput`] if another load is not 0.
     fn loads(&self, load: &Load) -> Result<Vec<f64>, StructureError> {
         let parts = load.parts();
+        // A load that the functions don't take would otherwise be lost without a word.
         match (0..Load::PARTS).find(|place| parts[*place] != 0.0 && !self.loads.contains(place)) {
             Some(place) => Err(StructureError::NoInput { name: LOADS[place].name, got: parts[place] }),
             None => Ok(self.loads.iter().map(|place| parts[*place]).collect()),

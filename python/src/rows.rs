@@ -31,6 +31,7 @@ impl Rows {
         for chunk in bytes.chunks(WORD) {
             let mut word = [0; WORD];
             word[..chunk.len()].copy_from_slice(chunk);
+            // `written` writes words as little-endian, so that the bytes come out in this order on every machine.
             self.words.push(u64::from_le_bytes(word));
         }
     }

@@ -86,6 +86,7 @@ impl Assembly {
         let mut sections = toml::Table::new();
         sections.insert(String::from("structure"), Value::Table(values::table("structure", structure)?));
         let mut scenario = Scenario::parse(&sections.to_string(), "the structure").map_err(errors::scenario)?;
+        // There is no scenario file whose folder counts: paths are relative to the working directory.
         scenario.read_files(Path::new("")).map_err(errors::scenario)?;
         let section = scenario.structure;
         let inner = section.assembly().map_err(errors::value)?;
@@ -184,6 +185,7 @@ impl Assembly {
     fn drawn(&self, coordinates: Vec<f64>) -> Option<Drawn> {
         let drawing = Drawing::of_assembly(&self.section, &self.inner)?;
         let magnification = 1.0 / drawing.vibration(&coordinates);
+        // At rest there is nothing to magnify, and the quotient is not finite.
         let moved = drawing.positions_m(&coordinates, if magnification.is_finite() { magnification } else { 0.0 });
         Some((drawing.points, drawing.lines, drawing.rest_m, moved))
     }
@@ -231,6 +233,7 @@ impl Assembly {
             let until = steps.min(step + STEPS_A_LOOK);
             py.detach(|| {
                 for k in step..until {
+                    // By the number of the step: a time that is summed up would drift by rounding.
                     motion.advance(k as f64 / rate_hz)?;
                     if (k + 1) % every == 0 || k + 1 == steps {
                         motion.push(&mut rows, (k + 1) as f64 / rate_hz);
@@ -270,6 +273,7 @@ impl Assembly {
                 format!("initial has {} numbers: give {moving}, the coordinates and their rates{more}", start.len());
             return Err(errors::value(message));
         }
+        // The states of elements may be left out: at rest they are zero.
         start.resize(all, 0.0);
         Ok(start)
     }

@@ -16,6 +16,7 @@ const LOOK: Duration = Duration::from_millis(50);
 pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let mut interrupted = None;
     let result = py.detach(|| {
+        // A channel tells the end, since joining a thread has no time limit.
         let (ended, end) = sync_channel(1);
         thread::scope(|scope| {
             let work = scope.spawn(move || {

@@ -56,6 +56,7 @@ impl Damage {
                 return make(&mut ends.transmitter);
             }
             Damage::DataId => {
+                // One transmitter for all such frames: its counter counts on, so that the data id alone is wrong.
                 ends.other.get_or_insert_with(|| Transmitter::new(other_network(ends.transmitter.network())));
                 return make(ends.other.as_mut()?);
             }
@@ -113,6 +114,7 @@ fn base_bits(network: Network) -> u16 {
 
 /// Writes the CRC for the other bytes.
 pub(super) fn protect(data: &mut [u8], data_id: u16) {
+    // The CRC of profile 11 is in byte 0, that of profile 5 in bytes 0 and 1, the low byte first.
     if let Ok(eight) = <[u8; 8]>::try_from(&*data) {
         data[0] = profile11::crc(data_id, &eight);
     } else {
@@ -139,6 +141,7 @@ impl Ends {
 /// A network with the same identifiers of commands and samples but other data ids: the plant's node id differs.
 fn other_network(network: Network) -> Network {
     let [plant, exciter] = [network.node_id(Node::Plant), network.node_id(Node::Exciter)];
+    // Two of the three ids are taken at most, so one is free.
     let free = (1..=3).find(|id| *id != plant && *id != exciter).unwrap_or(plant);
     network.with_node_ids(free, exciter).unwrap_or(network)
 }

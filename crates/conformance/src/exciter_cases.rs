@@ -42,6 +42,7 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     t.run_ns(2 * MARGIN_NS)?;
     refuse_begin(t, from, "without a hello of the plant")?;
+    // One bit of the hash is the smallest difference that must be refused.
     t.hello = Hello { dbc_hash: t.hello.dbc_hash ^ 1, ..t.hello };
     t.send_hello()?;
     match t.wait_for_emergency(MARGIN_NS)? {
@@ -194,6 +195,8 @@ impl Answered {
     /// The regular distance of the samples without an answer, if there is one: most of the gaps follow each other in it.
     fn distance(&self) -> Option<usize> {
         let distances: Vec<usize> = self.gaps.windows(2).map(|two| two[1].at - two[0].at).collect();
+        // In a regular series nearly all distances are the same, so that any of them serves as the guess. A quarter
+        // may differ, as hold-ups add gaps of their own.
         let distance = *distances.get(distances.len() / 2)?;
         let alike = distances.iter().filter(|other| **other == distance).count();
         (distances.len() >= REGULAR && 4 * alike >= 3 * distances.len()).then_some(distance)

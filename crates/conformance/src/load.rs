@@ -55,6 +55,8 @@ impl BusLoad {
     pub fn due(&mut self, now_ns: u64) -> Option<Result<Frame, FrameError>> {
         let allowed_ns = (now_ns - self.start_ns) as f64 * SHARE;
         let behind_ns = allowed_ns - self.busy_ns as f64;
+        // A later start forgives what is further behind. To catch up on it would fill the bus with foreign frames
+        // alone.
         if behind_ns > MOST_BEHIND_NS as f64 * SHARE {
             self.start_ns += (behind_ns / SHARE) as u64 - MOST_BEHIND_NS;
         }
@@ -69,6 +71,7 @@ impl BusLoad {
 /// A frame that neither SPEC.md nor CiA 301 uses: below or above all identifiers in use.
 fn foreign(noise: &mut Noise) -> Result<Frame, FrameError> {
     let (choice, data) = (noise.bits(), noise.bits().to_le_bytes());
+    // Half of the frames win the arbitration against all of the network's, and half lose it.
     let id = if choice & 1 == 0 { 0x001 + (choice >> 1) % 0x7F } else { 0x7F0 + (choice >> 1) % 0x10 };
     Frame::classic(Id::Standard(id as u16), &data)
 }

@@ -42,6 +42,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
 /// Only the command for this very sample counts.
 pub(super) fn plant_takes_no_other(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
+    // The neighbours are the likeliest mistakes: an answer one sample late, or one ahead.
     for by in [-1, 1] {
         let from = t.heard.len();
         t.answer_with(Answers::Shifted(t.settings.force_n, by), sample)?;
@@ -142,6 +143,7 @@ pub(super) fn exciter_waits(t: &mut Tester) -> Result<(), Stop> {
     begin_with(t, Samples::Awaited)?;
     for _ in 0..2 {
         t.source.begin(Samples::Off);
+        // Near the limit, but with room for a hold-up of the tester, which makes the pause longer than planned.
         if let Some((_, e)) = t.wait_for_emergency(LOCKSTEP_TIMEOUT_NS * 7 / 10)? {
             return failed(format!("it doesn't wait for the next sample: {e}"));
         }

@@ -36,6 +36,7 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
         Profile::Classic => &kinds,
         Profile::Fd => &[MessageKind::Sensors],
     };
+    // The log may begin in the middle of a sample, whose first frames are then missing.
     let Some(first) = frames.iter().position(|(kind, _)| *kind == wanted[0]) else {
         return late("no samples within 300 ms");
     };

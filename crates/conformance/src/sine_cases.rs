@@ -48,6 +48,7 @@ pub(super) fn own_limits(t: &mut Tester) -> Result<(), Stop> {
     }
     begin(t)?;
     t.run_ns(WATCH_NS)?;
+    // The last ones count, since a node may state its limits again.
     let stated = t.heard.iter().rev().find_map(|heard| match heard.message {
         Message::Capabilities(capabilities) => Some((capabilities.force_limit_n, capabilities.torque_limit_nm)),
         _ => None,
@@ -107,10 +108,12 @@ pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
         );
     };
     let rate_hz = begin(t).map(|()| f64::from(t.hello.rate_hz))?;
+    // From half the sample rate on, a sine can't be told from its alias.
     if wanted.frequency_hz >= rate_hz / 2.0 {
         return inconclusive(format!("{} Hz can't be commanded at {rate_hz} samples a second", wanted.frequency_hz));
     }
     let block_ns = BLOCK_NS.max((BLOCK_PERIODS / wanted.frequency_hz * 1e9) as u64);
+    // A slow sine gets the time of two blocks, however short the patience is.
     let give_up_ns = t.now_ns() + t.settings.patience_ns.max(2 * block_ns);
     let mut settled = [0.0; 2];
     loop {
@@ -122,6 +125,7 @@ pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
         if fit.is(wanted.amplitude()) {
             return judge_time_and_sign(t, &wanted, from, rate_hz);
         }
+        // Three blocks in a row must agree, since two parts of a slow ramp can be alike by chance.
         let has_settled = settled.iter().all(|before| (before - fit.amplitude).abs() < SETTLED * fit.amplitude);
         if t.now_ns() >= give_up_ns || (has_settled && fit.amplitude > NONE) {
             if !fit.is_sine() {
@@ -183,6 +187,7 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
         ppm(off_hz),
         ppm(deviation_hz)
     );
+    // Beyond four standard deviations, the noise of a normal fit would fail one node in some 16 000.
     if off_hz.abs() > TIME_BASE * frequency_hz + 4.0 * deviation_hz {
         return failed(format!(
             "it commands {stated}, by its samples: at most {:.0} ppm are allowed. Does its time advance by a sample period \
@@ -192,6 +197,7 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
     }
     t.note(stated);
     let first = all.iter().find(|(_, value)| value.abs() > NONE).map_or(0.0, |(time_s, _)| *time_s);
+    // The phase of the sine at its first command that is not zero.
     let begins_rad = fit.phase_rad + TAU * fit.frequency_hz * first;
     if OPPOSITE.contains(&wrapped(begins_rad - PI)) {
         return Err(Stop::Chance(format!(
@@ -313,6 +319,7 @@ fn fit(points: &[(f64, f64)], frequency_hz: f64) -> Option<Fit> {
         rest * rest
     };
     let rest = libm::sqrt(points.iter().map(square).sum::<f64>() / points.len() as f64);
+    // a cos ωt + b sin ωt is A sin(ωt + φ) with a = A sin φ and b = A cos φ.
     Some(Fit { frequency_hz, amplitude: libm::hypot(a, b), phase_rad: libm::atan2(a, b), rest })
 }
 

@@ -31,6 +31,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     let mut left_ns = t.settings.soak_ns;
     while left_ns > 0 {
         drive(t)?;
+        // A hold-up in an earlier round must not excuse a fault in this one.
         t.held_up_ns = 0;
         // One sample more than the plant still accepts.
         let limit = i16::try_from(COMMAND_AGE_NS.div_ceil(period_ns(t)) + 1).unwrap_or(i16::MAX);
@@ -83,6 +84,7 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
         judge(t)?;
         t.heard.clear();
     }
+    // Good samples alone at the end show that the exciter still works.
     t.source.samples = Samples::Steady;
     t.run_ns(2 * MARGIN_NS)?;
     judge(t)?;

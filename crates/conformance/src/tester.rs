@@ -335,10 +335,13 @@ impl<'w> Tester<'w> {
         let frame = match answers {
             Answers::Damaged(_, damage) => {
                 let n = self.damaged;
+                // Each damaged frame has another bit inverted, beginning with the seed, so that a run can be
+                // repeated.
                 self.damaged = n.wrapping_add(1);
                 damage.apply(&mut self.ends, n, |transmitter| transmitter.frame(&message).ok())
             }
             _ => {
+                // `Damage::Repeated` sends with this state, which repeats the counter of the last good command.
                 self.ends.before = self.ends.transmitter.clone();
                 self.ends.transmitter.frame(&message).ok()
             }

@@ -51,6 +51,7 @@ impl CoreShare {
         let counts = Counts { stolen_ns, waited_ns, turns };
         let core = core(&read(&format!("{folder}/stat")))?;
         let before = self.before.replace(counts.clone())?;
+        // Both counts are of the core on which it runs now. What was stolen from one that it has left is not counted.
         let of_core = |counts: &Counts| counts.stolen_ns.get(core).copied().unwrap_or(0);
         Some(Share {
             stolen_ns: of_core(&counts).saturating_sub(of_core(&before)),
@@ -66,6 +67,7 @@ fn stolen_ns(stat: &str) -> Vec<u64> {
     for line in stat.lines() {
         let mut words = line.split_ascii_whitespace();
         let Some(core) = words.next().and_then(|word| word.strip_prefix("cpu")) else { continue };
+        // The first line, `cpu`, is the sum over all cores. No number follows its name, so it is left out here.
         let (Ok(core), Some(steal)) = (core.parse::<usize>(), words.nth(7)) else { continue };
         cores.resize(cores.len().max(core + 1), 0);
         cores[core] = steal.parse::<u64>().unwrap_or(0).saturating_mul(STEAL_UNIT_NS);
@@ -83,6 +85,7 @@ fn waited(schedstat: &str) -> (u64, u64) {
 /// may hold spaces.
 fn core(stat: &str) -> Option<usize> {
     let (_, behind_name) = stat.rsplit_once(')')?;
+    // The fields behind the name begin with the third, so that the 39th is the 37th of them.
     behind_name.split_ascii_whitespace().nth(36)?.parse().ok()
 }
 

@@ -34,6 +34,7 @@ impl LatencyHistogram {
     /// Adds one latency to the histogram, ns.
     pub fn record(&mut self, latency_ns: u64) {
         self.max_ns = self.max_ns.max(latency_ns);
+        // The histogram itself also takes values somewhat beyond its bound, up to the end of its last bucket.
         if latency_ns > HISTOGRAM_BOUND_NS || self.within.record(latency_ns).is_err() {
             self.beyond += 1;
         }

@@ -45,6 +45,7 @@ impl Slot {
     /// When the kernel saw it, ns of the UNIX epoch.
     pub fn timestamp_ns(&self) -> Option<u64> {
         let Stamps { level, kind, stamps: [[s, ns], ..], .. } = self.control;
+        // A stamp that was not taken is left at zero.
         let is_stamp = self.is_stamped && (level, kind) == (SOL_SOCKET, SCM_TIMESTAMPING) && (s, ns) != (0, 0);
         let (s, ns) = (u64::try_from(s).ok()?, u64::try_from(ns).ok()?);
         s.checked_mul(1_000_000_000)?.checked_add(ns).filter(|_| is_stamp)
@@ -64,6 +65,7 @@ pub(super) enum IfNone {
 /// [`io::ErrorKind::WouldBlock`].
 #[allow(unsafe_code, reason = "recvmmsg(2) has no safe wrapper that keeps its memory from call to call")]
 pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_none: IfNone) -> io::Result<usize> {
+    // With MSG_WAITFORONE the kernel sleeps for the first frame only, and then adds those that are there already.
     let flags = match if_none {
         IfNone::Return => MSG_DONTWAIT,
         IfNone::Sleep => MSG_WAITFORONE,
@@ -84,6 +86,7 @@ pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_non
     let count = usize::try_from(count).map_err(|_negative| io::Error::last_os_error())?;
     for (slot, header) in slots.iter_mut().zip(&headers[..count]) {
         slot.frame.size = header.msg_len as usize;
+        // The kernel sets the length to what it wrote, and MSG_CTRUNC if there was not room for all.
         slot.is_stamped = header.msg_hdr.msg_controllen >= mem::size_of::<Stamps>() as _
             && header.msg_hdr.msg_flags & MSG_CTRUNC == 0;
     }

@@ -57,10 +57,13 @@ impl ErrorCounters {
     }
 
     pub(super) fn received(&mut self) {
+        // ISO 11898-1 allows any value from 119 to 127 here: one good frame makes a passive receiver active again.
         self.receive = if self.receive > 127 { 119 } else { self.receive.saturating_sub(1) };
     }
 
     pub(super) fn transmit_error(&mut self, cause: ErrorCause) {
+        // The exception of ISO 11898-1: a passive node that is alone on the bus is never acknowledged, and must not
+        // go bus-off for it.
         if cause == ErrorCause::Bit || self.state() == ErrorState::Active {
             self.transmit += 8;
         }
@@ -153,6 +156,7 @@ impl Controller {
     }
 
     pub fn take(&mut self, frame: &Frame) {
+        // Before the filters: a controller checks and acknowledges every frame, whether or not its node wants it.
         self.counters.received();
         if !accepts(&self.filters, frame) {
             return;
@@ -176,6 +180,7 @@ impl Controller {
     pub fn idle(&mut self, times: u64) {
         match self.recovery {
             Some(left) if left > times => self.recovery = Some(left - times),
+            // After the recovery both counters begin at 0 (ISO 11898-1).
             Some(_) => (self.recovery, self.counters) = (None, ErrorCounters::default()),
             None => {}
         }

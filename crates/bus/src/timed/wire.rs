@@ -260,6 +260,8 @@ fn prefix(whole: Bits, count: u64) -> Bits {
     if whole.data == 0 {
         return Bits { nominal: count, data: 0 };
     }
+    // The nominal bits of an FD frame are before and behind its data phase. The tail has a known length, and the rest
+    // is the head.
     let head = whole.nominal - FD_TAIL;
     let data = count.saturating_sub(head).min(whole.data);
     Bits { nominal: count - data, data }
@@ -271,6 +273,8 @@ fn arbitration(frame: &Frame) -> u32 {
     let request = u32::from(frame.format() == FrameFormat::Remote);
     match frame.id() {
         Id::Standard(id) => u32::from(id) << 21 | request << 20,
+        // SRR and IDE are recessive, so that a frame with a standard identifier wins against an extended one of the
+        // same first 11 bits.
         Id::Extended(id) => (id >> 18) << 21 | 0b11 << 19 | (id & 0x3_FFFF) << 1 | request,
     }
 }

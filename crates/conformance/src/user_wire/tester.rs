@@ -150,6 +150,7 @@ impl<'w> Tester<'w> {
             };
             let Some(altered) = altered else { continue };
             self.send(&altered)?;
+            // A damaged command must not act, so the time of the node's last command stays.
             if self.alter == Alter::Nothing && self.on.is_command(&altered) {
                 self.commanded_ns = self.now_ns();
             }
@@ -187,6 +188,7 @@ impl<'w> Tester<'w> {
         let mut seen = from;
         let mut found = None;
         self.until(within_ns, |t| {
+            // `until` asks after every frame, so that only new frames are looked at.
             found = t.monitor.heard[seen..].iter().position(&holds).map(|place| place + seen);
             seen = t.monitor.heard.len();
             found.is_some()
@@ -202,6 +204,7 @@ impl<'w> Tester<'w> {
         let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.end.next_ns());
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
+        // What the planned wait does not explain is a hold-up of this process, and no fault of the node.
         self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
         self.looked_at_ns = now_ns;
         match frame {

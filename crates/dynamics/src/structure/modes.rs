@@ -160,6 +160,7 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
         (values[a], values[b]) = (cosine * x - sine * y, sine * x + cosine * y);
     };
     for k in 0..n {
+        // Rows here and columns below make JᵀSJ. The eigenvectors are rows, so they turn with the rows alone.
         turn(s, p * n + k, q * n + k);
         turn(vectors, p * n + k, q * n + k);
     }
@@ -187,6 +188,7 @@ fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
     let omega: Vec<f64> = modes.iter().map(|mode| TAU * mode.frequency_hz).collect();
     for (k, mode) in modes.iter_mut().enumerate() {
         let own = damping[k * n + k];
+        // A rigid mode without damping has the ratio 0, where the quotient would be 0/0.
         let modal = if own == 0.0 { 0.0 } else { own / (2.0 * omega[k]) };
         // Where the damping couples no modes, the ratio of the mode alone is exact.
         let is_coupled = (0..n).any(|j| j != k && (damping[k * n + j] != 0.0 || damping[j * n + k] != 0.0));
@@ -210,6 +212,7 @@ fn damped_ratio(omega: &[f64], damping: &[f64], k: usize) -> Option<f64> {
             stiffness += u[i] * u[i] * (omega[i] * omega[i]);
             (0..n).for_each(|j| damper += u[i] * u[j] * damping[i * n + j]);
         }
+        // λ² · mass + λ · damper + stiffness = 0, the quadratic equation of a single oscillator.
         let root = square_root(damper * damper - mass * stiffness * 4.0);
         let roots = [(-damper + root) / (mass * 2.0), (-damper - root) / (mass * 2.0)];
         // Of a conjugate pair the eigenvalue above the real axis.
@@ -245,6 +248,8 @@ fn size(z: Complex<f64>) -> f64 {
 
 fn square_root(z: Complex<f64>) -> Complex<f64> {
     let length = size(z);
+    // √z = √((|z| + Re z)/2) ± i √((|z| − Re z)/2), with the sign of Im z. Rounding may leave |z| below |Re z|, hence
+    // the limit at zero.
     let re = libm::sqrt(0.5 * (length + z.re).max(0.0));
     let im = libm::sqrt(0.5 * (length - z.re).max(0.0));
     Complex::new(re, libm::copysign(im, z.im))
@@ -258,6 +263,8 @@ fn transposed(n: usize, matrix: &[f64]) -> Vec<f64> {
 pub(super) fn cholesky(n: usize, a: &mut [f64]) -> Option<()> {
     for i in 0..n {
         for j in 0..=i {
+            // Of the sum Σ l_ik l_jk = a_ij all but the last term is known. A pivot that is not positive means that A
+            // is not positive definite.
             let known: f64 = (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum();
             let rest = a[i * n + j] - known;
             if i > j {
