@@ -58,6 +58,7 @@ pub fn ensemble<'py>(
         found.into_iter().collect::<Result<_, TimeDomainError>>().map_err(errors::time_domain)?;
     let mut rows = Rows::default();
     for k in 0..=periods.div_ceil(every) {
+        // The last row is that of the end, which may follow the one before by fewer periods.
         let t_s = f64::from(k.saturating_mul(every).min(periods)) / frequency_hz;
         for state in found.iter().filter_map(|group| group.get(k as usize)).flatten() {
             rows.numbers(&[t_s]);

@@ -74,6 +74,8 @@ impl Log {
         if early_ns > DISORDER_NS {
             return Err(ImportError::Order { log: path.to_path_buf(), frame: waiting.len() as u64 + 1, early_ns });
         }
+        // Frames are out of order by at most DISORDER_NS. So behind a frame that is this much later than the first,
+        // none can come that is earlier than the first.
         let is_late = logged.time_ns > first_ns + DISORDER_NS;
         waiting.push(logged);
         if is_late { self.begin(path) } else { Ok(()) }
@@ -124,6 +126,7 @@ impl LogWriter {
     /// Ends the recording; returns the number of frames in it.
     fn finish(&self, py: Python<'_>) -> PyResult<u64> {
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        // A short log may still wait for an earlier frame.
         log.begin(&self.path).map_err(refused)?;
         match mem::replace(&mut *log, Log::Waiting(Vec::new())) {
             Log::Begun(log) => py.detach(|| log.finish()).map(|(frames, _)| frames).map_err(refused),

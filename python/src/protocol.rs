@@ -150,6 +150,7 @@ impl Encoder {
             given.iter().find(|(given, _)| *given == name).map(|(_, value)| *value)
         });
         let message = message.map_err(errors::value)?;
+        // An unknown name is likely a misspelt one, so it is not ignored.
         if let Some((unknown, _)) = given.iter().find(|(given, _)| !used.contains(&given.as_str())) {
             return Err(errors::value(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
         }

@@ -191,6 +191,7 @@ impl Reader {
             let mut records = self.records.lock().unwrap_or_else(PoisonError::into_inner);
             while count < most_rows {
                 let Some(record) = records.next().transpose()? else { break };
+                // Frames and events need not be in the order of their samples, so they are read to the end.
                 if record.sample() > self.to_sample && !matches!(record, Record::Frame(_) | Record::Event(_)) {
                     break;
                 }
@@ -216,6 +217,8 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin
             rows.word(state.is_end);
         }
         Record::Sample(sample) => {
+            // A reading has the time of the motion that it shows, which is earlier than its sample by the delay of
+            // the instruments.
             rows.numbers(&[(sample.sample as f64 - origin.reading_delay_samples) * origin.dt_s]);
             rows.numbers(&sample.values());
             rows.word(sample.clipped_bits());

@@ -175,6 +175,7 @@ fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<Vertex> {
     }
     let at_middle = slopes[0] + curvature * (s[1] - s[0]);
     let at = s[1] - 0.5 * at_middle / curvature;
+    // A vertex that is practically one of the three points would not narrow them.
     let margin = 1e-6 * (s[2] - s[0]);
     let is_inside = at > s[0] + margin && at < s[2] - margin && (at - s[1]).abs() > margin;
     is_inside.then(|| Vertex { at, value: f[1] - 0.25 * at_middle * at_middle / curvature })
@@ -308,6 +309,7 @@ impl Tracer<'_> {
             let found = slices.solve(&mut self.balance, ends, next).ok()?;
             let multipliers = self.multipliers_at(&found)?;
             let conjugates = multipliers.iter().filter(|mu| mu.im > REAL);
+            // The pair is the one nearest to where it was before: others may be as near to the circle.
             mu = *conjugates.min_by(|a, b| (*a - mu).norm_sqr().total_cmp(&(*b - mu).norm_sqr()))?;
             let (moved, new) = (next - at, mu.norm_sqr() - 1.0);
             if moved.abs() < SECANT.last || new.abs() < CIRCLE {

@@ -104,6 +104,7 @@ impl History {
 
     fn run_friction(&mut self, reach: f64, step_s: f64, frequency_hz: f64) {
         let samples = self.position.len();
+        // Any start within the limits will do: what slips forgets it in the first of the two periods.
         let mut z = self.position[0].clamp(-reach, reach);
         for pass in 0..2 {
             self.forgets = false;
@@ -289,10 +290,12 @@ struct FrictionStep {
 
 /// Where v changes sign, a = h v₋²/(2 (v₋ − v)).
 fn friction_step(z: f64, change: f64, [v0, v]: [f64; 2], reach: f64, step_s: f64) -> FrictionStep {
+    // Without a turn the whole change of x is a way in one direction, at whose end z is held.
     if v0 * v >= 0.0 {
         return FrictionStep { free: z + change, passed: true, by_velocity: [0.0; 2] };
     }
     let share = v0 / (v0 - v);
+    // v falls linearly to zero in `share` of the step, so that the way is half of v₋ times that time.
     let way = 0.5 * step_s * v0 * share;
     let turning = (z + way).clamp(-reach, reach);
     let by_velocity = [0.5 * step_s * share * (2.0 - share), 0.5 * step_s * share * share];
@@ -317,6 +320,7 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
     let (g, slope) = (coulomb + bell, -2.0 * ratio / stribeck * bell);
     let (sign, decay) = (if v < 0.0 { -1.0 } else { 1.0 }, bristle_stiffness * v.abs() * step_s / g);
     let (end, kept) = (sign * g / bristle_stiffness, libm::exp(-decay));
+    // 1 − E, without cancellation at a small decay.
     let share = -libm::expm1(-decay);
     // d(decay)/dv and d(end)/dv; (1 − E) end → v h for small v, with derivative h.
     let decay_by_v = sign * bristle_stiffness * step_s / g * (1.0 - v * slope / g);

@@ -42,6 +42,7 @@ impl Soak {
     }
 
     fn below(&mut self, n: usize) -> usize {
+        // The remainder favours low numbers by a share of n/2⁶⁴ at most, which no soak could notice.
         (self.noise.bits() % n as u64) as usize
     }
 
@@ -49,6 +50,7 @@ impl Soak {
     pub fn answers(&mut self, force_n: f64, limit: i16, profile: Profile) -> Vec<Answers> {
         let mut answers = Vec::new();
         while let Some(damage) = self.damage(profile) {
+            // Bad commands pull where good ones push, so that one that acts shows in the readings of the head.
             answers.push(match self.below(4) {
                 0 => Answers::Shifted(-force_n, 1000),
                 1 => Answers::Shifted(-force_n, -limit),

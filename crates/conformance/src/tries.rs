@@ -124,6 +124,7 @@ pub(super) fn conclude(
     limits: Limits,
 ) -> Result<TryResult, BusError> {
     let result = judge(outcome, subject, limits)?;
+    // After a failure, too, so that the next case meets a node at rest.
     unless_gone(subject.release())?;
     Ok(match result {
         TryResult::Judged(Verdict::Passed) => TryResult::Judged(beside_rejected(subject, limits)),

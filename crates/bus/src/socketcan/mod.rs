@@ -174,6 +174,7 @@ impl SocketCan {
         let mut polled = [PollFd::new(socket, PollFlags::IN)];
         match poll(&mut polled, timeout.try_into().ok().as_ref()) {
             Ok(0) => return Ok(timeout),
+            // A signal says nothing about the time that has passed, so the caller looks at the clock.
             Err(Errno::INTR) => {}
             Ok(_) if polled[0].revents().contains(PollFlags::IN) => drop(self.take_in(IfNone::Return)?),
             Ok(_) => self.pending_error(socket)?,
@@ -187,6 +188,7 @@ impl SocketCan {
     fn has_frame(&mut self) -> bool {
         while let Some(slot) = self.incoming.peek() {
             match ErrorFrame::of(&slot.frame.raw) {
+                // It stays in its place, since `receive` gives it out as an error.
                 Some(error) if error.is_bus_off() => return true,
                 Some(error) => self.reports.note(error),
                 None if slot.frame.frame().is_ok() => return true,

@@ -167,6 +167,7 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
         let controller = &mut wire.controllers[self.node];
         let (next, is_off) = (controller.inbox.pop_front(), controller.recovery.is_some());
         drop(wire);
+        // Frames that came before bus-off are given out first.
         if next.is_none() && is_off {
             return Err(self.bus_off());
         }

@@ -86,6 +86,7 @@ impl Sent {
             }
         };
         let damaged = damaged.unwrap_or(*frame);
+        // These counters count from the frame sent last, so that each one jumps, or repeats, anew.
         if matches!(damage, Damage::Repeated | Damage::Jump) {
             self.last.insert(frame.id(), damaged);
         }
@@ -99,6 +100,8 @@ impl Sent {
             Damage::Checksum => {
                 let place = message.protection.checksum.as_ref()?.place();
                 let checksum = place.extract_u64(&payload)?;
+                // A bit of the checksum itself, so that the content stays valid, and acts if the checksum is not
+                // looked at.
                 place.insert_u64(checksum ^ 1, &mut payload).ok()?;
                 return Frame::new(frame.id(), frame.format(), &payload).ok();
             }

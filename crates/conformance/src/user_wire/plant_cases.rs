@@ -197,6 +197,7 @@ pub(super) fn rates(t: &mut Tester) -> Result<(), Stop> {
     t.heard()[from..].iter().for_each(|heard| *counts.entry(heard.id).or_default() += 1);
     for (id, period_ns) in due {
         let (came, expected) = (counts.get(&id).copied().unwrap_or(0) as f64, watched_ns as f64 / period_ns as f64);
+        // The tolerance of the rate, a hold-up as long as the margin, and a frame at each end of the watch.
         let slack = RATE_TOLERANCE * expected + MARGIN_NS as f64 / period_ns as f64 + 2.0;
         if (came - expected).abs() > slack {
             return failed(format!(
@@ -264,6 +265,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
         return skipped("no reading that comes by itself twice a second says the load that acts");
     }
     drive(t)?;
+    // Both signs, since a plant that takes the magnitude, or clips at zero, would pass with one.
     for load in [load_of(t), -load_of(t)] {
         t.command(load);
         hold(t)?;

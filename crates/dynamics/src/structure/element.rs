@@ -195,6 +195,7 @@ impl Law {
             }
             (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, _) => {
                 let [pressed, pushing] = self.contact(position, velocity);
+                // A damped contact lets go where it would begin to pull, even while it is still pressed.
                 let pushing = Margin { value: pushing, rate: None, to: Inner };
                 [moving(pressed, side.sign() * velocity, Inner), Some(pushing)]
             }
@@ -316,6 +317,8 @@ impl Law {
                 [1.5 * stiffness * root * pushing, stiffness * depth * root * damping, 0.0]
             }
             Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, .. } => {
+                // g(v) is never below the Coulomb force, since the breakaway force is not, so this is the fastest
+                // decay.
                 let decay = bristle_stiffness * velocity.abs() / coulomb;
                 [bristle_stiffness, bristle_damping + viscous, decay]
             }

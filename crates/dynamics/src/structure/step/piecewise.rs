@@ -354,6 +354,7 @@ impl Piecewise {
             }
             let part_s = left_s / f64::from(self.parts(t_s, left_s, &state)?);
             let h_s = share * part_s;
+            // After a rough start the parts double until they are whole again.
             share = (2.0 * share).min(1.0);
             let start = self.start(&state, load, t_s + done_s);
             let trial = |h_s: f64| {
