@@ -172,6 +172,8 @@ fn starves(t: &mut Tester, from: usize, acts: Acts) -> Result<Emergency, Stop> {
     let within_ns = timeout_ns(t);
     let text = format!("it feeds the timeout: no fault within {}", ms(within_ns));
     let word = t.expect_emergency(within_ns, EmergencyCode::CommandTimeout, text);
+    // Bad commands have the opposite sign of good ones, so that none that acts is taken for a good one. This is
+    // looked at before the emergency, since it is the worse fault.
     let acted = forces(t, from).find(|(_, read_n)| *read_n < -0.5 * t.settings.force_n);
     if let Some((sample, read_n)) = acted {
         return acts(format!("it acts: the head reads {read_n:.2} N at sample {sample}"));

@@ -109,6 +109,7 @@ impl Direct {
     }
 
     pub(super) fn close(self) -> Result<(), PythonCanError> {
+        // While the socket is still open: the count of the kernel goes with it.
         self.count_drops();
         Python::attach(|py| {
             let shut = self.bus.bind(py).call_method0("shutdown");

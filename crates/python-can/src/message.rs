@@ -102,6 +102,7 @@ pub(super) fn to_incoming(message: &Bound<'_, PyAny>, error_frames: ErrorFrames)
     };
     let frame = if flag(intern!(py, "is_remote_frame"))? {
         let length: usize = message.getattr(intern!(py, "dlc"))?.extract()?;
+        // A remote frame can't ask for more than 8 bytes, so a message that does has no frame.
         [0; 8].get(..length).map(|data| Frame::new(id, FrameFormat::Remote, data))
     } else {
         let format = match flag(intern!(py, "is_fd"))? {

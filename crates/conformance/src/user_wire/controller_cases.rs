@@ -135,6 +135,7 @@ pub(super) fn in_time(t: &mut Tester) -> Result<(), Stop> {
         Some(emergency) => return inconclusive(format!("the plant of the tester faults: {emergency}")),
         None => {}
     }
+    // A time between two commands needs two of them.
     if t.heard()[from..].iter().filter(|heard| heard.loads().next().is_some()).count() < 2 {
         return inconclusive("it disarmed the plant before two commands came");
     }

@@ -118,6 +118,7 @@ pub(super) fn objects(t: &mut Tester) -> Result<(), Stop> {
             return wrong(format!("node {node_id} has the device profile {profile} (1000), not {PROFILE}"));
         }
         read(t, node_id, 0x1018, 1)?;
+        // Bit n − 1 of the supported modes stands for mode n (CiA 402).
         if read(t, node_id, 0x6502, 0)? >> (TORQUE_MODE - 1) & 1 == 0 {
             return wrong(format!("node {node_id} doesn't support cyclic synchronous torque (bit 9 of 6502)"));
         }
@@ -169,6 +170,7 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
         write(t, node_id, 0x6060, &[TORQUE_MODE as u8])?;
         for (controlword, state) in [
             (0x00, SwitchOnDisabled),
+            // No step from here: before it is switched on a drive must be ready to switch on.
             (0x07, SwitchOnDisabled),
             (0x06, ReadyToSwitchOn),
             (0x07, SwitchedOn),
@@ -272,6 +274,7 @@ pub(super) fn not_enabled(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     for drive in drives(t) {
         let node_id = drive.node_id;
+        // Out of a fault, and then up to switched on, the last state before operation enabled.
         for controlword in [0x00, 0x80, 0x00, 0x06, 0x07] {
             control(t, node_id, controlword)?;
         }

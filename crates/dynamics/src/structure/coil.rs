@@ -75,6 +75,7 @@ impl Circuit {
         let p = stroke.polynomial();
         let mut q = [0.0; TERMS];
         let mut above = 0.0;
+        // From the highest power down, since qₘ needs qₘ₊₁.
         for (m, (value, velocity)) in q.iter_mut().zip(p).enumerate().rev() {
             let drive_v = if m == 0 { voltage_v } else { 0.0 };
             *value = (drive_v - self.force_factor_n_a * velocity) / self.resistance_ohm - above / self.decay;

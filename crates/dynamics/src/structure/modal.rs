@@ -149,6 +149,7 @@ pub fn mode_transient(omega_rad_s: f64, damping_ratio: f64, t_s: f64) -> [f64; 2
     }
     let Rates { slow, half_gap } = Rates::new(omega_rad_s, damping_ratio);
     let (slow, gap) = (libm::exp(-slow * t_s), -libm::expm1(-2.0 * half_gap * t_s));
+    // At ζ = 1 the quotient is 0/0, and its limit is t.
     let s = if half_gap > 0.0 { gap / (2.0 * half_gap) } else { t_s };
     [slow * (1.0 - 0.5 * gap), slow * s]
 }

@@ -63,6 +63,7 @@ impl<'a> Position<'a> {
                 out[..by_mode.len()].copy_from_slice(by_mode);
             }
             (At::Base(_), _) => out[..self.q.len()].fill(0.0),
+            // A degree of freedom of another structure: NaN shows the mistake, and a loop that runs does not panic.
             _ => out[..self.q.len()].fill(f64::NAN),
         }
     }
@@ -83,6 +84,7 @@ impl<'a> Position<'a> {
             let outer = chain.curvature_m(turned, links, axis);
             for (i, row) in matrix.chunks_exact_mut(chain.n).take(chain.n).enumerate() {
                 for (j, entry) in row.iter_mut().enumerate() {
+                    // Two joints turn together what is beyond the outer one of them.
                     *entry += factor * outer[i.max(j)];
                 }
             }
