@@ -158,7 +158,7 @@ impl<'w> Tester<'w> {
     }
 
     pub fn send_hello(&mut self) -> Result<(), Stop> {
-        // Twice as often as demanded, like heartbeats, so that a late one does not end the connection.
+        // Twice as often as demanded, like heartbeats: one that is late still keeps the period.
         self.hello_at_ns = self.now_ns() + HELLO_PERIOD_NS / 2;
         self.send(&match self.tested {
             Node::Plant => Message::ExciterHello(self.hello),

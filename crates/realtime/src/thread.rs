@@ -65,6 +65,7 @@ impl ThreadSetup {
                 Err(error) => report.shortfalls.push(Shortfall::priority(priority, error)),
             }
         }
+        // Timers of a thread under `SCHED_FIFO` have no slack anyway.
         if report.priority.is_none()
             && let Err(error) = set_current_timer_slack(NonZeroU64::new(1))
         {
@@ -211,6 +212,7 @@ impl fmt::Display for Shortfall {
 /// Writes to [`PREFAULT_STACK_BYTES`] of stack below the caller's frame, so that their pages are there.
 #[inline(never)]
 fn prefault_stack() {
+    // `black_box` keeps the compiler from leaving the writes out, which are what maps the pages.
     black_box(&mut [0_u8; PREFAULT_STACK_BYTES]);
 }
 
@@ -226,6 +228,8 @@ fn pin(core: usize) -> Result<(), Errno> {
 /// `MCL_FUTURE` under a limit would make any later allocation fail once the limit is reached, so it is asked for only
 /// when the process has no limit.
 fn lock_memory() -> Result<MemoryLock, Errno> {
+    // Below a limit MCL_FUTURE would make later allocations fail once it is reached, so only what is mapped now is
+    // locked.
     if memory_lock_limit_bytes().is_none() {
         mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map(|()| MemoryLock::All)
     } else {

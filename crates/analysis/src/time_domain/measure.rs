@@ -132,10 +132,12 @@ fn peak([start, end]: [Motion; 2], step_s: f64) -> f64 {
     let (dx, dv, da) = (x1 - x0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0);
     let c =
         [x0, v0, 0.5 * a0, 10.0 * dx - 4.0 * dv + 0.5 * da, -15.0 * dx + 7.0 * dv - da, 6.0 * dx - 3.0 * dv + 0.5 * da];
+    // Horner's scheme for Σ k cₖ sᵏ⁻¹.
     let rate = |s: f64| (1..6).rev().fold(0.0, |sum, k| sum * s + k as f64 * c[k]);
     let [mut low, mut high] = [0.0, 1.0];
     for _ in 0..BISECTIONS {
         let middle = 0.5 * (low + high);
+        // Before the turn the rate still has the sign that it has at the start.
         if (rate(middle) > 0.0) == (v0 > 0.0) {
             low = middle;
         } else {

@@ -145,6 +145,7 @@ impl Follower<'_> {
             }
             self.state = self.map.next(&self.state)?;
             if self.trail.len() > LONGEST_PERIOD as usize {
+                // The trail has a few points, so that moving them costs nothing beside a period of integration.
                 self.trail.remove(0);
             }
             self.trail.push(self.point());

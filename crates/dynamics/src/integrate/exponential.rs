@@ -139,6 +139,7 @@ fn powers<const N: usize>(generator: &Blocks<N>, tau: DoubleDouble) -> Vec<Block
         }
         exponential = product(&exponential, &exponential);
     }
+    // Squaring goes from the shortest part up, and level 0 is the whole step.
     levels.reverse();
     levels
 }
