@@ -518,6 +518,9 @@ fn a_log_of_a_chain_holds_the_states_that_its_run_recorded() {
     let import = ["import", "run.log", "back.mcap", "--scenario", "chain.toml", "--json"];
     let imported = document(folder.path(), 0, &import);
     assert_eq!(imported["wire"]["missing_states"], serde_json::json!([]));
+    // The commands are the excitation, rounded to floats.
+    let compared = resonarm(folder.path(), &["compare", "run.mcap"]);
+    assert!(!compared.stderr.contains("another controller"), "{}", compared.stderr);
     let states = |name: &str| -> Vec<StateRecord> {
         Recording::open(folder.path().join(name)).unwrap().states().unwrap().map(Result::unwrap).collect()
     };

@@ -75,7 +75,10 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
         if index >= profile.samples() {
             break;
         }
-        let near = |index: u64| (*got - expected(index)).parts().iter().all(|apart| apart.abs() <= half);
+        let near = |index: u64| {
+            let pairs = got.parts().into_iter().zip(expected(index).parts());
+            pairs.into_iter().all(|(got, expected)| (got - expected).abs() <= half + FLOAT_SHARE * expected.abs())
+        };
         if !(index.saturating_sub(1)..=index + 1).any(near) {
             return Err(ReplayError::command(*sample, *got, expected(index)));
         }
@@ -115,6 +118,9 @@ fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, Loa
     }
     Ok(commands)
 }
+
+/// What a signal that is a float of 32 bits rounds a value by at most, as a share of it: half of its last bit, 2⁻²⁴.
+const FLOAT_SHARE: f64 = 0.5 * f32::EPSILON as f64;
 
 /// Half the largest count of all loads, N or N·m, with the rounding of its arithmetic.
 fn half_count(mapping: &Mapping) -> f64 {
