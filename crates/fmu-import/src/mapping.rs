@@ -119,8 +119,7 @@ impl Mapping {
                 return Err(ImportError::Driven { got: dof.clone() });
             }
         }
-        let joints = (1..=MOST_JOINTS).map(|joint| Some(format!("joint{joint}")));
-        for (slot, dof) in self.inputs.iter_mut().zip(joints.chain(directions(exciter))) {
+        for (slot, dof) in self.inputs.iter_mut().zip(driven(exciter)) {
             let Some((dof, name)) = dof.and_then(|dof| spec.inputs.get_key_value(&dof)) else { continue };
             let of = if matches!(Dof::parse("inputs", dof)?, Dof::Point) { Of::Force } else { Of::Torque };
             let key = format!("inputs.\"{dof}\"");
@@ -332,9 +331,8 @@ impl NamedChannels {
     /// [`ImportError`] of names that are no degrees of freedom, and of sensors that are at none.
     pub fn new(spec: &Spec) -> Result<NamedChannels, ImportError> {
         let exciter = spec.exciter.as_deref().unwrap_or(TIP);
-        let joints = (1..=MOST_JOINTS).map(|joint| Some(format!("joint{joint}")));
-        let is_named = |dof: Option<String>| dof.is_some_and(|dof| spec.inputs.contains_key(&dof));
-        let places = joints.chain(directions(exciter)).enumerate().filter(|(_, dof)| is_named(dof.clone()));
+        let is_named = |dof: &Option<String>| dof.as_ref().is_some_and(|dof| spec.inputs.contains_key(dof));
+        let places = driven(exciter).enumerate().filter(|(_, dof)| is_named(dof));
         let dofs: Vec<&str> = spec.outputs.keys().map(String::as_str).collect();
         let sensors = named_readings(&spec.sensors, &dofs)?.into_iter().map(|reading| reading.channel);
         Ok(NamedChannels {
@@ -343,6 +341,12 @@ impl NamedChannels {
             sensors: sensors.collect(),
         })
     }
+}
+
+/// The degrees of freedom that loads drive, in the order of [`LOADS`](resonarm_bench::structure::LOADS): the joints, then
+/// the exciter's directions.
+fn driven(exciter: &str) -> impl Iterator<Item = Option<String>> {
+    (1..=MOST_JOINTS).map(|joint| Some(format!("joint{joint}"))).chain(directions(exciter))
 }
 
 /// The degrees of freedom along which the exciter pushes: x, y and z of a point, or one for x.

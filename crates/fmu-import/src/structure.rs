@@ -8,9 +8,9 @@ use crate::instance::Instance;
 use crate::mapping::{Axes, Sensed, Slot};
 use crate::source::Source;
 use crate::{ImportError, ReadAt};
-use resonarm_bench::plant::{Kinematics, Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
+use resonarm_bench::plant::{Kinematics, Plant, PlantSpec, PlantSpecError, PointMotion, Stepped, instant};
 use resonarm_bench::rig::{Load, Rig};
-use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Quantity, Structure, StructureError};
+use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Structure, StructureError};
 
 impl Source {
     /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
@@ -143,7 +143,7 @@ impl Held {
         axes.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)))
     }
 
-    /// What a sensor beside B and C reads; 0 of what it needs not know.
+    /// The motion that a sensor beside B and C reads; 0 for the derivatives that it does not need.
     fn sensed(&self, sensed: &Sensed) -> Kinematics {
         let number = |slot: Option<Slot>| slot.map_or(0.0, |slot| self.si(&slot));
         Kinematics {
@@ -302,14 +302,11 @@ impl Structure for Sampled {
 
     fn sense(&self, outputs: &mut [f64]) {
         let mapping = &self.held.source.mapping;
-        let others = mapping.sensors.iter().zip(&mapping.sensor_channels).map(|(sensed, channel)| {
-            let at = self.held.sensed(sensed);
-            match channel.quantity {
-                Quantity::Displacement | Quantity::Angle => at.displacement,
-                Quantity::Velocity => at.velocity,
-                _ => at.acceleration,
-            }
-        });
+        let others = mapping
+            .sensors
+            .iter()
+            .zip(&mapping.sensor_channels)
+            .map(|(sensed, channel)| instant(channel.quantity, &self.held.sensed(sensed)));
         outputs.iter_mut().zip(self.sampled().into_iter().chain(others)).for_each(|(to, number)| *to = number);
     }
 

@@ -157,7 +157,7 @@ pub enum Fault {
          {limit_nm} N·m)", .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
-        /// The load.
+        /// The load that was set, which the exciter can't produce.
         load: Load,
         /// Largest force of the exciter, N.
         limit_n: f64,

@@ -25,6 +25,7 @@ use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, LoadSet, MOST_STATES, NATIVE_LOADS, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
+pub use other_sensors::instant;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 pub use resonarm_dynamics::structure::Kinematics;
 use resonarm_dynamics::structure::StepError;

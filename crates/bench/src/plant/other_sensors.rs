@@ -155,8 +155,8 @@ impl OtherSensors {
     }
 }
 
-/// What a sensor of this quantity measures of a motion.
-fn instant(quantity: Quantity, at: &Kinematics) -> f64 {
+/// The value that a sensor of this quantity measures of a motion, in the unit of the quantity.
+pub fn instant(quantity: Quantity, at: &Kinematics) -> f64 {
     match quantity {
         Quantity::Velocity => at.velocity,
         Quantity::Displacement | Quantity::Angle => at.displacement,

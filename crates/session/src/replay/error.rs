@@ -135,7 +135,7 @@ pub enum ReplayError {
     Load {
         /// Sample with the impossible load.
         sample: u64,
-        /// The load.
+        /// The recorded load, which the exciter could not have produced.
         load: Load,
         /// Largest force of the exciter, N.
         limit_n: f64,
@@ -182,7 +182,7 @@ pub enum ReplayError {
         sample: u64,
         /// The load, as recorded.
         got: Box<Load>,
-        /// As the scenario's controller commands them.
+        /// The load that the controller of the scenario in the recording commands.
         expected: Box<Load>,
     },
 }
