@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use resonarm::plant::{Kinematics, PointMotion, Stepped};
+use resonarm::plant::{Kinematics, Stepped};
 use resonarm::rig::Load;
 use resonarm::scenario::Scenario;
 use resonarm::structure::{Channel, Coordinates, LOADS, LoadSet, StructureError, coordinate_channels, named_readings};
@@ -60,8 +60,8 @@ struct OwnStructure {
     raised: Raised,
 }
 
-/// The numbers of the points: displacement, velocity and acceleration of B x, y and C x, y.
-const POINTS: usize = 12;
+/// The degrees of freedom of the points: B x, y and C x, y.
+const POINT_DOFS: usize = 4;
 
 impl OwnParts {
     /// Its name goes into the scenario, if this does not say already that the program has a structure.
@@ -158,14 +158,23 @@ impl OwnStructure {
         }
     }
 
-    /// Displacement, velocity and acceleration of B x, y and C x, y.
-    fn motion(&self, t_s: f64, load: &Load) -> Result<[[[f64; 2]; 2]; 3], StructureError> {
+    /// What a call gives of `count` degrees of freedom at a time, s, under a load: all displacements, all velocities, all
+    /// accelerations.
+    fn read_by(
+        &self,
+        call: &Py<PyAny>,
+        count: usize,
+        t_s: f64,
+        load: &Load,
+    ) -> Result<Vec<Kinematics>, StructureError> {
         let loads = self.loads(load)?;
-        let call = |py: Python<'_>| self.calls.points.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &loads)?));
-        let given = self.call(POINTS, call)?;
-        Ok(core::array::from_fn(|of| {
-            core::array::from_fn(|point| core::array::from_fn(|axis| given[4 * of + 2 * point + axis]))
-        }))
+        let given = self.call(3 * count, |py| call.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &loads)?)))?;
+        let (displacements, rest) = given.split_at(count);
+        let (velocities, accelerations) = rest.split_at(count);
+        let motions = displacements.iter().zip(velocities).zip(accelerations);
+        Ok(motions
+            .map(|((&displacement, &velocity), &acceleration)| Kinematics { displacement, velocity, acceleration })
+            .collect())
     }
 }
 
@@ -187,32 +196,24 @@ impl Stepped for OwnStructure {
         Ok(())
     }
 
-    fn points(&self, t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
-        let [_, velocity, acceleration] = self.motion(t_s, load)?;
-        Ok(PointMotion { velocity_m_s: velocity.map(Into::into), acceleration_m_s2: acceleration.map(Into::into) })
-    }
-
     fn sensors(&self) -> &[Channel] {
         &self.sensor_channels
     }
 
-    fn more(&self, t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        let Some(sensors) = self.calls.sensors.as_ref().filter(|_| !out.is_empty()) else { return Ok(()) };
-        let loads = self.loads(load)?;
-        let call = |py: Python<'_>| sensors.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, &loads)?));
-        let given = self.call(3 * self.sensed, call)?;
-        for (to, place) in out.iter_mut().zip(&self.sensor_places) {
-            let of = |derivative: usize| given[derivative * self.sensed + place];
-            *to = Kinematics { displacement: of(0), velocity: of(1), acceleration: of(2) };
-        }
+    fn read(&self, t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let (points, others) = out.split_at_mut(POINT_DOFS);
+        points.copy_from_slice(&self.read_by(&self.calls.points, POINT_DOFS, t_s, load)?);
+        let Some(sensors) = self.calls.sensors.as_ref().filter(|_| !others.is_empty()) else { return Ok(()) };
+        let sensed = self.read_by(sensors, self.sensed, t_s, load)?;
+        others.iter_mut().zip(&self.sensor_places).for_each(|(to, place)| *to = sensed[*place]);
         Ok(())
     }
 
     /// NaN, which no limit lets pass, if there is an exception.
     fn travel_m(&self) -> f64 {
-        match self.motion(self.t_s, &Load::default()) {
-            Ok([[_, [x, y]], ..]) => (x * x + y * y).sqrt(),
-            Err(_) => f64::NAN,
+        match self.read_by(&self.calls.points, POINT_DOFS, self.t_s, &Load::default()).as_deref() {
+            Ok([_, _, x, y]) => (x.displacement * x.displacement + y.displacement * y.displacement).sqrt(),
+            _ => f64::NAN,
         }
     }
 

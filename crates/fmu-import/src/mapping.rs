@@ -62,11 +62,9 @@ pub(crate) struct Mapping {
     pub travel: [Option<Slot>; 3],
     /// Forces in the impedance head.
     pub force: Axes,
-    /// Velocities and accelerations of accelerometers B and C.
-    pub velocity: [Axes; 2],
-    pub acceleration: [Axes; 2],
-    /// The channels of the sensors beside B and C, and what each reads.
+    /// The channels of the sensors beside B and C.
     pub sensor_channels: Vec<Channel>,
+    /// What the sensors read: B x, y; C x, y; then the channels of the others.
     pub sensors: Vec<Sensed>,
 }
 
@@ -92,8 +90,8 @@ impl Mapping {
         let is_read = |at: &str| axes(at).iter().flatten().any(|dof| spec.outputs.contains_key(dof));
         let b = spec.accelerometer_b.as_deref().unwrap_or(if is_read(ELBOW) { ELBOW } else { exciter });
         let c = spec.accelerometer_c.as_deref().unwrap_or(exciter);
-        for (index, (instrument, at)) in [("sensors.b", b), ("sensors.c", c)].into_iter().enumerate() {
-            mapping.accelerometer(description, spec, index, (instrument, at))?;
+        for (instrument, at) in [("sensors.b", b), ("sensors.c", c)] {
+            mapping.accelerometer(description, spec, (instrument, at))?;
         }
         mapping.at_exciter(description, spec, exciter)?;
         mapping.sensors(description, spec)?;
@@ -181,21 +179,20 @@ impl Mapping {
         Ok(())
     }
 
-    /// Maps accelerometer `index`, B or C: its accelerations, and the velocities that a filter needs.
+    /// Maps an accelerometer, B or C: its accelerations, and the velocities that a filter needs.
     fn accelerometer(
         &mut self,
         description: &Description,
         spec: &Spec,
-        index: usize,
         (instrument, at): (&'static str, &str),
     ) -> Result<(), ImportError> {
         let needs_velocity = spec.is_filtered && spec.read == ReadAt::Middle;
-        for (axis, dof) in axes(at).iter().enumerate() {
+        let mut sensed = [Sensed::default(); 2];
+        for (sensed, dof) in sensed.iter_mut().zip(&axes(at)) {
             let Some((dof, of)) = dof.as_ref().and_then(|dof| spec.outputs.get_key_value(dof)) else { continue };
             let Some(acceleration) = &of.acceleration else { continue };
-            self.acceleration[index][axis] =
-                Some(self.slot(description, dof, acceleration, Of::Acceleration(Dof::Point))?);
-            self.velocity[index][axis] = match &of.velocity {
+            sensed.acceleration = Some(self.slot(description, dof, acceleration, Of::Acceleration(Dof::Point))?);
+            sensed.velocity = match &of.velocity {
                 Some(velocity) if needs_velocity => {
                     Some(self.slot(description, dof, velocity, Of::Velocity(Dof::Point))?)
                 }
@@ -207,7 +204,8 @@ impl Mapping {
                 _ => None,
             };
         }
-        if self.acceleration[index].iter().any(Option::is_some) {
+        if sensed.iter().any(|axis| axis.acceleration.is_some()) {
+            self.sensors.extend(sensed);
             return Ok(());
         }
         let known = spec.outputs.iter().filter(|(_, of)| of.acceleration.is_some()).map(|(dof, _)| dof);

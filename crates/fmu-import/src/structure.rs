@@ -2,13 +2,11 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector2;
-
 use crate::instance::Instance;
-use crate::mapping::{Axes, Sensed, Slot};
+use crate::mapping::{Sensed, Slot};
 use crate::source::Source;
 use crate::{ImportError, ReadAt};
-use resonarm_bench::plant::{Kinematics, Plant, PlantSpec, PlantSpecError, PointMotion, Stepped, instant};
+use resonarm_bench::plant::{Kinematics, Plant, PlantSpec, PlantSpecError, Stepped, instant};
 use resonarm_bench::rig::{Load, Rig};
 use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Structure, StructureError};
 
@@ -138,12 +136,7 @@ impl Held {
         self.read.get(slot.index).map_or(f64::NAN, |value| slot.conversion.to_si(*value))
     }
 
-    /// Numbers along x and y; 0 of what is not read.
-    fn along(&self, axes: &Axes) -> [f64; 2] {
-        axes.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)))
-    }
-
-    /// The motion that a sensor beside B and C reads; 0 for the derivatives that it does not need.
+    /// The motion that a sensor reads; 0 for the derivatives that it does not need.
     fn sensed(&self, sensed: &Sensed) -> Kinematics {
         let number = |slot: Option<Slot>| slot.map_or(0.0, |slot| self.si(&slot));
         Kinematics {
@@ -206,21 +199,12 @@ impl Stepped for Steps {
         self.held.step(t_s, load)
     }
 
-    /// The motion at the end of the last step, under the loads of that step.
-    fn points(&self, _t_s: f64, _load: &Load) -> Result<PointMotion, StructureError> {
-        let mapping = &self.held.source.mapping;
-        let vector = |axes: &Axes| Vector2::from(self.held.along(axes));
-        Ok(PointMotion {
-            velocity_m_s: [vector(&mapping.velocity[0]), vector(&mapping.velocity[1])],
-            acceleration_m_s2: [vector(&mapping.acceleration[0]), vector(&mapping.acceleration[1])],
-        })
-    }
-
     fn sensors(&self) -> &[Channel] {
         &self.held.source.mapping.sensor_channels
     }
 
-    fn more(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+    /// The motion at the end of the last step, under the loads of that step.
+    fn read(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
         let sensors = &self.held.source.mapping.sensors;
         out.iter_mut().zip(sensors).for_each(|(to, sensed)| *to = self.held.sensed(sensed));
         Ok(())
@@ -267,14 +251,6 @@ impl Sampled {
         let outputs = [&OUTPUTS[..], &held.source.mapping.sensor_channels].concat();
         Sampled { held, outputs, force_n: [0.0; 2] }
     }
-
-    fn sampled(&self) -> [f64; OUTPUTS.len()] {
-        let mapping = &self.held.source.mapping;
-        let [bx, by] = self.held.along(&mapping.acceleration[0]);
-        let [cx, cy] = self.held.along(&mapping.acceleration[1]);
-        let [hx, hy] = [0, 1].map(|axis| mapping.force[axis].map_or(self.force_n[axis], |slot| self.held.si(&slot)));
-        [hx, hy, bx, by, cx, cy]
-    }
 }
 
 impl Structure for Sampled {
@@ -302,12 +278,13 @@ impl Structure for Sampled {
 
     fn sense(&self, outputs: &mut [f64]) {
         let mapping = &self.held.source.mapping;
-        let others = mapping
-            .sensors
-            .iter()
-            .zip(&mapping.sensor_channels)
-            .map(|(sensed, channel)| instant(channel.quantity, &self.held.sensed(sensed)));
-        outputs.iter_mut().zip(self.sampled().into_iter().chain(others)).for_each(|(to, number)| *to = number);
+        let force = mapping.force.iter().zip(self.force_n);
+        let head_n = force.map(|(slot, held_n)| slot.map_or(held_n, |slot| self.held.si(&slot)));
+        let motions = mapping.sensors.iter().map(|sensed| self.held.sensed(sensed));
+        // The channels of the head come first.
+        let sensors = self.outputs[self.force_n.len()..].iter().zip(motions);
+        let sensed = sensors.map(|(channel, motion)| instant(channel.quantity, &motion));
+        outputs.iter_mut().zip(head_n.chain(sensed)).for_each(|(to, number)| *to = number);
     }
 
     fn save(&self, saved: &mut [f64]) {

@@ -4,14 +4,10 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use nalgebra::Vector2;
-
-use super::sampling::PointMotion;
 use super::stepped::Stepped;
 use super::tested::{Placed, Places, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
-use crate::rig::Load;
-use crate::rig::ShakerSpec;
+use crate::rig::{Load, MOST_CHANNELS, ShakerSpec};
 use crate::structure::{Channel, LOADS, LoadSet, StructureError, branch_channel};
 use resonarm_dynamics::structure::{Armature, Dof, Kinematics, Stepper};
 
@@ -24,17 +20,20 @@ pub(super) struct AssemblySteps {
     /// Which load of the plant acts on each degree of freedom of the drive; none with a shaker.
     acting: Vec<usize>,
     shaker: Option<(ShakerSpec, Armature)>,
-    /// What is read: where accelerometers are, then what a shaker's armature moves along.
+    /// What is read: the degrees of freedom of the sensors that the structure has, then what a shaker's armature moves
+    /// along.
     read: Vec<Dof>,
-    /// Point, B or C, and axis of each that an accelerometer reads.
-    points: Vec<[usize; 2]>,
-    /// What the other sensors read.
-    more: Vec<Dof>,
+    /// The place of each of the sensors' degrees of freedom among those of [`Stepped::read`]: B and C may have an axis
+    /// along which the structure does not move.
+    places: Vec<usize>,
+    /// The channels of the sensors beside B and C.
+    sensors: Vec<Channel>,
     states: Vec<Channel>,
 }
 
-/// The most degrees of freedom that are read: two axes of each accelerometer and of an armature.
-const MOST_READ: usize = 6;
+/// The most degrees of freedom that are read: those of the sensors and two axes of an armature, which take the places of
+/// the head's two channels.
+const MOST_READ: usize = MOST_CHANNELS;
 
 /// The loads as the drive takes them.
 struct Drive {
@@ -71,16 +70,14 @@ impl AssemblySteps {
         let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; devices]).collect();
         stepper.restore(&start)?;
         let states = saved_channels(tested, shaker.is_some(), stepper.saved_len());
-        let placed = [&places.accelerometer_b, &places.accelerometer_c];
-        let axes = placed
-            .iter()
-            .zip(0..)
-            .flat_map(|(placed, point)| placed.along.into_iter().zip(0..).map(move |(dof, axis)| (dof, [point, axis])));
-        let (mut read, points): (Vec<Dof>, Vec<[usize; 2]>) = axes.filter_map(|(dof, at)| Some((dof?, at))).unzip();
+        let accelerometers = [&places.accelerometer_b, &places.accelerometer_c].into_iter().flat_map(|at| at.along);
+        let others = places.more.iter().flat_map(|sensor| &sensor.along).map(|(_, dof)| Some(*dof));
+        let sensed = accelerometers.chain(others).enumerate();
+        let (places_read, mut read): (Vec<usize>, Vec<Dof>) =
+            sensed.filter_map(|(place, dof)| Some((place, dof?))).unzip();
         read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
-        let more = places.more.iter().flat_map(|sensor| &sensor.along).map(|(_, dof)| *dof).collect();
-        let Places { exciter, exciter_z, .. } = *places;
-        Ok(AssemblySteps { exciter, exciter_z, more, acting, shaker, read, points, states, stepper })
+        let (sensors, &Places { exciter, exciter_z, .. }) = (places.more_channels(), places);
+        Ok(AssemblySteps { exciter, exciter_z, acting, shaker, read, places: places_read, sensors, states, stepper })
     }
 
     /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
@@ -93,28 +90,18 @@ impl AssemblySteps {
         (motion.displacement_m, motion.velocity_m_s, current_a)
     }
 
-    /// The motion with a current in the coil, A, and s̈ of the armature, m/s²; without a shaker that without a load.
-    pub fn motion_at_current(&self, current_a: f64) -> (PointMotion, f64) {
+    /// Writes the motion that the sensors read with a current in the coil, A, and returns s̈ of the armature, m/s².
+    pub fn read_at_current(&self, current_a: f64, out: &mut [Kinematics]) -> f64 {
         let mut read = [Kinematics::default(); MOST_READ];
         self.stepper.read_at_current(current_a, &self.read, &mut read);
+        self.hand_out(&read, out);
         let armature = self.shaker.iter().flat_map(|(_, armature)| armature.dofs());
-        let along_m_s2 = armature.zip(&read[self.points.len()..]).map(|((_, share), at)| share * at.acceleration).sum();
-        (self.points_of(&read), along_m_s2)
+        armature.zip(&read[self.places.len()..]).map(|((_, share), at)| share * at.acceleration).sum()
     }
 
-    /// What the other sensors read with a current in the coil, A.
-    pub fn more_at_current(&self, current_a: f64, out: &mut [Kinematics]) {
-        self.stepper.read_at_current(current_a, &self.more, out);
-    }
-
-    /// The points of the accelerometers from what is read.
-    fn points_of(&self, read: &[Kinematics; MOST_READ]) -> PointMotion {
-        let mut motion = PointMotion { velocity_m_s: [Vector2::zeros(); 2], acceleration_m_s2: [Vector2::zeros(); 2] };
-        for ([point, axis], at) in self.points.iter().zip(read) {
-            motion.velocity_m_s[*point][*axis] = at.velocity;
-            motion.acceleration_m_s2[*point][*axis] = at.acceleration;
-        }
-        motion
+    /// Writes what was read to its places; the others stay as they are.
+    fn hand_out(&self, read: &[Kinematics; MOST_READ], out: &mut [Kinematics]) {
+        self.places.iter().zip(read).for_each(|(place, at)| out[*place] = *at);
     }
 
     /// The loads of the plant as the drive takes them.
@@ -156,16 +143,16 @@ impl Stepped for AssemblySteps {
         Ok(self.stepper.advance(t_s, drive.acting())?)
     }
 
-    fn points(&self, _t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
-        let (stepper, drive) = (&self.stepper, self.drive(load)?);
-        let mut read = [Kinematics::default(); MOST_READ];
-        stepper.read(drive.acting(), &self.read[..self.points.len()], &mut read)?;
-        Ok(self.points_of(&read))
+    fn sensors(&self) -> &[Channel] {
+        &self.sensors
     }
 
-    fn more(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+    fn read(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
         let drive = self.drive(load)?;
-        Ok(self.stepper.read(drive.acting(), &self.more, out)?)
+        let mut read = [Kinematics::default(); MOST_READ];
+        self.stepper.read(drive.acting(), &self.read[..self.places.len()], &mut read)?;
+        self.hand_out(&read, out);
+        Ok(())
     }
 
     fn travel_m(&self) -> f64 {

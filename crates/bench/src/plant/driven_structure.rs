@@ -4,17 +4,15 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use nalgebra::Vector2;
-
 use super::assembly_steps::AssemblySteps;
-use super::other_sensors::{CurrentChange, OtherSensors};
-use super::sampling::{Filter, PointMotion, Sums};
+use super::sampler::{CurrentChange, Sampler};
+use super::sampling::{Course, Filter};
 use super::shaken::Shaken;
 use super::stepped::Stepped;
 use super::tested::TestedAssembly;
-use super::{PlantSpec, PlantSpecError, write};
-use crate::rig::{Load, Measurement};
-use crate::structure::{Channel, LoadSet, OUTPUTS, Structure, StructureError};
+use super::{PlantSpec, PlantSpecError};
+use crate::rig::Load;
+use crate::structure::{Channel, LoadSet, Structure, StructureError};
 
 /// What makes the steps, by what drives it.
 #[derive(Clone, Debug)]
@@ -39,6 +37,51 @@ impl Steps {
             Steps::Shaken(shaken) => &mut shaken.steps,
         }
     }
+
+    /// Reads the motion at the time `t_s`, s, as that at the end of a step.
+    fn read(&mut self, t_s: f64, load: &Load, sampler: &mut Sampler) -> Result<(), StructureError> {
+        match self {
+            Steps::Ideal(steps) => steps.read(t_s, load, &mut sampler.end),
+            Steps::Shaken(shaken) => {
+                shaken.read(load, sampler);
+                Ok(())
+            }
+        }
+    }
+
+    /// Makes the end of a step the start of the next.
+    fn step_on(&mut self) {
+        if let Steps::Shaken(shaken) = self {
+            shaken.step_on();
+        }
+    }
+
+    /// The force in the head at the end of a step, N: with an ideal exciter the head reads the force of the load.
+    fn head_n(&self, load: &Load) -> [f64; 2] {
+        match self {
+            Steps::Ideal(_) => [load.force_n.x, load.force_n.y],
+            Steps::Shaken(shaken) => shaken.head_n(),
+        }
+    }
+
+    /// The force in the head over a step, N, and how the current of a coil changes over it.
+    fn course(&self, filter: &Filter, load: &Load) -> ([Course; 2], Option<CurrentChange>) {
+        match self {
+            Steps::Ideal(_) => ([load.force_n.x, load.force_n.y].map(|held_n| [held_n, 0.0, 0.0, 0.0, 0.0, 0.0]), None),
+            Steps::Shaken(shaken) => {
+                let (head_n, change) = shaken.course(filter, load);
+                (head_n, Some(change))
+            }
+        }
+    }
+
+    /// Checks what may end a hold.
+    fn check_limits(&self, load: &Load) -> Result<(), StructureError> {
+        match self {
+            Steps::Ideal(_) => Ok(()),
+            Steps::Shaken(shaken) => shaken.check_limits(load),
+        }
+    }
 }
 
 /// The structure at a sample.
@@ -47,27 +90,9 @@ pub(super) struct DrivenStructure {
     steps: Steps,
     steps_per_sample: u32,
     step_s: f64,
-    filter: Option<Filter>,
-    /// The converters' last samples: head x, y; B x, y; C x, y.
-    sampled: [f64; Measurement::CHANNELS],
-    sums: Sums,
-    /// The sensors beside B and C.
-    more: OtherSensors,
-    /// What the converters sample: head, B, C and those sensors.
-    outputs: Vec<Channel>,
+    sampler: Sampler,
     /// The state at the start of a hold, to which a hold that can't be finished returns.
     before: Vec<f64>,
-}
-
-/// The motion at the start of the first step of a hold, of length `step_s`, s, under the loads of the hold.
-fn begun(steps: &dyn Stepped, from: &PointMotion, to: &PointMotion, step_s: f64) -> PointMotion {
-    let start = |point: usize, axis: usize| {
-        let velocity = [from, to].map(|at| at.velocity_m_s[point][axis]);
-        let acceleration = [from, to].map(|at| at.acceleration_m_s2[point][axis]);
-        steps.acceleration_at_start(velocity, acceleration, step_s)
-    };
-    let acceleration_m_s2 = [0, 1].map(|point| Vector2::new(start(point, 0), start(point, 1)));
-    PointMotion { acceleration_m_s2, ..*from }
 }
 
 /// The integration step, s.
@@ -78,37 +103,29 @@ fn step_s(spec: &PlantSpec) -> f64 {
 impl DrivenStructure {
     /// The structure of a valid specification with an ideal exciter, in its state at sample 0.
     pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<DrivenStructure, PlantSpecError> {
-        let more = steps.sensors().to_vec();
-        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY, more)
+        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY)
     }
 
     /// The structure of a valid specification, with its shaker if it has one, at sample 0.
     pub fn assembly(spec: &PlantSpec, tested: &TestedAssembly) -> Result<DrivenStructure, PlantSpecError> {
-        let more = tested.places.more_channels();
         match spec.rig.shaker {
-            None => {
-                let steps = Steps::Ideal(Box::new(AssemblySteps::new(spec, tested)?));
-                DrivenStructure::of(spec, steps, f64::INFINITY, more)
-            }
+            None => DrivenStructure::new(spec, Box::new(AssemblySteps::new(spec, tested)?)),
             Some(shaker) => {
                 let shaken = Shaken::new(spec, tested, shaker, step_s(spec))?;
                 let decay = shaken.decay();
-                DrivenStructure::of(spec, Steps::Shaken(Box::new(shaken)), decay, more)
+                DrivenStructure::of(spec, Steps::Shaken(Box::new(shaken)), decay)
             }
         }
     }
 
-    fn of(spec: &PlantSpec, steps: Steps, decay: f64, more: Vec<Channel>) -> Result<DrivenStructure, PlantSpecError> {
+    /// `decay` is λ of the filter's courses: infinite without a coil.
+    fn of(spec: &PlantSpec, steps: Steps, decay: f64) -> Result<DrivenStructure, PlantSpecError> {
         super::check_steps_per_sample(spec.steps_per_sample)?;
         let step_s = step_s(spec);
         let mut driven = DrivenStructure {
             steps_per_sample: spec.steps_per_sample,
             step_s,
-            filter: Filter::new(spec, step_s, decay),
-            sampled: [0.0; Measurement::CHANNELS],
-            sums: Sums::default(),
-            outputs: [&OUTPUTS[..], &more].concat(),
-            more: OtherSensors::new(more),
+            sampler: Sampler::new(Filter::new(spec, step_s, decay), steps.of().sensors()),
             before: vec![0.0; steps.of().states().len()],
             steps,
         };
@@ -119,83 +136,44 @@ impl DrivenStructure {
     /// The converters as if they had always sampled the outputs at the state without a load.
     fn settle(&mut self) -> Result<(), StructureError> {
         let none = Load::default();
-        self.sampled = match &self.steps {
-            Steps::Ideal(steps) => Self::instant(&steps.points(0.0, &none)?, &none),
-            Steps::Shaken(shaken) => shaken.instant(&none),
-        };
-        let filter = self.filter.as_ref();
-        self.sums = filter.map(|filter| filter.settled(&self.sampled)).unwrap_or_default();
-        match &self.steps {
-            Steps::Ideal(steps) => {
-                steps.more(0.0, &none, &mut self.more.start)?;
-                self.more.settle(filter);
-            }
-            Steps::Shaken(shaken) => shaken.settle_more(&mut self.more, filter),
-        }
+        self.steps.read(0.0, &none, &mut self.sampler)?;
+        self.sampler.settle(self.steps.head_n(&none));
         Ok(())
-    }
-
-    /// What the outputs are at an instant: with an ideal exciter the head reads the force.
-    fn instant(at: &PointMotion, load: &Load) -> [f64; Measurement::CHANNELS] {
-        let [b, c] = at.acceleration_m_s2;
-        [load.force_n.x, load.force_n.y, b.x, b.y, c.x, c.y]
     }
 
     /// Makes the steps of a hold.
     fn hold(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
-        let (mut sums, mut sampled) = (self.sums, self.sampled);
-        let more = &mut self.more;
-        let steps = match &mut self.steps {
-            Steps::Ideal(steps) => steps,
-            Steps::Shaken(shaken) => {
-                let filter = self.filter.as_ref();
-                sampled = shaken.hold((time_s, self.steps_per_sample), load, (filter, &mut sums), more)?;
-                self.gather(sums, sampled);
-                return Ok(());
-            }
-        };
-        let mut start = self.filter.as_ref().map(|_| steps.points(time_s, load)).transpose()?;
-        if start.is_some() && !more.is_empty() {
-            steps.more(time_s, load, &mut more.end)?;
+        let DrivenStructure { steps, sampler, step_s, .. } = self;
+        let is_filtered = sampler.filter().is_some();
+        if is_filtered {
+            // The load has jumped, and the accelerations with it: the motion is read anew.
+            steps.read(time_s, load, sampler)?;
         }
         for part in 0..self.steps_per_sample {
-            let t_s = time_s + f64::from(part) * self.step_s;
-            steps.advance(t_s, load)?;
-            let end_s = t_s + self.step_s;
-            if let (Some(filter), Some(from)) = (&self.filter, start) {
-                let ended = steps.points(end_s, load)?;
-                let from = if part == 0 { begun(&**steps, &from, &ended, self.step_s) } else { from };
-                filter.add_held(&mut sums, part as usize, &from, &ended, [load.force_n.x, load.force_n.y]);
-                start = Some(ended);
-                if !more.is_empty() {
-                    more.step_on();
-                    steps.more(end_s, load, &mut more.end)?;
-                    if part == 0 {
-                        more.begin_step(|velocity, acceleration| {
-                            steps.acceleration_at_start(velocity, acceleration, self.step_s)
-                        });
-                    }
-                    more.add(filter, part as usize, CurrentChange::default());
+            let t_s = time_s + f64::from(part) * *step_s;
+            steps.of_mut().advance(t_s, load)?;
+            let end_s = t_s + *step_s;
+            if is_filtered {
+                sampler.step_on();
+                steps.step_on();
+                steps.read(end_s, load, sampler)?;
+                if part == 0 {
+                    let stepped = steps.of();
+                    sampler.begin_step(|velocity, acceleration| {
+                        stepped.acceleration_at_start(velocity, acceleration, *step_s)
+                    });
+                }
+                if let Some(filter) = sampler.filter() {
+                    let (head_n, change) = steps.course(filter, load);
+                    sampler.add(part as usize, &head_n, change);
                 }
             } else if 2 * (part + 1) == self.steps_per_sample {
-                sampled = Self::instant(&steps.points(end_s, load)?, load);
-                if !more.is_empty() {
-                    steps.more(end_s, load, &mut more.end)?;
-                    more.sample();
-                }
+                steps.read(end_s, load, sampler)?;
+                sampler.sample(steps.head_n(load));
             }
         }
-        self.gather(sums, sampled);
-        Ok(())
-    }
-
-    /// Ends a hold with the sums of the filter, or with what was sampled without one.
-    fn gather(&mut self, mut sums: Sums, sampled: [f64; Measurement::CHANNELS]) {
-        self.sampled = if self.filter.is_some() { Filter::read(&mut sums) } else { sampled };
-        self.sums = sums;
-        if self.filter.is_some() {
-            self.more.read();
-        }
+        sampler.end_hold();
+        steps.check_limits(load)
     }
 }
 
@@ -205,7 +183,7 @@ impl Structure for DrivenStructure {
     }
 
     fn outputs(&self) -> &[Channel] {
-        &self.outputs
+        self.sampler.channels()
     }
 
     fn states(&self) -> &[Channel] {
@@ -213,35 +191,29 @@ impl Structure for DrivenStructure {
     }
 
     fn saved_len(&self) -> usize {
-        let has_filter = self.filter.is_some();
-        let sums = if has_filter { self.sums.as_flattened().len() } else { 0 };
-        self.states().len() + OUTPUTS.len() + sums + self.more.saved_len(has_filter)
+        self.states().len() + self.sampler.saved_len()
     }
 
     fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
         self.steps.of().save(&mut self.before);
-        self.more.begin();
+        self.sampler.begin();
         let held = self.hold(time_s, load);
         if held.is_err() {
             self.steps.of_mut().restore(&self.before)?;
-            self.more.undo();
+            self.sampler.undo();
         }
         held
     }
 
     fn sense(&self, outputs: &mut [f64]) {
-        self.more.sense(write(outputs, &self.sampled));
+        self.sampler.sense(outputs);
     }
 
     fn save(&self, saved: &mut [f64]) {
-        let (states, rest) = saved.split_at_mut(self.states().len().min(saved.len()));
+        let (states, gathered) = saved.split_at_mut(self.states().len().min(saved.len()));
         if states.len() == self.states().len() {
             self.steps.of().save(states);
-            let mut rest = write(rest, &self.sampled);
-            if self.filter.is_some() {
-                rest = write(rest, self.sums.as_flattened());
-            }
-            self.more.save(rest, self.filter.is_some());
+            self.sampler.save(gathered);
         }
     }
 
@@ -251,20 +223,13 @@ impl Structure for DrivenStructure {
         if got != saved.len() || (got != states && got != all) {
             return Err(StructureError::Saved { got, states, all });
         }
-        let (states, rest) = saved.split_at(states);
+        let (states, gathered) = saved.split_at(states);
         self.steps.of_mut().restore(states)?;
-        match rest.split_first_chunk() {
-            Some((sampled, rest)) => {
-                self.sampled = *sampled;
-                let sums = self.sums.as_flattened_mut();
-                let count = if self.filter.is_some() { sums.len() } else { 0 };
-                let (own, more) = rest.split_at(count.min(rest.len()));
-                write(sums, own);
-                self.more.restore(more, self.filter.is_some());
-                Ok(())
-            }
-            None => self.settle(),
+        if gathered.is_empty() {
+            return self.settle();
         }
+        self.sampler.restore(gathered);
+        Ok(())
     }
 
     fn travel_m(&self) -> f64 {

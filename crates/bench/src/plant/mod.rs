@@ -10,7 +10,7 @@
 
 mod assembly_steps;
 mod driven_structure;
-mod other_sensors;
+mod sampler;
 mod sampling;
 mod shaken;
 mod stepped;
@@ -25,12 +25,11 @@ use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, LoadSet, MOST_STATES, NATIVE_LOADS, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
-pub use other_sensors::instant;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 pub use resonarm_dynamics::structure::Kinematics;
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
-pub use sampling::PointMotion;
+pub use sampler::instant;
 pub use shaken::ShakerAcross;
 pub use stepped::Stepped;
 pub use tested::{Placed, PlacedSensor, Places, ReadDof, TestedAssembly};

@@ -16,14 +16,10 @@
 
 use alloc::vec::Vec;
 
-use nalgebra::Vector2;
-
 use super::PlantSpec;
-use super::other_sensors::CurrentChange;
+use crate::rig::Converter;
 use crate::rig::converter::MOST_ORDER;
-use crate::rig::{Converter, Measurement, ShakerSpec};
 
-const CHANNELS: usize = Measurement::CHANNELS;
 /// Coefficients of 1, τ … τ⁴ and of e^{−λτ}.
 const TERMS: usize = 6;
 
@@ -33,9 +29,6 @@ pub(super) type Course = [f64; TERMS];
 /// The factors of a step within its hold, for every term: for the reading after this hold and those after the next
 /// ones.
 type Factors = [[f64; TERMS]; MOST_ORDER];
-
-/// Partial sums of a filter: for the readings after this hold and the next ones.
-pub(super) type Sums = [[f64; CHANNELS]; MOST_ORDER];
 
 /// The filter of a converter, prepared for the steps of a hold.
 #[derive(Clone, Debug)]
@@ -49,37 +42,6 @@ pub(super) struct Filter {
     decay: f64,
     /// Mean of the transient e^{−λτ} over a step, τ from 0 to 1.
     transient_mean: f64,
-    /// The unit vector of a possible shaker.
-    along: Vector2<f64>,
-}
-
-/// The motion of the points of the accelerometers at an instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PointMotion {
-    /// Velocities of B and C, m/s.
-    pub velocity_m_s: [Vector2<f64>; 2],
-    /// Accelerations of B and C, m/s², without those by the transient of a coil's current.
-    pub acceleration_m_s2: [Vector2<f64>; 2],
-}
-
-/// A finished step of a structure with a shaker's armature, for the converters.
-pub(super) struct ShakenStep {
-    /// The points at both ends, without a coil's transient.
-    pub start: PointMotion,
-    pub end: PointMotion,
-    /// The accelerations of B and C by a coil's transient at the start, m/s².
-    pub transient_m_s2: [Vector2<f64>; 2],
-    /// ṡ, m/s, and s̈, m/s², of the armature at both ends, without a coil's transient; s̈ by it at the start, m/s².
-    pub armature: [(f64, f64); 2],
-    pub armature_transient_m_s2: f64,
-    /// s at the start, m.
-    pub displacement_m: f64,
-    /// The shaker, whose armature takes m s̈ + c ṡ + k s of the coil's force.
-    pub shaker: ShakerSpec,
-    /// The coil's force along the shaker, N.
-    pub force_n: Course,
-    /// The current against that at which the motion at the ends was read.
-    pub change: CurrentChange,
 }
 
 impl Filter {
@@ -95,64 +57,25 @@ impl Filter {
             step_s,
             decay,
             transient_mean: if decay.is_infinite() { 0.0 } else { -libm::expm1(-decay) / decay },
-            along: spec.rig.shaker.map_or(Vector2::zeros(), |shaker| shaker.direction()),
         })
     }
 
-    /// The sums of a filter after constant `values`: the sum for the reading `ahead` holds later contains the holds
+    /// The sums of a channel after a constant value: the sum for the reading `ahead` holds later contains the holds
     /// older than `ahead`.
-    pub fn settled(&self, values: &[f64; CHANNELS]) -> Sums {
+    pub fn settled(&self, value: f64) -> [f64; MOST_ORDER] {
         core::array::from_fn(|ahead| {
             let weight: f64 = (ahead + 1..self.order).map(|piece| self.converter.piece_integral(piece)).sum();
-            values.map(|value| weight * value)
+            weight * value
         })
     }
 
-    /// Adds step `index` of a hold between the motions at its ends, under a force that an ideal exciter holds, N.
-    pub fn add_held(&self, sums: &mut Sums, index: usize, start: &PointMotion, end: &PointMotion, force_n: [f64; 2]) {
-        let [b, c] = self.accelerations([start, end], &[Vector2::zeros(); 2]);
-        let [hx, hy] = force_n.map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
-    }
-
-    /// Adds step `index` of a hold of a structure with a shaker.
-    pub fn add_shaken(&self, sums: &mut Sums, index: usize, step: &ShakenStep) {
-        let [b, c] = self.accelerations([&step.start, &step.end], &step.transient_m_s2);
-        let acceleration = self.course(step.armature, step.armature_transient_m_s2);
-        let taken = self.taken(&step.shaker, (step.displacement_m, step.armature[0].0), acceleration);
-        let head_n: Course = core::array::from_fn(|term| step.force_n[term] - taken[term]);
-        let [hx, hy] = [self.along.x, self.along.y].map(|share| head_n.map(|term| share * term));
-        self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
-    }
-
+    /// Adds step `index` of a hold to the sums of a channel.
     #[inline(always)]
-    fn add_courses(&self, sums: &mut Sums, index: usize, courses: &[Course; CHANNELS]) {
+    pub fn add(&self, sums: &mut [f64; MOST_ORDER], index: usize, course: &Course) {
         let Some(factors) = self.factors.get(index) else { return };
-        for (sums, factors) in sums.iter_mut().zip(factors).take(self.order) {
-            for (sum, course) in sums.iter_mut().zip(courses) {
-                *sum += factors.iter().zip(course).map(|(factor, term)| factor * term).sum::<f64>();
-            }
+        for (sum, factors) in sums.iter_mut().zip(factors).take(self.order) {
+            *sum += factors.iter().zip(course).map(|(factor, term)| factor * term).sum::<f64>();
         }
-    }
-
-    /// Ends the hold: returns the readings, and advances the sums to those after it.
-    pub fn read(sums: &mut Sums) -> [f64; CHANNELS] {
-        let readings = sums[0];
-        sums.rotate_left(1);
-        sums[MOST_ORDER - 1] = [0.0; CHANNELS];
-        readings
-    }
-
-    /// Accelerations of B and C along x and y between the motions at the ends of a step, with those by a coil's
-    /// transient at its start.
-    #[inline(always)]
-    fn accelerations(&self, ends: [&PointMotion; 2], transient: &[Vector2<f64>; 2]) -> [[Course; 2]; 2] {
-        core::array::from_fn(|point| {
-            core::array::from_fn(|axis| {
-                let of = |end: &PointMotion| (end.velocity_m_s[point][axis], end.acceleration_m_s2[point][axis]);
-                self.course(ends.map(of), transient[point][axis])
-            })
-        })
     }
 
     /// An acceleration between the velocities and accelerations at the ends of a step, with that by a coil's transient
@@ -161,19 +84,6 @@ impl Filter {
     pub fn course(&self, [(v0, a0), (v1, a1)]: [(f64, f64); 2], g: f64) -> Course {
         let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * self.transient_mean);
         [a0, a1 - a0 - square, square, 0.0, 0.0, g]
-    }
-
-    /// The sums of one channel after a constant value.
-    pub fn settled_one(&self, value: f64) -> [f64; MOST_ORDER] {
-        self.settled(&[value; CHANNELS]).map(|channels| channels[0])
-    }
-
-    /// Adds step `index` of a hold to the sums of one channel.
-    pub fn add_course(&self, sums: &mut [f64; MOST_ORDER], index: usize, course: &Course) {
-        let Some(factors) = self.factors.get(index) else { return };
-        for (sum, factors) in sums.iter_mut().zip(factors).take(self.order) {
-            *sum += factors.iter().zip(course).map(|(factor, term)| factor * term).sum::<f64>();
-        }
     }
 
     /// The velocity over a step with an acceleration, from that at its start: with s̈ = a₀ + a₁τ + a₂τ² + g e^{−λτ} it is
@@ -191,16 +101,6 @@ impl Filter {
         let g1 = if self.decay.is_infinite() { 0.0 } else { g / self.decay };
         let g2 = if self.decay.is_infinite() { 0.0 } else { g1 / self.decay };
         [s - square * g2, h * rate + square * g1, 0.5 * square * a0, square * a1 / 6.0, square * a2 / 12.0, square * g2]
-    }
-
-    /// m s̈ + c ṡ + k s over the step with the acceleration s̈, from s and ṡ at its start.
-    fn taken(&self, shaker: &ShakerSpec, (s, rate): (f64, f64), acceleration: Course) -> Course {
-        let velocity = self.velocity(rate, acceleration);
-        let displacement = self.displacement((s, rate), acceleration);
-        let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = *shaker;
-        core::array::from_fn(|term| {
-            mass_kg * acceleration[term] + damping_n_s_m * velocity[term] + stiffness_n_m * displacement[term]
-        })
     }
 }
 

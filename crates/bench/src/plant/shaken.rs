@@ -8,12 +8,11 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::assembly_steps::AssemblySteps;
-use super::other_sensors::{CurrentChange, OtherSensors};
-use super::sampling::{Course, Filter, PointMotion, ShakenStep, Sums};
-use super::stepped::Stepped;
+use super::sampler::{CurrentChange, Sampler};
+use super::sampling::{Course, Filter};
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
-use crate::rig::{Amplifier, Load, Measurement, ShakerSpec};
+use crate::rig::{Amplifier, Load, ShakerSpec};
 use crate::structure::StructureError;
 use resonarm_dynamics::structure::{Armature, Circuit, Coil, LEAST_DECAY, Stroke};
 use resonarm_numeric::number::short;
@@ -39,34 +38,31 @@ pub struct ShakerAcross {
 pub(super) struct Shaken {
     pub steps: AssemblySteps,
     spec: ShakerSpec,
+    /// The unit vector along which the shaker pushes.
+    direction: Vector2<f64>,
     coil: Circuit,
     step_s: f64,
+    /// The armature at the start and at the end of a step, where the sampler has the motion of the sensors.
+    start: ArmatureMotion,
+    end: ArmatureMotion,
 }
 
-/// The motion of a structure and of the armature on it at an instant.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ShakenMotion {
-    points: PointMotion,
-    /// s, m; ṡ, m/s; s̈, m/s².
-    armature: [f64; 3],
-    /// In the coil, A.
+/// The motion of the armature at an instant, and the current in its coil.
+#[derive(Clone, Copy, Debug, Default)]
+struct ArmatureMotion {
+    displacement_m: f64,
+    velocity_m_s: f64,
+    acceleration_m_s2: f64,
     current_a: f64,
-    /// Accelerations of B, C, and along the armature by each ampere in the coil, m/s²/A.
-    per_ampere: ([Vector2<f64>; 2], f64),
+    /// How each ampere in the coil changes the acceleration, m/s²/A.
+    acceleration_per_ampere: f64,
 }
 
-impl ShakenMotion {
-    /// The points with another current.
-    fn points_at(&self, current_a: f64) -> PointMotion {
-        let (change_a, mut points) = (current_a - self.current_a, self.points);
-        points.acceleration_m_s2.iter_mut().zip(&self.per_ampere.0).for_each(|(point, by)| *point += by * change_a);
-        points
-    }
-
-    /// ṡ, m/s, and s̈ with another current, m/s².
-    fn armature_at(&self, current_a: f64) -> (f64, f64) {
-        let [_, velocity_m_s, acceleration_m_s2] = self.armature;
-        (velocity_m_s, acceleration_m_s2 + self.per_ampere.1 * (current_a - self.current_a))
+impl ArmatureMotion {
+    /// Velocity, m/s, and acceleration with another current, m/s².
+    fn at_current(&self, current_a: f64) -> (f64, f64) {
+        let change_a = current_a - self.current_a;
+        (self.velocity_m_s, self.acceleration_m_s2 + self.acceleration_per_ampere * change_a)
     }
 }
 
@@ -114,7 +110,9 @@ impl Shaken {
         step_s: f64,
     ) -> Result<Shaken, PlantSpecError> {
         let coil = coil_of(&shaker, step_s)?;
-        Ok(Shaken { steps: AssemblySteps::new(spec, tested)?, spec: shaker, coil, step_s })
+        let (start, end) = (ArmatureMotion::default(), ArmatureMotion::default());
+        let (steps, direction) = (AssemblySteps::new(spec, tested)?, shaker.direction());
+        Ok(Shaken { steps, spec: shaker, direction, coil, step_s, start, end })
     }
 
     /// How many times a transient of the current decays by e over a step: infinite unless the amplifier holds the
@@ -131,43 +129,45 @@ impl Shaken {
         self.spec.along_n(load)
     }
 
-    /// The motion under a load.
-    fn motion(&self, load: &Load) -> ShakenMotion {
+    /// Makes the end of a step the start of the next.
+    pub fn step_on(&mut self) {
+        core::mem::swap(&mut self.start, &mut self.end);
+    }
+
+    /// Reads the armature and the motion of the sensors, and how a current changes them, as those at the end of a step.
+    pub fn read(&mut self, load: &Load, sampler: &mut Sampler) {
         let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(load));
-        let (points, acceleration_m_s2) = self.steps.motion_at_current(current_a);
-        let (more, along_more_m_s2) = self.steps.motion_at_current(current_a + 1.0);
-        let per_point = |point: usize| more.acceleration_m_s2[point] - points.acceleration_m_s2[point];
-        ShakenMotion {
-            points,
-            armature: [displacement_m, velocity_m_s, acceleration_m_s2],
-            current_a,
-            per_ampere: (core::array::from_fn(per_point), along_more_m_s2 - acceleration_m_s2),
-        }
+        let (end, per_ampere) = (&mut sampler.end, &mut sampler.end_per_ampere);
+        let more_m_s2 = self.steps.read_at_current(current_a + 1.0, end);
+        per_ampere.iter_mut().zip(&*end).for_each(|(per_ampere, at)| *per_ampere = at.acceleration);
+        let acceleration_m_s2 = self.steps.read_at_current(current_a, end);
+        per_ampere.iter_mut().zip(&*end).for_each(|(per_ampere, at)| *per_ampere -= at.acceleration);
+        let acceleration_per_ampere = more_m_s2 - acceleration_m_s2;
+        self.end =
+            ArmatureMotion { displacement_m, velocity_m_s, acceleration_m_s2, current_a, acceleration_per_ampere };
     }
 
-    /// Force in the head, N, and accelerations of B and C, m/s², along x and y, under a load.
-    pub fn instant(&self, load: &Load) -> [f64; Measurement::CHANNELS] {
-        let at = self.motion(load);
+    /// The force in the head along x and y, N, at the end of the step.
+    pub fn head_n(&self) -> [f64; 2] {
+        let at = &self.end;
         let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.spec;
-        let [displacement_m, velocity_m_s, acceleration_m_s2] = at.armature;
-        let taken_n = mass_kg * acceleration_m_s2 + damping_n_s_m * velocity_m_s + stiffness_n_m * displacement_m;
-        let head_n = self.spec.direction() * (self.spec.force_factor_n_a * at.current_a - taken_n);
-        let [b, c] = at.points.acceleration_m_s2;
-        [head_n.x, head_n.y, b.x, b.y, c.x, c.y]
+        let taken_n =
+            mass_kg * at.acceleration_m_s2 + damping_n_s_m * at.velocity_m_s + stiffness_n_m * at.displacement_m;
+        (self.direction * (self.spec.force_factor_n_a * at.current_a - taken_n)).into()
     }
 
-    /// A step between the motions at its ends, under a load.
-    fn step(&self, [start, end]: [&ShakenMotion; 2], load: &Load) -> ShakenStep {
-        let blocked_n = self.blocked_n(load);
+    /// The force in the head along x and y over the step under a load, N, and how the current differs over it from
+    /// that at which its ends were read.
+    pub fn course(&self, filter: &Filter, load: &Load) -> ([Course; 2], CurrentChange) {
+        let (start, end, blocked_n) = (&self.start, &self.end, self.blocked_n(load));
         let (mut currents_a, mut transient_a) = ([start.current_a, end.current_a], 0.0);
         let force_n: Course = match self.spec.amplifier {
             Amplifier::Current => [blocked_n, 0.0, 0.0, 0.0, 0.0, 0.0],
             Amplifier::Voltage => {
-                let ([s0, v0, a0], [s1, v1, a1]) = (start.armature, end.armature);
                 let stroke = Stroke {
-                    velocity_m_s: [v0, v1],
-                    change_m_s: [self.step_s * a0, self.step_s * a1],
-                    mean_m_s: (s1 - s0) / self.step_s,
+                    velocity_m_s: [start.velocity_m_s, end.velocity_m_s],
+                    change_m_s: [self.step_s * start.acceleration_m_s2, self.step_s * end.acceleration_m_s2],
+                    mean_m_s: (end.displacement_m - start.displacement_m) / self.step_s,
                 };
                 let voltage_v = blocked_n / self.spec.force_factor_n_a * self.spec.resistance_ohm;
                 let (steady_a, left_a) = self.coil.current(start.current_a, voltage_v, &stroke).terms();
@@ -176,79 +176,35 @@ impl Shaken {
                 [c0, c1, c2, c3, c4, left_a].map(|current_a| self.spec.force_factor_n_a * current_a)
             }
         };
-        let [armature_start, armature_end] = [start.armature_at(currents_a[0]), end.armature_at(currents_a[1])];
-        ShakenStep {
-            start: start.points_at(currents_a[0]),
-            end: end.points_at(currents_a[1]),
-            transient_m_s2: start.per_ampere.0.map(|by| by * transient_a),
-            armature: [armature_start, armature_end],
-            armature_transient_m_s2: start.per_ampere.1 * transient_a,
-            displacement_m: start.armature[0],
-            shaker: self.spec,
-            force_n,
-            change: CurrentChange {
-                ends_a: [currents_a[0] - start.current_a, currents_a[1] - end.current_a],
-                transient_a,
-            },
-        }
+        let ends = [start.at_current(currents_a[0]), end.at_current(currents_a[1])];
+        let acceleration = filter.course(ends, start.acceleration_per_ampere * transient_a);
+        let taken_n = self.taken_n(filter, acceleration);
+        let head_n: Course = core::array::from_fn(|term| force_n[term] - taken_n[term]);
+        let along = [self.direction.x, self.direction.y].map(|share| head_n.map(|term| share * term));
+        let ends_a = [currents_a[0] - start.current_a, currents_a[1] - end.current_a];
+        (along, CurrentChange { ends_a, transient_a })
     }
 
-    /// Reads the motion of the sensors beside B and C, and how a current changes it, as that at the end of a step.
-    fn read_more(&self, more: &mut OtherSensors, load: &Load) {
-        if more.is_empty() {
-            return;
-        }
-        let (_, _, current_a) = self.steps.shaker_state(self.blocked_n(load));
-        self.steps.more_at_current(current_a + 1.0, &mut more.end);
-        let per_ampere = more.end_per_ampere.iter_mut().zip(&more.end);
-        per_ampere.for_each(|(per_ampere, at)| *per_ampere = at.acceleration);
-        self.steps.more_at_current(current_a, &mut more.end);
-        let per_ampere = more.end_per_ampere.iter_mut().zip(&more.end);
-        per_ampere.for_each(|(per_ampere, at)| *per_ampere -= at.acceleration);
+    /// What the armature takes of the coil's force over the step with the acceleration s̈, N: m s̈ + c ṡ + k s.
+    fn taken_n(&self, filter: &Filter, acceleration: Course) -> Course {
+        let ArmatureMotion { displacement_m, velocity_m_s, .. } = self.start;
+        let velocity = filter.velocity(velocity_m_s, acceleration);
+        let displacement = filter.displacement((displacement_m, velocity_m_s), acceleration);
+        let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.spec;
+        core::array::from_fn(|term| {
+            mass_kg * acceleration[term] + damping_n_s_m * velocity[term] + stiffness_n_m * displacement[term]
+        })
     }
 
-    /// Settles the converters of the sensors beside B and C at the state without a load.
-    pub fn settle_more(&self, more: &mut OtherSensors, filter: Option<&Filter>) {
-        self.read_more(more, &Load::default());
-        more.step_on();
-        more.settle(filter);
-    }
-
-    /// Makes the `steps` steps of a hold from the time `start_s`, s; returns what converters without a filter sample.
-    pub fn hold(
-        &mut self,
-        (start_s, steps): (f64, u32),
-        load: &Load,
-        (filter, sums): (Option<&Filter>, &mut Sums),
-        more: &mut OtherSensors,
-    ) -> Result<[f64; Measurement::CHANNELS], StructureError> {
-        let mut sampled = [0.0; Measurement::CHANNELS];
-        let mut before = filter.map(|_| self.motion(load));
-        if filter.is_some() {
-            self.read_more(more, load);
-        }
-        for part in 0..steps {
-            self.steps.advance(start_s + f64::from(part) * self.step_s, load)?;
-            if let (Some(filter), Some(start)) = (filter, &before) {
-                let end = self.motion(load);
-                let step = self.step([start, &end], load);
-                filter.add_shaken(sums, part as usize, &step);
-                if !more.is_empty() {
-                    more.step_on();
-                    self.read_more(more, load);
-                    more.add(filter, part as usize, step.change);
-                }
-                before = Some(end);
-            } else if 2 * (part + 1) == steps {
-                sampled = self.instant(load);
-                self.read_more(more, load);
-                more.sample();
-            }
-        }
+    /// Checks the amplifier's limits at the end of a hold.
+    ///
+    /// # Errors
+    /// [`StructureError::Tripped`] if one is exceeded.
+    pub fn check_limits(&self, load: &Load) -> Result<(), StructureError> {
         let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(load));
         match self.spec.exceeded(current_a, (displacement_m, velocity_m_s)) {
             Some((limit, got, most)) => Err(StructureError::Tripped { limit, got, most }),
-            None => Ok(sampled),
+            None => Ok(()),
         }
     }
 }

@@ -3,7 +3,6 @@
 use alloc::boxed::Box;
 use core::fmt;
 
-use super::sampling::PointMotion;
 use crate::rig::Load;
 use crate::structure::{Channel, LoadSet, StructureError};
 use resonarm_dynamics::structure::Kinematics;
@@ -28,25 +27,17 @@ pub trait Stepped: fmt::Debug + Send + Sync {
     /// [`StructureError`]; the caller then restores the state before.
     fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError>;
 
-    /// Velocities and accelerations of the accelerometers' points at the time `t_s`, s, under the load.
-    ///
-    /// # Errors
-    /// [`StructureError`] if it can't take a load, or its equations can't be solved.
-    fn points(&self, t_s: f64, load: &Load) -> Result<PointMotion, StructureError>;
-
     /// The channels of the sensors beside B and C; without this method there are none.
     fn sensors(&self) -> &[Channel] {
         &[]
     }
 
-    /// The motion that the sensors beside B and C read at the time `t_s`, s, under the load, a degree of freedom each.
-    /// A structure without such sensors writes nothing.
+    /// Writes the motion that the sensors read at the time `t_s`, s, under the load, a degree of freedom each: B x, y;
+    /// C x, y; then [`Stepped::sensors`]. Of B and C the displacements are not needed.
     ///
     /// # Errors
-    /// As [`Stepped::points`].
-    fn more(&self, _t_s: f64, _load: &Load, _out: &mut [Kinematics]) -> Result<(), StructureError> {
-        Ok(())
-    }
+    /// [`StructureError`] if it can't take a load, or its equations can't be solved.
+    fn read(&self, t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError>;
 
     /// The acceleration along a degree of freedom at the start of the first step of a hold, of length `step_s`, s, under
     /// the loads of the hold, of a structure that knows it only afterwards: given are velocity and acceleration that were

@@ -4,7 +4,6 @@ use super::tests::{SHAKER, shaken};
 use super::*;
 use crate::rig::Converter;
 use crate::structure::{Channel, Coordinates, coordinate_channels};
-use nalgebra::Vector2;
 use resonarm_dynamics::structure::{Assembly, Axis, BodySpec, ModalSpec, ModeSpec, ShapeSpec, StructureSpec};
 
 const OMEGA_RAD_S: f64 = 120.0;
@@ -47,10 +46,11 @@ impl Stepped for Mode {
         Ok(())
     }
 
-    fn points(&self, _t_s: f64, load: &Load) -> Result<PointMotion, StructureError> {
-        let along = |number: f64| [Vector2::zeros(), Vector2::new(SHAPE * number, 0.0)];
-        let (velocity_m_s, acceleration_m_s2) = (along(self.state[1]), along(self.acceleration(load)));
-        Ok(PointMotion { velocity_m_s, acceleration_m_s2 })
+    /// It moves along x of the tip, where accelerometer C is.
+    fn read(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let (velocity, acceleration) = (SHAPE * self.state[1], SHAPE * self.acceleration(load));
+        out[2] = Kinematics { velocity, acceleration, ..Kinematics::default() };
+        Ok(())
     }
 
     fn travel_m(&self) -> f64 {
