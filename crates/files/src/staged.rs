@@ -2,8 +2,10 @@
 
 use std::fs::{self, File, FileType, OpenOptions, Permissions};
 use std::io::{self, Write};
-use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt, fchown};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
+
+use tempfile::TempPath;
 
 use crate::recording::Existing;
 
@@ -11,11 +13,16 @@ use crate::recording::Existing;
 pub(crate) struct Staged {
     target: PathBuf,
     existing: Existing,
-    /// Its name in the same folder until then; `None` if it has its own from the start.
-    temporary: Option<PathBuf>,
-    /// What was created under its own name.
-    created: Option<fs::Metadata>,
-    published: bool,
+    /// Where the file is until it is published: under another name in the same folder, or under its own.
+    place: Place,
+}
+
+enum Place {
+    /// Under a name of its own, which is removed when it is dropped.
+    Temporary(TempPath),
+    /// Under the target's name; the file as it was created, or `None` of a pipe or a device, which was there before.
+    Growing(Option<fs::Metadata>),
+    Published,
 }
 
 impl Staged {
@@ -41,28 +48,20 @@ impl Staged {
             }
             (Existing::Refuse | Existing::Overwrite, _) => path.to_path_buf(),
         };
-        let name = target.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mut open = OpenOptions::new();
-        open.write(true).create_new(true);
-        if replaced.is_some() {
-            // Nobody else reads it before it has the mode of the file that it replaces.
-            open.mode(0o600);
+        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let prefix = format!(".{name}.");
+        let mut temporary = tempfile::Builder::new();
+        temporary.prefix(&prefix).suffix(".part");
+        if replaced.is_none() {
+            // The mode of any new file, which the process's mask narrows. One that replaces another is for its owner
+            // alone until it has that file's mode.
+            temporary.permissions(Permissions::from_mode(0o666));
         }
-        // One that a killed process has left may have the same number.
-        for number in 0.. {
-            let temporary = target.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()));
-            match open.open(&temporary) {
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(error),
-                Ok(file) => {
-                    let temporary = Some(temporary);
-                    let staged = Staged { target, existing, temporary, created: None, published: false };
-                    replaced.map_or(Ok(()), |replaced| take_mode_and_owner(&file, &replaced))?;
-                    return Ok((staged, file));
-                }
-            }
+        let (file, temporary) = temporary.tempfile_in(folder_of(&target))?.into_parts();
+        if let Some(replaced) = &replaced {
+            take_mode_and_owner(&file, replaced)?;
         }
-        unreachable!("some number is free")
+        Ok((Staged { target, existing, place: Place::Temporary(temporary) }, file))
     }
 
     /// As [`Staged::create`], of a file that grows under its name where nothing is there, and of pipes and devices.
@@ -78,7 +77,7 @@ impl Staged {
             }
         };
         let created = if is_new { Some(file.metadata()?) } else { None };
-        Ok((Staged { target: path.to_path_buf(), existing, temporary: None, created, published: false }, file))
+        Ok((Staged { target: path.to_path_buf(), existing, place: Place::Growing(created) }, file))
     }
 
     /// Gives the file its name, once. What must be whole after a crash of the machine must have been synchronised.
@@ -86,37 +85,34 @@ impl Staged {
     /// # Errors
     /// What the system says; [`io::ErrorKind::AlreadyExists`] if the name was taken meanwhile and must not be.
     pub fn publish(&mut self) -> io::Result<()> {
-        if self.published {
-            return Ok(());
-        }
-        if let Some(temporary) = &self.temporary {
+        if let Place::Temporary(temporary) = core::mem::replace(&mut self.place, Place::Published) {
             match self.existing {
-                // rename(2) replaces the target in one step: whoever opens the name gets the old file or the whole
-                // new one.
-                Existing::Overwrite => fs::rename(temporary, &self.target)?,
-                Existing::Refuse => rename_new(temporary, &self.target)?,
+                // Whoever opens the name gets the old file or the whole new one.
+                Existing::Overwrite => temporary.persist(&self.target)?,
+                Existing::Refuse => temporary.persist_noclobber(&self.target)?,
             }
-            // The new name is an entry of the folder, which is on the disk only when the folder is.
-            let folder = self.target.parent().filter(|folder| !folder.as_os_str().is_empty());
-            // Some file systems refuse to synchronise a folder; the file itself is safe by then.
-            let _not_everywhere = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());
+            // The new name is an entry of the folder, which is on the disk only when the folder is. Some file systems
+            // refuse to synchronise a folder; the file itself is safe by then.
+            let _not_everywhere = File::open(folder_of(&self.target)).and_then(|folder| folder.sync_all());
         }
-        self.published = true;
         Ok(())
     }
 }
 
 impl Drop for Staged {
     fn drop(&mut self) {
-        if self.published {
-            return;
-        }
-        let _gone = self.temporary.as_ref().map(fs::remove_file);
-        // Somebody else's under the same name stays.
-        if self.created.as_ref().is_some_and(|ours| is_at(ours, &self.target)) {
+        // Never deletes a file that another process put under the name since.
+        if let Place::Growing(Some(created)) = &self.place
+            && is_at(created, &self.target)
+        {
             let _gone = fs::remove_file(&self.target);
         }
     }
+}
+
+/// The folder that a file is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Writes a file under another name in its folder, and gives it its own when it is whole: an existing file is replaced
@@ -160,19 +156,6 @@ pub fn wait_for_reader(path: &Path) -> io::Result<Option<File>> {
     match fs::metadata(path) {
         Ok(found) if found.file_type().is_fifo() => OpenOptions::new().write(true).open(path).map(Some),
         _ => Ok(None),
-    }
-}
-
-/// Renames a file to a name that is free.
-fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
-    // A link fails if the name is taken, where a rename would replace the file that has it.
-    match fs::hard_link(from, to) {
-        // The file has both names; if the old can't be removed, it is there twice.
-        Ok(()) => fs::remove_file(from),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
-        // Some file systems have no links.
-        Err(_) if fs::symlink_metadata(to).is_ok() => Err(io::ErrorKind::AlreadyExists.into()),
-        Err(_) => fs::rename(from, to),
     }
 }
 

@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::candump::nanoseconds;
-use super::date::Date;
+use super::date;
 use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, length, since};
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
@@ -31,7 +31,7 @@ impl<W: Write> Writer<W> {
         if core::mem::replace(&mut self.has_head, true) {
             return Ok(());
         }
-        let date = Date::from_unix_ms(self.start_ms).asc();
+        let date = date::asc(date::utc(self.start_ms));
         write!(self.out, "date {date}\nbase hex  timestamps absolute\ninternal events logged\n")?;
         writeln!(self.out, "Begin Triggerblock {date}\n   0.000000 Start of measurement")
     }
@@ -137,7 +137,7 @@ impl Reader {
 
     fn date(&mut self, words: &[&str]) -> Result<(), CanLogError> {
         let text = words.join(" ");
-        let unix_ns = Date::from_asc(&text).and_then(|date| date.unix_ns());
+        let unix_ns = date::from_asc(&text).and_then(date::unix_ns);
         self.start_ns = unix_ns.ok_or(CanLogError::Date { got: text })?;
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use resonarm_protocol::{Frame, FrameFormat, FrameTextError, Id};
 
-use super::date::Date;
+use super::date;
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
@@ -146,7 +146,7 @@ fn time<'a, 'b>(words: &'a [&'b str]) -> Result<(Option<u64>, &'a [&'b str]), Ca
         [day, time, rest @ ..] if day.starts_with('(') && !day.ends_with(')') && time.ends_with(')') => {
             let got = format!("{day} {time}");
             let date = got.strip_prefix('(').and_then(|date| date.strip_suffix(')'));
-            let time_ns = date.and_then(Date::unix_ns_from_iso).ok_or_else(|| failed(&got))?;
+            let time_ns = date.and_then(date::unix_ns_from_iso).ok_or_else(|| failed(&got))?;
             Ok((Some(time_ns), rest))
         }
         [time, rest @ ..] if time.starts_with('(') => {

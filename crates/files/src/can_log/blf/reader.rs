@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::ZlibDecoder;
 
+use jiff::civil::DateTime;
+
 use super::object::Object;
 use super::{BASE_HEAD, BlfFault, CONTAINER_HEAD, DEFLATE, LOG_CONTAINER, NO_COMPRESSION, OBJECT_SIGNATURE, SIGNATURE};
-use crate::can_log::date::Date;
+use crate::can_log::date;
 use crate::can_log::{CanLogError, Entry};
 
 /// Largest accepted length of an object, and of an inflated container: 16 MiB. Vector's tools write containers of
@@ -227,7 +229,14 @@ fn start_ns(got: [u16; 8]) -> Result<u64, BlfFault> {
     if got == [0; 8] {
         return Ok(0);
     }
-    let [year, month, weekday, day, hour, minute, second, millisecond] = got.map(u64::from);
-    let date = Date { year, month, day, weekday, hour, minute, second, millisecond };
-    date.unix_ns().ok_or(BlfFault::Date { got })
+    // The weekday, the third field, follows from the date and is not compared.
+    let [year, month, _, day, hour, minute, second, millisecond] = got;
+    let narrow = |field: u16| i8::try_from(field).ok();
+    let date = || {
+        let nanosecond = i32::from(millisecond).checked_mul(1_000_000)?;
+        let (month, day, hour) = (narrow(month)?, narrow(day)?, narrow(hour)?);
+        let (minute, second) = (narrow(minute)?, narrow(second)?);
+        DateTime::new(year.try_into().ok()?, month, day, hour, minute, second, nanosecond).ok()
+    };
+    date().and_then(date::unix_ns).ok_or(BlfFault::Date { got })
 }

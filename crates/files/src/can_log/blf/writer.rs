@@ -10,7 +10,7 @@ use super::{
     BASE_HEAD, CAN_FD_MESSAGE, CAN_MESSAGE, CONTAINER_HEAD, EXTENDED, FD_SHIFT, FILE_HEAD, LOG_CONTAINER, NANOSECONDS,
     NO_COMPRESSION, OBJECT_HEAD, OBJECT_SIGNATURE, REMOTE, SENT, SIGNATURE,
 };
-use crate::can_log::date::Date;
+use crate::can_log::date;
 use crate::can_log::{LogWriter, LoggedFrame, vector};
 use crate::recording::Direction;
 
@@ -157,10 +157,13 @@ fn stated_ms(unix_ms: u64) -> u64 {
 fn system_time(unix_ms: u64) -> [u8; 16] {
     let mut bytes = [0; 16];
     if stated_ms(unix_ms) > 0 {
-        let Date { year, month, day, weekday, hour, minute, second, millisecond } = Date::from_unix_ms(unix_ms);
-        let fields = [year, month, weekday, day, hour, minute, second, millisecond];
-        for (field, place) in fields.iter().zip(bytes.chunks_exact_mut(2)) {
-            place.copy_from_slice(&(*field as u16).to_le_bytes());
+        let date = date::utc(unix_ms);
+        let weekday = date.weekday().to_sunday_zero_offset();
+        let (day, hour, minute, second) = (date.day(), date.hour(), date.minute(), date.second());
+        let fields = [date.month(), weekday, day, hour, minute, second].map(i16::from);
+        let fields = [date.year()].into_iter().chain(fields).chain([date.millisecond()]);
+        for (field, place) in fields.zip(bytes.chunks_exact_mut(2)) {
+            place.copy_from_slice(&field.to_le_bytes());
         }
     }
     bytes
