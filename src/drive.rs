@@ -162,6 +162,11 @@ impl Drive {
         let load = |(name, load): (&String, &LoadDocument)| {
             let dof = dof("drive", name, assembly)?;
             match &load.unit {
+                // The other loads are stated by their ratio to the first.
+                _ if load.amplitude == 0.0 || !load.amplitude.is_finite() => Err(Failure::usage(format!(
+                    "the drive at {name} is {}: it must be a finite number other than 0",
+                    load.amplitude
+                ))),
                 Some(unit) if unit != dof.load_unit() => {
                     Err(Failure::usage(format!("the drive at {name} is in {unit}: give it in {}", dof.load_unit())))
                 }

@@ -72,8 +72,12 @@ fn classical(id: Id, text: &str) -> Result<Frame, FrameTextError> {
     let (text, raw_dlc) = text.split_once('_').map_or((text, None), |(text, raw_dlc)| (text, Some(raw_dlc)));
     let frame = if let Some(length) = text.strip_prefix(['R', 'r']) {
         // `#R` alone asks for no data, as in can-utils.
-        let length = if length.is_empty() { Ok(0) } else { length.parse() };
-        let length = length.ok().filter(|length| *length <= 8).ok_or(FrameTextError::RemoteLength)?;
+        let length = match length.as_bytes() {
+            [] => 0,
+            // A number is not parsed, since that would also take a sign.
+            [digit @ b'0'..=b'8'] => usize::from(digit - b'0'),
+            _ => return Err(FrameTextError::RemoteLength),
+        };
         Frame::new(id, FrameFormat::Remote, &[0; 8][..length])
     } else {
         let mut bytes = [0; 64];
@@ -135,6 +139,7 @@ mod tests {
             ("12#00", FrameTextError::Id),
             ("+12#00", FrameTextError::Id),
             ("123#R9", FrameTextError::RemoteLength),
+            ("123#R+3", FrameTextError::RemoteLength),
             ("123##", FrameTextError::Flags),
             ("123#0", FrameTextError::Data),
             ("123#0é", FrameTextError::Data),

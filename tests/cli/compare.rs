@@ -101,6 +101,7 @@ fn points_of_another_program_are_compared() {
         complaint(folder, 2, &["compare", "wrong.json"])
     };
     assert_snapshot!(refused(r#""amplitude": 8"#, r#""amplitude": 8, "unit": "kN""#), @"resonarm: the drive at tip.x is in kN: give it in N");
+    assert_snapshot!(refused(r#""amplitude": 8"#, r#""amplitude": 0"#), @"resonarm: the drive at tip.x is 0: it must be a finite number other than 0");
     assert_snapshot!(refused("6.3e-3", r#"6.3, "unit": "mm""#), @"resonarm: wrong.json: point 0: the reading at tip.x is in mm: give it in m");
 }
 

@@ -194,9 +194,10 @@ impl Answered {
 
     /// The regular distance of the samples without an answer, if there is one: most of the gaps follow each other in it.
     fn distance(&self) -> Option<usize> {
-        let distances: Vec<usize> = self.gaps.windows(2).map(|two| two[1].at - two[0].at).collect();
-        // In a regular series nearly all distances are the same, so that any of them serves as the guess. A quarter
-        // may differ, as hold-ups add gaps of their own.
+        let mut distances: Vec<usize> = self.gaps.windows(2).map(|two| two[1].at - two[0].at).collect();
+        // In a regular series nearly all distances are the same, and so is their median. A quarter may differ, as
+        // hold-ups add gaps of their own.
+        distances.sort_unstable();
         let distance = *distances.get(distances.len() / 2)?;
         let alike = distances.iter().filter(|other| **other == distance).count();
         (distances.len() >= REGULAR && 4 * alike >= 3 * distances.len()).then_some(distance)
@@ -488,5 +489,19 @@ fn ends(t: &mut Tester, from: usize, state: NodeState) -> Result<(), Stop> {
     match commands(t, from + place).first() {
         Some(sample) => failed(format!("it commands for sample {sample} after its heartbeat {state}")),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hold_up_in_the_middle_hides_no_regular_distance() {
+        // Every tenth sample has no answer, and, in the middle of the series, the three after one of them as well.
+        let is_missing = |sample: u16| sample % 10 == 5 || (57..60).contains(&sample);
+        let commands: Vec<u16> = (0..110).filter(|sample| !is_missing(*sample)).collect();
+        let answered = Answered::new(&commands, 0, 110);
+        assert_eq!((answered.missing(), answered.distance()), (14, Some(10)));
     }
 }
