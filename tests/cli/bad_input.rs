@@ -152,8 +152,8 @@ fn seeds_are_exact_up_to_the_largest() {
 #[test]
 fn invalid_buses() {
     assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
-    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: unknown backend "socketcna", perhaps you meant socketcan. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus: plant and exciter run in one loop; take the mode lockstep");
     assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"
     error: invalid value 'free' for '--mode <MODE>'
@@ -169,10 +169,11 @@ fn a_missing_interface_is_reported_with_the_command_that_makes_it() {
     let missing = ["--bus", "vcan999"];
     for command in ["run", "exciter"] {
         let says = complaint(here(), 3, &[&[command], missing.as_slice()].concat());
-        let interface = says.starts_with("resonarm: there is no interface vcan999 (")
-            && says.contains("`sudo ip link add vcan999 type vcan && sudo ip link set vcan999 mtu 72 up` makes it");
-        let kernel =
-            says.starts_with("resonarm: this kernel has no SocketCAN (") && says.contains("`sudo modprobe -a can");
+        let interface = says.starts_with("resonarm: the CAN interface vcan999 does not exist (")
+            && says
+                .contains("Create it with `sudo ip link add vcan999 type vcan && sudo ip link set vcan999 mtu 72 up`");
+        let kernel = says.starts_with("resonarm: this kernel does not provide SocketCAN (")
+            && says.contains("`sudo modprobe -a can");
         assert!(interface || kernel, "{says}");
     }
 }

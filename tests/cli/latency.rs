@@ -135,5 +135,8 @@ fn the_unit_for_systemd_starts_the_program_as_it_is() {
     let command = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/usr/local/bin/resonarm ")).unwrap();
     let command = command.replace("/etc/resonarm/%i.toml", "scenarios/bench.toml").replace("%i", "vcan999");
     let said = complaint(root, 3, &command.split(' ').collect::<Vec<_>>());
-    assert!(said.contains("there is no interface vcan999") || said.contains("no SocketCAN"), "{said}");
+    assert!(
+        said.contains("the CAN interface vcan999 does not exist") || said.contains("does not provide SocketCAN"),
+        "{said}"
+    );
 }

@@ -144,13 +144,15 @@ pub enum FaultError {
         key: &'static str,
     },
     /// Probability and count together.
-    #[error("network.faults, number {number}: `probability` and `count` both say which frames have it: leave one out")]
+    #[error(
+        "network.faults, number {number}: `probability` and `count` are both given, and each selects the frames that have the fault: leave one out"
+    )]
     Both {
         /// Which fault, from 1 on.
         number: usize,
     },
     /// More faults than a network takes.
-    #[error("network.faults are {got}: at most {MOST_FAULTS} are taken")]
+    #[error("network.faults has {got} entries: it must have at most {MOST_FAULTS}")]
     TooMany {
         /// How many there are.
         got: usize,
@@ -196,9 +198,9 @@ impl FaultSpec {
         self.check_keys(number)?;
         let largest = |ids: &[u32]| ids.iter().copied().max().unwrap_or(0);
         let (standard, extended) = (largest(&self.ids), largest(&self.extended_ids));
-        let expected = "of 11 bits, at most 2047; identifiers of 29 bits belong in `extended_ids`";
+        let expected = "an identifier of 11 bits, at most 2047; put identifiers of 29 bits in `extended_ids`";
         value("ids", f64::from(standard), expected, standard <= ID_MAX)?;
-        let expected = "of 29 bits, at most 536870911";
+        let expected = "an identifier of 29 bits, at most 536870911";
         value("extended_ids", f64::from(extended), expected, extended <= EXTENDED_ID_MAX)?;
         let probability = self.probability.unwrap_or(1.0);
         value("probability", probability, "from 0 to 1", (0.0..=1.0).contains(&probability))?;

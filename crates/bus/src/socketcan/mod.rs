@@ -369,7 +369,7 @@ fn grant_buffers(socket: &CanFdSocket, options: Options) -> Result<Options, Errn
 fn warn_if_less(interface: &str, which: &str, limit: &str, asked: usize, granted: usize) {
     if granted < asked {
         tracing::warn!(
-            "{interface}: {which} buffer of {granted} bytes instead of {asked}; `sudo sysctl net.core.{limit}={asked}` allows it"
+            "{interface}: got {which} buffer of {granted} bytes, expected {asked}; raise the limit with `sudo sysctl net.core.{limit}={asked}`"
         );
     }
 }
