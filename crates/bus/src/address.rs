@@ -1,4 +1,4 @@
-//! How a bus is named on the command line.
+//! Bus addresses, as the command line takes them.
 
 use alloc::borrow::ToOwned;
 use alloc::format;
@@ -9,7 +9,7 @@ use core::str::FromStr;
 
 use super::BusError;
 
-/// Which bus to open.
+/// Address of a bus to open.
 ///
 /// | text                                           | bus                                                             |
 /// |------------------------------------------------|-----------------------------------------------------------------|
@@ -76,8 +76,8 @@ fn parse(text: &str) -> Result<BusAddress, String> {
     }
 }
 
-/// What Linux accepts as the name of a network interface: 1 to 15 bytes (`IFNAMSIZ` less the closing zero), no slash,
-/// no colon, no white space, and not a directory.
+/// Parses the name of a network interface as Linux accepts it: 1 to 15 bytes (`IFNAMSIZ` less the closing zero), no
+/// slash, no colon, no white space, and not a directory.
 fn interface(name: &str) -> Result<BusAddress, String> {
     let reason = if name.is_empty() {
         "the interface name is empty".to_owned()
@@ -118,7 +118,7 @@ fn python_can_options(text: &str) -> Result<BusAddress, String> {
     Ok(BusAddress::PythonCan(options))
 }
 
-/// Which backend was probably meant, or the list of them.
+/// Ends the message for an unknown backend: the one that was probably meant, or the list of them.
 fn did_you_mean(backend: &str) -> String {
     let backends = [SOCKETCAN, MEMORY, PYTHON_CAN];
     let near = |name: &&str| strsim::normalized_damerau_levenshtein(&backend.to_ascii_lowercase(), name) > 0.6;

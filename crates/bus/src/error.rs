@@ -1,4 +1,4 @@
-//! What can go wrong with a bus, and how to fix it.
+//! Errors of a bus, each with its fix.
 
 use alloc::format;
 use alloc::string::String;
@@ -7,7 +7,7 @@ use std::io;
 
 use thiserror::Error;
 
-/// Why a bus could not be opened or used.
+/// Errors of opening or using a bus.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum BusError {
@@ -21,7 +21,7 @@ pub enum BusError {
     Address {
         /// Address as the user gave it.
         address: String,
-        /// What is wrong with it.
+        /// Reason why the address is invalid.
         reason: String,
     },
     /// A memory bus was asked for by its address.
@@ -41,13 +41,13 @@ pub enum BusError {
          needs no SocketCAN"
     )]
     NoSocketCan {
-        /// What the kernel answered.
+        /// Error that the kernel returned.
         source: io::Error,
     },
     /// There is no network interface of this name.
     #[error("the CAN interface {interface} does not exist ({}). {}", list(.present), creation(.interface))]
     InterfaceMissing {
-        /// What was asked for.
+        /// Interface that was asked for.
         interface: String,
         /// The CAN interfaces there are.
         present: Vec<String>,
@@ -57,7 +57,7 @@ pub enum BusError {
         "{interface} is a network interface, but not a CAN interface; list those with `ip -brief link show type can` and `ip -brief link show type vcan`"
     )]
     NotCan {
-        /// What was asked for.
+        /// Interface that was asked for.
         interface: String,
     },
     /// The interface is down, or went down.
@@ -96,9 +96,9 @@ pub enum BusError {
     Permission {
         /// Name of the network interface.
         interface: String,
-        /// What was being done.
+        /// Operation that was denied.
         action: &'static str,
-        /// What the kernel answered.
+        /// Error that the kernel returned.
         source: io::Error,
     },
     /// Another answer of the operating system.
@@ -106,9 +106,9 @@ pub enum BusError {
     Os {
         /// Name of the network interface.
         interface: String,
-        /// What was being done.
+        /// Operation that failed.
         action: &'static str,
-        /// What the kernel answered.
+        /// Error that the kernel returned.
         source: io::Error,
     },
     /// python-can, or the Python it needs, failed.

@@ -86,7 +86,7 @@ struct Numbered {
     frame: Frame,
 }
 
-/// What the senders share with one receiver beside the frames.
+/// State that the senders share with one receiver beside the frames.
 #[derive(Default)]
 struct Mailbox {
     /// Frames that found the ring full.

@@ -1,4 +1,4 @@
-//! Which Python, which environment, and python-can in it.
+//! Discovery of Python, of its environment, and of python-can in it.
 //!
 //! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the
 //! environment is looked up here: the one that VIRTUAL_ENV names, otherwise a `.venv` in the working directory or
@@ -53,7 +53,7 @@ impl VirtualEnvironment {
     }
 }
 
-/// What `python-can:` would load, found without running any Python.
+/// Describes what `python-can:` would load, without running any Python.
 ///
 /// # Errors
 /// [`PythonCanError::VirtualEnvironment`], [`PythonCanError::Untrusted`], and [`PythonCanError::Missing`] if an

@@ -1,4 +1,4 @@
-//! What can go wrong between here and an adapter that python-can drives.
+//! Errors between here and an adapter that python-can drives.
 
 use alloc::string::String;
 use core::time::Duration;
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use resonarm_bus::BusError;
 use thiserror::Error;
 
-/// Why a bus could not be opened or used through python-can.
+/// Errors of opening or using a bus through python-can.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PythonCanError {
@@ -17,7 +17,7 @@ pub enum PythonCanError {
     Option {
         /// Name of the option in the address.
         key: String,
-        /// What is wrong with it and how to fix it.
+        /// Reason why the option is invalid, and how to fix it.
         reason: String,
     },
     /// The directory is no virtual environment.
@@ -40,7 +40,7 @@ pub enum PythonCanError {
         path: PathBuf,
         /// The file or directory that is not the user's alone.
         place: PathBuf,
-        /// What is wrong with it.
+        /// Reason why other users could change the place.
         reason: String,
     },
     /// The virtual environment belongs to another version of Python than the one built in.
@@ -69,7 +69,7 @@ pub enum PythonCanError {
     /// python-can has no interface of that name.
     #[error("python-can {version} has no interface `{interface}`; it has: {known}")]
     UnknownInterface {
-        /// What was asked for.
+        /// Interface that was asked for.
         interface: String,
         /// The version of python-can.
         version: String,
@@ -88,7 +88,7 @@ pub enum PythonCanError {
     /// python-can or the driver beneath raised an exception.
     #[error("python-can could not {operation}: {kind}: {message}")]
     Exception {
-        /// What was being done.
+        /// Operation that failed.
         operation: Operation,
         /// The class of the exception.
         kind: String,
@@ -101,14 +101,14 @@ pub enum PythonCanError {
     /// The driver holds a bridge thread inside a call.
     #[error("python-can did not {operation} within {} s: the driver does not return; unplug the adapter or end this program", .waited.as_secs_f64())]
     Stuck {
-        /// What was being done.
+        /// Operation that does not end.
         operation: Operation,
-        /// How long this end waited.
+        /// Time that this end waited.
         waited: Duration,
     },
 }
 
-/// What was asked of python-can.
+/// Operation that was asked of python-can.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Finding and importing the package.
