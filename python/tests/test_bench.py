@@ -439,7 +439,7 @@ def test_a_frame_encoded_is_decoded(profile):
     broken = frame._replace(data=bytes([frame.data[0] ^ 1]) + frame.data[1:])
     assert "CRC" in decoder.decode(broken).reason
     assert decoder.decode(frame._replace(identifier=5)) == resonarm.Decoded("foreign")
-    with pytest.raises(ValueError, match="ForceCommand needs force_y_n"):
+    with pytest.raises(ValueError, match="ForceCommand has no value for force_y_n: give one"):
         encoder.encode("ForceCommand", force_x_n=1)
     with pytest.raises(ValueError, match="has no signal foo"):
         encoder.encode("ForceCommand", force_x_n=1, force_y_n=1, sample=1, foo=1)

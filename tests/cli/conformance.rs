@@ -91,7 +91,7 @@ fn flags_that_cannot_be() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter both have the node id 1: give them different ones");
     assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-counters, plant-remote-frames, plant-arms-for-a-hello, plant-states, plant-reset, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-foreign-base, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-older-command, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-stopped, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"

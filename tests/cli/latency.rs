@@ -122,7 +122,7 @@ fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
     // It depends on the machine: at most a quarter of the period, or no spinning.
     assert!(p99_us > 0.0 && if p99_us > 250.0 { spin_us == 0.0 } else { spin_us <= p99_us }, "{found}");
     let said = complaint(folder.path(), 2, &["latency", "--rate-hz", "4000", "--turn-s", "0.05", "--spin", "63"]);
-    assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
+    assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that other threads get the core; give a shorter time, or auto");
     let said = complaint(folder.path(), 2, &["run", "--mode", "free", "--plot", "run"]);
     assert_snapshot!(said, @"resonarm: --plot run draws how late samples were, but a run in the mode free has no schedule: use --mode real-time or lockstep");
 }

@@ -100,10 +100,10 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     assert_snapshot!(said.stdout, @r#"
     100#00000000000000CC  Drive ForceY=0 N (load force_y_n=0) Enable=0 (disarm) Alive=0 (counter) Crc=204 (checksum)
     100#F40101000000013D  Drive ForceY=10 N (load force_y_n=10) Enable=1 (arm) Alive=1 (counter) Crc=61 (checksum)
-    100#F40101000000013D  Drive refused: counter 1 was repeated; ForceY=10 N (load force_y_n=10) Enable=1 (arm, unchanged) Alive=1 (counter) Crc=61 (checksum)
+    100#F40101000000013D  Drive rejected: counter 1 was repeated; ForceY=10 N (load force_y_n=10) Enable=1 (arm, unchanged) Alive=1 (counter) Crc=61 (checksum)
     100#E7FF010000000445  Drive ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=4 (counter) Crc=69 (checksum); 2 lost before it
-    100#E7FF010000000AE3  Drive refused: 5 frames were lost before it, and 3 may be; ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=10 (counter) Crc=227 (checksum)
-    100#3300010000000799  Drive refused: the checksum is 0x99, expected 0xc4; ForceY=1.02 N (load force_y_n=1.02) Enable=1 (arm, unchanged) Alive=7 (counter) Crc=153 (checksum)
+    100#E7FF010000000AE3  Drive rejected: 5 frames were lost before it, and 3 may be; ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=10 (counter) Crc=227 (checksum)
+    100#3300010000000799  Drive rejected: the checksum is 0x99, expected 0xc4; ForceY=1.02 N (load force_y_n=1.02) Enable=1 (arm, unchanged) Alive=7 (counter) Crc=153 (checksum)
     201#83FF320002110382  Head HeadX=-1.25 N (head_force_x_n=-1.25) HeadY=0.5 N (head_force_y_n=0.5) State=2 "running" (operational) Sample=17 (sample) Alive=3 (counter) Crc=130 (checksum)
     200#03E80000F8300FA0  Accelerations BX=0.5 g (acceleration_b_x_m_s2=4.903325) BY=0 g (acceleration_b_y_m_s2=0) CX=-1 g (acceleration_c_x_m_s2=-9.80665) CY=2 g (acceleration_c_y_m_s2=19.6133)
     300#0A19  Cooling Speed=1000 1/min Temperature=25 °C
@@ -220,7 +220,7 @@ fn frames_are_explained_by_a_dbc_alone() {
     assert_eq!(odd.code, 0);
     assert!(
         odd.stderr.trim().ends_with(
-            "odd.dbc, line 2: message Odd, signal Far: from start bit 60 its 8 bits take 9 bytes, and the payload has 8"
+            "odd.dbc, line 2: message Odd, signal Far: from start bit 60 its 8 bits take 9 bytes, but the payload has only 8"
         ),
         "{}",
         odd.stderr
@@ -246,7 +246,7 @@ fn what_a_dbc_breaks_is_decoded_with_warnings() {
     assert_eq!((&warnings[0]["line"], &warnings[0]["signal"]), (&2.into(), &"t".into()));
     assert_eq!(
         warnings[0]["problem"],
-        "it is an integer of 64 bits: up to 53 keep every bit in a floating-point number"
+        "it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly"
     );
 }
 

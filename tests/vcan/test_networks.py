@@ -116,7 +116,7 @@ def test_a_second_exciter_and_the_first_both_stop(tmp_path, programs):
     found = [exciter.result(code=1) for exciter in (first, second)]
     plant.stop()
     assert [(end["outcome"], end["fault"]["code"]) for end in found] == [("faulted", 13)] * 2
-    assert "another node sends this one's messages (identifier 0x" in found[0]["reason"]
+    assert "another node sends this node's messages (identifier 0x" in found[0]["reason"]
     states = Recording.whole(tmp_path / "twice.mcap").states
     assert np.abs(states[:, 4:]).max() > 190 and not states[-1, 4:].any()
 

@@ -153,7 +153,7 @@ pub enum Fault {
     },
     /// A load beyond the exciter's limits or direction.
     #[error(
-        "the load is {:?} N, {:?} N·m: the exciter can't produce it (rig.exciter of the scenario: {limit_n} N, \
+        "the load is {:?} N, {:?} N·m: the load is beyond the exciter's limits (rig.exciter of the scenario: {limit_n} N, \
          {limit_nm} N·m)", .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {

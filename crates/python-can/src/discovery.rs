@@ -189,7 +189,7 @@ fn read(path: PathBuf) -> Result<VirtualEnvironment, PythonCanError> {
         pairs.map(|(key, value)| (key.trim(), value.trim())).find(|(key, _)| *key == wanted).map(|(_, value)| value)
     };
     let version = value("version").or_else(|| value("version_info")).and_then(parse_version);
-    let version = version.ok_or_else(|| refuse(format!("`{}` states no version", file.display())))?;
+    let version = version.ok_or_else(|| refuse(format!("`{}` contains no version", file.display())))?;
     let isolated = !value("include-system-site-packages").is_some_and(|shared| shared.eq_ignore_ascii_case("true"));
     Ok(VirtualEnvironment { path, version, isolated })
 }
@@ -284,6 +284,6 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let broken = environment(directory.path(), "broken", "home = /usr/bin");
         let text = message(read(broken).unwrap_err()).replace(&directory.path().display().to_string(), "DIR");
-        insta::assert_snapshot!(text, @"`DIR/broken` is not a Python virtual environment: `DIR/broken/pyvenv.cfg` states no version; make one with `python3 -m venv DIR/broken`, or unset VIRTUAL_ENV");
+        insta::assert_snapshot!(text, @"`DIR/broken` is not a Python virtual environment: `DIR/broken/pyvenv.cfg` contains no version; make one with `python3 -m venv DIR/broken`, or unset VIRTUAL_ENV");
     }
 }

@@ -45,7 +45,7 @@ pub enum PythonCanError {
     },
     /// The virtual environment belongs to another version of Python than the one built in.
     #[error(
-        "the virtual environment `{path}` is for Python {environment}, and this program embeds Python {embedded}; \
+        "the virtual environment `{path}` is for Python {environment}, but this program embeds Python {embedded}; \
          make one with `{python} -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON={path}/bin/python3"
     )]
     Version {
@@ -67,7 +67,7 @@ pub enum PythonCanError {
         command: String,
     },
     /// python-can has no interface of that name.
-    #[error("python-can {version} has no interface `{interface}`; it has: {known}")]
+    #[error("python-can {version} has no interface `{interface}`; expected one of {known}")]
     UnknownInterface {
         /// Interface that was asked for.
         interface: String,
@@ -79,7 +79,7 @@ pub enum PythonCanError {
     /// The run has CAN FD frames, and the adapter was opened for classical ones.
     #[error(
         "the run has CAN FD frames, and python-can has opened the interface `{interface}` for classical frames only: add \
-         fd=true to the address, with the bit rates that the interface asks for, or take an adapter for CAN FD"
+         fd=true to the address, with the bit rates that the interface asks for, or use an adapter for CAN FD"
     )]
     Classic {
         /// The interface of python-can.
@@ -156,7 +156,7 @@ mod tests {
             embedded: "3.11".into(),
             python: "/usr/bin/python3.11".into(),
         };
-        insta::assert_snapshot!(version, @"the virtual environment `/home/a/.venv` is for Python 3.12, and this program embeds Python 3.11; make one with `/usr/bin/python3.11 -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=/home/a/.venv/bin/python3");
+        insta::assert_snapshot!(version, @"the virtual environment `/home/a/.venv` is for Python 3.12, but this program embeds Python 3.11; make one with `/usr/bin/python3.11 -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=/home/a/.venv/bin/python3");
         let missing = PythonCanError::Missing {
             environment: "the virtual environment `/home/a/.venv` (Python 3.11.2)".into(),
             command: "/home/a/.venv/bin/python3 -m pip install python-can".into(),

@@ -165,8 +165,8 @@ pub enum SpinError {
     },
     /// The spin time would take too much of the core.
     #[error(
-        "spinning for {} µs before each deadline: at {} Hz at most {} µs are possible, a quarter of the period, so that \
-         others get the core; take less, or auto",
+        "spinning for {} µs before each deadline: at {} Hz at most {} µs are possible, a quarter of the period, so \
+         that other threads get the core; give a shorter time, or auto",
         short(.got_us), short(.rate_hz), short(.most_us)
     )]
     TooLong {
@@ -229,7 +229,7 @@ mod tests {
         // Nanoseconds are thousandths, the last digits of a time in microseconds.
         assert_eq!(choose(Spin::For(232_063), 1000.0, 0).unwrap().unwrap().spin_us, 232.063);
         insta::assert_snapshot!(choice, @"for 250.0 µs before each deadline, as asked for");
-        insta::assert_snapshot!(choose(Spin::For(251_000), 1000.0, 0).unwrap_err(), @"spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
+        insta::assert_snapshot!(choose(Spin::For(251_000), 1000.0, 0).unwrap_err(), @"spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs are possible, a quarter of the period, so that other threads get the core; give a shorter time, or auto");
     }
 
     #[test]

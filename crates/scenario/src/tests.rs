@@ -63,7 +63,7 @@ fn says_what_is_wrong_with_the_numbers() {
     insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: it must be an integer from 1 to 65535 Hz");
     insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
     insta::assert_snapshot!(says("network.base_id = 0x205"), @"network: base identifier 0x205 is not a multiple of 0x10: take 0x200");
-    insta::assert_snapshot!(says("network.exciter_id = 1"), @"network: plant and exciter can't both have the node id 1");
+    insta::assert_snapshot!(says("network.exciter_id = 1"), @"network: plant and exciter both have the node id 1: give them different ones");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz), or four with two samples a frame");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.019\nsimulation.rate_hz = 100"), @"network.command_timeout_s is 0.019: it must be at least two samples long (2 / simulation.rate_hz), or four with two samples a frame");
     insta::assert_snapshot!(says("simulation.rate_hz = 99\nnetwork.command_timeout_s = 0.1"), @"simulation.rate_hz is 99: a run in real time needs at least 100 Hz; lockstep and free runs take any rate");

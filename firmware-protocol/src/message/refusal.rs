@@ -58,8 +58,8 @@ impl fmt::Display for Refusal {
             Refusal::NotArmed => "the plant is not armed",
             Refusal::Late => "the sample it answers is too old or still to come",
             Refusal::OutOfOrder => "an older sample is answered after a newer one",
-            Refusal::Repeated => "the sample is answered already",
-            Refusal::OutOfRange => "the exciter can't produce it",
+            Refusal::Repeated => "the sample has already been answered",
+            Refusal::OutOfRange => "the load is beyond the exciter's limits",
             Refusal::RateOfChange => "it changes the load too fast",
             Refusal::Travel => "the plant is beyond its travel",
         })

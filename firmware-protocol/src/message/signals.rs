@@ -67,8 +67,8 @@ pub enum SignalError {
 impl fmt::Display for SignalError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            SignalError::Missing { kind, signal } => write!(f, "{kind} needs {signal}"),
-            SignalError::NoSuchValue { kind, signal, got } => write!(f, "{kind}: {signal} has no value {got}"),
+            SignalError::Missing { kind, signal } => write!(f, "{kind} has no value for {signal}: give one"),
+            SignalError::NoSuchValue { kind, signal, got } => write!(f, "{kind}: {got} is not a value of {signal}"),
         }
     }
 }

@@ -51,11 +51,11 @@ pub enum FrameCheck {
 impl fmt::Display for FrameCheck {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            FrameCheck::Format => "one of CAN FD and classic CAN was expected, and the other came",
-            FrameCheck::Length => "its length does not fit the message",
+            FrameCheck::Format => "its frame format is wrong: classic CAN in place of CAN FD, or the reverse",
+            FrameCheck::Length => "its length is not that of the message",
             FrameCheck::Checksum => "its checksum is wrong",
             FrameCheck::Counter => "its counter is repeated, or too many frames were lost before it",
-            FrameCheck::Value => "a signal in it is no finite number",
+            FrameCheck::Value => "one of its signals is not a finite number",
         })
     }
 }

@@ -221,7 +221,7 @@ impl ExciterReport {
         let mut causes: Vec<String> = self.cause.iter().cloned().collect();
         let is_of_partner = matches!(fault.code, EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout);
         if let Some(first) = self.first_refused_frame.as_ref().filter(|_| is_of_partner) {
-            causes.push(format!("{} frames were refused, the first of them {first}", self.bus.refused));
+            causes.push(format!("{} frames were rejected, the first of them {first}", self.bus.refused));
         }
         if !causes.is_empty() {
             // Causes stand before the remedy, which ends the sentence.
