@@ -1,4 +1,4 @@
-//! Why a message can't be sent, and why a frame is refused.
+//! Why a message can't be sent, and why a frame is rejected.
 
 use core::fmt;
 
@@ -82,7 +82,7 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Why a frame on one of the protocol's identifiers is refused. Its content must not be used.
+/// Why a frame on one of the protocol's identifiers is rejected. Its content must not be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// The frame is not of the format that the message has in the network's profile.

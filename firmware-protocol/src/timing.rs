@@ -15,7 +15,7 @@ pub const HELLO_PERIOD_NS: u64 = 1_000_000_000;
 /// controller, and an operational node that could not send any of its frames for this long has lost the bus.
 pub const COMMAND_TIMEOUT_NS: u64 = 20_000_000;
 
-/// In real time: a command that answers a sample older than this is refused as late.
+/// In real time: a command that answers a sample older than this is rejected as late.
 pub const COMMAND_AGE_NS: u64 = COMMAND_TIMEOUT_NS;
 
 /// When the plant leaves the state operational, by a fault or disarmed, the load held goes linearly to zero in this

@@ -59,7 +59,7 @@ class Stepped:
     """What it is called in recordings."""
     loads: Sequence[str] = ("joint1", "joint2", "exciter_x", "exciter_y")
     """What can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
-    `exciter_y`, `exciter_z`. A command of another load is refused."""
+    `exciter_y`, `exciter_z`. A command of another load is rejected."""
 
     sensed: Sequence[str] = ()
     """What the sensors of `[rig.sensors]` beside B and C may read: points along an axis (`mid.z`) and joints (`joint1`,

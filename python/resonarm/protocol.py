@@ -64,7 +64,7 @@ class Decoded:
     signals: dict[str, float] = field(default_factory=dict)
     """Values by the signals' names in the DBC, in their units; only of a frame that is taken."""
     reason: str = ""
-    """Why it is refused, or why it is foreign if it is an error frame."""
+    """Why it is rejected, or why it is foreign if it is an error frame."""
 
 
 class Network(_resonarm.Network):

@@ -195,7 +195,7 @@ struct ExciterDocument {
     slipped_periods: u64,
     rearmed: u32,
     bus: resonarm::run::BusCounts,
-    /// The first frame that was refused for its checks, with the reason.
+    /// The first frame that was rejected for its checks, with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     first_refused_frame: Option<String>,
 }

@@ -313,7 +313,7 @@ const LOCKSTEP_PLANT: [Row; 5] = [
     ("lockstep-plant-timeout", "silence of the exciter", &["R-8.21"], Run(lockstep_cases::plant_timeout)),
     (
         "lockstep-plant-refused",
-        "an exciter that gives up after its command was refused",
+        "an exciter that gives up after its command was rejected",
         &["R-8.25"],
         Run(lockstep_cases::plant_reports_refusal),
     ),

@@ -147,7 +147,7 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Fails for a hello that was refused; otherwise there was none.
+/// Fails for a hello that was rejected; otherwise there was none.
 fn no_hello(t: &Tester, text: String) -> Result<(), Stop> {
     let kind = match t.tested {
         Node::Plant => MessageKind::PlantHello,

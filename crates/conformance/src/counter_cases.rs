@@ -16,7 +16,7 @@ const ROUNDS: u32 = 4;
 pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     for _ in 0..ROUNDS {
-        // After a boot the plant knows no hello, so that it refuses the request by an emergency.
+        // After a boot the plant knows no hello, so that it rejects the request by an emergency.
         t.boot()?;
         t.request(OperatorRequest::Arm)?;
         t.wait_for(MARGIN_NS, |message| emergency(message).is_some())?;

@@ -1,4 +1,4 @@
-//! Commands that a plant must refuse, and samples that an exciter must.
+//! Commands that a plant must reject, and samples that an exciter must.
 
 use resonarm_protocol::e2e::{profile5, profile11};
 use resonarm_protocol::{
@@ -93,7 +93,7 @@ impl Damage {
             Damage::Format => return Frame::classic(frame.id(), &data[..8]),
             Damage::Repeated | Damage::Jump | Damage::DataId => {}
         }
-        // These have to be refused for their content, so their CRC must be right.
+        // These have to be rejected for their content, so their CRC must be right.
         if let (Damage::ReservedBit | Damage::NotAvailable, Some(data_id)) = (self, data_id(network, frame)) {
             protect(&mut data, data_id);
         }

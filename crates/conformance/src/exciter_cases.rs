@@ -42,7 +42,7 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     t.run_ns(2 * MARGIN_NS)?;
     refuse_begin(t, from, "without a hello of the plant")?;
-    // One bit of the hash is the smallest difference that must be refused.
+    // One bit of the hash is the smallest difference that must be rejected.
     t.hello = Hello { dbc_hash: t.hello.dbc_hash ^ 1, ..t.hello };
     t.send_hello()?;
     match t.wait_for_emergency(MARGIN_NS)? {

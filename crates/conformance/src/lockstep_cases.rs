@@ -84,7 +84,7 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     ramps(t, from, e.sample)
 }
 
-/// An exciter whose command was refused gives up for lack of samples: the plant reports the refusal.
+/// An exciter whose command was rejected gives up for lack of samples: the plant reports the refusal.
 pub(super) fn plant_reports_refusal(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     t.answer_with(Answers::Shifted(t.settings.force_n, -1), sample)?;
@@ -94,7 +94,7 @@ pub(super) fn plant_reports_refusal(t: &mut Tester) -> Result<(), Stop> {
     let text = "no emergency after its exciter has faulted";
     match t.expect_emergency(MARGIN_NS, EmergencyCode::CommandTimeout, text)? {
         (_, e) if e.code == EmergencyCode::CommandTimeout && Refusal::from_detail(e.detail).1.is_some() => Ok(()),
-        (_, e) => failed(format!("after a refused command and its exciter's fault it says: {e}")),
+        (_, e) => failed(format!("after a rejected command and its exciter's fault it says: {e}")),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Commands that a plant must refuse: they neither act nor keep it operational.
+//! Commands that a plant must reject: they neither act nor keep it operational.
 
 use alloc::format;
 use alloc::string::String;
@@ -79,7 +79,7 @@ pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
 /// Commands larger than the plant's exciter can produce. If no force is given, slightly more than the limit that the
 /// plant states in the FD profile.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
-    let none = "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it";
+    let none = "no force is given that the plant must reject (--beyond-n); a plant that takes it would apply it";
     if t.settings.beyond_n.is_none() && t.network.profile() == Profile::Classic {
         return skipped(none);
     }
@@ -101,7 +101,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
 /// Commands that change the load in a sample period by more than the plant accepts.
 pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n_per_s) = t.settings.beyond_n_per_s else {
-        return skipped("no rate of change is given that the plant must refuse (--beyond-n-per-s)");
+        return skipped("no rate of change is given that the plant must reject (--beyond-n-per-s)");
     };
     drive(t)?;
     let (force_n, jump_n) = (t.settings.force_n, beyond_n_per_s / f64::from(t.hello.rate_hz));

@@ -9,9 +9,9 @@ pub struct Settings {
     pub force_n: f64,
     /// The torque commanded at a joint of a plant whose own protocol has no forces, N·m, and its opposite.
     pub torque_nm: f64,
-    /// A force that the plant must refuse as too large, N, if this is to be tried.
+    /// A force that the plant must reject as too large, N, if this is to be tried.
     pub beyond_n: Option<f64>,
-    /// A rate of change of the force that the plant must refuse, N/s, if this is to be tried.
+    /// A rate of change of the force that the plant must reject, N/s, if this is to be tried.
     pub beyond_n_per_s: Option<f64>,
     /// A force along x that drives the plant beyond its largest travel, N, if this is to be tried.
     pub beyond_travel_n: Option<f64>,

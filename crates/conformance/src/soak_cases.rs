@@ -1,4 +1,4 @@
-//! Good and bad frames at random, for a time set: nothing bad acts, and nothing good is refused.
+//! Good and bad frames at random, for a time set: nothing bad acts, and nothing good is rejected.
 
 use alloc::format;
 use alloc::string::String;

@@ -72,7 +72,7 @@ impl Supervision {
             self.last = Some(counter);
             return Ok(0);
         };
-        // Stored even if the message is refused below: the next one is compared with what the sender really sent
+        // Stored even if the message is rejected below: the next one is compared with what the sender really sent
         // before it.
         self.last = Some(counter);
         let counters = protection.counter_max() as u16 + 1;

@@ -146,7 +146,7 @@ impl fmt::Display for Emergency {
         write!(f, "{node}, code {}: {code}", code as u16)?;
         match code {
             EmergencyCode::CommandTimeout => match Refusal::from_detail(detail) {
-                // Nothing was refused, or for a reason that this version does not know.
+                // Nothing was rejected, or for a reason that this version does not know.
                 (0, _) | (_, None) => {}
                 (255, Some(refusal)) => write!(f, " (255 or more were rejected, the last because {refusal})")?,
                 (count, Some(refusal)) => write!(f, " ({count} rejected, the last because {refusal})")?,

@@ -1,8 +1,8 @@
-//! The reasons for which a plant refuses a valid command, and their numbers in an emergency.
+//! The reasons for which a plant rejects a valid command, and their numbers in an emergency.
 
 use core::fmt;
 
-/// Why a plant refused a valid command.
+/// Why a plant rejected a valid command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Refusal {
@@ -35,7 +35,7 @@ impl Refusal {
     ];
 
     /// The detail of [`EmergencyCode::CommandTimeout`](super::EmergencyCode::CommandTimeout): the low byte is how many
-    /// commands were refused since the last accepted one, at most 255; the high byte is the reason of the last refusal,
+    /// commands were rejected since the last accepted one, at most 255; the high byte is the reason of the last refusal,
     /// 0 if there was none.
     pub const fn detail(count: u64, last: Option<Refusal>) -> u16 {
         let count = if count > 255 { 255 } else { count as u16 };

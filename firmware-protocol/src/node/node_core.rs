@@ -139,7 +139,7 @@ impl NodeCore {
         self.note(NodeEvent::Frame(fault));
     }
 
-    /// Counts and notes a frame from another node with an identifier that only this node sends. It counts as refused
+    /// Counts and notes a frame from another node with an identifier that only this node sends. It counts as rejected
     /// only if the caller adds it there: a plant of a user's protocol has no check that such a frame fails.
     pub fn reject_sender(&mut self, id: Id) {
         self.counts.other_sender += 1;

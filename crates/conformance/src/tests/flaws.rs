@@ -57,7 +57,7 @@ pub enum Flaw {
     Dies,
     /// Ignores everything from a frame of another network until its second tick after it.
     Distracted,
-    /// Ignores commands and samples after it has refused 200.
+    /// Ignores commands and samples after it has rejected 200.
     Clogs,
     /// Swaps the indices of every two successive pairs of samples.
     SwapsPairs,

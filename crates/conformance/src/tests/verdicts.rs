@@ -85,7 +85,7 @@ fn a_node_that_forgets_the_limits_it_states_fails_the_case_for_it() {
     let network = Network::default().with_profile(Profile::Fd);
     let exciter = || Box::new(ExciterDevice::with(network, Some(Flaw::BeyondLimits))) as Box<dyn Device>;
     assert_eq!(failed(&findings(Node::Exciter, network, exciter)), ["exciter-own-limits"]);
-    // No force is given that it must refuse.
+    // No force is given that it must reject.
     let case = cases(Node::Plant, Mode::RealTime).find(|case| case.id == "plant-too-large").unwrap();
     let verdict = |flaw| {
         let mut wire = Virtual::new(Box::new(PlantDevice::with(network, flaw)));
@@ -117,7 +117,7 @@ fn no_case_passes_beside_a_frame_that_the_tester_rejected() {
     }
     // Its emergency and its last requests have other counters: they are lost to a plant.
     insta::assert_snapshot!(report(Flaw::JumpsInFault, "exciter-bus-off"), @r"
-    failed: 1 of its frames is refused (R-2.1): ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    failed: 1 of its frames is rejected (R-2.1): ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
     ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
     ");
 }

@@ -153,7 +153,7 @@ pub(super) fn why(emergency: &Emergency) -> String {
     let refused = Refusal::ALL.into_iter().find(|refusal| *refusal as u16 == emergency.detail >> 8);
     match (emergency.code, refused) {
         (EmergencyCode::CommandTimeout, Some(refusal)) => {
-            format!("no command was taken in time, {} were refused, the last one as {refusal}", emergency.detail & 0xFF)
+            format!("no command was taken in time, {} were rejected, the last one as {refusal}", emergency.detail & 0xFF)
         }
         (EmergencyCode::CommandTimeout, None) => String::from("no command came in time"),
         _ => emergency.to_string(),
@@ -221,7 +221,7 @@ pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     let refused =
         refusals.iter().filter(|(_, count)| *count > 0).map(|(refusal, count)| format!("{count} as {refusal}"));
     let refused = refused.collect::<Vec<_>>().join(", ");
-    let refused = if refused.is_empty() { String::from("none was refused") } else { format!("refused: {refused}") };
+    let refused = if refused.is_empty() { String::from("none was rejected") } else { format!("rejected: {refused}") };
     let hint = match t.on.kind {
         Kind::Dbc => "are the values that `require` names sent?",
         Kind::Odrive => "is the controller mode that of torques, passed through?",
@@ -250,7 +250,7 @@ pub(super) fn limits(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The loads that the tester's plant refused because they are beyond its limits, in words; `None` if it refused none.
+/// The loads that the tester's plant rejected because they are beyond its limits, in words; `None` if it rejected none.
 pub(super) fn beyond_limits(plant: &PlantEnd, heard: &[Heard]) -> Option<String> {
     let (force_n, torque_nm) = plant.limits();
     let refused = match plant.node.refusals().count(Refusal::OutOfRange) {

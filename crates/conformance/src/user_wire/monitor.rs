@@ -34,7 +34,7 @@ impl Heard {
     }
 
     fn meanings(&self) -> impl Iterator<Item = &Meaning> {
-        // A frame that its receiver refuses means nothing, whatever its bits would say.
+        // A frame that its receiver rejects means nothing, whatever its bits would say.
         let of_signals = self.message.signals.iter().flat_map(|signal| &signal.means);
         of_signals.chain(&self.message.means).filter(|_| self.is_taken())
     }
@@ -116,7 +116,7 @@ struct Steps {
     text: String,
     /// What neither lost frames nor a restart of the node explain.
     proof: Option<String>,
-    /// Frames that were refused for a counter after so many lost ones, without a restart of the node.
+    /// Frames that were rejected for a counter after so many lost ones, without a restart of the node.
     after_losses: Option<String>,
     /// The run to which the frame before belongs.
     run: Option<u64>,
@@ -277,15 +277,15 @@ impl Monitor {
         })
     }
 
-    /// What was refused of the node's frames for another reason than the counter.
+    /// What was rejected of the node's frames for another reason than the counter.
     pub fn refused(&self) -> Option<String> {
         let of_form = || self.traffic.user_refused.iter().filter(|refused| breaks_rules(&refused.fault));
         let first = of_form().next()?;
         let count: u64 = of_form().map(|refused| refused.count).sum();
-        Some(format!("{count} of its frames are refused: {first}"))
+        Some(format!("{count} of its frames are rejected: {first}"))
     }
 
-    /// The frames of the node that were refused, if there are any. Not counted are refused counters of a controller
+    /// The frames of the node that were rejected, if there are any. Not counted are rejected counters of a controller
     /// that has just been started: it begins with any.
     pub fn rejected(&self) -> Option<Rejected> {
         let is_refused = |steps: &Steps| steps.proof.is_some() || steps.repeated >= REPEATED;
@@ -293,7 +293,7 @@ impl Monitor {
             let (message, _) = self.steps.iter().find(|(_, steps)| is_refused(steps))?;
             let refused = self.traffic.user_refused.iter();
             let first = refused.into_iter().find(|r| r.message == *message && r.fault.kind() == "counter")?;
-            Some(format!("frames of it are refused: {first}"))
+            Some(format!("frames of it are rejected: {first}"))
         };
         if let Some(text) = self.refused().or_else(by_counter) {
             return Some(Rejected { text, may_be_lost: false });
@@ -302,7 +302,7 @@ impl Monitor {
         Some(Rejected { text, may_be_lost: true })
     }
 
-    /// The frame that was refused last since a time, and why.
+    /// The frame that was rejected last since a time, and why.
     pub fn refused_since(&self, since_ns: u64) -> Option<String> {
         // The list is in the order of time, so that the search from its end stops at the first older frame.
         let since = self.heard.iter().rev().take_while(|heard| heard.at_ns >= since_ns);

@@ -1,4 +1,4 @@
-//! Frames that a plant must refuse: what is wrong with them neither acts nor feeds the timeout.
+//! Frames that a plant must reject: what is wrong with them neither acts nor feeds the timeout.
 
 use alloc::format;
 
@@ -13,7 +13,7 @@ use resonarm_bench::node::mapped::mapping::LoadInput;
 /// A load that acts has at least this share of what was commanded.
 const ACTS: f64 = 0.5;
 
-/// Commands that are damaged in this way are refused.
+/// Commands that are damaged in this way are rejected.
 pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     if !damage.is_possible(t.on) {
         return skipped(match damage {
@@ -49,10 +49,10 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     }
 }
 
-/// A load beyond the exciter's limits is refused: what was held stays, or the plant faults.
+/// A load beyond the exciter's limits is rejected: what was held stays, or the plant faults.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n) = t.settings.beyond_n else {
-        return skipped("no load that it must refuse is given (--beyond-n)");
+        return skipped("no load that it must reject is given (--beyond-n)");
     };
     if matches!(t.on.input(), LoadInput::Torque(_)) {
         return skipped("the protocol commands torques, and --beyond-n is a force");

@@ -253,7 +253,7 @@ impl<'w> Tester<'w> {
         self.run_ns(RELEASE_NS)
     }
 
-    /// The frames of the node under test that were refused: by their form, or by the tester's plant for a load beyond
+    /// The frames of the node under test that were rejected: by their form, or by the tester's plant for a load beyond
     /// its limits.
     pub fn rejected(&self) -> Option<Rejected> {
         self.monitor.rejected().or_else(|| {

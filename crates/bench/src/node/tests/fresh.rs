@@ -652,7 +652,7 @@ fn of_hostile_frames_none_acts_that_is_not_fresh() {
     }
 }
 
-/// Three hundred refused frames before and behind an arm hide neither it nor its end.
+/// Three hundred rejected frames before and behind an arm hide neither it nor its end.
 #[test]
 fn rejected_frames_hide_no_transition() {
     for protocol in ALL {

@@ -119,7 +119,7 @@ impl Bench {
         self.frames().iter().map(alloc::string::ToString::to_string).collect()
     }
 
-    /// Writes expedited; the abort code if it is refused.
+    /// Writes expedited; the abort code if it is rejected.
     fn write(&mut self, node: u8, index: u16, bytes: &[u8]) -> Result<(), u32> {
         let [low, high] = index.to_le_bytes();
         let mut request = [0x23 | ((4 - bytes.len()) as u8) << 2, low, high, 0, 0, 0, 0, 0];
