@@ -189,7 +189,9 @@ impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} rejected: ", self.kind())?;
         match *self {
-            DecodeError::Format { got: FrameFormat::Remote, .. } => f.write_str("expected a data frame, got a remote frame"),
+            DecodeError::Format { got: FrameFormat::Remote, .. } => {
+                f.write_str("expected a data frame, got a remote frame")
+            }
             DecodeError::Format { got: FrameFormat::Fd { .. }, .. } => {
                 f.write_str("expected a classical frame, got a CAN FD frame")
             }

@@ -118,7 +118,9 @@ impl fmt::Display for NetworkError {
             NetworkError::NodeId { node, got } => {
                 write!(f, "node id {got} of the {node} is outside 1 to {NODE_ID_MAX}")
             }
-            NetworkError::SameNodeId { got } => write!(f, "plant and exciter both have the node id {got}: give them different ones"),
+            NetworkError::SameNodeId { got } => {
+                write!(f, "plant and exciter both have the node id {got}: give them different ones")
+            }
         }
     }
 }

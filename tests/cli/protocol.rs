@@ -44,7 +44,7 @@ fn a_log_is_decoded_with_a_receiver_s_verdicts() {
     (1.300000) vcan0 123#00  not of this network
     (1.400000) vcan0 081#2100010003054812  PlantEmergency code=1 detail=1283 sample=4680 (plant, code 1: no valid command in time (3 rejected, the last because the load is beyond the exciter's limits), at sample 4680)
     203#R8  ImpedanceHead rejected: expected a data frame, got a remote frame
-    6 frames: 3 taken, 2 refused, 1 of other protocols; 0 lost before them
+    6 frames: 3 taken, 2 rejected, 1 of other protocols; 0 lost before them
     ");
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], LOG);
     let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
@@ -121,7 +121,7 @@ fn a_line_without_a_frame_is_reported_counted_and_left_out() {
     line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump` or `candump -L`
     line 3: "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx"…: there is no `#` between identifier and data, as in 123#1122
     (2.000000) vcan0 702#05  ExciterHeartbeat state=5
-    2 frames: 2 taken, 0 refused, 0 of other protocols; 0 lost before them; 2 lines without a frame
+    2 frames: 2 taken, 0 rejected, 0 of other protocols; 0 lost before them; 2 lines without a frame
     "#);
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], &log);
     let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
@@ -137,7 +137,7 @@ fn the_view_of_candump_and_error_frames_are_decoded() {
     assert_snapshot!(stdout, @"
     vcan0 201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
     (2.500000) can0 error frame (controller problem)
-    1 frames: 1 taken, 0 refused, 0 of other protocols; 0 lost before them; 1 error frames
+    1 frames: 1 taken, 0 rejected, 0 of other protocols; 0 lost before them; 1 error frames
     ");
     assert_eq!(code, 0);
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], log);

@@ -108,10 +108,10 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     200#03E80000F8300FA0  Accelerations BX=0.5 g (acceleration_b_x_m_s2=4.903325) BY=0 g (acceleration_b_y_m_s2=0) CX=-1 g (acceleration_c_x_m_s2=-9.80665) CY=2 g (acceleration_c_y_m_s2=19.6133)
     300#0A19  Cooling Speed=1000 1/min Temperature=25 °C
     300#0A  Cooling Speed=1000 1/min; 1 of 2 bytes, beyond them Temperature
-    200#00010002  Accelerations refused: its 4 bytes end before CX; BX=0.0005 g (acceleration_b_x_m_s2=0.004903325) BY=0.001 g (acceleration_b_y_m_s2=0.00980665); 4 of 8 bytes, beyond them CX, CY
+    200#00010002  Accelerations rejected: its 4 bytes end before CX; BX=0.0005 g (acceleration_b_x_m_s2=0.004903325) BY=0.001 g (acceleration_b_y_m_s2=0.00980665); 4 of 8 bytes, beyond them CX, CY
     201#R8  Head requested by a remote frame, which the plant does not answer
     123#00  of no message in the DBC
-    13 frames: 5 taken, 4 refused, 1 of messages that are not mapped, 1 too short, 1 requests, 1 of no message; 2 lost before them
+    13 frames: 5 taken, 4 rejected, 1 of messages that are not mapped, 1 too short, 1 requests, 1 of no message; 2 lost before them
     "#);
     let found = document(folder.path(), 1, &[&decode[..], &["--json"]].concat());
     assert_eq!(found["counts"]["taken"], 5);
@@ -195,7 +195,7 @@ fn a_frame_that_ends_before_its_first_signal_is_explained() {
     let folder = bench();
     let said = resonarm(folder.path(), &["protocol", "decode", "--scenario", "bench.toml", "200#00"]);
     let explained = said.stdout.lines().next().unwrap_or_default();
-    assert_snapshot!(explained, @"200#00  Accelerations refused: its 1 bytes end before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
+    assert_snapshot!(explained, @"200#00  Accelerations rejected: its 1 bytes end before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
 }
 
 #[test]
@@ -286,7 +286,7 @@ fn bad_input_of_decode_is_refused() {
     assert_snapshot!(plain.stdout, @"
     705#00  not of this network
     702#05  ExciterHeartbeat state=5
-    2 frames: 1 taken, 0 refused, 1 of other protocols; 0 lost before them
+    2 frames: 1 taken, 0 rejected, 1 of other protocols; 0 lost before them
     ");
 }
 
@@ -346,7 +346,7 @@ fn readings_of_a_log_are_those_of_the_bench() {
     // The recording knows its own protocol.
     let decoded = resonarm(folder, &["protocol", "decode", "--recording", "bench.mcap"]);
     assert_eq!(decoded.code, 0);
-    assert_snapshot!(decoded.stdout.lines().last().unwrap(), @"36153 frames: 36153 taken, 0 refused, 0 of messages that are not mapped, 0 too short, 0 requests, 0 of no message; 0 lost before them");
+    assert_snapshot!(decoded.stdout.lines().last().unwrap(), @"36153 frames: 36153 taken, 0 rejected, 0 of messages that are not mapped, 0 too short, 0 requests, 0 of no message; 0 lost before them");
     let statistics = &document(folder, 0, &["inspect", "bench.mcap", "--statistics", "--json"])["statistics"];
     assert_eq!(
         statistics["messages"],

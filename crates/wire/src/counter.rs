@@ -193,7 +193,10 @@ mod tests {
         assert_eq!(check.check(&counter, 15), Err(CounterFault::Beyond { counter: 15, values: 15 }));
         assert_eq!(check.last(), Some(14));
         assert_eq!(check.check(&counter, 0), Ok(Step::Next));
-        assert_eq!(CounterFault::Beyond { counter: 15, values: 15 }.to_string(), "counter 15 is too large: it must be at most 14");
+        assert_eq!(
+            CounterFault::Beyond { counter: 15, values: 15 }.to_string(),
+            "counter 15 is too large: it must be at most 14"
+        );
     }
 
     #[test]

@@ -23,7 +23,9 @@ pub enum SignalError {
         got: f64,
     },
     /// The integer has more bits than an f64 represents exactly.
-    #[error("it is an integer of {bits} bits: it must have at most {F64_INTEGER_BITS}, which a floating-point number represents exactly")]
+    #[error(
+        "it is an integer of {bits} bits: it must have at most {F64_INTEGER_BITS}, which a floating-point number represents exactly"
+    )]
     BeyondF64 {
         /// Width of the integer, bits.
         bits: u8,

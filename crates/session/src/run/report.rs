@@ -101,7 +101,7 @@ pub struct PlantReport {
     /// The first command that was refused for its load, with the limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_refused_command: Option<String>,
-    /// The first frame that was refused for its checks, with the reason.
+    /// The first frame that was rejected for its checks, with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_refused_frame: Option<String>,
     /// The recording, if there is one.
@@ -171,7 +171,7 @@ pub struct ExciterReport {
     pub bus_loss: Option<BusLoss>,
     /// What the controller did that is the cause of a fault, where it is known.
     pub cause: Option<String>,
-    /// The first frame that was refused for its checks, with the reason.
+    /// The first frame that was rejected for its checks, with the reason.
     pub first_refused_frame: Option<String>,
     /// The first refused frame, before it is put in words.
     pub(super) first_refused: Option<RefusedFrame>,
@@ -360,7 +360,7 @@ fn text_of_fault(
         (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => remedy(said),
         _ => match cause {
             Some(FaultCause::Unheeded(Unheeded { frames: 1.., .. })) => {
-                "correct what the controller sends: `resonarm protocol decode` says of each frame why it is refused"
+                "correct what the controller sends: `resonarm protocol decode` says of each frame why it is rejected"
             }
             Some(FaultCause::Unheeded(_)) => "let the controller send that message before its commands",
             Some(FaultCause::Stop(_)) | None => remedy(emergency),
@@ -456,7 +456,7 @@ pub struct BusCounts {
     /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
     /// time.
     pub dropped: u64,
-    /// Frames of the protocol that were refused: for their format, length or values, and where the protocol protects
+    /// Frames of the protocol that were rejected: for their format, length or values, and where the protocol protects
     /// them for their checksum or counter.
     pub refused: u64,
     /// Those of them that came under identifiers which only this node sends: another network has the same base.

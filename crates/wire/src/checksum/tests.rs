@@ -118,7 +118,10 @@ fn refuses_what_the_profile_does_not_have() {
             refused(Preset::AutosarP2, intel(0, 8), None, DataId::ByCounter([0; 16]), 8),
             "autosar-p2 needs a counter, but the message has none: give its signal as `counter`",
         ),
-        (refused(Preset::AutosarP2, intel(0, 8), None, one(), 8), "autosar-p2 expects 16 data ids, one for each counter"),
+        (
+            refused(Preset::AutosarP2, intel(0, 8), None, one(), 8),
+            "autosar-p2 expects 16 data ids, one for each counter",
+        ),
         (refused(Preset::AutosarP1, intel(0, 8), None, DataId::None, 8), "autosar-p1 expects one data id"),
         (refused(Preset::Sum, intel(0, 8), None, one(), 8), "sum expects no data id"),
         (

@@ -712,7 +712,10 @@ fn a_timeout_names_what_was_refused() {
     plant.arm();
     let short = Frame::classic(Id::Standard(0x201), &[0x0F, 0x00, 0xC8]).unwrap();
     let said = cause(plant, &short);
-    assert_eq!(said, "20 frames were rejected, the first of them 201#0F00C8: RPDO 1 needs 4 bytes, but the frame has fewer");
+    assert_eq!(
+        said,
+        "20 frames were rejected, the first of them 201#0F00C8: RPDO 1 needs 4 bytes, but the frame has fewer"
+    );
     let mut plant = Plant::new(Protocol::ODrive);
     plant.send(0x07, &[8, 0, 0, 0, 0, 0, 0, 0]);
     let torque = plant.command(1);
