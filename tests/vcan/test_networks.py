@@ -128,7 +128,7 @@ def test_an_interface_without_can_fd_is_refused_with_the_way_to_mend_it(tmp_path
     scenario.write_text(SCENARIO % (*BENCHES[1], 1.0))
     plant = programs.resonarm("run", "--bus", interface, "--mode", "lockstep", "--scenario", scenario)
     assert plant.wait() == 3
-    assert f"{interface} does not carry CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
+    assert f"{interface} is not configured for CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
 
 
 def test_two_plants_at_one_base_say_so_and_continue(tmp_path, programs):

@@ -173,7 +173,7 @@ pub struct ExciterReport {
     pub cause: Option<String>,
     /// The first frame that was rejected for its checks, with the reason.
     pub first_refused_frame: Option<String>,
-    /// The first refused frame, before it is put in words.
+    /// The first rejected frame, before it is put in words.
     pub(super) first_refused: Option<RefusedFrame>,
     /// The load by which the controller answered last, and the sample.
     pub(super) last_answer: Option<(u64, Load)>,
