@@ -1,6 +1,6 @@
 """Chunks of a map: computed on all cores or on a Dask cluster, stored as they are finished.
 
-A chunk is initial states only: each process finds the stable motions itself, which takes a second.
+A chunk is initial states only: each process finds the stable responses itself, which takes a second.
 """
 
 import hashlib

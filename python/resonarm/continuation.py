@@ -1,4 +1,4 @@
-"""Branches of periodic motions, their bifurcations, and the curves of these in two parameters."""
+"""Branches of periodic responses, their bifurcations, and the curves of these in two parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Curve:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Branch:
-    """A branch of periodic motions. The excitation is A·sin(2πft)."""
+    """A branch of periodic responses. The excitation is A·sin(2πft)."""
 
     parameter: str
     """The quantity in which it was followed: frequency (Hz), amplitude (of the first load, N, or N·m at a joint) or a
@@ -67,7 +67,7 @@ class Branch:
     bifurcations: Array
     """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point."""
     peaks: Array
-    """The same columns: for each degree of freedom that is read the motion with its largest displacement, located
+    """The same columns: for each degree of freedom that is read the response with its largest displacement, located
     between the points."""
     unlocated: tuple[tuple[str, float, float], ...] = ()
     """Bifurcations that were detected between two points and could not be located: kind, and the parameter at both
@@ -83,15 +83,15 @@ class Branch:
         unstable = f"{np.count_nonzero(~self.points['stable'])} of them not stable"
         kinds, counts = np.unique(self.bifurcations["kind"], return_counts=True)
         found = ", ".join(f"{count} × {kind}" for kind, count in zip(kinds, counts, strict=True))
-        of = f"<Branch in {self.parameter}, driven at {', '.join(self.drive)}: {len(self.points)} motions"
+        of = f"<Branch in {self.parameter}, driven at {', '.join(self.drive)}: {len(self.points)} periodic responses"
         of += f", {unstable if self.stability else 'stability not computed'}"
         return f"{of}; {found}>" if found else f"{of}>"
 
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
-        stable motions as lines, others dashed, all as lines if the stability was not computed, bifurcations as markers,
-        doubled branches with the others. `ax` are matplotlib's axes, by default those of a new figure; they are
-        returned."""
+        stable responses as lines, others dashed, all as lines if the stability was not computed, bifurcations as
+        markers, doubled branches with the others. `ax` are matplotlib's axes, by default those of a new figure; they
+        are returned."""
         at = self.at[0] if at is None else at
         ax, column = _extras.axes(ax), self.column(at)
         for branch in (self, *self.doubled):
@@ -115,8 +115,8 @@ class Branch:
 
 
 def _stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
-    """Draws y over x: where motions are stable as lines, elsewhere dashed."""
-    # A motion on either side of a change belongs to both stretches, so that the line has no gap.
+    """Draws y over x: where responses are stable as lines, elsewhere dashed."""
+    # A response on either side of a change belongs to both stretches, so that the line has no gap.
     edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
     for first, last in pairwise(edges):
         stretch = slice(max(first - 1, 0), last)
@@ -155,7 +155,7 @@ def continuation(
     largest_step: float = 0.25,
     stability: bool = True,
 ) -> Branch:
-    """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
+    """Follows the periodic responses under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
 
     `parameter` is frequency (Hz), amplitude (N, or N·m at a joint) or a parameter of the structure, as
     `link2.angle_deg`, `mode1.damping_ratio` or `element1.gap_m`; `parameters` has all of them.
@@ -163,10 +163,10 @@ def continuation(
     - `drive`: the amplitude at each degree of freedom that is driven, `{"joint1": 60}`. If the amplitude varies, the
       name of one, `"joint1"`, or several in a ratio; then it is that of the first.
     - `frequency_hz`: f, if another parameter varies.
-    - `at`: where the motion is read, by default where it is driven.
-    - `doubled`: follow the motions of twice the period that leave at period doublings, too.
+    - `at`: where the response is read, by default where the structure is driven.
+    - `doubled`: follow the responses of twice the period that leave at period doublings, too.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
-    - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
+    - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).
     - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
 
     Raises ValueError for invalid arguments, EndedEarly if the continuation ends before `stop`, with the branch up to

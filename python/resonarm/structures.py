@@ -1,5 +1,5 @@
-"""Chains of links and modal structures: modes, frequency responses, motions under a sine, branches of motions, basins
-of attraction."""
+"""Chains of links and modal structures: modes, frequency responses, motion under a sine, branches of periodic
+responses, basins of attraction."""
 
 import json
 import warnings
@@ -194,15 +194,15 @@ class Structure(_resonarm.Assembly):
         frequency_hz: float,
         every: int | None = None,
     ) -> Array:
-        """Many motions under one A·sin(2πft), over all cores; those of a chain of up to three links with smooth
-        elements side by side in the lanes of the processor.
+        """Computes many responses under one A·sin(2πft), over all cores; those of a chain of up to three links with
+        smooth elements side by side in the lanes of the processor.
 
-        `initial` has a row for each motion, at phase 0 of the excitation: coordinates and their rates, with or without
-        the states of elements. `drive` has the amplitude A at each degree of freedom that is driven, `{"joint1": 60}`.
-        The array has a row for the start, for every `every`th period (by default the last alone) and for the end, and a
-        column for each motion, with the fields of `simulate`. A motion that grows beyond all bounds is NaN. Steps
-        (`dop853`, so many a period that the frequency is right to 1e-8 of the damping ratio) are the same for all, and
-        each motion has the bits that it has alone. Ctrl-C ends it.
+        `initial` has a row for each response, at phase 0 of the excitation: coordinates and their rates, with or
+        without the states of elements. `drive` has the amplitude A at each degree of freedom that is driven,
+        `{"joint1": 60}`. The array has a row for the start, for every `every`th period (by default the last alone) and
+        for the end, and a column for each response, with the fields of `simulate`. A response that grows beyond all
+        bounds is NaN. Steps (`dop853`, so many a period that the frequency is right to 1e-8 of the damping ratio) are
+        the same for all, and each response is bit-identical to the same one computed alone. Ctrl-C ends it.
 
         Raises ValueError for a frequency that is not positive, a structure without damping, or states that are not
         finite.

@@ -1,4 +1,4 @@
-//! Chains and modal structures: modes, frequency responses, motions under a sine, branches of periodic motions.
+//! Chains and modal structures: modes, frequency responses, motion under a sine, branches of periodic responses.
 
 use core::f64::consts::TAU;
 use std::collections::BTreeMap;

@@ -116,7 +116,7 @@ def test_a_branch_is_that_of_the_program(command):
     assert [peak["value"] for peak in document["peaks"]] == branch.peaks["value"].tolist()
     ax = branch.plot(Figure().subplots(), at="tip.y")
     assert ax.get_ylabel() == "largest displacement of tip.y (m)"
-    assert repr(branch).startswith(f"<Branch in frequency, driven at tip.x: {len(points)} motions")
+    assert repr(branch).startswith(f"<Branch in frequency, driven at tip.x: {len(points)} periodic responses")
 
 
 def test_a_branch_that_ends_early_is_kept():

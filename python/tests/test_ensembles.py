@@ -1,4 +1,4 @@
-"""Many motions at once, and what basins of attraction are made of, against motions followed alone."""
+"""Many responses at once, and basins of attraction, against responses followed alone."""
 
 import signal
 import subprocess
@@ -17,7 +17,7 @@ STATES = np.random.default_rng(2).normal(size=(70, 4)) * [0.2, 0.2, 30.0, 30.0]
 
 @pytest.fixture(scope="module")
 def arm():
-    """The robot arm with five times the damping, so that motions settle soon."""
+    """The robot arm with five times the damping, so that responses settle soon."""
     return resonarm.Chain.preset().replace({"link1.damping_nm_s_rad": 4.5, "link2.damping_nm_s_rad": 4.5})
 
 
@@ -52,7 +52,8 @@ def test_a_stable_motion_repeats(arm):
     rows = arm.ensemble(sections, 3, frequency_hz=HZ, drive=DRIVE)
     np.testing.assert_allclose(rows["alpha_rad"][-1], sections[:, :2], atol=1e-9)
     assert repr(basins.motions[1]).startswith("<StableMotion of period 1, largest multiplier 0.99")
-    assert repr(basins).startswith("<Basins in alpha1_rad and alpha1_dot_rad_s: of 4 states 0 reach motion 1, 0 reach")
+    of = "<Basins in alpha1_rad and alpha1_dot_rad_s: of 4 states"
+    assert repr(basins).startswith(f"{of} 0 reach response 1, 0 reach")
 
 
 def test_states_of_elements_go_along():

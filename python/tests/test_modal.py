@@ -100,7 +100,7 @@ def test_a_branch_without_stability_has_the_same_motions():
             np.testing.assert_array_equal(getattr(whole, rows)[name], getattr(bare, rows)[name])
     assert bare.bifurcations["kind"].tolist() == ["fold", "fold"]
     assert not bare.points["stable"].any() and bare.points["multipliers"].size == 0
-    assert f"{len(bare.points)} motions, stability not computed; 2 × fold" in repr(bare)
+    assert f"{len(bare.points)} periodic responses, stability not computed; 2 × fold" in repr(bare)
     styles = {line.get_linestyle() for line in bare.plot(Figure().subplots()).lines if line.get_marker() == "None"}
     assert styles == {"-"}
 

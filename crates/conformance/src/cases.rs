@@ -10,7 +10,7 @@ use super::{
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;
 
-/// One case: a script of what is sent, and what must or must not be received. The scripts of a user's own protocol are
+/// One case: a script of what is sent, and what must or must not be received. The scripts of a user protocol are
 /// of another type: [`WireCase`](super::WireCase).
 #[derive(Clone, Copy, Debug)]
 pub struct Case<S = Script> {

@@ -3,7 +3,7 @@
 //! A case is a script of what is sent and what must, or must not, be received within which time. It is written against
 //! a [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`]
 //! are the demands of `SPEC.md`, and state which ones no case can check. Nodes in real time and in lockstep have
-//! separate lists. On a user's own protocol the demands are those of its mapping, [`WIRE_REQUIREMENTS`];
+//! separate lists. On a user protocol the demands are those of its mapping, [`WIRE_REQUIREMENTS`];
 //! [`run_on_wire`] runs the cases for a [`UserWire`].
 //!
 //! Times by the clock have a margin of [`MARGIN_NS`], for the machine may hold any process up. A plant is judged by the

@@ -27,13 +27,13 @@ pub struct Traffic {
     pub further_others: u64,
     /// Ranges of the commands received.
     pub commands: Commands,
-    /// Of a user's own protocol: frames of the node under test whose form is right, by message.
+    /// Of a user protocol: frames of the node under test whose form is right, by message.
     pub user_taken: BTreeMap<String, u64>,
-    /// Of a user's own protocol: frames that were rejected, by message and kind of fault.
+    /// Of a user protocol: frames that were rejected, by message and kind of fault.
     pub user_refused: Vec<UserRefused>,
 }
 
-/// Frames of one message of a user's own protocol that were rejected for one kind of fault.
+/// Frames of one message of a user protocol that were rejected for one kind of fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UserRefused {
     /// Name of the message.
@@ -96,7 +96,7 @@ pub struct Commands {
     pub torque1_nm: Option<Range>,
     /// Torque at joint 2, N·m.
     pub torque2_nm: Option<Range>,
-    /// Force along a shaker, N: of a user's own protocol.
+    /// Force along a shaker, N: of a user protocol.
     pub force_n: Option<Range>,
 }
 
@@ -120,7 +120,7 @@ impl Commands {
         }
     }
 
-    /// Takes the part of a load of a user's own protocol, by its key in a scenario.
+    /// Takes the part of a load of a user protocol, by its key in a scenario.
     pub(super) fn note_part(&mut self, name: &str, value: f64) {
         let range = match name {
             "force_x_n" => &mut self.force_x_n,
@@ -190,7 +190,7 @@ impl Traffic {
         }
     }
 
-    /// Counts a frame of a user's own protocol that was rejected.
+    /// Counts a frame of a user protocol that was rejected.
     pub(super) fn note_user_refused(&mut self, message: &str, fault: &Fault, frame: &Frame) {
         let is_alike = |refused: &&mut UserRefused| {
             refused.message == message

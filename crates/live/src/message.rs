@@ -82,8 +82,8 @@ pub struct ReadPoint {
     pub clipped: Vec<bool>,
 }
 
-/// A branch of computed motions: lists of frequency, Hz, and the sizes of the motion, by the `responses` of [`About`];
-/// `None` between two stretches.
+/// A branch of computed periodic responses: lists of frequency, Hz, and the sizes of the response, by the `responses`
+/// of [`About`]; `None` between two stretches.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BranchLines {
     /// Stable responses; `None` separates stretches.

@@ -38,7 +38,7 @@ pub enum EmergencyCode {
     SecondSender = 13,
     /// Plant: the exciter at the arm has switched off, at its own limit or that of the travel. Detail: the [`Trip`].
     ExciterTripped = 14,
-    /// Plant on a user's protocol: a message asked for a stop. It is not on the wire of this protocol, so that it is not
+    /// Plant on a user protocol: a message asked for a stop. It is not on the wire of this protocol, so that it is not
     /// in [`EmergencyCode::ALL`]. Detail: 0.
     StopRequested = 15,
 }

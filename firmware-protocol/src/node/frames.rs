@@ -13,7 +13,7 @@ pub struct FrameCounts {
     pub refused: u64,
     /// Frames from another node with identifiers that only this node sends.
     pub other_sender: u64,
-    /// Commands of a user's protocol that newer ones replaced before they could act.
+    /// Commands of a user protocol that newer ones replaced before they could act.
     pub overwritten: u64,
     /// Values in frames that were sent which their signals could not represent: the nearest was sent.
     pub limited_values: u64,

@@ -140,7 +140,7 @@ impl NodeCore {
     }
 
     /// Counts and notes a frame from another node with an identifier that only this node sends. It counts as rejected
-    /// only if the caller adds it there: a plant of a user's protocol has no check that such a frame fails.
+    /// only if the caller adds it there: a plant of a user protocol has no check that such a frame fails.
     pub fn reject_sender(&mut self, id: Id) {
         self.counts.other_sender += 1;
         self.note(NodeEvent::OtherSender(id));

@@ -3,7 +3,7 @@
 //!
 //! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] brings the force in the head to its
 //! amplitude; [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is
-//! set while it plays. You can implement the trait yourself; the exciter node runs the controller over the wire, in
+//! set while it plays. You can implement the trait yourself; the exciter node runs the controller over the bus, in
 //! real time, in lockstep and free alike (`Session::with_controller` of the crate `resonarm-session`).
 
 mod abort;

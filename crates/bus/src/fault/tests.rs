@@ -208,7 +208,7 @@ fn says_what_is_wrong_with_a_fault() {
     insta::assert_snapshot!(check(&faults(&many)).unwrap_err(), @"network.faults has 65 entries: it must have at most 64");
 }
 
-/// A user's protocol with identifiers of 29 bits could not be disturbed message by message.
+/// A user protocol with identifiers of 29 bits could not be disturbed message by message.
 #[test]
 fn a_fault_may_be_of_identifiers_of_29_bits() {
     let extended = |id: u32| Frame::classic(Id::Extended(id), &[1]).unwrap();

@@ -45,7 +45,7 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     inconclusive(format!("no drive came: is it on this bus? Instead came: {}", t.monitor.in_words()))
 }
 
-/// The drives of the wire: none of another protocol, which has none of these cases.
+/// The drives of the user protocol: none of a DBC, which has none of these cases.
 fn drives(t: &Tester) -> Vec<DriveSpec> {
     match &t.on.spec {
         WireSpec::Cia402(spec) => spec.drives.clone(),

@@ -1,4 +1,4 @@
-//! The tester's own end of the wire: the scenario's plant, or the emulated exciter with a constant load.
+//! The tester's own end of the bus: the scenario's plant, or the emulated exciter with a constant load.
 
 use alloc::boxed::Box;
 use alloc::string::ToString;

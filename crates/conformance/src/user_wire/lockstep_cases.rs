@@ -1,4 +1,4 @@
-//! Cases for both nodes in lockstep on a user's own protocol.
+//! Cases for both nodes in lockstep on a user protocol.
 
 use alloc::collections::BTreeMap;
 use alloc::format;

@@ -1,4 +1,4 @@
-//! Conformance to a user's own protocol: the cases of a scenario with `[wire]`.
+//! Conformance to a user protocol: the cases of a scenario with `[wire]`.
 //!
 //! What the node under test must do follows from the mapping alone. The tester's own end is the node that the program
 //! runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant under
@@ -88,7 +88,7 @@ impl From<ScenarioError> for UserWireError {
     }
 }
 
-/// A user's own protocol, with what the tester's end needs.
+/// A user protocol, with what the tester's end needs.
 #[derive(Clone, Debug)]
 pub struct UserWire {
     scenario: Scenario,
@@ -325,7 +325,7 @@ impl Subject for Tester<'_> {
     }
 }
 
-/// Runs a case of a user's own protocol, up to five times if a hold-up keeps it from a result or the node was slow.
+/// Runs a case of a user protocol, up to five times if a hold-up keeps it from a result or the node was slow.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.

@@ -1,4 +1,4 @@
-//! Cases for a plant on a user's own protocol: the tester is the emulated exciter with a constant load.
+//! Cases for a plant on a user protocol: the tester is the emulated exciter with a constant load.
 
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -405,7 +405,7 @@ pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// The nominal load of a wire in words, for reports.
+/// The nominal load of a user protocol in words, for reports.
 pub(super) fn in_words(t: &Tester, load: f64) -> String {
     let of = match &t.on.spec {
         WireSpec::Mapped(_) => "says",

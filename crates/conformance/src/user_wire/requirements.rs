@@ -1,4 +1,4 @@
-//! What a user's own protocol demands of the nodes that speak it.
+//! What a user protocol demands of the nodes that speak it.
 
 use crate::requirements::{Check, Requirement};
 

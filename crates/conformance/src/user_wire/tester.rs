@@ -1,4 +1,4 @@
-//! The tester on a user's own protocol: its own end, what is altered of that end's frames, and what is heard.
+//! The tester on a user protocol: its own end, what is altered of that end's frames, and what is heard.
 
 use alloc::boxed::Box;
 use alloc::format;
@@ -117,7 +117,7 @@ impl<'w> Tester<'w> {
         self.load.store(load.to_bits(), Ordering::Relaxed);
     }
 
-    /// Whether the wire can command this load, N or N·m.
+    /// Whether the user protocol can command this load, N or N·m.
     pub fn can_command(&self, load: f64) -> bool {
         let load = self.on.input().load(load);
         matches!(&self.end, End::Exciter(node) if node.check_load(&load).is_ok())

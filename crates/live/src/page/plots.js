@@ -269,7 +269,7 @@ function settle([, high], largest) {
   return [-next, next];
 }
 
-// Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles. A cross marks
+// Responses over the computed branch: stable responses as a line, unstable ones dashed, folds as circles. A cross marks
 // responses computed from clipped readings.
 export class ResponsePlot {
   constructor(canvas, reading) {
