@@ -211,7 +211,7 @@ def chain(**changes):
     ("call", "message"),
     [
         (lambda: resonarm.Chain([]), "`links` are missing"),
-        (lambda: resonarm.Chain(LINKS * 3), "9 links: a structure has 1 to 8"),
+        (lambda: resonarm.Chain(LINKS * 3), "the structure has 9 links: it must have 1 to 8"),
         (lambda: chain(mass_kg=0), "link 1: `mass_kg` is 0: it must be"),
         (lambda: chain(mass=1), "Did you mean `mass_kg`?"),
         (lambda: chain(mass_kg=math.nan), "structure.links.mass_kg is NaN: it must be a number"),
@@ -219,7 +219,7 @@ def chain(**changes):
         (lambda: resonarm.Chain(LINKS, initial=[1.0]), "structure.initial has 1 numbers: give 6"),
         (
             lambda: chain().frf(1.0, drive="tip.z"),
-            "drive tip.z: there is no `tip.z` in this structure: there are tip.x",
+            "drive tip.z: there is no `tip.z` in this structure: expected one of tip.x",
         ),
         (lambda: chain().frf(1.0, drive="tip.x", at="elbow"), "at elbow: there is no `elbow`"),
         (lambda: chain().frf(-1.0, drive="tip.x"), "frequency -1 Hz: it must be zero or a positive number"),

@@ -21,7 +21,7 @@ fn scenario(text: &str) -> String {
 
 #[test]
 fn arms_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
     assert_snapshot!(complaint(here(), 2, &["modes", "--angles-deg", "0,nan"]), @r"
     error: invalid value 'nan' for '--angles-deg <A,B>': it must be a finite number
 
@@ -52,7 +52,7 @@ fn faults_that_a_bus_cannot_simulate() {
 
 #[test]
 fn rates_and_times_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: the integration rate is 0 Hz: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: it must be an integer from 1 to 65535 Hz");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--rate-hz", "nan"]), @r"
     error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number
@@ -68,7 +68,7 @@ fn rates_and_times_that_cannot_be() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--drive", "tip.x=1", "--duration-s", "1"]), @"resonarm: --frequency-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential, exponential8");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: expected one of rk4, dop853, gl4, gl6, exponential, exponential8");
 }
 
 #[test]
@@ -224,7 +224,7 @@ fn invalid_ranges_of_a_parameter() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--over", "beta2", "--from", "0", "--to", "9"]), @"resonarm: --over: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--over", "beta2", "--from", "0", "--to", "9"]), @"resonarm: --over: there is no parameter `beta2` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2");
     assert_snapshot!(complaint(here(), 2, &["modes", "--plot", "modes"]), @r"
     error: the following required arguments were not provided:
       --from <X>
@@ -255,7 +255,7 @@ fn invalid_responses() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["frf", "--at", "elbow"]), @"resonarm: --at elbow: there is no `elbow` in this structure: there are joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--at", "elbow"]), @"resonarm: --at elbow: there is no `elbow` in this structure: expected one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
 }
 
 #[test]
@@ -276,7 +276,7 @@ fn curves_that_cannot_be() {
         ]
     };
     assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
-    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
+    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
 }
 
 /// A disk that is full, here a limit of the size of files: nothing is left under a name that promises a whole file.

@@ -42,7 +42,7 @@ fn names_an_unknown_key_and_suggests_the_nearest() {
     ");
     let parameter = says("[structure.set]\nmass_kg = 3.0");
     assert!(parameter.starts_with("structure.set: `mass_kg` is 3: there is no parameter `mass_kg`"), "{parameter}");
-    insta::assert_snapshot!(says("[structure]\npreset = 'irb140'"), @"structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(says("[structure]\npreset = 'irb140'"), @"structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
 }
 
 #[test]
@@ -160,28 +160,28 @@ fn rejects_harmonics_that_can_t_be_cancelled() {
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 0 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+    `cancel_harmonics`: harmonic 0 can't be cancelled: expected 2 or 3, which are read beside the fundamental
     ");
     insta::assert_snapshot!(with("[2, 1]"), @r"
     test: TOML parse error at line 1, column 1
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 1 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+    `cancel_harmonics`: harmonic 1 can't be cancelled: expected 2 or 3, which are read beside the fundamental
     ");
     insta::assert_snapshot!(with("[7]"), @r"
     test: TOML parse error at line 1, column 1
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 7 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+    `cancel_harmonics`: harmonic 7 can't be cancelled: expected 2 or 3, which are read beside the fundamental
     ");
     insta::assert_snapshot!(with("[2, 3, 2]"), @r"
     test: TOML parse error at line 1, column 1
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 2 is listed twice: list each once
+    `cancel_harmonics`: harmonic 2 is listed twice: list it once
     ");
     let open = "[excitation]\namplitude = { exciter_x = 1 }\ncancel_harmonics = [2]\n\
         profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 1 }\n";
@@ -194,5 +194,5 @@ fn rejects_harmonics_that_can_t_be_cancelled() {
     ");
     let torque = "[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 1 }\ncancel_harmonics = [2]\n";
     let scenario = Scenario::parse(torque, "test").unwrap();
-    insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces");
+    insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` uses the impedance head, which measures no torque: leave it out, or give forces");
 }

@@ -143,7 +143,7 @@ fn a_scenario_that_has_no_cases_is_refused_in_words() {
     let wire = by_operator.wire.as_mut().unwrap();
     wire.events.clear();
     wire.arm = Some(resonarm_scenario::wire::ArmSpec::Operator);
-    insta::assert_snapshot!(refused(by_operator), @r#"[wire] `arm = "operator"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or `arm = "zero-command"`"#);
+    insta::assert_snapshot!(refused(by_operator), @r#"[wire] `arm = "operator"`: no message arms the plant, so the emulated exciter can't arm it; give an event with `arm`, or `arm = "zero-command"`"#);
 }
 
 /// The protocol of the DBC with loads, enable and the head's force alone.
