@@ -42,7 +42,7 @@ class Structure(_resonarm.Assembly):
 
     def __new__(cls, *_arguments: Any, **_named: Any) -> "Self":
         """Raises TypeError: the two kinds of structure are made by their classes."""
-        raise TypeError("a structure is a resonarm.Chain or a resonarm.Modal: make one of these")
+        raise TypeError("Structure can't be made: make a resonarm.Chain or a resonarm.Modal")
 
     @classmethod
     def _of(cls, section: _Section) -> "Self":
@@ -179,7 +179,8 @@ class Structure(_resonarm.Assembly):
         rows, not_located = self.motion(state, loads, (scheme, rate), length)
         if not_located:
             warnings.warn(
-                f"{not_located} steps had more switches than are located: their error is of first order; raise rate_hz",
+                f"{not_located} steps had more switches of elements than are located, so their error is of first order: "
+                "raise rate_hz",
                 AccuracyWarning,
                 stacklevel=2,
             )

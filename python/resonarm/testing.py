@@ -310,7 +310,7 @@ class Bench:
         """Starts a controller program by the words of a command, in which `{bus}` is replaced by the interface.
         Raises NeedsInterface on a bus in memory."""
         if self.bus == MEMORY:
-            raise NeedsInterface("a controller that is a program needs a CAN interface: --resonarm-bus vcan0")
+            raise NeedsInterface("a controller that is a program needs a CAN interface, as by --resonarm-bus vcan0")
         log = self.folder / f"controller-{len(self.programs) + 1}.txt"
         self.programs.append(Program([word.format(bus=self.bus) for word in words], log))
         return self.programs[-1]

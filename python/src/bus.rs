@@ -32,7 +32,7 @@ impl Hub {
     /// One of its ends, each given once.
     fn end(&self) -> PyResult<BusEnd> {
         let end = self.ends.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let end = end.ok_or_else(|| errors::failed("all ends of this bus in memory have been given away"))?;
+        let end = end.ok_or_else(|| errors::failed("all ends of this bus in memory are in use"))?;
         Ok(BusEnd { whole: Mutex::new(Some(end)), sender: Mutex::new(None), receiver: Mutex::new(None) })
     }
 }

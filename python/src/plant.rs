@@ -58,7 +58,7 @@ impl Measurement {
         let (names, values): (Vec<String>, Vec<f64>) = sensors.into_iter().unzip();
         let more = Readings::new(&values, clipped >> rig::Measurement::CHANNELS).ok_or_else(|| {
             let bits = rig::Measurement::CHANNELS + values.len();
-            errors::value(format!("clipped is {clipped}: there are {bits} readings, at most 32, with a bit each"))
+            errors::value(format!("clipped is {clipped}: it must have at most one bit for each of the {bits} readings"))
         })?;
         let reading = |value, bit: u32| Reading { value, clipped: clipped >> bit & 1 == 1 };
         let pair = |(x, y), bit| [reading(x, bit), reading(y, bit + 1)];

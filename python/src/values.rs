@@ -39,7 +39,9 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     } else if let Ok(items) = value.try_iter() {
         Ok(toml::Value::Array(items.map(|item| toml_value(name, &item?)).collect::<PyResult<_>>()?))
     } else {
-        Err(PyTypeError::new_err(format!("{value:?} has no form in TOML: give numbers, texts, lists or dictionaries")))
+        Err(PyTypeError::new_err(format!(
+            "{value:?} can't be written in TOML: give numbers, texts, lists or dictionaries"
+        )))
     }
 }
 

@@ -144,18 +144,18 @@ def frequencies(of):
         (
             lambda: resonarm.run(resonarm.Scenario(), load="torque"),
             ValueError,
-            "load is for a controller in Python, and there is none: leave it out",
+            "load applies only to a controller in Python, and none is given: leave it out",
         ),
         (lambda: resonarm.run(resonarm.Scenario(), controller=5), TypeError, "a controller is a function of a Measure"),
         (
             lambda: resonarm.Node("planet", resonarm.Scenario(), "vcan0"),
             ValueError,
-            "role is `planet`: a node is a plant or an exciter",
+            "role is `planet`: it must be plant or exciter",
         ),
         (
             lambda: resonarm.Node("plant", resonarm.Scenario(), 5),
             TypeError,
-            "a bus is the address of one, such as 'vcan0': this is int",
+            "bus is of the type int: it must be an address such as 'vcan0'",
         ),
         (
             lambda: Bench().run("controller {bus}"),
@@ -210,7 +210,7 @@ def test_an_invalid_load_of_a_controller_is_named_with_its_sample(bench_scenario
     with pytest.raises(kind) as raised:
         resonarm.run(bench_scenario, mode, controller=controller)
     assert str(raised.value) == (
-        f"the controller returned {said} for sample 20: a load is two finite numbers, and None ends the work"
+        f"the controller returned {said} for sample 20: expected a load, two finite numbers, or None to end the work"
     )
 
 

@@ -235,7 +235,7 @@ def chain(**changes):
             "initial has 1 numbers: give 2, the coordinates and their rates",
         ),
         (lambda: chain().simulate(0.1, initial=[0.0, math.inf]), "initial is inf at index 1"),
-        (lambda: chain().simulate(1, rate_hz=5, scheme="rk4"), "its fastest mode needs at least"),
+        (lambda: chain().simulate(1, rate_hz=5, scheme="rk4"), "its fastest mode needs a rate of at least"),
         (lambda: chain().continuation("mass", 1, 2, drive={"tip.x": 1}, frequency_hz=1), "parameter mass: "),
         (lambda: resonarm.Chain.from_scenario(EXAMPLES / "plate.toml"), "Modal.from_scenario takes it"),
     ],

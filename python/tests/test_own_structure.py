@@ -192,7 +192,7 @@ CASES = [
     (
         lambda _run: resonarm.Node("exciter", resonarm.Scenario(), "vcan0", structure=own()),
         ValueError,
-        "structure is for a plant: leave it out",
+        "structure applies only to a plant: leave it out for an exciter",
     ),
 ]
 

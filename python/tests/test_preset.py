@@ -121,7 +121,7 @@ def test_invalid_arguments_are_value_errors(call, message):
 
 
 def test_a_structure_is_a_chain_or_a_modal():
-    with pytest.raises(TypeError, match=r"a structure is a resonarm\.Chain or a resonarm\.Modal"):
+    with pytest.raises(TypeError, match=r"make a resonarm\.Chain or a resonarm\.Modal"):
         resonarm.Structure()
     with pytest.raises(TypeError, match="must be a number"):
         resonarm.Chain.preset().replace({"link2.mass_kg": "forty"})

@@ -216,7 +216,7 @@ def test_a_process(controller_process):
 """
     result = run(pytester, suite, "-rs")
     result.assert_outcomes(skipped=2)
-    result.stdout.fnmatch_lines(["*a controller that is a program needs a CAN interface: --resonarm-bus vcan0"])
+    result.stdout.fnmatch_lines(["*a controller that is a program needs a CAN interface, as by --resonarm-bus vcan0"])
 
 
 def test_tests_side_by_side_do_not_meet(pytester):

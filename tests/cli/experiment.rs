@@ -115,7 +115,7 @@ fn impossible_measurements_are_refused_at_once() {
     assert_snapshot!(refusal(&["--step-hz", "0"]), @"resonarm: --step-hz is 0: it must be positive, and 26 to 46 Hz at most 10000 of it");
     assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.exciter_x is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
     assert_snapshot!(refusal(&["--second-force-n", "0"]), @"resonarm: --second-force-n is 0: it must be a positive number");
-    assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: 300 samples a second are too few for a mode at 40.36 Hz: at least 445 are needed");
+    assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: the sample rate of 300 Hz is too low for a mode at 40.36 Hz: it must be at least 445 Hz");
 }
 
 /// A shaker along y in a scenario; no flag repeats the direction.

@@ -94,9 +94,9 @@ fn missing_required_privileges_end_the_run() {
 #[test]
 fn a_core_is_refused_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--core", "0"]);
-    assert_snapshot!(said, @"resonarm: --core 0 asks for what --rt off leaves out: give one of them");
+    assert_snapshot!(said, @"resonarm: --core 0 contradicts --rt off: give one of them");
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
-    assert_snapshot!(said, @"resonarm: --cores-awake asks for what --rt off leaves out: give one of them");
+    assert_snapshot!(said, @"resonarm: --cores-awake contradicts --rt off: give one of them");
     let said = complaint(here(), 2, &["latency", "--turn-s", "0.0001"]);
     assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: at 1000 Hz there is no sample in it");
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);

@@ -44,7 +44,7 @@ class Intruder:
 
 
 def garbage(dice):
-    """Frames that the plant must refuse: on identifiers of the exciter's messages, wrong in one thing each."""
+    """Frames that the plant must reject: on identifiers of the exciter's messages, wrong in one thing each."""
     force = wire.DBC.get_message_by_name("ForceCommand").frame_id
     for _ in range(200):
         content = bytearray(dice.randbytes(8))

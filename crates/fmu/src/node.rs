@@ -290,7 +290,10 @@ impl Model for Node {
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
         let Saved::Node(saved) = saved else {
-            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+            return Err(Fault::Saved {
+                call: "fmi3SetFMUState",
+                reason: "it belongs to an FMU with another interface",
+            });
         };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.plant.plant().sample())?;

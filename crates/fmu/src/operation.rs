@@ -225,7 +225,7 @@ mod tests {
         bytes[12] = 2; // neither a base nor an extended identifier
         assert_eq!(read("Rx", &bytes).unwrap(), [Err(Operation::FormatError(bytes.clone()))]);
         let error = read("Rx", &whole[..20]).unwrap_err();
-        insta::assert_snapshot!(error, @"`Rx`: the operation at byte 0 is of 24 bytes, and 20 are there: the bytes were cut, or are not operations of FMI-LS-BUS");
+        insta::assert_snapshot!(error, @"`Rx`: the operation at byte 0 has 20 bytes, expected 24: the bytes were cut off, or are not operations of FMI-LS-BUS");
         assert!(read("Rx", &whole[..5]).is_err());
     }
 }

@@ -322,7 +322,7 @@ impl Subscriptions {
                 self.subscribed.retain(|id, _| !subscription_ids.contains(id));
                 None
             }
-            Err(error) => Some(status(&format!("resonarm takes subscribe and unsubscribe: {error}"))),
+            Err(error) => Some(status(&format!("resonarm accepts only subscribe and unsubscribe: {error}"))),
         }
     }
 

@@ -281,7 +281,11 @@ impl Wish {
             Wish::Disarm => Order::Run(Request::Disarm),
             Wish::Reset => Order::Run(Request::Reset),
             Wish::Set { load, frequency_hz, phase_deg } => {
-                let Some(limits) = &about.steering else { return Err(String::from("nothing is steered here")) };
+                let Some(limits) = &about.steering else {
+                    return Err(String::from(
+                        "the run has no set-point to change: expected a run of an exciter with a steered excitation",
+                    ));
+                };
                 let [load_range, frequency_hz_range, phase_deg_range] =
                     [limits.load, limits.frequency_hz, limits.phase_deg];
                 within("the load", load, load_range, about.unit)?;

@@ -48,7 +48,7 @@ pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
         match timed_responses(&for_responses) {
             // They are not needed after the player has ended.
             Ok(found) => drop(read.send(found)),
-            Err(error) => tracing::info!("no responses are shown: {error}"),
+            Err(error) => tracing::info!("the responses of the recording are not shown: {error}"),
         }
     })?;
     let playing = Playing::new(recording, play, played, responses);

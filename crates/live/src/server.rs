@@ -252,7 +252,8 @@ async fn root(
     let upgrade = upgrade.protocols(foxglove::SUBPROTOCOLS);
     if upgrade.selected_protocol().is_none() {
         let names = foxglove::SUBPROTOCOLS.join(" or ");
-        return (StatusCode::BAD_REQUEST, format!("a WebSocket here has the subprotocol {names}\n")).into_response();
+        return (StatusCode::BAD_REQUEST, format!("the WebSocket has no known subprotocol: expected {names}\n"))
+            .into_response();
     }
     match viewer::Counted::new(&shared, VIEWERS) {
         Some(counted) => bounded(upgrade).on_upgrade(|socket| viewer::stream(socket, counted)),

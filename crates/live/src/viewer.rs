@@ -112,7 +112,7 @@ async fn send_updates(
             },
             received = socket.recv() => match received {
                 Some(Ok(Message::Text(asked))) => answer(shared, &asked, nonsense),
-                Some(Ok(Message::Binary(_))) => refuse("a request is text", nonsense),
+                Some(Ok(Message::Binary(_))) => refuse("a request must be a text message, got a binary one", nonsense),
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return Err(LetGo::Gone),
             },
@@ -181,7 +181,7 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
             received = socket.recv() => {
                 let answer = match received {
                     Some(Ok(Message::Text(text))) => subscriptions.receive(&text),
-                    Some(Ok(Message::Binary(_))) => Some(foxglove::status("resonarm takes no binary messages")),
+                    Some(Ok(Message::Binary(_))) => Some(foxglove::status("resonarm accepts only text messages, got a binary one")),
                     Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return,
                 };

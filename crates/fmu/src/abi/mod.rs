@@ -82,7 +82,8 @@ unsafe fn on(instance: *mut c_void, call: &'static str, work: impl FnOnce(&mut H
 /// What a panic said.
 fn reason(panic: &(dyn core::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_string());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| String::from("a panic without words"))
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| String::from("a panic without a message"))
 }
 
 /// The elements at `pointer`.

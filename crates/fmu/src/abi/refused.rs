@@ -65,16 +65,16 @@ not_offered! {
     fmi3SetIntervalFraction(P, N, P, P): "no clock has an interval that is set";
     fmi3SetShiftDecimal(P, N, P): "no clock has a shift";
     fmi3SetShiftFraction(P, N, P, P): "no clock has a shift";
-    fmi3EnterContinuousTimeMode(): "the FMU is one for co-simulation alone";
-    fmi3CompletedIntegratorStep(bool, P, P): "the FMU is one for co-simulation alone";
-    fmi3SetTime(f64): "the FMU is one for co-simulation alone";
-    fmi3SetContinuousStates(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetContinuousStateDerivatives(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetEventIndicators(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetContinuousStates(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetNominalsOfContinuousStates(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetNumberOfEventIndicators(P): "the FMU is one for co-simulation alone";
-    fmi3GetNumberOfContinuousStates(P): "the FMU is one for co-simulation alone";
+    fmi3EnterContinuousTimeMode(): "the FMU supports co-simulation only";
+    fmi3CompletedIntegratorStep(bool, P, P): "the FMU supports co-simulation only";
+    fmi3SetTime(f64): "the FMU supports co-simulation only";
+    fmi3SetContinuousStates(P, N): "the FMU supports co-simulation only";
+    fmi3GetContinuousStateDerivatives(P, N): "the FMU supports co-simulation only";
+    fmi3GetEventIndicators(P, N): "the FMU supports co-simulation only";
+    fmi3GetContinuousStates(P, N): "the FMU supports co-simulation only";
+    fmi3GetNominalsOfContinuousStates(P, N): "the FMU supports co-simulation only";
+    fmi3GetNumberOfEventIndicators(P): "the FMU supports co-simulation only";
+    fmi3GetNumberOfContinuousStates(P): "the FMU supports co-simulation only";
     fmi3GetOutputDerivatives(P, N, P, P, N): "maxOutputDerivativeOrder is 0";
-    fmi3ActivateModelPartition(u32, f64): "the FMU is one for co-simulation alone";
+    fmi3ActivateModelPartition(u32, f64): "the FMU supports co-simulation only";
 }

@@ -290,7 +290,7 @@ impl Instance {
     /// [`Fault::Saved`] of another FMU, [`Fault::Recorded`] if a recording has already what came behind it.
     pub fn restore(&mut self, saved: &SavedInstance) -> Result<(), Fault> {
         if saved.token != self.token {
-            let reason = "its instantiation token is another one";
+            let reason = "its instantiation token is that of another FMU";
             return Err(Fault::Saved { call: "fmi3SetFMUState", reason });
         }
         // The model is built from the parameters, so other ones need another model.

@@ -145,7 +145,7 @@ impl Instance {
     pub fn interval(&mut self, call: &'static str, reference: u32) -> Result<Interval, Fault> {
         let Variable { source, causality, .. } = self.variable(call, reference, Kind::Clock)?;
         let (Source::TxClock(index), Causality::Input) = (*source, *causality) else {
-            return Err(Fault::NotOffered { call, why: "the clock is no countdown clock" });
+            return Err(Fault::NotOffered { call, why: "the clock is not a countdown clock" });
         };
         self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
         let is_event = self.state == State::Event;
@@ -167,7 +167,7 @@ impl Instance {
         match causality {
             Causality::Input if ALIVE.contains(&self.state) => Ok(*source),
             Causality::Parameter if BEFORE.contains(&self.state) => Ok(*source),
-            Causality::Input => refused("inputs are set until the simulation ends"),
+            Causality::Input => refused("inputs can be set until the simulation ends"),
             Causality::Parameter => refused("parameters are fixed once initialization mode is left"),
             Causality::Output | Causality::Independent => refused("it is calculated"),
         }

@@ -293,7 +293,7 @@ export class ResponsePlot {
     const all = [...lines, ...read];
     this.places = [];
     if (all.length === 0) {
-      words(context, "no response has been read", width, height);
+      words(context, "no response has been measured yet", width, height);
       return;
     }
     const spread = range(all.map((point) => point[0]), 0.02, [0, 1]);

@@ -213,6 +213,6 @@ fn names_what_is_wrong_with_impossible_settings() {
     let impulse =
         ForceControlSpec { profile: Waveform::Impulse { pulse_s: 0.01, duration_s: 1.0 }, ..stepped(1.0, 2.0) };
     insta::assert_snapshot!(says(&impulse, 1000.0), @"control: force control sets the amplitude of the force at one frequency after the other: set `waveform` to `dwell`, `stepped-sine` or `sine-list`");
-    insta::assert_snapshot!(says(&stepped(1.0, 2.0), 200.0), @"control: 200 samples a second are too few for force control at 23.50 Hz: at least 282 are needed");
+    insta::assert_snapshot!(says(&stepped(1.0, 2.0), 200.0), @"control: the sample rate of 200 Hz is too low for force control at 23.50 Hz: it must be at least 282 Hz");
     insta::assert_snapshot!(says(&stepped(0.0, 2.0), 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y` or `exciter_z`, or a torque such as `joint1`");
 }

@@ -155,7 +155,7 @@ fn rejects_impossible_walks() {
     insta::assert_snapshot!(says(PhaseWalkSpec { from_part: 0.0, ..spec }, 1000.0, 1600.0), @"control: `from_part` is 0: it must be above 0 and at most 1");
     insta::assert_snapshot!(says(torque(0.0), 1000.0, 1600.0), @"control.amplitude: excitation: the amplitude is 0: set `exciter_x`, `exciter_y` or `exciter_z`, or a torque such as `joint1`");
     insta::assert_snapshot!(says(spec, 1000.0, 20.0), @"control: `amplitude` is 20: it must be below the exciter's limit: the controller needs a reserve to change the amplitude");
-    insta::assert_snapshot!(says(spec, 200.0, 1600.0), @"control: 200 samples a second are too few for a mode at 22.16 Hz: at least 244 are needed");
+    insta::assert_snapshot!(says(spec, 200.0, 1600.0), @"control: the sample rate of 200 Hz is too low for a mode at 22.16 Hz: it must be at least 244 Hz");
 }
 
 #[test]
