@@ -27,7 +27,7 @@ const REMOTE_PERIOD_NS: u64 = 5 * MS;
 /// if the node was heard meanwhile, or if most are late.
 pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(t.settings.patience_ns, |_| true)?.is_none() {
-        return inconclusive("nothing of the node under test came");
+        return inconclusive("no frame of the node under test was received");
     }
     let start_ns = t.now_ns();
     t.run_ns(WATCH_NS)?;
@@ -109,8 +109,8 @@ pub(super) fn remote_frames(t: &mut Tester) -> Result<(), Stop> {
         };
         if is_answered {
             return wrong(format!(
-                "it answers remote frames: {with} {kind} came beside {REMOTE_FRAMES} remote frames of each message, and \
-                 {without} without them"
+                "it answers remote frames: {with} {kind} were received beside {REMOTE_FRAMES} remote frames of each \
+                 message, and {without} without them"
             ));
         }
     }
@@ -138,7 +138,7 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
     };
     if let Some(mismatch) = t.hello.mismatch(&theirs) {
         let (theirs, own) = (described(&theirs), described(&t.hello));
-        return wrong(format!("its hello doesn't fit this program's ({mismatch}): {theirs}, not {own}"));
+        return wrong(format!("its hello is incompatible with this program's ({mismatch}): {theirs}, expected {own}"));
     }
     if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
         return wrong(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
@@ -188,7 +188,7 @@ pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
     let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
         return Err(Stop::Skipped(String::from(
-            "no bit rate is given (--bit-rate-hz), so 70 % of the bus is not known",
+            "no bit rate is given (--bit-rate-hz), so a bus load of 70 % can't be made",
         )));
     };
     t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));

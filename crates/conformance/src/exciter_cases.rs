@@ -47,7 +47,7 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     t.send_hello()?;
     match t.wait_for_emergency(MARGIN_NS)? {
         Some((_, e)) if (e.code, e.detail) == (EmergencyCode::Incompatible, Mismatch::DbcHash as u16) => {}
-        Some((_, e)) => return failed(format!("at a hello with another DBC hash it says: {e}")),
+        Some((_, e)) => return failed(format!("at a hello with another DBC hash it reports: {e}")),
         None => return late("it ignores a hello with another DBC hash"),
     }
     t.run_ns(MARGIN_NS)?;
@@ -73,7 +73,9 @@ pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
     match first.and_then(|heard| request(&heard.message)) {
         Some(OperatorRequest::Reset) => {}
         Some(_) => return failed("its first request to a plant in fault is not the reset"),
-        None => return t.unready("it asks nothing of a plant in fault: is it started again after each case?"),
+        None => {
+            return t.unready("it sends no request to a plant in fault: check that it is restarted after each case");
+        }
     }
     t.send_state(NodeState::PreOperational)?;
     match t.wait_for(MARGIN_NS + 100 * MS, is_arm)? {
@@ -214,7 +216,7 @@ pub(super) fn asks_to_arm(t: &mut Tester) -> Result<(), Stop> {
         let left_ns = give_up_ns.saturating_sub(asked_ns);
         let word = t.wait_for(left_ns, |message| is_arm(message) || is_state(message, NodeState::BootUp))?;
         let Some(heard) = word else {
-            return t.unready("it doesn't ask the plant to arm: is it started again after each case?");
+            return t.unready("it doesn't ask the plant to arm: check that it is restarted after each case");
         };
         if !is_arm(&heard.message) {
             // Another one has been started, which has heard no hello.
@@ -332,7 +334,7 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     let (heard, e) = t.expect_emergency(most_ns, EmergencyCode::SensorTimeout, text)?;
     let after_ns = heard.at_ns - silent_ns;
     if e.code != EmergencyCode::SensorTimeout {
-        return failed(format!("without samples it says: {e}"));
+        return failed(format!("without samples it reports: {e}"));
     }
     // The last sample was sent up to a period, and the tester's hold-up, earlier.
     if after_ns + 2 * period_ns + t.held_up_ns < HEARTBEAT_TIMEOUT_NS {
@@ -475,7 +477,7 @@ fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Sto
     let text = format!("no emergency {code} within {}", ms(within_ns));
     match t.expect_emergency(within_ns, code, text)? {
         (_, e) if e.code == code => ends(t, from, NodeState::Fault),
-        (_, e) => failed(format!("instead of {code} it says: {e}")),
+        (_, e) => failed(format!("expected emergency {code}, but it reports: {e}")),
     }
 }
 

@@ -45,7 +45,7 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
         let expected = (wanted[n % wanted.len()], start.wrapping_add((n / wanted.len()) as u16));
         if (*kind, *index) != expected {
             let (wanted, sample) = expected;
-            return failed(format!("{kind} with index {index} came instead of {wanted} with index {sample}"));
+            return failed(format!("received {kind} with index {index}, expected {wanted} with index {sample}"));
         }
     }
     t.note(format!("{} frames", frames.len()));
@@ -98,8 +98,8 @@ fn refuses_to_arm(t: &mut Tester, mismatch: Mismatch) -> Result<(), Stop> {
     })?;
     match word.and_then(|heard| emergency(&heard.message)) {
         Some(e) if (e.code, e.detail) == (EmergencyCode::Incompatible, mismatch as u16) => Ok(()),
-        Some(e) => failed(format!("asked to arm ({mismatch}) it says: {e}")),
-        None if word.is_some() => failed(format!("it arms all the same: {mismatch}")),
+        Some(e) => failed(format!("asked to arm ({mismatch}) it reports: {e}")),
+        None if word.is_some() => failed(format!("it arms in spite of the mismatch: {mismatch}")),
         None => late(format!("asked to arm ({mismatch}) it says nothing within {}", ms(100 * MS + MARGIN_NS))),
     }
 }
@@ -258,7 +258,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     for force_n in [t.settings.force_n, -t.settings.force_n] {
         t.answers = Answers::Force(force_n);
         hold(t)?;
-        let Some((sample, read_n)) = forces(t, 0).last() else { return failed("no force is measured") };
+        let Some((sample, read_n)) = forces(t, 0).last() else { return failed("the head measures no force") };
         if (read_n - force_n).abs() > 0.2 * force_n.abs() {
             return failed(format!("commanded {force_n} N, the head reads {read_n:.2} N at sample {sample}"));
         }
@@ -320,7 +320,9 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     t.request(OperatorRequest::Disarm)?;
     becomes(t, NodeState::PreOperational)?;
-    let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else { return failed("no force is measured") };
+    let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else {
+        return failed("the head measures no force");
+    };
     run_samples(t, samples(t, 2 * FORCE_RAMP_NS))?;
     ramps(t, from, left_at)
 }
@@ -346,7 +348,7 @@ pub(super) fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Sto
             ));
         }
     }
-    if after < steps + 2 { inconclusive(format!("only {after} samples of the ramp came")) } else { Ok(()) }
+    if after < steps + 2 { inconclusive(format!("only {after} samples of the ramp were received")) } else { Ok(()) }
 }
 
 /// A fault and a boot of the exciter are faults of an operational plant.
@@ -393,6 +395,6 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
     let text = "it ignores its own hello from another node";
     match t.expect_emergency(MARGIN_NS, EmergencyCode::SecondSender, text)? {
         (_, e) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
-        (_, e) => failed(format!("hearing its own hello from another node it says: {e}")),
+        (_, e) => failed(format!("hearing its own hello from another node it reports: {e}")),
     }
 }

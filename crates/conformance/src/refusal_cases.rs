@@ -79,7 +79,7 @@ pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
 /// Commands larger than the plant's exciter can produce. If no force is given, slightly more than the limit that the
 /// plant states in the FD profile.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
-    let none = "no force is given that the plant must reject (--beyond-n); a plant that takes it would apply it";
+    let none = "no force is given that the plant must reject (--beyond-n); a plant that accepts it would apply it";
     if t.settings.beyond_n.is_none() && t.network.profile() == Profile::Classic {
         return skipped(none);
     }
@@ -152,7 +152,7 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
         None => t.expect_emergency(TRAVEL_NS, EmergencyCode::ExciterTripped, text)?.1,
     };
     if (tripped.code, tripped.detail) != (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
-        return failed(format!("instead of a trip at its travel it says: {tripped}"));
+        return failed(format!("expected a trip at its travel, but it reports: {tripped}"));
     }
     run_samples(t, 12)?;
     // The load held at the sample named may still be read: a converter with a filter reads up to five holds.

@@ -104,7 +104,7 @@ impl Fit {
 pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
     let Some(wanted) = t.settings.sine else {
         return skipped(
-            "the sine that it is set to is not given (--expect-frequency-hz with --expect-force-n or -torque-nm)",
+            "the sine that it should command is not given (--expect-frequency-hz with --expect-force-n or -torque-nm)",
         );
     };
     let rate_hz = begin(t).map(|()| f64::from(t.hello.rate_hz))?;
@@ -120,7 +120,7 @@ pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
         let from = t.heard.len();
         let points = block(t, wanted.axis(), block_ns)?;
         let Some(fit) = fit(&points, wanted.frequency_hz) else {
-            return inconclusive("the commands that came are too few for a fit");
+            return inconclusive("too few commands were received for a fit");
         };
         if fit.is(wanted.amplitude()) {
             return judge_time_and_sign(t, &wanted, from, rate_hz);
@@ -175,7 +175,7 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
     let all = points(&t.heard[boot..until], axis, rate_hz);
     let seen = points(&t.heard[from..until], axis, rate_hz).len();
     let Some((fit, deviation_hz)) = refined(&all[all.len().saturating_sub(seen)..], wanted.frequency_hz) else {
-        return inconclusive("the commands that came are too few for a fit");
+        return inconclusive("too few commands were received for a fit");
     };
     let (unit, frequency_hz) = (axis.unit(), wanted.frequency_hz);
     let ppm = |hz: f64| 1e6 * hz / frequency_hz;
@@ -393,7 +393,7 @@ fn sine_at(points: &[(f64, f64)], frequency_hz: f64, rate_hz: f64) -> Option<Fit
 fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: f64) -> String {
     let (axis, amplitude, frequency_hz) = (wanted.axis(), wanted.amplitude(), wanted.frequency_hz);
     let (heard, unit) = (&t.heard[from..], axis.unit());
-    let expected = format!("expected are {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name());
+    let expected = format!("expected {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name());
     let own = points(heard, axis, rate_hz);
     let (min, max) = range(&own);
     if got.is_sine() {

@@ -19,7 +19,7 @@ const LOOK_NS: u64 = 100 * MS;
 
 fn is_asked(t: &Tester) -> Result<(), Stop> {
     match t.settings.soak_ns {
-        0 => skipped("no time is given for it (--soak-s)"),
+        0 => skipped("no duration is given for it (--soak-s)"),
         _ => Ok(()),
     }
 }

@@ -127,7 +127,7 @@ impl<'w> Tester<'w> {
     pub fn send(&mut self, message: &Message) -> Result<(), Stop> {
         match self.ends.transmitter.frame(message) {
             Ok(frame) => self.send_frame(&frame),
-            Err(error) => inconclusive(format!("the tester can't say this: {error}")),
+            Err(error) => inconclusive(format!("the tester can't send this: {error}")),
         }
     }
 
@@ -142,7 +142,7 @@ impl<'w> Tester<'w> {
     pub fn send_at_other_base(&mut self, message: &Message) -> Result<(), Stop> {
         match Damage::Base.apply(&mut self.ends, 0, |transmitter| transmitter.frame(message).ok()) {
             Some(frame) => self.send_frame(&frame),
-            None => inconclusive("the tester can't say this"),
+            None => inconclusive("the tester can't send this"),
         }
     }
 

@@ -30,7 +30,7 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     }
     let came = t.monitor.in_words();
     inconclusive(format!(
-        "no controller came: is it on this bus, and started again after each case? Instead came: {came}"
+        "no frame of a controller was received: check that it is on this bus and restarted after each case. Received instead: {came}"
     ))
 }
 
@@ -154,7 +154,7 @@ pub(super) fn why(emergency: &Emergency) -> String {
     match (emergency.code, refused) {
         (EmergencyCode::CommandTimeout, Some(refusal)) => {
             format!(
-                "no command was taken in time, {} were rejected, the last one as {refusal}",
+                "no command was accepted in time, {} were rejected, the last one as {refusal}",
                 emergency.detail & 0xFF
             )
         }
@@ -189,9 +189,9 @@ pub(super) fn before_arming(t: &mut Tester) -> Result<(), Stop> {
     let limits = t.plant()?.limits();
     let early = t.heard().iter().find(|heard| heard.state != NodeState::Operational && has_load(heard, limits));
     match early {
-        Some(heard) if heard.at_ns - start_ns < MARGIN_NS => {
-            inconclusive("a controller was at work already as the case began: is it started again after each case?")
-        }
+        Some(heard) if heard.at_ns - start_ns < MARGIN_NS => inconclusive(
+            "a controller was already at work when the case began: check that it is restarted after each case",
+        ),
         Some(heard) => failed(format!("{} before it has armed the plant", commanded(heard))),
         None => Ok(()),
     }
@@ -279,7 +279,7 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
 fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     let Some(said_every_ns) = said_every(t, state) else {
         let state = in_words(state);
-        return skipped(format!("no reading that comes by itself twice a second says that the plant is {state}"));
+        return skipped(format!("no reading that is sent at least twice a second carries the plant's state {state}"));
     };
     let reacts_ns = REACTION_NS + said_every_ns;
     begin(t)?;

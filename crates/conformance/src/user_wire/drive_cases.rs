@@ -42,7 +42,10 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
         return Ok(());
     }
-    inconclusive(format!("no drive came: is it on this bus? Instead came: {}", t.monitor.in_words()))
+    inconclusive(format!(
+        "no frame of a drive was received: check that it is on this bus. Received instead: {}",
+        t.monitor.in_words()
+    ))
 }
 
 /// The drives of the user protocol: none of a DBC, which has none of these cases.
@@ -57,7 +60,7 @@ fn send(t: &mut Tester, id: u16, data: &[u8]) -> Result<(), Stop> {
     let frame: Result<Frame, FrameError> = Frame::classic(Id::Standard(id), data);
     match frame {
         Ok(frame) => t.send(&frame),
-        Err(error) => inconclusive(format!("the tester can't say this: {error}")),
+        Err(error) => inconclusive(format!("the tester can't send this: {error}")),
     }
 }
 

@@ -121,7 +121,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     if !says_state(t) {
-        return skipped("no reading that comes by itself twice a second says that the plant is in fault");
+        return skipped("no reading that is sent at least twice a second carries the plant's fault");
     }
     arm(t)?;
     t.alter = Alter::Mute;

@@ -69,13 +69,12 @@ pub(super) enum Kind {
 #[derive(Debug, Error)]
 pub enum UserWireError {
     /// The scenario has no protocol of its own.
-    #[error("the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol")]
+    #[error(
+        "the scenario has no [wire], so it maps no user protocol: leave the scenario out to test on Resonarm's protocol"
+    )]
     NoWire,
     /// The scenario disturbs its network.
-    #[error(
-        "the scenario has [[network.faults]], and no case plays them: leave them out, a case damages the frames that it \
-         is about"
-    )]
+    #[error("the scenario has [[network.faults]], but the cases damage the frames themselves: leave them out")]
     Faults,
     /// The scenario can't be run.
     #[error(transparent)]

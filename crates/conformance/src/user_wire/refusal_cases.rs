@@ -27,7 +27,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     let (names, has_state) = (load_readings(t), says_state(t));
     if names.is_empty() && !has_state {
-        return skipped("no reading that comes by itself twice a second says the plant's state or the load that acts");
+        return skipped("no reading that is sent at least twice a second carries the plant's state or the acting load");
     }
     drive(t)?;
     t.command(-load_of(t));
@@ -37,7 +37,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
     let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);
     if let Some(read) = acted {
-        return wrong(format!("it takes them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
+        return wrong(format!("it accepts them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
     }
     if is_said || !has_state {
         return Ok(());
@@ -59,7 +59,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     }
     let names = load_readings(t);
     if names.is_empty() {
-        return skipped("no reading that comes by itself twice a second says the load that acts");
+        return skipped("no reading that is sent at least twice a second carries the acting load");
     }
     drive(t)?;
     if !t.can_command(-beyond_n) {

@@ -219,7 +219,7 @@ impl<'w> Tester<'w> {
             Seen::Double(message) => {
                 let partner = name(self.on.tested.partner());
                 return inconclusive(format!(
-                    "another node sends {message}, as the tester does: is a {partner} still on this bus?"
+                    "another node sends {message}, as the tester does: check whether a {partner} is still on this bus"
                 ));
             }
             Seen::Tested => {}
