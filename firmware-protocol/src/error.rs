@@ -1,4 +1,4 @@
-//! Why a message can't be sent, and why a frame is rejected.
+//! Errors of sending a message, and reasons for which a frame is rejected.
 
 use core::fmt;
 
@@ -6,7 +6,7 @@ use crate::e2e::{CounterFault, MAX_DELTA_COUNTER, Protection};
 use crate::frame::FrameFormat;
 use crate::message::MessageKind;
 
-/// Why a message can't be sent. Nothing was sent and no counter moved.
+/// Error of sending a message. Nothing was sent and no counter moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EncodeError {
     /// A value is not a number or infinite.
@@ -82,7 +82,7 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Why a frame on one of the protocol's identifiers is rejected. Its content must not be used.
+/// Reason for which a frame on one of the protocol's identifiers is rejected. Its content must not be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// The frame is not of the format that the message has in the network's profile.

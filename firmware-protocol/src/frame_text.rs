@@ -5,7 +5,7 @@ use core::str::FromStr;
 
 use crate::frame::{Frame, FrameError, FrameFormat, Id};
 
-/// Why a text is not a frame.
+/// Error of a text that is not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameTextError {
     /// There is no `#`.

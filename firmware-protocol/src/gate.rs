@@ -5,7 +5,7 @@ use crate::{NodeState, Refusal};
 /// Whether a quantity keeps its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// It does, or there is no limit.
+    /// The quantity is within its limit, or there is no limit.
     Within,
     /// The quantity exceeds its limit.
     Beyond,
@@ -19,7 +19,7 @@ pub struct CommandCheck {
     /// The sample periods that the change from the load held to this one takes at the largest rate of change; 0
     /// without such a limit.
     pub change_periods: f64,
-    /// How far the point that the exciter acts on is from rest, against the largest travel.
+    /// Distance from rest of the point that the exciter acts on, against the largest travel.
     pub travel: Limit,
 }
 

@@ -79,7 +79,7 @@ pub struct Network {
     profile: Profile,
 }
 
-/// Why a network is invalid.
+/// Error of an invalid network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkError {
     /// The base is outside [`BASE_MIN`]`..=`[`BASE_MAX`].

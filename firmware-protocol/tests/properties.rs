@@ -1,4 +1,4 @@
-//! What must hold for every message, every frame and every order of frames.
+//! Properties that hold for every message, every frame and every order of frames.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;

@@ -77,12 +77,12 @@ impl Counter {
     }
 }
 
-/// How a counter follows the previous one.
+/// Relation of a counter to the previous one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// No counter precedes it.
     First,
-    /// It is the next counter.
+    /// The counter is the next one.
     Next,
     /// Frames were lost, or an old one was repeated: the counter can't tell which. The receiver decides how
     /// many lost frames it accepts.

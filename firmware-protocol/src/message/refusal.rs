@@ -2,21 +2,21 @@
 
 use core::fmt;
 
-/// Why a plant rejected a valid command.
+/// Reason for which a plant rejected a valid command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Refusal {
     /// The plant is not armed.
     NotArmed = 1,
-    /// It answers a sample that is too old, or in the future.
+    /// The command answers a sample that is too old, or in the future.
     Late = 2,
-    /// It answers an older sample than the last accepted command.
+    /// The command answers an older sample than the last accepted command.
     OutOfOrder = 3,
-    /// It answers the same sample as the last accepted command: the first counts.
+    /// The command answers the same sample as the last accepted command: the first counts.
     Repeated = 4,
     /// The exciter can't produce it.
     OutOfRange = 5,
-    /// It changes the load faster than allowed.
+    /// The command changes the load faster than allowed.
     RateOfChange = 6,
     /// The plant is beyond its largest travel.
     Travel = 7,

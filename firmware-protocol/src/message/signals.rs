@@ -43,7 +43,7 @@ macro_rules! names {
 const SAMPLE: Names = names!("");
 const PAIR: [Names; 2] = [names!("first_"), names!("second_")];
 
-/// Why signals don't make a message.
+/// Error of signals that don't make a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SignalError {
     /// A signal is missing.

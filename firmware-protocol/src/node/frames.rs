@@ -1,4 +1,4 @@
-//! What a node counts of frames, and why it rejects one.
+//! Counts of a node's frames, and the reasons for which it rejects one.
 
 use core::fmt;
 
@@ -36,7 +36,7 @@ pub enum FrameFault {
 /// The checks of a message of another protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameCheck {
-    /// It is a CAN FD frame and the message a classic one, or the reverse.
+    /// The frame is a CAN FD frame and the message a classic one, or the reverse.
     Format,
     /// The payload ends before a signal, or is longer than the message.
     Length,

@@ -33,7 +33,7 @@ pub trait Device {
     fn epoch(&self) -> u32;
 }
 
-/// What the server made of a frame.
+/// Effect of a frame on the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handled {
     /// The frame is not for this node.

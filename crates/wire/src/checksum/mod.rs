@@ -129,7 +129,7 @@ pub enum Part {
     },
 }
 
-/// How the bytes that belong only to the checksum enter it. In a byte that it shares, its own bits are zero.
+/// Treatment of the bytes that belong only to the checksum. In a byte that the checksum shares, its own bits are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Own {
     /// They are left out.
