@@ -15,7 +15,7 @@ use crate::model::{self, Parameters};
 use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
 use resonarm_files::write_whole;
 
-/// What a library of this version has in its bytes.
+/// Text that a library of this version contains in its bytes.
 const MARK: &str = concat!("resonarm-fmu library ", env!("CARGO_PKG_VERSION"), ";");
 
 /// Kept in the library, for [`Library::read`] to find.
@@ -32,7 +32,7 @@ pub const MOST_NODES: u8 = 32;
 /// The name of the library's file.
 pub const LIBRARY: &str = "libresonarm_fmu.so";
 
-/// Why an FMU can't be written.
+/// Error of writing an FMU.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ExportError {
@@ -41,7 +41,7 @@ pub enum ExportError {
         "there is no {LIBRARY} in {}: build it with `cargo build --release -p resonarm-fmu`, or give its path by --library", folder.display()
     )]
     NoLibrary {
-        /// Where it was looked for.
+        /// Folder in which the library was looked for.
         folder: PathBuf,
     },
     /// The library can't be read.
@@ -57,7 +57,7 @@ pub enum ExportError {
     Library {
         /// Path of the file that can't be used as a library.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason why the library is invalid.
         reason: String,
     },
     /// The structure of the scenario is an FMU already.

@@ -1,4 +1,4 @@
-//! Why a call of FMI fails.
+//! Errors of FMI calls.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use resonarm_session::run::RunError;
 
 use crate::instance::State;
 
-/// Why a call of FMI fails; the importer reads it in its log.
+/// Error of an FMI call; the importer reads it in its log.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Fault {
@@ -22,7 +22,7 @@ pub enum Fault {
     Resource {
         /// Path of the resource.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason why the resources are invalid.
         reason: String,
     },
     /// The importer names no folder of resources.
@@ -98,7 +98,7 @@ pub enum Fault {
     NotOffered {
         /// Name of the FMI function that was called.
         call: &'static str,
-        /// What the model description says of it.
+        /// Capability that the model description states.
         why: &'static str,
     },
     /// No variable has the value reference.
@@ -171,15 +171,15 @@ pub enum Fault {
     /// The start time is not finite.
     #[error("fmi3EnterInitializationMode: the start time is {got_s} s: it must be finite")]
     StartTime {
-        /// What was given, s.
+        /// Start time that was given, s.
         got_s: f64,
     },
     /// The step does not begin where the last one ended.
     #[error("fmi3DoStep: the step begins at {got_s} s: it must begin at {at_s} s, the time of the FMU")]
     StepStart {
-        /// Where it begins, s.
+        /// Time at which the step begins, s.
         got_s: f64,
-        /// Where the FMU is, s.
+        /// Time of the FMU, s.
         at_s: f64,
     },
     /// The length of a step is impossible.
@@ -195,7 +195,7 @@ pub enum Fault {
     StepTooSmall {
         /// Requested length of the step, s.
         got_s: f64,
-        /// Where it begins, s.
+        /// Time at which the step begins, s.
         at_s: f64,
     },
     /// The recording already has what the state would take back.

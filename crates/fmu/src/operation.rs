@@ -22,7 +22,7 @@ const CONFIGURATION: u32 = 0x40;
 const STATUS: u32 = 0x41;
 const WAKEUP: u32 = 0x42;
 
-/// What a node is on the bus, by the operation Status.
+/// State of a node on the bus, as the operation Status reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Status {
@@ -31,7 +31,7 @@ pub(crate) enum Status {
     BusOff = 3,
 }
 
-/// What destroyed a frame, as far as the bus tells it.
+/// Cause that destroyed a frame, as far as the bus reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum BusErrorCode {

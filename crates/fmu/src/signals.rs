@@ -41,7 +41,7 @@ pub(crate) struct Signals {
 #[derive(Clone, Debug)]
 pub(crate) struct SavedSignals {
     pub now: Measured,
-    /// Of a state that was not read from bytes, while something is recorded.
+    /// Mark of a state that was not read from bytes, while something is recorded.
     mark: Option<Arc<Mark>>,
 }
 

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 
 use thiserror::Error;
 
-/// Why there is no live view.
+/// Error of starting the live view.
 #[derive(Debug, Error)]
 pub enum LiveError {
     /// The address can't be listened on.

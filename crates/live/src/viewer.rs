@@ -16,9 +16,9 @@ use super::message::{Asked, PageMessage};
 use super::model::text;
 use super::shared::{Shared, lock};
 
-/// How long a viewer may take to receive a message.
+/// Time that a viewer may take to receive a message.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long it may take to receive all that is kept of the run.
+/// Time that a viewer may take to receive all that is kept of the run.
 const GREETING: Duration = Duration::from_secs(30);
 /// A viewer is dropped after this many invalid messages.
 const NONSENSE: u32 = 16;
@@ -43,12 +43,12 @@ impl Drop for Counted {
     }
 }
 
-/// Why a viewer is dropped.
+/// Reason why a viewer is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LetGo {
-    /// It has left, or sends only nonsense.
+    /// The viewer has left, or sends only nonsense.
     Gone,
-    /// It does not receive messages fast enough.
+    /// The viewer does not receive messages fast enough.
     TooSlow,
 }
 

@@ -8,7 +8,7 @@ use crate::Fault;
 /// Getters and setters of types that no variable has: fine for no variable.
 macro_rules! no_variables {
     ($($name:ident)*) => {$(
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
             instance: *mut c_void,
@@ -38,7 +38,7 @@ no_variables! {
 /// arguments are not read.
 macro_rules! not_offered {
     ($($name:ident($($argument:ty),*): $why:literal;)*) => {$(
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(instance: *mut c_void $(, _: $argument)*) -> c_int {
             // SAFETY: as the standard states.

@@ -9,7 +9,7 @@ use resonarm_bench::structure::{LOADS, OUTPUTS};
 
 use super::{SavedInstance, State};
 
-/// What a state begins with: the name and version of the format.
+/// First bytes of a saved state: the name and version of the format.
 const MAGIC: [u8; 8] = *b"rsnfmu\0\x03";
 const CALL: &str = "fmi3DeserializeFMUState";
 
@@ -105,7 +105,7 @@ fn refused(reason: &'static str) -> Fault {
     Fault::Saved { call: CALL, reason }
 }
 
-/// What is left to read.
+/// Bytes that are left to read.
 struct Rest<'a> {
     bytes: &'a [u8],
 }

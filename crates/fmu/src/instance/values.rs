@@ -20,7 +20,7 @@ impl Instance {
         self.variables.get(reference as usize).ok_or(Fault::UnknownReference { call, got: reference, most })
     }
 
-    /// Why a variable is none of the type that `call` is for, which no variable has.
+    /// Returns the error for a variable that does not have the type that `call` is for, which no variable has.
     pub fn refused_type(&self, call: &'static str, reference: u32) -> Fault {
         match self.any_variable(call, reference) {
             Ok(variable) => Fault::WrongType { call, name: variable.name.clone(), is: variable.kind.name() },
@@ -138,7 +138,7 @@ impl Instance {
         Ok(())
     }
 
-    /// When a countdown clock ticks next.
+    /// Returns the interval until a countdown clock ticks next.
     ///
     /// # Errors
     /// As [`Instance::clock`]; [`Fault::NotOffered`] of another clock.
