@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::Scheme;
 use resonarm_numeric::number::short;
 
-/// Why an integrator can't start or make a step.
+/// Error of an integrator that can't start or make a step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IntegrateError {
@@ -26,7 +26,7 @@ pub enum IntegrateError {
         /// The highest rate that would do, Hz.
         most_hz: f64,
     },
-    /// At this rate the scheme is unstable, or makes less than one step a period.
+    /// The scheme is unstable at this rate, or makes less than one step a period.
     #[error(
         "scheme {scheme} is too coarse for this structure at {got_hz} Hz: its fastest mode needs a rate of at least {needed_hz} Hz",
         got_hz = short(.got_hz), needed_hz = short(.needed_hz)

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use resonarm_numeric::number::short;
 
-/// Why a specification is not a structure, or a name not a place of it.
+/// Error of a specification that is not a structure, or of a name that is not a place of it.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StructureError {
@@ -16,7 +16,7 @@ pub enum StructureError {
     Count {
         /// The parts: links, modes, shapes, elements.
         what: &'static str,
-        /// How many are given.
+        /// Number that is given.
         got: usize,
         /// Least number that is valid.
         least: usize,
@@ -32,7 +32,7 @@ pub enum StructureError {
         name: &'static str,
         /// Value that was given.
         got: f64,
-        /// What the value must be.
+        /// Description of the valid values.
         expected: &'static str,
     },
     /// A shape with a number too few or too many.
@@ -40,7 +40,7 @@ pub enum StructureError {
     Shape {
         /// Point and axis of the shape.
         name: String,
-        /// How many are given.
+        /// Number that is given.
         got: usize,
         /// The number of modes.
         expected: usize,
@@ -78,7 +78,7 @@ pub enum StructureError {
     PresetText {
         /// The name of the preset.
         name: &'static str,
-        /// What is wrong with it.
+        /// Reason why the preset is invalid.
         reason: String,
     },
     /// Values count that the source of a chain does not state.
@@ -176,7 +176,7 @@ pub enum StructureError {
     },
 }
 
-/// What to know of the moment of inertia that is missing.
+/// Explains the moment of inertia that is missing.
 fn about_joint(link: u8, about_joint_kg_m2: &Option<f64>) -> String {
     about_joint_kg_m2.as_ref().map_or(String::new(), |inertia| {
         format!(

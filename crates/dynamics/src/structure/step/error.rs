@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::integrate::{IntegrateError, Scheme};
 use resonarm_numeric::number::short;
 
-/// Why a structure can't be stepped, or make a step.
+/// Error of a structure that can't be stepped, or can't make a step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StepError {
@@ -15,7 +15,7 @@ pub enum StepError {
         /// Rate that was given, Hz.
         got_hz: f64,
     },
-    /// At this rate the scheme is unstable, or makes less than one step a period.
+    /// The scheme is unstable at this rate, or makes less than one step a period.
     #[error(
         "scheme {scheme} is too coarse for this structure at {got_hz} Hz: its fastest mode needs a rate of at least {needed_hz} Hz",
         got_hz = short(.got_hz), needed_hz = short(.needed_hz)

@@ -1,4 +1,4 @@
-//! What is refused, and in which words.
+//! Errors of structures, in words.
 
 use insta::assert_snapshot;
 

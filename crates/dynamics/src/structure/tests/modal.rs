@@ -1,4 +1,4 @@
-//! Modes in time.
+//! Responses of modes in time, against closed forms.
 
 use core::f64::consts::TAU;
 
