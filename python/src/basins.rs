@@ -112,7 +112,7 @@ pub struct Attractors {
     forced: Forced,
     frequency_hz: f64,
     motions: Vec<StableMotion>,
-    /// Why a branch ended early.
+    /// Reason why a branch ended early.
     #[pyo3(get)]
     ended_early: Option<String>,
 }

@@ -114,7 +114,7 @@ impl BusEnd {
         receiver.as_ref().map_or(0, MemoryReceiver::dropped)
     }
 
-    /// Leaves the bus.
+    /// Leaves the bus: closes this end.
     fn close(&self) {
         self.split();
         *self.sender.lock().unwrap_or_else(PoisonError::into_inner) = None;

@@ -41,7 +41,7 @@ pub struct Traced {
     ended_early: Option<String>,
 }
 
-/// What an argument names as a coordinate of a branch.
+/// Finds the coordinate of a branch that an argument names.
 fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coordinate> {
     match name {
         "frequency" => Ok(Coordinate::FrequencyHz),

@@ -58,12 +58,12 @@ pub struct LogWriter {
 enum Log {
     /// The frames so far.
     Waiting(Vec<LoggedFrame>),
-    /// The recording.
+    /// The recording has begun.
     Begun(Box<FrameLog>),
 }
 
 impl Log {
-    /// Adds a frame.
+    /// Adds a frame to the recording.
     fn push(&mut self, path: &Path, logged: LoggedFrame) -> Result<(), ImportError> {
         let waiting = match self {
             Log::Begun(log) => return log.push(&logged).map(drop),

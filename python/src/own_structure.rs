@@ -54,7 +54,7 @@ struct OwnStructure {
     sensor_places: Vec<usize>,
     sensed: usize,
     state: Vec<f64>,
-    /// When it came to it, s.
+    /// Time to which the structure has come, s.
     t_s: f64,
     step_s: f64,
     raised: Raised,
@@ -64,7 +64,7 @@ struct OwnStructure {
 const POINTS: usize = 12;
 
 impl OwnParts {
-    /// Its name goes into the scenario, if this does not say already that the program has a structure.
+    /// Writes the structure's name into the scenario, if this does not say already that the program has a structure.
     pub fn name(&self, scenario: &mut Scenario) {
         let OwnParts(.., name, _loads, _sensed, _sensors) = self;
         scenario.leave_structure_to_program(name.clone());

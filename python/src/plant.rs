@@ -109,7 +109,7 @@ impl Measurement {
         self.inner.acceleration_c_m_s2.map(|reading| reading.value).into()
     }
 
-    /// Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head,
+    /// Readings that were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head,
     /// those above for the other sensors in their order.
     #[getter]
     fn clipped(&self) -> u32 {
@@ -206,7 +206,7 @@ impl Plant {
         self.vector(py, "alpha_rad")
     }
 
-    /// Their rates, rad/s.
+    /// Rates of the coordinates, rad/s.
     #[getter]
     fn alpha_dot_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         self.vector(py, "alpha_dot_rad_s")

@@ -69,7 +69,7 @@ impl Network {
         Ok(Network { inner: network.map_err(errors::value)?.with_profile(profile) })
     }
 
-    /// Base identifier.
+    /// Base identifier of the network.
     #[getter]
     fn base(&self) -> u16 {
         self.inner.base()
@@ -87,7 +87,7 @@ impl Network {
         self.inner.node_id(Node::Exciter)
     }
 
-    /// `classic` or `fd`.
+    /// Profile of the network: `classic` or `fd`.
     #[getter]
     fn profile(&self) -> &'static str {
         self.inner.profile().name()

@@ -43,10 +43,10 @@ pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, boo
 #[derive(Debug, FromPyObject)]
 pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>, bool, Option<SpinGiven>);
 
-/// How long a loop spins before a deadline, as given.
+/// Time for which a loop spins before a deadline, as given.
 #[derive(Debug, FromPyObject)]
 enum SpinGiven {
-    /// auto or off.
+    /// The word auto or off.
     Word(String),
     /// A time, s.
     Time(f64),
@@ -186,7 +186,7 @@ impl How {
     }
 }
 
-/// The exciter's report.
+/// Report of the exciter.
 #[derive(Serialize)]
 struct ExciterDocument {
     #[serde(flatten)]
@@ -212,7 +212,7 @@ impl From<&ExciterReport> for ExciterDocument {
 /// Plant's document, exciter's document, responses.
 type BothDocuments<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyByteArray>);
 
-/// Runs both nodes. Ctrl-C ends the run in order.
+/// Runs both nodes of a scenario. Ctrl-C ends the run in order.
 #[pyfunction]
 #[pyo3(signature = (scenario, how, controller = None, structure = None))]
 pub fn run_both<'py>(
@@ -323,7 +323,7 @@ impl NodeRun {
         thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Its current sample.
+    /// Index of the node's current sample.
     #[getter]
     fn sample(&self) -> u64 {
         self.signals.done()
@@ -340,7 +340,8 @@ impl NodeRun {
         self.signals.stop();
     }
 
-    /// Its report after its end, and the responses of an exciter. Only the first call returns them.
+    /// Waits for the end of the node and returns its report, and the responses of an exciter. Only the first call
+    /// returns them.
     fn join<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyByteArray>)> {
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
         let thread = thread.ok_or_else(|| errors::failed("the report of this node was taken before; join it once"))?;

@@ -45,8 +45,8 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     }
 }
 
-/// Two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or a
-/// `TypeError` if it has no numbers.
+/// Extracts two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or
+/// a `TypeError` if it has no numbers.
 pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
     two_or_more(given, message)
 }

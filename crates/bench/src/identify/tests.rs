@@ -120,7 +120,7 @@ fn ideal_instruments_are_almost_exact() {
     }
 }
 
-/// Where the accelerometers are.
+/// Points of the accelerometers.
 const POINTS: [&str; CHANNELS] = ["joint2.x", "joint2.y", "tip.x", "tip.y"];
 
 /// The displacements of B and C in a mode of modal mass 1 kg, up to the sign, within a fraction of the largest.

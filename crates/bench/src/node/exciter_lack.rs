@@ -1,4 +1,4 @@
-//! What a user protocol lacks for Resonarm's controllers, and the consequence.
+//! Features that a user protocol lacks for Resonarm's controllers, and the consequences.
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -65,7 +65,7 @@ pub enum ExciterLack {
          force_y_n: change the excitation, or map a user protocol by [wire]"
     )]
     Native {
-        /// What can't be commanded, with its unit.
+        /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
     /// The load has a part that no drive exerts.
@@ -109,7 +109,7 @@ pub enum ExciterLack {
     },
 }
 
-/// What an exciter can't know with a protocol.
+/// Limitation of an exciter on a user protocol.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ExciterRemark {
     /// Readings that it does not receive.

@@ -46,7 +46,7 @@ fn arm() -> TestedAssembly {
     tests::preset(ANGLES_DEG)
 }
 
-/// As the controller knows it, with the armature of the shaker on it.
+/// Returns the structure as the controller knows it, with the armature of the shaker on it.
 fn known(tested: &TestedAssembly) -> Modelled<'_> {
     Modelled::new(tested, &plant_spec(Amplifier::Current).rig).unwrap()
 }

@@ -13,7 +13,7 @@ fn arm(beta2_deg: f64) -> TestedAssembly {
     tests::preset([0.0, beta2_deg])
 }
 
-/// As the controller knows it, under an ideal exciter.
+/// Returns the structure as the controller knows it, under an ideal exciter.
 fn known(tested: &TestedAssembly) -> Modelled<'_> {
     Modelled::new(tested, &RigSpec::default()).unwrap()
 }

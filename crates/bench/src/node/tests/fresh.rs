@@ -45,7 +45,7 @@ enum Protocol {
 const ALL: [Protocol; 5] =
     [Protocol::Native, Protocol::Mapped, Protocol::MappedSync, Protocol::ODrive, Protocol::CanOpen];
 
-/// What is known of a command that was sent.
+/// State of a command that was sent.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     /// Whether it has the form of its message, and the plant was armed when it had been received.
@@ -68,9 +68,9 @@ struct Plant {
     held: i64,
     native: Transmitter,
     alive: u64,
-    /// By their numbers.
+    /// Commands by their numbers.
     commands: Vec<Option<Command>>,
-    /// Of RPDO 2: how often it was set up, its object, and whether it is enabled.
+    /// State of RPDO 2: how often it was set up, its object, and whether it is enabled.
     setups: u32,
     mapped: u16,
     is_enabled: bool,
@@ -356,7 +356,7 @@ impl Plant {
         frames.iter().for_each(|_| self.node.frame_sent());
     }
 
-    /// What answers a sample, where something does: SYNC.
+    /// Sends SYNC where it answers a sample.
     fn sync(&mut self) {
         if matches!(self.protocol, Protocol::MappedSync | Protocol::CanOpen) {
             self.send(0x80, &[]);
@@ -513,7 +513,7 @@ fn a_fresh_command_acts() {
     }
 }
 
-/// Of a PDO that is disabled, nothing that waits acts.
+/// Nothing that waits acts on a PDO that is disabled.
 #[test]
 fn a_pdo_that_was_disabled_since_never_acts() {
     let mut plant = Plant::new(Protocol::CanOpen);

@@ -102,7 +102,7 @@ impl Pair {
     }
 }
 
-/// From the first torque on.
+/// Returns the torques from the first one on.
 fn played(torques_nm: &[[f64; 2]]) -> &[[f64; 2]] {
     let first = torques_nm.iter().position(|torque_nm| torque_nm[0] != 0.0).unwrap();
     &torques_nm[first..]

@@ -71,7 +71,7 @@ impl Bench {
         bench
     }
 
-    /// As the loop in real time: what came acts, the plant advances, the next sample is published.
+    /// Makes a tick as the loop in real time does: what came acts, the plant advances, the next sample is published.
     fn tick(&mut self) {
         self.now_ns += TICK_NS;
         self.node.handle_deadline(self.now_ns);

@@ -1,4 +1,4 @@
-//! What a mapping lacks for an exciter, in words.
+//! Features that a mapping lacks for an exciter, in words.
 
 use super::*;
 use resonarm_wire::layout::{ByteOrder, Layout, Number};
