@@ -11,7 +11,7 @@ use super::times::{MARGIN_NS, MS};
 use super::wire::BusOff;
 use resonarm_protocol::{EmergencyCode, NodeState};
 
-/// How long the node is off the bus, ns: within the timeouts of a silent partner.
+/// Time for which the node is off the bus, ns: within the timeouts of a silent partner.
 const OFF_NS: u64 = 100 * MS;
 
 /// An operational plant faults.

@@ -20,7 +20,7 @@ pub struct Case<S = Script> {
     pub tested: Node,
     /// The mode that the node is in.
     pub mode: Mode,
-    /// What the case tests.
+    /// Subject that the case tests.
     pub title: &'static str,
     /// The requirements that it covers.
     pub requirements: &'static [&'static str],

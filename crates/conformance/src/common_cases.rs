@@ -13,14 +13,14 @@ use super::{exciter_role, plant_role};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
 use resonarm_protocol::{Cycle, Frame, FrameFormat, Hello, Id, Message, MessageKind, Node, NodeState};
 
-/// How long heartbeats are watched, ns.
+/// Time for which heartbeats are watched, ns.
 const WATCH_NS: u64 = 1000 * MS;
 
 /// The most heartbeats in a second, apart from those that report a change of state.
 const MOST_HEARTBEATS: u64 = 20;
-/// How many remote frames are sent for each message.
+/// Number of remote frames that are sent for each message.
 const REMOTE_FRAMES: u64 = 30;
-/// How far apart they are, ns.
+/// Time between two remote frames, ns.
 const REMOTE_PERIOD_NS: u64 = 5 * MS;
 
 /// Heartbeats at least every 100 ms, and at most 20 a second. A single late one may be due to a stop of the node; not so

@@ -9,7 +9,7 @@ use super::tester::{Tester, emergency};
 use super::times::{MARGIN_NS, MS};
 use resonarm_protocol::{Message, OperatorRequest};
 
-/// How often a node is made to send its rare messages.
+/// Number of times that a node is made to send its rare messages.
 const ROUNDS: u32 = 4;
 
 /// Checks a plant, which is made to send hellos and to refuse to arm.

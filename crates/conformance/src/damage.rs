@@ -22,7 +22,7 @@ pub(super) enum Damage {
     Length,
     /// A bit that belongs to no signal is set.
     ReservedBit,
-    /// Its first value is not available, or not a number.
+    /// The first value is not available, or not a number.
     NotAvailable,
     /// A 29-bit identifier with the same number.
     Extended,
@@ -44,7 +44,7 @@ impl Damage {
         Damage::Base,
     ];
 
-    /// The damaged frame. `make` makes the frame with a transmitter; `n` counts the damaged ones.
+    /// Returns the damaged frame. `make` makes the frame with a transmitter; `n` counts the damaged ones.
     pub fn apply(self, ends: &mut Ends, n: u64, make: impl Fn(&mut Transmitter) -> Option<Frame>) -> Option<Frame> {
         match self {
             Damage::Repeated => return make(&mut ends.before.clone()),
@@ -127,7 +127,7 @@ pub(super) fn protect(data: &mut [u8], data_id: u16) {
 #[derive(Clone, Debug)]
 pub(super) struct Ends {
     pub transmitter: Transmitter,
-    /// As it was before the last frame that can be repeated.
+    /// Transmitter as it was before the last frame that can be repeated.
     pub before: Transmitter,
     other: Option<Transmitter>,
 }

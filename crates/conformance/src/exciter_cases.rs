@@ -19,12 +19,12 @@ use resonarm_protocol::{
 /// take: this is less than the 80 ms after which the next one is due in most nodes, and longer than a machine usually
 /// stops a process. A node fails only if it is this late three times.
 const AT_ONCE_NS: u64 = 75 * MS;
-/// How long samples may be answered before the heartbeat operational, ns: a controller may send frames of low
+/// Time for which samples may be answered before the heartbeat operational, ns: a controller may send frames of low
 /// identifiers first.
 const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;
-/// By when an exciter that arms the plant itself asks for it, ns from when the plant's hello fits.
+/// Time within which an exciter that arms the plant itself asks for it, ns from when the plant's hello fits.
 const ARM_REQUEST_NS: u64 = 1000 * MS;
-/// How many samples are sent of which each waits for the answer to the one before, and how many of them may have none.
+/// Number of samples sent of which each waits for the answer to the one before, and how many of them may have none.
 const AWAITED: u16 = 60;
 const MOST_MISSING: usize = 2;
 /// The fewest distances between samples without an answer that show a rule.
@@ -32,7 +32,7 @@ const REGULAR: usize = 4;
 /// An exciter that is still present this long after its work ended is taken to stay, ns.
 const STAYS_NS: u64 = 3 * GONE_NS;
 
-/// It doesn't begin without a hello, and faults at a hello that doesn't fit.
+/// The exciter doesn't begin without a hello, and faults at a hello that doesn't fit.
 pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     exchange_hellos(t)?;
     t.boot()?;
@@ -153,10 +153,10 @@ fn judge_awaited(answers: &Answered) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Which samples of a series are answered.
+/// Samples of a series that are answered.
 pub(super) struct Answered {
     sent: usize,
-    /// How many of them are answered.
+    /// Number of samples that are answered.
     pub count: usize,
     /// The samples that are the first of some in a row without an answer, counted from the first of the series, and how
     /// many those are.
@@ -169,7 +169,8 @@ struct Gap {
 }
 
 impl Answered {
-    /// Of the `sent` samples from `first` on those that these commands answer. Answers to earlier samples don't count.
+    /// Finds those of the `sent` samples from `first` on that these commands answer. Answers to earlier samples don't
+    /// count.
     pub fn new(commands: &[u16], first: u16, sent: u16) -> Answered {
         let mut is_answered = alloc::vec![false; usize::from(sent)];
         for sample in commands {
@@ -205,7 +206,7 @@ impl Answered {
     }
 }
 
-/// It asks for arming soon after its partner's hello fits.
+/// The exciter asks for arming soon after its partner's hello fits.
 pub(super) fn asks_to_arm(t: &mut Tester) -> Result<(), Stop> {
     exchange_hellos(t)?;
     t.boot()?;
@@ -375,8 +376,8 @@ fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     }
 }
 
-/// It sends the heartbeat at once when it becomes operational (judged by the samples answered before it), and when it
-/// no longer is.
+/// The exciter sends the heartbeat at once when it becomes operational (judged by the samples answered before it), and
+/// when it no longer is.
 pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let place = |holds: &dyn Fn(&Message) -> bool, from: usize| {
@@ -406,7 +407,7 @@ pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// After its end it says that it leaves, before it boots again or is gone.
+/// The exciter says after its end that it leaves, before it boots again or is gone.
 pub(super) fn leaves(t: &mut Tester) -> Result<(), Stop> {
     leaves_after(t, NodeState::PreOperational)
 }

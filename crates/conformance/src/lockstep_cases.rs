@@ -39,7 +39,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
     continues(t, sample)
 }
 
-/// Only the command for this very sample counts.
+/// The plant accepts only the command for this very sample.
 pub(super) fn plant_takes_no_other(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     // The neighbours are the likeliest mistakes: an answer one sample late, or one ahead.

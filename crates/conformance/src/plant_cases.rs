@@ -20,7 +20,7 @@ use resonarm_protocol::{
 /// How much later a heartbeat that must be sent at once may come, by the plant's samples, ns: an adapter takes some ms
 /// to pass a request on, and a plant without commands faults after this time.
 const AT_ONCE_NS: u64 = COMMAND_TIMEOUT_NS;
-/// How long a plant is stopped, ns: longer than any of its timeouts.
+/// Time for which a plant is stopped, ns: longer than any of its timeouts.
 const STOP_NS: u64 = 400 * MS;
 
 /// Every frame passes the protocol's checks; samples are complete and without a gap.
@@ -133,7 +133,7 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
     stays(t, Fault, &[Arm, Disarm])
 }
 
-/// In fault it follows a reset, also if it is in fault from the beginning.
+/// The plant follows a reset in fault, also if it is in fault from the beginning.
 pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     use NodeState::{Fault, Operational, PreOperational};
     exchange_hellos(t)?;
@@ -266,7 +266,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Before arming no command acts.
+/// No command acts before the plant is armed.
 pub(super) fn not_armed(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     let from = t.heard.len();
@@ -314,7 +314,7 @@ pub(super) fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
     }
 }
 
-/// When disarmed, the load held goes to zero in equal steps.
+/// The load held goes to zero in equal steps when the plant is disarmed.
 pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();

@@ -20,7 +20,7 @@ const BEYOND_STATED: f64 = 1.01;
 /// Time over which the force rises that drives a plant beyond its travel, ns: short, since a stop of the process ends
 /// the try.
 const SLOPE_NS: u64 = 250 * MS;
-/// How long the force is applied for the plant to exceed its travel, ns.
+/// Time for which the force is applied for the plant to exceed its travel, ns.
 const TRAVEL_NS: u64 = 5_000 * MS;
 
 /// Damaged frames instead of commands.

@@ -3,20 +3,20 @@
 /// A demand of the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Requirement {
-    /// Its number in `SPEC.md`: the section, and a number within it.
+    /// Number of the requirement in `SPEC.md`: the section, and a number within it.
     pub id: &'static str,
     /// A summary of the demand.
     pub text: &'static str,
-    /// How it is checked.
+    /// Way in which the requirement is checked.
     pub check: Check,
 }
 
-/// How a requirement is checked.
+/// Way in which a requirement is checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
-    /// By the cases that name it.
+    /// The requirement is checked by the cases that name it.
     Cases,
-    /// Not by a case of this program, for this reason.
+    /// The requirement is not checked by a case of this program, for this reason.
     Elsewhere(&'static str),
 }
 

@@ -13,7 +13,7 @@ use super::tester::{Heard, Tester, is_state};
 use super::times::{MS, ms};
 use resonarm_protocol::{ForceCommand, Message, NodeState, Profile, TorqueCommand};
 
-/// How long commands are observed, ns.
+/// Time for which commands are observed, ns.
 const WATCH_NS: u64 = 1000 * MS;
 /// Rounding of the limits in the capabilities, which are singles, as a share of them.
 const ROUNDING: f64 = 1e-6;
@@ -28,17 +28,17 @@ const BLOCK_COMMANDS: usize = 10;
 const SETTLED: f64 = 0.005;
 /// The smallest amplitude that counts as a command.
 const NONE: f64 = 1e-9;
-/// By which share the frequency may differ from the expected one, by the times of the samples: more than quartz crystals
-/// do.
+/// Share by which the frequency may differ from the expected one, by the times of the samples: more than quartz
+/// crystals do.
 const TIME_BASE: f64 = 1e-3;
-/// How often a frequency is fitted anew.
+/// Number of times that a frequency is fitted again.
 const REFINEMENTS: u32 = 6;
 /// The fewest periods of which a sine is known.
 const PERIODS: f64 = 1.0;
 /// Commands are clipped if this share of them is at each end of their range.
 const CLIPPED: f64 = 0.1;
-/// Where a sine of the opposite sign begins, rad beyond π: with a slow ramp its first values are zero. One that begins
-/// anywhere is there once in ten times.
+/// Phase at which a sine of the opposite sign begins, rad beyond π: with a slow ramp its first values are zero. One
+/// that begins anywhere is there once in ten times.
 const OPPOSITE: Range<f64> = -0.15..0.5;
 
 /// The commands are within the limits that its capabilities state.

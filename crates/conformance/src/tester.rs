@@ -21,7 +21,7 @@ use resonarm_protocol::{
     Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
 };
 
-/// After so many rejected frames of a kind the tester no longer waits for a valid one.
+/// Number of rejected frames of a kind after which the tester no longer waits for a valid one.
 const MOST_REFUSED: u64 = 3;
 
 /// The tester checks the bus at least this often, ns.
@@ -63,7 +63,7 @@ pub(super) struct Tester<'w> {
     damaged: u64,
     /// The sample answered last, and how.
     pub answered: Option<u16>,
-    /// When that answer was sent, ns.
+    /// Time at which that answer was sent, ns.
     pub answered_ns: u64,
     pub heard: Vec<Heard>,
     /// The frames received and rejected.
@@ -72,7 +72,7 @@ pub(super) struct Tester<'w> {
     looked_at_ns: u64,
     /// The longest time between two checks beyond the planned one, ns.
     pub held_up_ns: u64,
-    /// When the node under test was last heard, ns.
+    /// Time at which the node under test was last heard, ns.
     heard_at_ns: Option<u64>,
     /// The longest time between two frames of the node under test, ns.
     pub silent_ns: u64,

@@ -27,9 +27,9 @@ pub struct Traffic {
     pub further_others: u64,
     /// Ranges of the commands received.
     pub commands: Commands,
-    /// Of a user protocol: frames of the node under test whose form is right, by message.
+    /// Frames of the node under test on a user protocol whose form is right, by message.
     pub user_taken: BTreeMap<String, u64>,
-    /// Of a user protocol: frames that were rejected, by message and kind of fault.
+    /// Frames on a user protocol that were rejected, by message and kind of fault.
     pub user_refused: Vec<UserRefused>,
 }
 
@@ -42,7 +42,7 @@ pub struct UserRefused {
     pub fault: Fault,
     /// The first of them.
     pub frame: Frame,
-    /// How many there were.
+    /// Number of these frames.
     pub count: u64,
 }
 
@@ -60,9 +60,9 @@ pub struct Refused {
     pub error: DecodeError,
     /// The first of them.
     pub frame: Frame,
-    /// That frame with the right CRC, if its CRC was wrong.
+    /// The same frame with the right CRC, if its CRC was wrong.
     pub expected: Option<Frame>,
-    /// How many there were.
+    /// Number of these frames.
     pub count: u64,
 }
 

@@ -75,7 +75,7 @@ const PLANT: [Row; 16] = [
     ("plant-stop", "a message that stops it", &["W-3.8"], Run(plant_cases::stop)),
 ];
 
-/// Of CANopen drives, beside those of every plant.
+/// Cases of CANopen drives, beside those of every plant.
 const DRIVES: [Row; 7] = [
     ("plant-objects", "objects as the scenario says", &["W-4.1"], Run(drive_cases::objects)),
     ("plant-aborts", "SDO transfers that are aborted", &["W-4.2"], Run(drive_cases::aborts)),

@@ -15,12 +15,12 @@ use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::mapped::mapping::{Arming, Source};
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState, OperatorRequest, Refusal};
 
-/// How long commands are observed, ns, beyond the time for which they are valid.
+/// Time for which commands are observed, ns, beyond the time for which they are valid.
 const WATCH_NS: u64 = 1000 * MS;
 /// A load below this share of the exciter's limits counts as zero: a signal may have no value that is exactly zero.
 const NEARLY_ZERO: f64 = 1e-3;
-/// By when a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no time for it,
-/// so this is longer than any that does its work takes.
+/// Time within which a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no
+/// time for it, so this is longer than any that does its work takes.
 const REACTION_NS: u64 = GONE_NS;
 
 /// Waits for a controller to send something.
@@ -52,7 +52,7 @@ pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// It arms the plant by what the mapping says.
+/// The controller arms the plant as the mapping says.
 pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     if t.on.arming() == Arming::Operator {
         return skipped("the plant is armed by its operator (arm = \"operator\")");
@@ -65,7 +65,7 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     failed(not_armed(t))
 }
 
-/// That the controller has not armed the plant, and what it does instead.
+/// Describes that the controller has not armed the plant, and what it does instead.
 fn not_armed(t: &Tester) -> String {
     let asks = |action| t.heard().iter().filter(|heard| heard.asks(action)).count();
     let (arm, reset) = (asks("arm"), asks("reset"));
@@ -177,7 +177,7 @@ fn gaps(heard: &[Heard], end_ns: u64) -> String {
     if texts.is_empty() { String::from("no frame with a load came") } else { texts }
 }
 
-/// Before it arms the plant it commands no load.
+/// The controller commands no load before it arms the plant.
 pub(super) fn before_arming(t: &mut Tester) -> Result<(), Stop> {
     match (t.on.kind, t.on.arming()) {
         (Kind::Odrive, _) => return skipped("an ODrive may be given its torque before the loop is closed"),
@@ -208,7 +208,7 @@ fn commanded(heard: &Heard) -> String {
     format!("{} commands {}", heard.message.message, parts.collect::<Vec<_>>().join(", "))
 }
 
-/// What it commands while the plant is armed acts: all conditions are fulfilled.
+/// The loads that the controller commands while the plant is armed act: all conditions are fulfilled.
 pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let (from, limits, patience_ns) = (t.mark(), t.plant()?.limits(), t.settings.patience_ns);
@@ -323,7 +323,7 @@ const fn in_words(state: NodeState) -> &'static str {
     }
 }
 
-/// How often a reading comes that distinguishes this state, or a fault, from operational, ns; `None`: none does.
+/// Returns the period of a reading that distinguishes this state, or a fault, from operational, ns; `None`: none does.
 fn said_every(t: &Tester, state: NodeState) -> Option<u64> {
     let distinguishes = |source: &Source| match source {
         Source::State([_, idle, armed, fault]) => {

@@ -23,7 +23,7 @@ const PROFILE: u32 = 402;
 /// An index that CiA 301 reserves, and the abort code of an object that does not exist.
 const NO_OBJECT: u16 = 0x0FFF;
 const ABORT_NO_OBJECT: u32 = 0x0602_0000;
-/// How often a drive is asked for its positions.
+/// Number of times that a drive is asked for its positions.
 const SYNCS: usize = 20;
 /// The longest heartbeat period that is watched, ns.
 const HEARTBEAT_MOST_NS: u64 = 5_000 * MS;
@@ -139,7 +139,7 @@ pub(super) fn objects(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// What can't be read or written is aborted.
+/// The drive aborts transfers of objects that can't be read or written.
 pub(super) fn aborts(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     for DriveSpec { node_id, .. } in drives(t) {

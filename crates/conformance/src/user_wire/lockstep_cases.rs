@@ -16,7 +16,8 @@ use resonarm_protocol::{EmergencyCode, Id};
 
 /// Samples that a controller has to answer.
 const SAMPLES: u64 = 50;
-/// For how long the tester, as a plant, keeps a controller waiting, ns: twice as long as a machine may stop a process.
+/// Time for which the tester, as a plant, keeps a controller waiting, ns: twice as long as a machine may stop a
+/// process.
 const PAUSE_NS: u64 = 2 * MARGIN_NS;
 
 /// Lets a controller answer so many samples more.
@@ -61,7 +62,7 @@ pub(super) fn controller_answers(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// How many answers have come from frame `from` on: of a message, or of each message with loads that which came most.
+/// Returns the number of answers from frame `from` on: of a message, or of the message with loads that came most often.
 fn most_answers(t: &Tester, from: usize) -> u64 {
     let by_sync = match &t.on.spec {
         WireSpec::Mapped(mapping) => mapping.lockstep == Lockstep::Sync,

@@ -54,7 +54,7 @@ const FREQUENT_NS: u64 = 500 * MS;
 /// Plus the node id: RPDO 1 of a drive.
 const COMMAND_BASE: u16 = 0x200;
 
-/// Which protocol of the user's it is.
+/// Kind of a user protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Messages of a DBC.
@@ -65,7 +65,7 @@ pub(super) enum Kind {
     Cia402,
 }
 
-/// Why no case can be run on a scenario's protocol.
+/// Reason why no case can be run on a scenario's protocol.
 #[derive(Debug, Error)]
 pub enum UserWireError {
     /// The scenario has no protocol of its own.
@@ -141,7 +141,7 @@ impl UserWire {
         &self.scenario
     }
 
-    /// What a recording of the cases says of how they were run: with it the frames can be explained.
+    /// Describes, for a recording of the cases, how they were run: with it the frames can be explained.
     ///
     /// # Errors
     /// [`UserWireError`] if the scenario can't be written.
@@ -197,7 +197,7 @@ impl UserWire {
         }
     }
 
-    /// How often a message of the plant comes by itself, ns; `None` if it has to be asked for.
+    /// Returns the period at which a message of the plant comes by itself, ns; `None` if it has to be asked for.
     fn sent_every_ns(&self, message: &Outgoing) -> Option<u64> {
         match message.trigger {
             Trigger::Every(samples) => Some(samples.saturating_mul(self.period_ns())),
@@ -229,7 +229,7 @@ impl UserWire {
         first.unwrap_or(LoadInput::ForceX)
     }
 
-    /// For how long the loads of each message are valid, ns.
+    /// Returns how long the loads of each message are valid, ns.
     fn timeouts_ns(&self) -> Vec<u64> {
         match &self.spec {
             _ if self.mode == Mode::Lockstep => alloc::vec![self.timing.command_timeout_ns],
@@ -266,7 +266,7 @@ impl UserWire {
         spec
     }
 
-    /// Which node sends frames like this; `None`: the protocol has no such message.
+    /// Returns the node that sends frames like this; `None`: the protocol has no such message.
     fn sender(&self, frame: &Frame) -> Option<Node> {
         let WireSpec::Mapped(mapping) = &self.spec else { return sender_on_canopen(frame) };
         if mapping.incoming.iter().any(|message| message.id == frame.id()) {
@@ -290,7 +290,7 @@ impl UserWire {
     }
 }
 
-/// By the identifiers of CiA 301's predefined connections; a master may give a PDO another.
+/// Returns the sender by the identifiers of CiA 301's predefined connections; a master may give a PDO another.
 fn sender_on_canopen(frame: &Frame) -> Option<Node> {
     let Id::Standard(id) = frame.id() else { return None };
     Some(match id & 0x780 {

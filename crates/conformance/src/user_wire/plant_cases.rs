@@ -17,9 +17,9 @@ use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{Action, Incoming, LoadInput, Outgoing, Source, Trigger};
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Id};
 
-/// How long readings are counted, ns.
+/// Time for which readings are counted, ns.
 const WATCH_NS: u64 = 1500 * MS;
-/// By when a load that is let go is zero, ns: the ramp takes 50 ms, and other plants may take longer.
+/// Time within which a load that is let go is zero, ns: the ramp takes 50 ms, and other plants may take longer.
 const REST_NS: u64 = GONE_NS;
 /// The tolerance of a load that a plant says to act, as a share of that commanded; as in the cases of Resonarm's
 /// protocol.
@@ -111,7 +111,7 @@ pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
     inconclusive(format!("it doesn't stay armed while it is commanded{}", said(t.heard())))
 }
 
-/// What it said last of its state and of a fault.
+/// Returns what the plant reported last of its state and of a fault.
 fn said(heard: &[Heard]) -> String {
     let state = heard.iter().rev().find_map(Heard::says_state);
     let reason = heard.iter().rev().find_map(Heard::reason);
@@ -247,7 +247,7 @@ pub(super) fn requests(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// It is armed by what the mapping says.
+/// The plant is armed by what the mapping says.
 pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     if !says_state(t) {
         return skipped("no reading that is sent at least twice a second carries the plant's state");
@@ -264,7 +264,7 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     failed(format!("asked to arm for {} it is not armed{}", ms(t.settings.patience_ns), said(t.heard())))
 }
 
-/// What is commanded acts, in both directions.
+/// The loads that are commanded act, in both directions.
 pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     let names = load_readings(t);
     if names.is_empty() {

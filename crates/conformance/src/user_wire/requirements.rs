@@ -1,4 +1,4 @@
-//! What a user protocol demands of the nodes that speak it.
+//! Requirements of a user protocol on the nodes that speak it.
 
 use crate::requirements::{Check, Requirement};
 

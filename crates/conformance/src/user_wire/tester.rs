@@ -21,16 +21,16 @@ use resonarm_protocol::{EmergencyCode, Frame, Node, NodeState};
 
 /// The tester looks at the bus at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
-/// For how long a plant under test, or a controller, is given time to come to rest after a case, ns.
+/// Time that a plant under test, or a controller, is given to come to rest after a case, ns.
 const RELEASE_NS: u64 = 300 * MS;
 
-/// What is altered of the frames of the tester's end.
+/// Alteration of the frames of the tester's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Alter {
     Nothing,
     /// No frame is sent.
     Mute,
-    /// Those with loads are damaged.
+    /// The frames with loads are damaged.
     Commands(Damage),
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Tester<'w> {
     /// The load of the emulated exciter, N or N·m.
     load: Arc<AtomicU64>,
     pub monitor: Monitor,
-    /// When a good frame with loads was sent last, ns.
+    /// Time at which a good frame with loads was sent last, ns.
     pub commanded_ns: u64,
     looked_at_ns: u64,
     /// The longest time between two looks beyond the planned one, ns.
@@ -94,7 +94,7 @@ impl<'w> Tester<'w> {
         &self.monitor.heard
     }
 
-    /// How many frames of it have been heard: where those that come from now on begin.
+    /// Returns the number of frames heard so far: the place where those that come from now on begin.
     pub fn mark(&self) -> usize {
         self.monitor.heard.len()
     }
@@ -238,7 +238,7 @@ impl<'w> Tester<'w> {
         Ok(self.wait_for(from, GONE_NS, |_| true)?.is_some())
     }
 
-    /// After a case: a controller hears of a fault of the plant, and a plant is disarmed.
+    /// Releases the node after a case: a controller hears of a fault of the plant, and a plant is disarmed.
     pub fn release(&mut self) -> Result<(), Stop> {
         self.alter = Alter::Nothing;
         let now_ns = self.now_ns();

@@ -37,7 +37,7 @@ fn sends_raw(on: &UserWire, sends: fn(&UserWire, &mut devices::Context, Frame) -
     failed(&findings(on, || device(on, Flaw { sends, ..NONE })))
 }
 
-/// As `sends_raw`, of what it hears.
+/// Does as `sends_raw`, for the frames that the controller hears.
 fn hears(on: &UserWire, hears: fn(&UserWire, &mut devices::Context, Frame) -> Vec<Frame>) -> Vec<&'static str> {
     failed(&findings(on, || device(on, Flaw { hears, ..NONE })))
 }
@@ -111,7 +111,7 @@ fn a_controller_of_a_dbc_that_works_wrongly_fails_the_cases_for_it() {
     assert_eq!(hears(&on, deaf), ["exciter-plant-faults", "exciter-plant-disarmed"]);
 }
 
-/// What lasts for longer than the reaction and the hold-ups together is certain.
+/// A fault that lasts for longer than the reaction and the hold-ups together is certain.
 #[test]
 fn a_controller_that_is_deaf_fails_though_the_tester_is_held_up() {
     let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
