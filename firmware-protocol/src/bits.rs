@@ -171,8 +171,8 @@ pub enum Level {
 }
 
 /// Returns after how many bits a receiver detects an error if bit `k` of `frame`, counted from SOF as 0, is not as sent
-/// and all later bits have the level `behind`, as those of an error flag; 0 means at bit `k`. `None` if it detects none:
-/// only for SOF followed by an idle bus.
+/// and all later bits have the level `behind`, as those of an error flag; 0 means at bit `k`. `None` if it detects
+/// none: only for SOF followed by an idle bus.
 ///
 /// ```text
 /// among stuffed bits    at the sixth equal bit in a row

@@ -66,9 +66,9 @@ impl CommandGate {
     ///
     /// A change has n = s − s' sample periods of time, at least 1, where s is the sample answered and s' that of the
     /// last command in sequence, accepted or not, since arming; the first has 1. So lost commands give the next one
-    /// time, and rejected ones don't: a rejected jump is not accepted later, when its load would have been reached at the
-    /// largest rate. As s' is never before the sample answered last, the sum of all accepted changes is within that
-    /// rate.
+    /// time, and rejected ones don't: a rejected jump is not accepted later, when its load would have been reached at
+    /// the largest rate. As s' is never before the sample answered last, the sum of all accepted changes is within
+    /// that rate.
     ///
     /// # Errors
     /// The first reason, in this order: state, travel, age, sequence, range, rate of

@@ -111,7 +111,9 @@ class Result:
             lines.append(f"commands were rejected: {refused}" + (f"; the first of them is {first}" if first else ""))
         for end, report in (("plant", self.plant), ("exciter", self.exciter)):
             if first := report.get("first_refused_frame"):
-                lines.append(f"frames that the {end} rejected: {report['bus']['refused']}; the first of them is {first}")
+                lines.append(
+                    f"frames that the {end} rejected: {report['bus']['refused']}; the first of them is {first}"
+                )
         return lines
 
     def _fault_sample(self) -> int:

@@ -179,8 +179,8 @@ class Structure(_resonarm.Assembly):
         rows, not_located = self.motion(state, loads, (scheme, rate), length)
         if not_located:
             warnings.warn(
-                f"{not_located} steps had more switches of elements than are located, so their error is of first order: "
-                "raise rate_hz",
+                f"{not_located} steps had more switches of elements than are located, so their error is of first "
+                "order: raise rate_hz",
                 AccuracyWarning,
                 stacklevel=2,
             )

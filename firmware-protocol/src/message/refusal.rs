@@ -35,8 +35,8 @@ impl Refusal {
     ];
 
     /// The detail of [`EmergencyCode::CommandTimeout`](super::EmergencyCode::CommandTimeout): the low byte is how many
-    /// commands were rejected since the last accepted one, at most 255; the high byte is the reason of the last refusal,
-    /// 0 if there was none.
+    /// commands were rejected since the last accepted one, at most 255; the high byte is the reason of the last
+    /// refusal, 0 if there was none.
     pub const fn detail(count: u64, last: Option<Refusal>) -> u16 {
         let count = if count > 255 { 255 } else { count as u16 };
         match last {
