@@ -46,7 +46,7 @@ def samples(from_sample: int, to_sample: int) -> tuple[int, int]:
 
 
 def rows(count: int) -> int:
-    """The rows of a chunk."""
+    """Returns the number of rows of a chunk, checked."""
     if operator.index(count) < 1:
         raise ValueError(f"rows is {count}: it must be 1 or more")
     return min(operator.index(count), LAST)

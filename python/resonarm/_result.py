@@ -103,7 +103,7 @@ class Result:
         return "\n  ".join([*ends, *self._mistakes()]) if ends else None
 
     def _mistakes(self) -> list[str]:
-        """What the controller did that the plant did not accept, and what neither end accepted of the bus."""
+        """Returns the mistakes of the controller: commands and frames that the plant, or either end, did not accept."""
         lines = [self.plant["cause"]] if self.plant.get("cause") else []
         refused = ", ".join(f"{count} {reason}" for reason, count in self.plant["refused"].items() if count)
         if refused:

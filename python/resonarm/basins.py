@@ -120,7 +120,7 @@ class Grid:
         return np.asarray((self.start[index] * (last - places) + self.stop[index] * places) / last)
 
     def states(self) -> NDArray[np.float64]:
-        """All states, row by row."""
+        """Returns all states, row by row."""
         states = np.tile(np.array(self.initial, NUMBER), (self.points[0] * self.points[1], 1))
         y, x = np.meshgrid(self.axis(1), self.axis(0), indexing="ij")
         for name, values in zip(self.coordinates, (x, y), strict=True):
@@ -129,7 +129,7 @@ class Grid:
 
 
 def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
-    """Two values of an argument."""
+    """Checks the two values of an argument."""
     if len(values) != 2:
         raise ValueError(f"{name} has {len(values)} values: it needs two, X,Y")
     return (values[0], values[1])

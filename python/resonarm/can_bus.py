@@ -147,7 +147,7 @@ def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) ->
 
 
 def _profile(scenario: Scenario) -> str:
-    """Which frames the bus has; a protocol of the user's own may have those of CAN FD."""
+    """Returns which frames the bus carries; a user protocol may have those of CAN FD."""
     values = scenario.values()
     return "fd" if "wire" in values else str(values["network"]["profile"])
 

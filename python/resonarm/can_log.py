@@ -67,7 +67,7 @@ class McapWriter(MessageWriter):
         self._log: _resonarm.LogWriter | None = _resonarm.LogWriter(str(file))
 
     def on_message_received(self, msg: can.Message) -> None:
-        """Writes a message."""
+        """Writes a message into the log."""
         if self._log is None:
             raise ValueError("the log is closed")
         if not (msg.is_error_frame or msg.is_remote_frame):

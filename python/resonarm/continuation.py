@@ -21,7 +21,7 @@ class Curve:
     parameters: tuple[str, str]
     """The parameter of the branch and the second one."""
     labels: tuple[str, str]
-    """What both are called in pictures, with their units."""
+    """Names of both in pictures, with their units."""
     points: Array
     """Rows with `value` (of the first parameter), `value2` (of the second) and the readings of a branch's `points`."""
     turns: Array
@@ -52,7 +52,7 @@ class Branch:
     """The quantity in which it was followed: frequency (Hz), amplitude (of the first load, N, or N·m at a joint) or a
     parameter of the structure, as `link2.angle_deg`, in its unit."""
     label: str
-    """What it is called in pictures, with its unit."""
+    """Name in pictures, with the unit."""
     drive: dict[str, float]
     """The loads: the amplitude at each degree of freedom that is driven, or their ratio if the amplitude varies."""
     at: tuple[str, ...]
@@ -222,7 +222,7 @@ def continuation(
 
 
 def _label(structure: _resonarm.Assembly, parameter: str, drive: dict[str, float]) -> str:
-    """What a parameter is called in pictures, with its unit."""
+    """Returns the name of a parameter in pictures, with its unit."""
     if parameter == "frequency":
         return "excitation frequency (Hz)"
     if parameter == "amplitude":

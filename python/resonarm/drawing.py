@@ -47,5 +47,5 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
 
 
 def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where points are in the picture: x and y, and a half of z along both, as seen from aslant."""
+    """Returns the positions of points in the picture: x and y, and a half of z along both, as seen from aslant."""
     return np.asarray(points[:, :2] + 0.5 * points[:, 2:])

@@ -31,7 +31,7 @@ UNITS = {"N·m": "N m", "m/s²": "m s-2", "°": "degree", "rad/s": "rad s-1", "m
 LARGEST_STEP = 0.05
 """Largest step along a branch, relative to the response's size: between its responses the map is linear."""
 BLOCK = 256
-"""Initial states of a chunk."""
+"""Number of initial states in a chunk."""
 
 Folder = str | PathLike[str] | None
 Over = Mapping[str, Sequence[float]]

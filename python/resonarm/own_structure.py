@@ -17,7 +17,7 @@ Points = Callable[[float, Numbers, Numbers], tuple[ArrayLike, ArrayLike, ArrayLi
 """Called with t, s, the state and the loads, it returns displacements, velocities, accelerations of the points."""
 OwnParts = tuple[Any, Any, str, list[float], str | None, list[str], list[str], Any]
 Coordinates = Literal["angles", "displacements", "modal"]
-"""What the coordinates are."""
+"""Kind of the coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +53,17 @@ class Stepped:
     initial: ArrayLike
     """The state at sample 0: coordinates and their rates, at most 32 each, 8 angles."""
     coordinates: Coordinates = "displacements"
-    """What the coordinates are in recordings: displacements (`x_m`), angles of joints (`alpha_rad`) or modal ones
+    """Kind of the coordinates in recordings: displacements (`x_m`), angles of joints (`alpha_rad`) or modal ones
     (`q_m_sqrt_kg`)."""
     name: str | None = None
-    """What it is called in recordings."""
+    """Name of the structure in recordings."""
     loads: Sequence[str] = ("joint1", "joint2", "exciter_x", "exciter_y")
-    """What can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
+    """Loads that can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
     `exciter_y`, `exciter_z`. A command of another load is rejected."""
 
     sensed: Sequence[str] = ()
-    """What the sensors of `[rig.sensors]` beside B and C may read: points along an axis (`mid.z`) and joints (`joint1`,
-    whose displacement is an angle, rad)."""
+    """Degrees of freedom that the sensors of `[rig.sensors]` beside B and C may read: points along an axis (`mid.z`)
+    and joints (`joint1`, whose displacement is an angle, rad)."""
     sensors: Points | None = None
     """`sensors(t_s, state, loads)` has displacements (m or rad), velocities and accelerations, each with a number for
     each of `sensed`."""

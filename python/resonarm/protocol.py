@@ -60,11 +60,11 @@ class Decoded:
     message: MessageName | Literal[""] = ""
     """The message, by its name in the DBC."""
     sender: NodeRole | Literal[""] = ""
-    """`plant` or `exciter`."""
+    """Node that sends the message: `plant` or `exciter`."""
     signals: dict[str, float] = field(default_factory=dict)
     """Values by the signals' names in the DBC, in their units; only of a frame that is taken."""
     reason: str = ""
-    """Why it is rejected, or why it is foreign if it is an error frame."""
+    """Reason why the frame is rejected, or why it is foreign if it is an error frame."""
 
 
 class Network(_resonarm.Network):

@@ -36,7 +36,7 @@ class Report:
 
     @property
     def outcome(self) -> str:
-        """How the plant's run ended, or the exciter's without a plant: completed, disarmed, …, finished, …"""
+        """Outcome of the plant's run, or of the exciter's without a plant: completed, disarmed, …, finished, …"""
         return str((self.plant or self.exciter)["outcome"])
 
     @property

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 ACCELEROMETERS = ("joint2.x", "joint2.y", "tip.x", "tip.y")
-"""Where the accelerometers are on the arm, in the order of an identified shape: B, then C."""
+"""Points of the accelerometers on the arm, in the order of an identified shape: B, then C."""
 MOST_PERIODS = 2**32 - 1
 _Path = str | PathLike[str]
 _Section = dict[str, Any]
@@ -34,7 +34,7 @@ class AccuracyWarning(UserWarning):
 
 
 class Structure(_resonarm.Assembly):
-    """What is vibrated: a `Chain` of links or a `Modal` structure. Both have these methods."""
+    """Structure under vibration: a `Chain` of links or a `Modal` structure. Both have these methods."""
 
     continuation = continuation
     basins = basins
@@ -87,12 +87,12 @@ class Structure(_resonarm.Assembly):
 
     @property
     def name(self) -> str | None:
-        """What it is called in headers and figures; of a preset without a name of its own the preset's."""
+        """Name in headers and figures; for a preset without a name of its own the preset's."""
         return self.section.get("name") or self.section.get("preset")
 
     @property
     def elements(self) -> list[Element]:
-        """Its elements, with the keys of a scenario."""
+        """Elements of the structure, with the keys of a scenario."""
         return list(self.section.get("elements", []))
 
     def replace(self, values: Mapping[str, float]) -> "Self":
@@ -291,7 +291,7 @@ class Chain(Structure):
 
     @property
     def links(self) -> list[Link]:
-        """Its links, from the base out, with the keys of a scenario."""
+        """Links of the chain, from the base out, with the keys of a scenario."""
         return list(self.chain_links)
 
     @property
@@ -448,7 +448,7 @@ def _unpickled(cls: type[Structure], section: _Section) -> Structure:
 
 
 def _matrix(name: str, given: ArrayLike) -> bytes:
-    """A matrix by rows."""
+    """Returns a matrix by rows, as bytes."""
     matrix = _checks.real(name, given)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"{name}: its shape is {matrix.shape}: it must be square, with 1 to 1000 rows")

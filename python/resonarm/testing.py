@@ -100,7 +100,7 @@ class Program:
 
     @property
     def output(self) -> str:
-        """Its output so far."""
+        """Output of the program so far."""
         return self._log.read_text(errors="replace")
 
     def wait(self, within_s: float = 60.0) -> int:
@@ -112,7 +112,7 @@ class Program:
             raise AssertionError(f"the controller has not ended within {within_s:g} s:\n{self.output}") from None
 
     def end(self) -> None:
-        """Asks it to end, and kills it after ten seconds."""
+        """Asks the program to end, and kills it after ten seconds."""
         self._process.terminate()
         try:
             self._process.wait(10)
