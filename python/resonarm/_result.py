@@ -66,7 +66,7 @@ class Result:
                 # A vector of one component, too, has two dimensions; a channel alone has one.
                 values = rows[vector] if rows[vector].ndim == 1 else rows[vector][:, components.index(name)]
                 return rows["sample"], rows["time_s"], values
-        raise ValueError(f"there is no signal {name!r}, only {', '.join(known)}")
+        raise ValueError(f"there is no signal {name!r}: expected one of {', '.join(known)}")
 
     def _finite(self, name: str) -> tuple[Array, Array, Array]:
         """The same, if every value is a number."""
@@ -230,7 +230,7 @@ class Result:
         """The plant reached a state, such as operational or fault, within this time of its samples, s."""
         __tracebackhide__ = True
         if state not in get_args(NodeState):
-            raise ValueError(f"there is no state {state!r}, only {', '.join(get_args(NodeState))}")
+            raise ValueError(f"there is no state {state!r}: expected one of {', '.join(get_args(NodeState))}")
         within = round(_number("within_s", within_s) / self.recording.dt_s)
         events = self.recording.events
         reached = events["sample"][events["name"] == f"state.{state}"]
@@ -261,7 +261,7 @@ class Result:
             raise ValueError(f"frequency_hz is {frequency_hz:g}: it must be a positive number")
         if frequency_hz >= 0.5 / dt_s:
             raise ValueError(
-                f"frequency_hz is {frequency_hz:g}: at {1 / dt_s:g} samples a second it must be below {0.5 / dt_s:g}"
+                f"frequency_hz is {frequency_hz:g}: at a sample rate of {1 / dt_s:g} Hz it must be below {0.5 / dt_s:g}"
             )
         if _number("from_s", from_s) > to_s or math.isnan(to_s):
             raise ValueError(f"from_s is {from_s:g} and to_s {to_s:g}: give the earlier one first")

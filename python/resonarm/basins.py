@@ -103,12 +103,12 @@ class Grid:
         for name in self.coordinates:
             if name not in self.known:
                 known = ", ".join(self.known)
-                raise ValueError(f"there is no coordinate `{name}`: the coordinates are {known}")
+                raise ValueError(f"there is no coordinate `{name}`: expected one of {known}")
         if self.coordinates[0] == self.coordinates[1]:
-            raise ValueError(f"coordinates has {self.coordinates[0]} twice: give two")
+            raise ValueError(f"coordinates has {self.coordinates[0]} twice: it must have two different ones")
         for count in self.points:
             if not 2 <= count <= MOST_POINTS:
-                raise ValueError(f"points has {count}: it must be from 2 to {MOST_POINTS}")
+                raise ValueError(f"points has {count}: each must be from 2 to {MOST_POINTS}")
         for start, stop in zip(self.start, self.stop, strict=True):
             if not (math.isfinite(start) and math.isfinite(stop) and start != stop):
                 raise ValueError(f"the grid goes from {start:g} to {stop:g}: both must be numbers, and different")
@@ -131,7 +131,7 @@ class Grid:
 def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
     """Checks the two values of an argument."""
     if len(values) != 2:
-        raise ValueError(f"{name} has {len(values)} values: it needs two, X,Y")
+        raise ValueError(f"{name} has {len(values)} values: it must have two, X,Y")
     return (values[0], values[1])
 
 

@@ -89,7 +89,9 @@ class ResonarmBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Sends a message to every other end."""
         if msg.is_remote_frame or msg.is_error_frame:
-            raise can.CanOperationError("a simulated plant's bus carries no remote frames and no error frames")
+            raise can.CanOperationError(
+                "a simulated plant's bus carries no remote frames and no error frames: send a data frame"
+            )
         self._check_open()
         self._end.send(Frame.of(msg))
 

@@ -174,18 +174,18 @@ def continuation(
     """
     if parameter == "frequency":
         if frequency_hz is not None:
-            raise ValueError("frequency_hz is for runs in another parameter: leave it out")
+            raise ValueError("frequency_hz applies only to a branch in another parameter: leave it out")
         hz = start
     else:
         hz = _drive.frequency(frequency_hz)
     loads = _drive.direction(drive, hz) if parameter == "amplitude" else _drive.parts(drive, hz)  # type: ignore[arg-type]
     _check_settings(most_harmonics, most_points, largest_step)
     if (curves_in is None) != (curves_to is None):
-        raise ValueError("curves_in and curves_to belong together: give both or neither")
+        raise ValueError("only one of curves_in and curves_to is given: give both or neither")
     if curves_in == parameter:
-        raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: name another parameter")
+        raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: give another parameter")
     if isinstance(at, str):
-        raise TypeError(f"at is {at!r}: it is a list of degrees of freedom, as [{at!r}]")
+        raise TypeError(f"at is {at!r}: it must be a list of degrees of freedom, as [{at!r}]")
     amplitudes = {name: loads[1] * share for name, share in loads[0]}
     for name in amplitudes:
         structure.units("drive", name)  # an unknown one raises an error with the known names

@@ -22,7 +22,7 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
     shape = [0.0] * len(modes) if mode is None else list(modes[mode - 1].shape)
     drawn = structure.drawn(shape)
     if drawn is None:
-        raise ValueError("nothing says where its points are: give `points`, {'tip': (0.3, 0.0, 0.0)}")
+        raise ValueError("the positions of the structure's points are unknown: give `points`, {'tip': (0.3, 0.0, 0.0)}")
     names, lines, rest, moved = drawn
     ax = _extras.axes(ax)
     at_rest, deflected = _flat(np.array(rest)), _flat(np.array(moved))

@@ -69,7 +69,7 @@ def response_map(
     """
     hz = np.asarray(frequency_hz, dtype=np.float64)
     if hz.ndim != 1 or len(hz) < 2 or not (np.diff(hz) > 0).all() or hz[0] <= 0:
-        raise ValueError("frequency_hz must be two or more positive frequencies that rise")
+        raise ValueError("frequency_hz must have two or more positive frequencies that increase")
     loads, places = _places(structure, drive, amplitude, over)
     read = tuple(dict.fromkeys(at)) or tuple(loads)
     units = [structure.units("at", dof)[0] for dof in read]

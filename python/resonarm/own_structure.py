@@ -77,7 +77,10 @@ class Stepped:
         loads = [self.loads] if isinstance(self.loads, str) else list(self.loads)
         sensed = [self.sensed] if isinstance(self.sensed, str) else list(self.sensed)
         if (self.sensors is None) == bool(sensed):
-            raise ValueError("sensed and sensors belong together: the names of what sensors read, and its motion")
+            raise ValueError(
+                "only one of sensed and sensors is given: give both, the names of what the sensors read and its motion, "
+                "or neither"
+            )
         if self.sensors is not None and not callable(self.sensors):
             raise TypeError(f"sensors is {self.sensors!r}: it must be a function")
         sensors = None if self.sensors is None else self._sensors
@@ -119,6 +122,6 @@ def parts(structure: Stepped | None) -> OwnParts | None:
     if structure is None or isinstance(structure, Stepped):
         return None if structure is None else structure._parts()
     raise TypeError(
-        f"structure is {structure!r}: a structure with a step in Python is a resonarm.Stepped; a Chain or a Modal "
-        "goes into the scenario, scenario.replace(structure=chain.section)"
+        f"structure is {structure!r}: it must be a resonarm.Stepped, a structure with a step in Python; put a Chain "
+        "or a Modal into the scenario, scenario.replace(structure=chain.section)"
     )

@@ -63,12 +63,12 @@ class Structure(_resonarm.Assembly):
         section = values["structure"]
         kind = section["kind"]
         if kind == "own":
-            raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
+            raise ValueError("structure.kind is own: the program that runs the scenario makes it, so it can't be read")
         if kind == "fmu":
-            raise ValueError("structure.kind is fmu: an FMU does not show its equations")
+            raise ValueError("structure.kind is fmu: an FMU does not show its equations; use a chain or modes")
         made = Modal if kind == "modal" else Chain
         if not (issubclass(made, cls) or issubclass(cls, made)):
-            raise ValueError(f"structure.kind is {kind}: {made.__name__}.from_scenario takes it")
+            raise ValueError(f"structure.kind is {kind}: use {made.__name__}.from_scenario")
         made = cls if issubclass(cls, made) else made
         return cast("Self", made._of(section))
 
@@ -170,7 +170,7 @@ class Structure(_resonarm.Assembly):
         if drive is not None:
             loads = _drive.parts(drive, _drive.frequency(frequency_hz))
         elif frequency_hz is not None:
-            raise ValueError(f"frequency_hz is {frequency_hz:g}: give what it drives, too, drive={{DOF: A}}")
+            raise ValueError(f"frequency_hz is {frequency_hz:g}: give the drive, too, as drive={{DOF: A}}")
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
@@ -410,7 +410,7 @@ class Modal(Structure):
         """
         found = document.get("modes")
         if not found:
-            raise ValueError("the document has no modes: give that of resonarm identify --json, which found some")
+            raise ValueError("the document has no modes: give a document of resonarm identify --json that has some")
         modes: list[ModeShape] = []
         at = document.get("at") or ACCELEROMETERS
         for number, mode in enumerate(found, 1):

@@ -226,7 +226,7 @@ def test_a_report_draws_its_responses(bench_scenario):
     ax = report.plot(Figure().subplots(), quantity="head_force_n")
     assert sum(len(line.get_xdata()) for line in ax.lines) == 2 * len(report.responses) == 4
     assert ax.get_ylabel() == "amplitude of the head force (N)"
-    with pytest.raises(ValueError, match="there is no reading 'alpha', only head_force_n"):
+    with pytest.raises(ValueError, match="there is no reading 'alpha': expected one of head_force_n"):
         report.plot(quantity="alpha")
 
 

@@ -224,7 +224,7 @@ def chain(**changes):
         (lambda: chain().frf(1.0, drive="tip.x", at="elbow"), "at elbow: there is no `elbow`"),
         (lambda: chain().frf(-1.0, drive="tip.x"), "frequency -1 Hz: it must be zero or a positive number"),
         (lambda: chain().simulate(0.00033), "is 0.66 steps at 2000 Hz, not a whole number: take 0.0005"),
-        (lambda: chain().simulate(0.1, frequency_hz=3.0), "frequency_hz is 3: give what it drives, too"),
+        (lambda: chain().simulate(0.1, frequency_hz=3.0), "frequency_hz is 3: give the drive, too"),
         (
             lambda: chain().simulate(0.1, drive={"tip.x": 0}, frequency_hz=3),
             "drive['tip.x'] is 0: it must be a finite number other than 0",

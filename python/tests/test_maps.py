@@ -140,7 +140,7 @@ def test_a_cluster_gives_the_same_bits_of_basins_and_seeds(basins, tmp_path):
     assert basin_map(DAMPED, folder=tmp_path, **BASINS).identical(basins)
     assert {path: path.stat().st_mtime_ns for path in left} == left, "what was there is not computed again"
     files[0].write_bytes(b"not a chunk")
-    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed again"):
+    with pytest.raises(ValueError, match=r"is not a whole chunk of a map .* remove it, so that it is computed again"):
         basin_map(DAMPED, folder=tmp_path, **BASINS)
 
 

@@ -270,7 +270,7 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
         (lambda: resonarm.Modal.from_scenario(EXAMPLES / "chain.toml"), "Chain.from_scenario takes it"),
         (
             lambda: resonarm.Modal.from_scenario(resonarm.Scenario()),
-            "structure.kind is preset: Chain.from_scenario takes it",
+            "structure.kind is preset: use Chain.from_scenario",
         ),
     ],
 )

@@ -249,7 +249,7 @@ def test_faults_end_with_their_block(tmp_path):
 def test_signals_are_known_by_name(tmp_path):
     bench = resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.1})
     result = Bench(bench, tmp_path).run()
-    with pytest.raises(ValueError, match="there is no signal 'alpha', only "):
+    with pytest.raises(ValueError, match="there is no signal 'alpha': expected one of "):
         result.signal("alpha")
 
 

@@ -92,5 +92,5 @@ def test_modes_are_drawn_by_their_points():
     # Each point at rest, in the mode, and the way between.
     assert len(loose.lines) == 6
     np.testing.assert_allclose(loose.lines[0].get_xydata(), [points["mid"][:2]])
-    with pytest.raises(ValueError, match="nothing says where its points are: give `points`"):
+    with pytest.raises(ValueError, match="the positions of the structure's points are unknown: give `points`"):
         resonarm.Modal(MODES).plot(Figure().subplots())

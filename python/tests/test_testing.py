@@ -220,11 +220,11 @@ def test_an_invalid_number_is_named(bench):
     for call, message in [
         (lambda: result.assert_force_below(nothing), "limit_n is nan: it must be a number"),
         (lambda: result.assert_state_reached("operational", nothing), "within_s is nan: it must be a number"),
-        (lambda: result.assert_state_reached("awake", 1.0), "there is no state 'awake', only boot_up, pre_operational"),
+        (lambda: result.assert_state_reached("awake", 1.0), "there is no state 'awake': expected one of boot_up"),
         (lambda: result.amplitude("force_x_n", nothing), "frequency_hz is nan: it must be a positive number"),
         (
             lambda: result.amplitude("force_x_n", 600.0),
-            "frequency_hz is 600: at 1000 samples a second it must be below",
+            "frequency_hz is 600: at a sample rate of 1000 Hz it must be below",
         ),
         (
             lambda: result.amplitude("force_x_n", 50.0, 0.2, 0.1),
@@ -261,7 +261,7 @@ def test_a_signal_is_the_channel_of_its_name(bench):
         times, values = result.signal(name)
         np.testing.assert_array_equal(values, parts[part][name][:count], name)
         np.testing.assert_array_equal(times, parts[part]["time_s"][:count], name)
-    with pytest.raises(ValueError, match=r"there is no signal 'torque_nm_x', only .*, torque1_nm, torque2_nm, "):
+    with pytest.raises(ValueError, match=r"there is no signal 'torque_nm_x': expected one of .*, torque1_nm, torque2_nm, "):
         result.signal("torque_nm_x")
 
 

@@ -559,8 +559,8 @@ fn analyses_of_structures_refuse_in_words() {
     insta::assert_snapshot!(sweep("--over link2.angle_deg=1,2"), @"--over: there is no parameter `link2.angle_deg` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     insta::assert_snapshot!(sweep("--over mode1.damping_ratio=-1"), @"--over: mode 1: `damping_ratio` is -1: it must be a number from 0");
     let basins = |more: &str| says("basins", &format!("--drive tip.x=5 --frequency-hz 13 {more}"));
-    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: the coordinates are q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
-    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: give two");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: expected one of q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: it must have two different ones");
     let section = |more: &str| says("poincare", &format!("--drive tip.x=3 {more}"));
     insta::assert_snapshot!(section(""), @"give the excitation's frequency: --frequency-hz F");
     insta::assert_snapshot!(section("--frequency-hz 10 --parameter mode1.frequency_hz --from-hz 9 --to-hz 10"), @"--from-hz is not for --parameter mode1.frequency_hz: its interval is --from a --to b");

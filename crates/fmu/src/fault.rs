@@ -112,7 +112,7 @@ pub enum Fault {
         most: u32,
     },
     /// A variable of another type.
-    #[error("{call}: `{name}` is of the type {is}: use the function for that type: use the function for that type")]
+    #[error("{call}: `{name}` is of the type {is}: use the function for that type")]
     WrongType {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -134,9 +134,7 @@ pub enum Fault {
         why: &'static str,
     },
     /// Another number of values than of value references.
-    #[error(
-        "{call}: got got {values} values for {references} value references: expected one value for each: expected one value for each"
-    )]
+    #[error("{call}: got {values} values for {references} value references: expected one value for each")]
     Lengths {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -216,7 +214,7 @@ pub enum Fault {
         reason: &'static str,
     },
     /// A buffer of another length than the state has.
-    #[error("{call}: got got {got} bytes: the state has {expected}")]
+    #[error("{call}: got {got} bytes: the state has {expected}")]
     SavedLength {
         /// Name of the FMI function that was called.
         call: &'static str,

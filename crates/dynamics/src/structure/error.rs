@@ -112,7 +112,7 @@ pub enum StructureError {
         most: usize,
     },
     /// A joint of a structure without joints.
-    #[error("there is no there is no joint {got}: a structure of modes has no joints; name a point and an axis")]
+    #[error("there is no joint {got}: a structure of modes has no joints; name a point and an axis")]
     NoJoints {
         /// The joint that was given, counted from 1.
         got: usize,

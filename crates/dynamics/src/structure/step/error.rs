@@ -10,7 +10,7 @@ use resonarm_numeric::number::short;
 #[non_exhaustive]
 pub enum StepError {
     /// The rate is not a positive number.
-    #[error("the the integration rate is is {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
+    #[error("the integration rate is {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
         /// Rate that was given, Hz.
         got_hz: f64,
