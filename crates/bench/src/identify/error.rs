@@ -85,7 +85,7 @@ pub enum IdentifyError {
     },
     /// A reading is not a finite number.
     #[error(
-        "reading {reading}, counted from 0, has an acceleration that is not a finite number: correct the record, or leave the reading out: correct the record, or leave the reading out"
+        "reading {reading}, counted from 0, has an acceleration that is not a finite number: correct the record, or leave the reading out"
     )]
     NotFinite {
         /// Index of the reading, from 0.
