@@ -17,8 +17,8 @@ use resonarm_protocol::{
     Profile,
 };
 
-/// How much later a heartbeat that must be sent at once may come, by the plant's samples, ns: an adapter takes some ms
-/// to pass a request on, and a plant without commands faults after this time.
+/// Delay with which a heartbeat that must be sent at once may come, by the plant's samples, ns: an adapter takes some
+/// ms to pass a request on, and a plant without commands faults after this time.
 const AT_ONCE_NS: u64 = COMMAND_TIMEOUT_NS;
 /// Time for which a plant is stopped, ns: longer than any of its timeouts.
 const STOP_NS: u64 = 400 * MS;

@@ -13,7 +13,7 @@ use super::times::{MS, ms};
 use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
 
-/// How far a command is beyond the limit that a plant states, as a multiple of it: a plant that accepts it all the same
+/// Size of a command beyond the limit that a plant states, as a multiple of it: a plant that accepts it all the same
 /// is driven hardly more than it can be.
 const BEYOND_STATED: f64 = 1.01;
 
@@ -163,7 +163,7 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// How a command that acts is judged: [`wrong`] if it must never act, whenever it comes, and [`failed`] if a command that
+/// Verdict on a command that acts: [`wrong`] if it must never act, whenever it comes, and [`failed`] if a command that
 /// comes late because the tester was held up may act.
 type Acts = fn(String) -> Result<Emergency, Stop>;
 

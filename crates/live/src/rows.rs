@@ -343,7 +343,8 @@ mod tests {
         assert_eq!((sample, &row.numbers[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
     }
 
-    /// Of two modes with two elements, the first without a state: coordinates, then the state; branches are left out.
+    /// Rows of two modes with two elements, the first without a state: coordinates, then the state; branches are left
+    /// out.
     #[test]
     fn rows_have_coordinates_and_states_of_elements() {
         use resonarm_bench::structure::{

@@ -41,7 +41,7 @@ impl ControllerReports {
 pub struct ErrorFrame {
     /// The classes of errors.
     class: u32,
-    /// What the controller reports of itself.
+    /// State and events that the controller reports.
     controller: i32,
 }
 

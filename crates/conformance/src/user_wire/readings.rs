@@ -37,8 +37,8 @@ pub(super) fn says_state(t: &Tester) -> bool {
     t.on.mapping().is_none() || said_every_ns(t.on, is_of_fault).is_some()
 }
 
-/// By when a plant has said what it is since its cause, ns: it may see the cause two samples later, a reading that
-/// comes this often follows, and a machine may hold it up.
+/// Returns the time within which a plant has reported its state, ns from the cause: it may see the cause two samples
+/// later, a reading that comes this often follows, and a machine may hold it up.
 fn within_ns(on: &UserWire, said_every_ns: Option<u64>) -> u64 {
     said_every_ns.unwrap_or(STATUSWORD_NS) + 4 * on.period_ns() + MARGIN_NS
 }
@@ -54,8 +54,8 @@ pub(super) fn state_within_ns(t: &Tester) -> u64 {
     within_ns(t.on, said_every_ns(t.on, |source| matches!(source, Source::State(_))))
 }
 
-/// By when a plant has said a load, ns from when the tester has taken it on: the emulated exciter commands it in answer
-/// to a reading, and a later reading says it.
+/// Returns the time within which a plant has reported a load, ns from when the tester has accepted it: the emulated
+/// exciter commands it in answer to a reading, and a later reading says it.
 pub(super) fn load_within_ns(t: &Tester) -> u64 {
     100 * MS + 20 * t.on.period_ns() + 2 * load_every_ns(t).unwrap_or(0)
 }
