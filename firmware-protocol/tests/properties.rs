@@ -277,5 +277,5 @@ fn messages_are_their_signals() {
     }
     let get = |name| if name == "sample" { Some(0.5) } else { Some(1.0) };
     let refused = Message::from_signals(MessageKind::Force, get).map_err(|error| error.to_string());
-    assert_eq!(refused, Err("ForceCommand: sample has no value 0.5".to_string()));
+    assert_eq!(refused, Err("ForceCommand: 0.5 is not a value of sample".to_string()));
 }

@@ -168,9 +168,9 @@ mod tests {
         assert_snapshot!(refusal("a-very-long-interface"), @"`a-very-long-interface` is not a bus: the interface name has 21 bytes; at most 15 are allowed. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
         assert_snapshot!(refusal("python-can"), @"`python-can` is not a bus: python-can needs interface=NAME, the name of one of its interfaces. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
         assert_snapshot!(refusal("python-can:slcan"), @r#"`python-can:slcan` is not a bus: "slcan" is not of the form key=value. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-        assert_snapshot!(refusal("python-can:interface=slcan,interface=slcan"), @r#"`python-can:interface=slcan,interface=slcan` is not a bus: "interface" is given twice. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+        assert_snapshot!(refusal("python-can:interface=slcan,interface=slcan"), @r#"`python-can:interface=slcan,interface=slcan` is not a bus: "interface" is given twice; give it once. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
         assert_snapshot!(refusal("python-can:interface="), @r#"`python-can:interface=` is not a bus: "interface" has no value. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-        assert_snapshot!(refusal("python-can:=slcan"), @r#"`python-can:=slcan` is not a bus: "" can't be the name of a python-can argument. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+        assert_snapshot!(refusal("python-can:=slcan"), @r#"`python-can:=slcan` is not a bus: "" is not a valid name of a python-can argument. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
     }
 
     proptest! {
