@@ -133,8 +133,7 @@ impl ThreadFlags {
         let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::usage(error.to_string()))?;
         let cores_awake = self.cores_awake;
         let setup = ThreadSetup { priority: Some(priority), core: self.core, cores_awake, ..ThreadSetup::default() };
-        let left_out =
-            |asked: &str| Err(Failure::usage(format!("{asked} asks for what --rt off leaves out: give one of them")));
+        let left_out = |asked: &str| Err(Failure::usage(format!("{asked} contradicts --rt off: give one of them")));
         match (self.rt, self.core) {
             (RealTimeThread::Off, Some(core)) => left_out(&format!("--core {core}")),
             (RealTimeThread::Off, None) if cores_awake => left_out("--cores-awake"),

@@ -132,7 +132,7 @@ pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
 /// The counts of a node's frames.
 pub(crate) fn frames_text(bus: &BusCounts) -> String {
     let BusCounts { received, sent, dropped, refused, other_sender, malformed, overwritten, limited_values, .. } = bus;
-    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} refused");
+    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} rejected");
     if *other_sender > 0 {
         text += &format!(" ({other_sender} of another network under this node's identifiers)");
     }
@@ -210,9 +210,9 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
         ("rate of change", refused.rate_of_change),
         ("travel", refused.travel),
     ]);
-    reasons.iter().for_each(|reasons| text.push_str(&format!("refused      commands: {reasons}\n")));
+    reasons.iter().for_each(|reasons| text.push_str(&format!("rejected     commands: {reasons}\n")));
     for (kind, first) in [("command", &report.first_refused_command), ("frame", &report.first_refused_frame)] {
-        first.iter().for_each(|first| text.push_str(&format!("             the first refused {kind} is {first}\n")));
+        first.iter().for_each(|first| text.push_str(&format!("             the first rejected {kind} is {first}\n")));
     }
     if let Some(summary) = &report.recording {
         let lost: u64 = summary.lost.values().sum();
@@ -270,10 +270,10 @@ mod tests {
     #[test]
     fn frames_of_another_network_are_in_the_summary() {
         let bus = BusCounts { received: 30, sent: 40, refused: 7, ..BusCounts::default() };
-        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused");
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 rejected");
         assert_eq!(other_sender_warning(&bus), None);
         let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };
-        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under this node's identifiers), 1 malformed");
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 rejected (5 of another network under this node's identifiers), 1 malformed");
         insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network arrived under identifiers that only this node sends: two networks have the same base; give each a different one (network.base_id), or end the other program that sends this plant's messages");
     }
 

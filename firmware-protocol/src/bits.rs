@@ -26,9 +26,9 @@ use crate::frame::{Frame, FrameFormat, Id};
 /// Bits by the rate at which they are sent: of a frame, or per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bits {
-    /// At the nominal bit rate: the arbitration phases.
+    /// Bits at the nominal bit rate: the arbitration phases.
     pub nominal: u64,
-    /// At the data bit rate: the data phase of an FD frame with BRS.
+    /// Bits at the data bit rate: the data phase of an FD frame with BRS.
     pub data: u64,
 }
 
@@ -83,10 +83,10 @@ pub enum IdFormat {
     Extended,
 }
 
-/// How many stuff bits to count.
+/// Number of stuff bits to count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stuffing {
-    /// None: the least that a frame can take.
+    /// No stuff bits: the shortest time that a frame can take.
     None,
     /// The most that any frame of the format and length can have.
     Worst,
@@ -170,7 +170,7 @@ pub enum Level {
     Recessive,
 }
 
-/// After how many bits a receiver detects an error if bit `k` of `frame`, counted from SOF as 0, is not as sent
+/// Returns after how many bits a receiver detects an error if bit `k` of `frame`, counted from SOF as 0, is not as sent
 /// and all later bits have the level `behind`, as those of an error flag; 0 means at bit `k`. `None` if it detects
 /// none: only for SOF followed by an idle bus.
 ///
@@ -231,7 +231,7 @@ const fn fd_length_code(len: usize) -> u32 {
 struct Line {
     /// Bits, stuff bits included.
     bits: u64,
-    /// Of an FD frame: the bits up to BRS.
+    /// Bits of an FD frame up to BRS.
     head: u64,
     level: bool,
     /// The number of successive bits of this level, 0 before the first.
@@ -240,7 +240,7 @@ struct Line {
     crc: u16,
     /// The bit that is not as sent.
     watched: Option<u64>,
-    /// Its level, and how many successive bits have this level.
+    /// Level of the disturbed bit, and how many successive bits have this level.
     disturbed: Option<(Level, u8)>,
 }
 

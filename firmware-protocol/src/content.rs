@@ -10,7 +10,7 @@ use crate::network::Network;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Content {
     kind: MessageKind,
-    /// Its protection and data id.
+    /// Protection of the message, with its data id.
     protection: Option<(Protection, u16)>,
     /// Counter and CRC are zero.
     frame: Frame,

@@ -21,7 +21,7 @@ pub const fn hash(profile: Profile) -> u32 {
     HASHES[profile as usize]
 }
 
-/// How [`text`] describes its identifiers, and itself as what a hello's hash is of.
+/// Words with which [`text`] describes its identifiers, and itself as the text whose hash a hello carries.
 const AT_DEFAULTS: &str = "at the default base identifier 0x200 (512) and the default node ids";
 const HASHED: &str = "the bytes of this file";
 

@@ -1,4 +1,4 @@
-//! Why a message can't be sent, and why a frame is refused.
+//! Errors of sending a message, and reasons for which a frame is rejected.
 
 use core::fmt;
 
@@ -6,7 +6,7 @@ use crate::e2e::{CounterFault, MAX_DELTA_COUNTER, Protection};
 use crate::frame::FrameFormat;
 use crate::message::MessageKind;
 
-/// Why a message can't be sent. Nothing was sent and no counter moved.
+/// Error of sending a message. Nothing was sent and no counter moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EncodeError {
     /// A value is not a number or infinite.
@@ -82,7 +82,7 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Why a frame on one of the protocol's identifiers is refused. Its content must not be used.
+/// Reason for which a frame on one of the protocol's identifiers is rejected. Its content must not be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// The frame is not of the format that the message has in the network's profile.
@@ -187,13 +187,15 @@ impl DecodeError {
 
 impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} refused: ", self.kind())?;
+        write!(f, "{} rejected: ", self.kind())?;
         match *self {
-            DecodeError::Format { got: FrameFormat::Remote, .. } => f.write_str("a remote frame carries no data"),
-            DecodeError::Format { got: FrameFormat::Fd { .. }, .. } => {
-                f.write_str("a CAN FD frame where a classical one belongs")
+            DecodeError::Format { got: FrameFormat::Remote, .. } => {
+                f.write_str("expected a data frame, got a remote frame")
             }
-            DecodeError::Format { .. } => f.write_str("a classical frame where a CAN FD one belongs"),
+            DecodeError::Format { got: FrameFormat::Fd { .. }, .. } => {
+                f.write_str("expected a classical frame, got a CAN FD frame")
+            }
+            DecodeError::Format { .. } => f.write_str("expected a CAN FD frame, got a classical frame"),
             DecodeError::OtherProfile { .. } => f.write_str("the network's profile has no such message"),
             DecodeError::Length { got, expected, .. } => write!(f, "{got} bytes long instead of {expected}"),
             DecodeError::Crc { got, expected, protection: Protection::Profile11, .. } => {
@@ -202,7 +204,7 @@ impl fmt::Display for DecodeError {
             DecodeError::Crc { got, expected, protection: Protection::Profile5, .. } => {
                 write!(f, "CRC {got:#06X} instead of {expected:#06X}")
             }
-            DecodeError::Counter { fault: CounterFault::Repeated, got, .. } => write!(f, "counter {got} again"),
+            DecodeError::Counter { fault: CounterFault::Repeated, got, .. } => write!(f, "counter {got} was repeated"),
             DecodeError::Counter { fault: CounterFault::WrongSequence { last }, got, .. } => {
                 write!(f, "counter {got} after {last}, a step of more than {MAX_DELTA_COUNTER}")
             }
@@ -215,7 +217,7 @@ impl fmt::Display for DecodeError {
             DecodeError::NotAvailable { signal, .. } => write!(f, "{signal} is not available"),
             DecodeError::NotFinite { signal, .. } => write!(f, "{signal} is not a finite number"),
             DecodeError::Negative { signal, .. } => write!(f, "{signal} is less than 0"),
-            DecodeError::UnknownValue { signal, got, .. } => write!(f, "{signal} has no value {got}"),
+            DecodeError::UnknownValue { signal, got, .. } => write!(f, "{got} is not a value of {signal}"),
         }
     }
 }
@@ -288,20 +290,20 @@ mod tests {
             (0x204, classic, &[0, 0, 0, 0, 0, 0x80, 0, 0]),
             (0x701, classic, &[0x42]),
         ]), @r"
-        ForceCommand refused: a remote frame carries no data
-        ForceCommand refused: a CAN FD frame where a classical one belongs
-        ImpedanceHead refused: 7 bytes long instead of 8
-        ExciterHeartbeat refused: 2 bytes long instead of 1
-        ForceCommand refused: CRC 0x01 instead of 0x81
+        ForceCommand rejected: expected a data frame, got a remote frame
+        ForceCommand rejected: expected a classical frame, got a CAN FD frame
+        ImpedanceHead rejected: 7 bytes long instead of 8
+        ExciterHeartbeat rejected: 2 bytes long instead of 1
+        ForceCommand rejected: CRC 0x01 instead of 0x81
         taken
-        ForceCommand refused: counter 4 again
-        ForceCommand refused: counter 3 after 4, a step of more than 4
-        ForceCommand refused: counter 15 is not in 0 to 14
-        ForceCommand refused: byte 1 has reserved bits set (0x10)
-        OperatorCommand refused: byte 6 has reserved bits set (0x09)
-        OperatorCommand refused: request has no value 7
-        AccelerometerB refused: acceleration_y_m_s2 is not available
-        PlantHeartbeat refused: state has no value 66
+        ForceCommand rejected: counter 4 was repeated
+        ForceCommand rejected: counter 3 after 4, a step of more than 4
+        ForceCommand rejected: counter 15 is not in 0 to 14
+        ForceCommand rejected: byte 1 has reserved bits set (0x10)
+        OperatorCommand rejected: byte 6 has reserved bits set (0x09)
+        OperatorCommand rejected: 7 is not a value of request
+        AccelerometerB rejected: acceleration_y_m_s2 is not available
+        PlantHeartbeat rejected: 66 is not a value of state
         ");
     }
 }

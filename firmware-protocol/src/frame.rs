@@ -56,7 +56,7 @@ pub enum FrameFormat {
     },
 }
 
-/// A CAN frame. Every value of this type is valid: the constructors check.
+/// CAN frame, classical or FD. Every value of this type is valid: the constructors check.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
     id: Id,
@@ -65,7 +65,7 @@ pub struct Frame {
     data: [u8; 64],
 }
 
-/// Why a frame can't exist.
+/// Error of a frame that can't exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
     /// The identifier is too large for its format.
@@ -180,7 +180,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// In the form of `candump` and `cansend`: `123#1122`, `123#R2`, `123##1AABB`.
+/// Writes the frame in the form of `candump` and `cansend`: `123#1122`, `123#R2`, `123##1AABB`.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.id)?;

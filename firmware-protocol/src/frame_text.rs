@@ -5,7 +5,7 @@ use core::str::FromStr;
 
 use crate::frame::{Frame, FrameError, FrameFormat, Id};
 
-/// Why a text is not a frame.
+/// Error of a text that is not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameTextError {
     /// There is no `#`.
@@ -29,14 +29,14 @@ impl fmt::Display for FrameTextError {
         match self {
             FrameTextError::NoHash => f.write_str("there is no `#` between identifier and data, as in 123#1122"),
             FrameTextError::Id => f.write_str("the identifier must have 3 hexadecimal digits (11 bits) or 8 (29 bits)"),
-            FrameTextError::RemoteLength => f.write_str("after `#R` of a remote frame stands its length, 0 to 8"),
-            FrameTextError::Flags => {
-                f.write_str("after `##` of a CAN FD frame stands a hexadecimal digit for its flags, as in 123##1AABB")
-            }
+            FrameTextError::RemoteLength => f.write_str("after `#R` of a remote frame, expected its length, 0 to 8"),
+            FrameTextError::Flags => f.write_str(
+                "after `##` of a CAN FD frame, expected a hexadecimal digit for its flags, as in 123##1AABB",
+            ),
             FrameTextError::Data => f.write_str("the data must be pairs of hexadecimal digits"),
-            FrameTextError::RawDlc => {
-                f.write_str("after `_` of a classical frame of 8 bytes stands its DLC, a hexadecimal digit from 9 to F")
-            }
+            FrameTextError::RawDlc => f.write_str(
+                "after `_` of a classical frame of 8 bytes, expected its DLC, a hexadecimal digit from 9 to F",
+            ),
             FrameTextError::Frame(error) => error.fmt(f),
         }
     }

@@ -5,7 +5,7 @@ use crate::{NodeState, Refusal};
 /// Whether a quantity keeps its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// It does, or there is no limit.
+    /// The quantity is within its limit, or there is no limit.
     Within,
     /// The quantity exceeds its limit.
     Beyond,
@@ -19,7 +19,7 @@ pub struct CommandCheck {
     /// The sample periods that the change from the load held to this one takes at the largest rate of change; 0
     /// without such a limit.
     pub change_periods: f64,
-    /// How far the point that the exciter acts on is from rest, against the largest travel.
+    /// Distance from rest of the point that the exciter acts on, against the largest travel.
     pub travel: Limit,
 }
 
@@ -66,13 +66,13 @@ impl CommandGate {
     ///
     /// A change has n = s − s' sample periods of time, at least 1, where s is the sample answered and s' that of the
     /// last command in sequence, accepted or not, since arming; the first has 1. So lost commands give the next one
-    /// time, and refused ones don't: a refused jump is not accepted later, when its load would have been reached at the
-    /// largest rate. As s' is never before the sample answered last, the sum of all accepted changes is within that
-    /// rate.
+    /// time, and rejected ones don't: a rejected jump is not accepted later, when its load would have been reached at
+    /// the largest rate. As s' is never before the sample answered last, the sum of all accepted changes is within
+    /// that rate.
     ///
     /// # Errors
     /// The first reason, in this order: state, travel, age, sequence, range, rate of
-    /// change. A refused command leaves the sample unanswered.
+    /// change. A rejected command leaves the sample unanswered.
     pub fn take(&mut self, state: NodeState, sample: u64, index: u16, check: &CommandCheck) -> Result<(), Refusal> {
         if state != NodeState::Operational {
             return Err(Refusal::NotArmed);
@@ -90,8 +90,8 @@ impl CommandGate {
             Some(last) if answered == last => return Err(Refusal::Repeated),
             _ => {}
         }
-        // From here on the command is in sequence. It counts as judged even if it is refused below, so that a
-        // refused jump gives the next command no time.
+        // From here on the command is in sequence. It counts as judged even if it is rejected below, so that a
+        // rejected jump gives the next command no time.
         let periods = self.judged.replace(answered).map_or(1, |before| answered.saturating_sub(before).max(1));
         if check.range == Limit::Beyond {
             return Err(Refusal::OutOfRange);

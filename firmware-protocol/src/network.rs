@@ -79,7 +79,7 @@ pub struct Network {
     profile: Profile,
 }
 
-/// Why a network is invalid.
+/// Error of an invalid network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkError {
     /// The base is outside [`BASE_MIN`]`..=`[`BASE_MAX`].
@@ -118,7 +118,9 @@ impl fmt::Display for NetworkError {
             NetworkError::NodeId { node, got } => {
                 write!(f, "node id {got} of the {node} is outside 1 to {NODE_ID_MAX}")
             }
-            NetworkError::SameNodeId { got } => write!(f, "plant and exciter can't both have the node id {got}"),
+            NetworkError::SameNodeId { got } => {
+                write!(f, "plant and exciter both have the node id {got}: give them different ones")
+            }
         }
     }
 }
@@ -271,7 +273,7 @@ mod tests {
         };
         assert_eq!(said(0, 2), Err("node id 0 of the plant is outside 1 to 127".to_string()));
         assert_eq!(said(3, 128), Err("node id 128 of the exciter is outside 1 to 127".to_string()));
-        assert_eq!(said(3, 3), Err("plant and exciter can't both have the node id 3".to_string()));
+        assert_eq!(said(3, 3), Err("plant and exciter both have the node id 3: give them different ones".to_string()));
     }
 
     #[test]

@@ -26,7 +26,7 @@ impl Receiver {
         self.network
     }
 
-    /// How many frames were lost since the start, by the counters, except those whose loss broke the sequence.
+    /// Returns how many frames were lost since the start, by the counters, except those whose loss broke the sequence.
     pub const fn lost(&self) -> u64 {
         self.lost
     }

@@ -8,7 +8,7 @@ pub use include_dir::Dir;
 pub static C_HEADERS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/c/include");
 /// The library in C: its sources, with the headers that they alone include.
 pub static C_SOURCES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/c/src");
-/// What drives a node in C, and its port to Linux, as pairs of file name and text.
+/// Files that drive a node in C, and its port to Linux, as pairs of file name and text.
 pub const C_LOOP: [(&str, &str); 5] = [
     ("loop.c", include_str!("../c/controller/loop.c")),
     ("loop.h", include_str!("../c/controller/loop.h")),
@@ -16,5 +16,5 @@ pub const C_LOOP: [(&str, &str); 5] = [
     ("linux_socketcan.c", include_str!("../c/port/linux_socketcan.c")),
     ("linux_socketcan.h", include_str!("../c/port/linux_socketcan.h")),
 ];
-/// This crate's folder `src`.
+/// Folder `src` of this crate.
 pub static RUST: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/src");

@@ -1,4 +1,4 @@
-//! The gate of a plant: which commands it accepts, and why it refuses the others.
+//! The gate of a plant: which commands it accepts, and why it rejects the others.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use proptest::prelude::*;
@@ -125,7 +125,7 @@ fn a_change_has_the_samples_since_the_last_command_in_sequence() {
     assert_eq!(change(&mut gate, 20, 1.0), Ok(()), "the first");
     assert_eq!(change(&mut gate, 19, 1.01), Err(Refusal::RateOfChange));
     assert_eq!(gate.answered(), Some(SAMPLE - 20));
-    assert_eq!(change(&mut gate, 18, 1.01), Err(Refusal::RateOfChange), "a repeated jump is refused again");
+    assert_eq!(change(&mut gate, 18, 1.01), Err(Refusal::RateOfChange), "a repeated jump is rejected again");
     assert_eq!(change(&mut gate, 17, 1.0), Ok(()), "what one sample period allows");
     assert_eq!(change(&mut gate, 14, 3.01), Err(Refusal::RateOfChange));
     assert_eq!(change(&mut gate, 11, 3.0), Ok(()), "after two commands that were lost");
@@ -143,7 +143,7 @@ fn a_command_that_is_out_of_sequence_gives_and_takes_no_time() {
     let out_of_range = CommandCheck { range: Limit::Beyond, ..FREE };
     assert_eq!(judge(&mut gate, 3, &out_of_range), Err(Refusal::OutOfRange));
     assert_eq!(change(&mut gate, 2, 1.01), Err(Refusal::RateOfChange), "since the one that is out of range");
-    assert_eq!(change(&mut gate, 5, 1.0), Ok(()), "a sample before the refused ones has its own period");
+    assert_eq!(change(&mut gate, 5, 1.0), Ok(()), "a sample before the rejected ones has its own period");
     gate.arm();
     assert_eq!(change(&mut gate, 0, 1.01), Err(Refusal::RateOfChange), "the first since arming");
 }
@@ -158,7 +158,7 @@ fn rounding_is_no_change() {
     assert_eq!(change(&mut gate, 0, 20.0 * (1.0 + 0.9e-9)), Ok(()), "relative to the change");
 }
 
-/// No frame is as short; a receiver refuses it by its length.
+/// No frame is as short; a receiver rejects it by its length.
 #[test]
 fn data_without_content_have_the_crc_of_the_data_id() {
     let crc = |data: &[u8]| resonarm_protocol::e2e::profile5::crc(0x520B, data);

@@ -1,4 +1,4 @@
-//! What must hold for every message, every frame and every order of frames.
+//! Properties that hold for every message, every frame and every order of frames.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -58,14 +58,14 @@ fn corrected(profile: Profile, frame: Frame) -> Frame {
     })
 }
 
-/// A commanded value comes back within half a count, or is refused because its count lies beyond the range.
+/// A commanded value comes back within half a count, or is rejected because its count lies beyond the range.
 fn check_command(sent: f64, scale: Scale, got: Result<f64, EncodeError>) -> Result<(), TestCaseError> {
     let half_count = 0.5 / f64::from(scale.counts_per_unit());
     match got {
         Ok(value) => prop_assert!((value - sent).abs() <= half_count * (1.0 + 1e-9), "{sent} came as {value}"),
         Err(EncodeError::OutOfRange { got, limit, .. }) => {
             prop_assert_eq!((got, limit), (sent, scale.max()));
-            prop_assert!(sent.abs() >= (scale.max() + half_count) * (1.0 - 1e-15), "{sent} refused");
+            prop_assert!(sent.abs() >= (scale.max() + half_count) * (1.0 - 1e-15), "{sent} rejected");
         }
         Err(other) => prop_assert!(false, "{other}"),
     }
@@ -142,7 +142,7 @@ proptest! {
         }
     }
 
-    /// A value of the FD profile comes back as the single nearest to it; one beyond its range is refused or flagged.
+    /// A value of the FD profile comes back as the single nearest to it; one beyond its range is rejected or flagged.
     #[test]
     fn values_of_the_fd_profile_come_back_as_singles(value in prop_oneof![any::<f64>(), -1e5..1e5f64], sample: u16) {
         let network = common::network(Profile::Fd);
@@ -277,5 +277,5 @@ fn messages_are_their_signals() {
     }
     let get = |name| if name == "sample" { Some(0.5) } else { Some(1.0) };
     let refused = Message::from_signals(MessageKind::Force, get).map_err(|error| error.to_string());
-    assert_eq!(refused, Err("ForceCommand: sample has no value 0.5".to_string()));
+    assert_eq!(refused, Err("ForceCommand: 0.5 is not a value of sample".to_string()));
 }

@@ -144,8 +144,8 @@ def _channel(channel: Channel) -> tuple[str, int]:
     node, direction = str(channel.node_number).lower(), str(channel.node_direction or "").lower().strip("+")
     if channel.feedback_device:
         if node not in OUTPUTS:
-            raise ValueError(f"there is no output {node!r}, only {', '.join(OUTPUTS)}")
+            raise ValueError(f"there is no output {node!r}: expected one of {', '.join(OUTPUTS)}")
         return "force", OUTPUTS[node]
     if node not in READINGS or direction not in AXES:
-        raise ValueError(f"there is no reading {node!r} {direction!r}, only head, b and c along x and y")
+        raise ValueError(f"there is no reading {node!r} {direction!r}: expected head, b or c along x or y")
     return READINGS[node], AXES[direction]

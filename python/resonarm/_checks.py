@@ -19,19 +19,19 @@ MOST_STEPS = 10_000_000_000
 def real(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Real numbers as an array. Raises TypeError for arguments without numbers, and for complex ones."""
     if values is None:
-        raise TypeError(f"{name} is no array of numbers: it is None")
+        raise TypeError(f"{name} is None: it must be an array of numbers")
     try:
         given = np.asarray(values)
     except ValueError as error:
-        raise TypeError(f"{name} is no array of numbers: {error}") from error
+        raise TypeError(f"{name} must be an array of numbers: {error}") from error
     if np.iscomplexobj(given):
-        raise TypeError(f"{name} has complex numbers: give real ones, such as values.real or abs(values)")
+        raise TypeError(f"{name} has complex numbers: it must have real ones, such as values.real or abs(values)")
     if given.dtype.kind not in "biuf" and given.dtype != object:
-        raise TypeError(f"{name} has no numbers, but {given.dtype.str}: give real ones")
+        raise TypeError(f"{name} has values of the type {given.dtype.str}: it must have real numbers")
     try:
         return given.astype(NUMBER)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} is no array of numbers: {error}") from error
+        raise TypeError(f"{name} must be an array of numbers: {error}") from error
 
 
 def samples(from_sample: int, to_sample: int) -> tuple[int, int]:
@@ -46,7 +46,7 @@ def samples(from_sample: int, to_sample: int) -> tuple[int, int]:
 
 
 def rows(count: int) -> int:
-    """The rows of a chunk."""
+    """Returns the number of rows of a chunk, checked."""
     if operator.index(count) < 1:
         raise ValueError(f"rows is {count}: it must be 1 or more")
     return min(operator.index(count), LAST)
@@ -78,15 +78,15 @@ def steps(duration_s: float, rate_hz: float) -> int:
 def network(given: Any) -> None:
     """Raises TypeError unless this is a network."""
     if not isinstance(given, _resonarm.Network):
-        raise TypeError(f"a network is a resonarm.Network: this is {type(given).__name__}")
+        raise TypeError(f"network is of the type {type(given).__name__}: it must be a resonarm.Network")
 
 
 def controller(given: Any) -> None:
     """Raises TypeError unless this can be called with a measurement."""
     if not callable(given):
         raise TypeError(
-            "a controller is a function of a Measurement, or a list of the words of a command where a bench runs it: "
-            f"this is {given!r}"
+            "controller is {given!r}: it must be a function of a Measurement, or a list of the words of a command "
+            f"where a bench runs it"
         )
 
 
@@ -99,4 +99,4 @@ def scenario(given: Any) -> None:
             if hasattr(given, "__fspath__") or isinstance(given, str)
             else ""
         )
-        raise TypeError(f"a scenario is a resonarm.Scenario: this is {what}{hint}")
+        raise TypeError(f"scenario is {what}: it must be a resonarm.Scenario{hint}")

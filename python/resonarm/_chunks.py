@@ -1,6 +1,6 @@
 """Chunks of a map: computed on all cores or on a Dask cluster, stored as they are finished.
 
-A chunk is initial states only: each process finds the stable motions itself, which takes a second.
+A chunk is initial states only: each process finds the stable responses itself, which takes a second.
 """
 
 import hashlib
@@ -73,7 +73,7 @@ def _done(chunk: Chunk, folder: Path | None) -> Arrays:
                 return dict(file)
         except (ValueError, OSError) as error:
             raise ValueError(
-                f"{kept} is no whole chunk of a map ({error}): remove it, and it is computed again"
+                f"{kept} is not a whole chunk of a map ({error}): remove it, so that it is computed again"
             ) from error
     found = chunk.work(*chunk.arguments)
     if kept is not None:

@@ -18,7 +18,7 @@ def require(module: str, extra: str) -> ModuleType:
 
 
 def _packages(extra: str) -> list[str]:
-    """What an extra of this package brings. The package itself is on no index, so it can't be named to pip."""
+    """Packages that an extra of this package installs. The package is on no index, so it can't be named to pip."""
     try:
         declared = requires("resonarm") or []
     except PackageNotFoundError:

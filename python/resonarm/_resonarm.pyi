@@ -66,10 +66,10 @@ class Assembly:
     def chain_gravity_m_s2(self) -> float: ...
     @property
     def point_names(self) -> list[str]:
-        """The names of its points."""
+        """Names of the structure's points."""
     @property
     def dofs(self) -> list[str]:
-        """Its degrees of freedom: what a load can act on and what is read, point and axis or a joint."""
+        """Degrees of freedom on which a load can act, and which can be read: point and axis, or a joint."""
     def units(self, name: str, dof: str) -> tuple[str, str]: ...
     def channels(self) -> list[tuple[str, list[str]]]: ...
     def modes(self) -> list[Mode]:
@@ -175,7 +175,7 @@ class Measurement:
         """Acceleration of the tip C, m/s²."""
     @property
     def clipped(self) -> int:
-        """Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the
+        """Readings that were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the
         head, those above for the other sensors in their order."""
     @property
     def sensors(self) -> dict[str, float]:
@@ -194,7 +194,7 @@ class Plant:
         """The deflections of the joints there, of the arm α1 and α2, rad. Modes have none: see `states`."""
     @property
     def alpha_dot_rad_s(self) -> tuple[float, ...]:
-        """Their rates, rad/s."""
+        """Rates of the coordinates, rad/s."""
     @property
     def states(self) -> dict[str, tuple[float, ...]]:
         """All states there by their names, as `alpha_rad`, or `q_m_sqrt_kg` of modes."""
@@ -213,16 +213,16 @@ class Recording:
     def __new__(cls, path: _Path) -> Self: ...
     @property
     def path(self) -> Path:
-        """The file."""
+        """File of the recording."""
     @property
     def summary(self) -> dict[str, Any]:
-        """Its summary: the document of `resonarm inspect --json`."""
+        """Returns the summary: the document of `resonarm inspect --json`."""
     @property
     def dt_s(self) -> float:
         """Time from one sample to the next, s."""
     @property
     def damage(self) -> str | None:
-        """Why it is not whole, in words; None if it is whole."""
+        """Reason why the recording is not whole, in words; None if it is whole."""
     def count(self, part: RecordingPart) -> int:
         """The number of records of a part."""
     def channels(self, part: str) -> list[tuple[str, list[str]]]: ...
@@ -322,11 +322,11 @@ class NodeRun:
         """Whether it is still running."""
     @property
     def sample(self) -> int:
-        """Its current sample."""
+        """Index of the node's current sample."""
     def take_events(self) -> list[dict[str, Any]]:
         """The events since the last call: `event` (ready, armed, disarmed, faulted, …) and its details."""
     def stop(self) -> None:
-        """Asks it to end in order, without waiting."""
+        """Asks the node to end in order, without waiting."""
     def join(self) -> tuple[dict[str, Any], bytearray]: ...
 
 def run_both(

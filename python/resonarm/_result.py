@@ -66,7 +66,7 @@ class Result:
                 # A vector of one component, too, has two dimensions; a channel alone has one.
                 values = rows[vector] if rows[vector].ndim == 1 else rows[vector][:, components.index(name)]
                 return rows["sample"], rows["time_s"], values
-        raise ValueError(f"there is no signal {name!r}, only {', '.join(known)}")
+        raise ValueError(f"there is no signal {name!r}: expected one of {', '.join(known)}")
 
     def _finite(self, name: str) -> tuple[Array, Array, Array]:
         """The same, if every value is a number."""
@@ -103,15 +103,17 @@ class Result:
         return "\n  ".join([*ends, *self._mistakes()]) if ends else None
 
     def _mistakes(self) -> list[str]:
-        """What the controller did that the plant did not accept, and what neither end accepted of the bus."""
+        """Returns the mistakes of the controller: commands and frames that the plant, or either end, did not accept."""
         lines = [self.plant["cause"]] if self.plant.get("cause") else []
         refused = ", ".join(f"{count} {reason}" for reason, count in self.plant["refused"].items() if count)
         if refused:
             first = self.plant.get("first_refused_command")
-            lines.append(f"commands were refused: {refused}" + (f"; the first of them is {first}" if first else ""))
+            lines.append(f"commands were rejected: {refused}" + (f"; the first of them is {first}" if first else ""))
         for end, report in (("plant", self.plant), ("exciter", self.exciter)):
             if first := report.get("first_refused_frame"):
-                lines.append(f"frames that the {end} refused: {report['bus']['refused']}; the first of them is {first}")
+                lines.append(
+                    f"frames that the {end} rejected: {report['bus']['refused']}; the first of them is {first}"
+                )
         return lines
 
     def _fault_sample(self) -> int:
@@ -206,7 +208,7 @@ class Result:
         events = self.recording.events
         named = events["sample"][np.isin(events["name"], names)]
         parts = [f"{count} {reason}" for reason, count in refused.items()]
-        what = [f"commands were refused: {', '.join(parts)}"] if parts else []
+        what = [f"commands were rejected: {', '.join(parts)}"] if parts else []
         if invalid:
             what.append("1 frame was invalid" if invalid == 1 else f"{invalid} frames were invalid")
         self.fail("; ".join(what), "force_x_n", int(named[0]) if len(named) else 0)
@@ -228,7 +230,7 @@ class Result:
         """The plant reached a state, such as operational or fault, within this time of its samples, s."""
         __tracebackhide__ = True
         if state not in get_args(NodeState):
-            raise ValueError(f"there is no state {state!r}, only {', '.join(get_args(NodeState))}")
+            raise ValueError(f"there is no state {state!r}: expected one of {', '.join(get_args(NodeState))}")
         within = round(_number("within_s", within_s) / self.recording.dt_s)
         events = self.recording.events
         reached = events["sample"][events["name"] == f"state.{state}"]
@@ -259,7 +261,7 @@ class Result:
             raise ValueError(f"frequency_hz is {frequency_hz:g}: it must be a positive number")
         if frequency_hz >= 0.5 / dt_s:
             raise ValueError(
-                f"frequency_hz is {frequency_hz:g}: at {1 / dt_s:g} samples a second it must be below {0.5 / dt_s:g}"
+                f"frequency_hz is {frequency_hz:g}: at a sample rate of {1 / dt_s:g} Hz it must be below {0.5 / dt_s:g}"
             )
         if _number("from_s", from_s) > to_s or math.isnan(to_s):
             raise ValueError(f"from_s is {from_s:g} and to_s {to_s:g}: give the earlier one first")

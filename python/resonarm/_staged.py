@@ -61,7 +61,7 @@ def _target(path: Path, overwrite: bool) -> Path:
             raise FileExistsError(f"{printable(str(path))} already exists: {hint}")
         return path
     if path.exists() and not path.is_file():
-        raise FileExistsError(f"{printable(str(path))} is no regular file: name another stem")
+        raise FileExistsError(f"{printable(str(path))} is not a regular file: give another stem")
     return path.resolve()
 
 

@@ -1,4 +1,4 @@
-"""Basins of attraction: which initial states reach which stable motion."""
+"""Basins of attraction: the initial states that reach each stable periodic response."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ TIME_CONSTANTS = 40.0
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StableMotion:
-    """A stable periodic motion under a sine."""
+    """A stable periodic response under a sine."""
 
     period: int
     """Periods of the excitation after which it repeats."""
@@ -36,7 +36,7 @@ class StableMotion:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Basins:
-    """Which initial states reach which stable motion."""
+    """Basins of attraction: the stable periodic response that each initial state reaches."""
 
     coordinates: tuple[str, str]
     """The coordinates that vary, of the columns and of the rows."""
@@ -45,18 +45,19 @@ class Basins:
     y: NDArray[np.float64]
     """The values of the second, one a row."""
     motion: NDArray[np.int64]
-    """Which motion each state reaches, from 1; 0 where this is undecided, −1 where it grows beyond all bounds."""
+    """Number of the periodic response that each state reaches, from 1; 0 where this is undecided, −1 where it grows
+    beyond all bounds."""
     periods: NDArray[np.uint64]
     """Periods of the excitation until that was certain."""
     ended_early: str | None
-    """Why some stable motions may not be known; None if all are."""
+    """Reason why some stable periodic responses may not be known; None if all are."""
     motions: tuple[StableMotion, ...]
-    """The stable motions, by their largest displacement where the structure is driven first."""
+    """The stable periodic responses, by their largest displacement where the structure is driven first."""
     known: tuple[str, ...]
     """The names of all coordinates and rates, in the order of a state."""
 
     def __repr__(self) -> str:
-        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(len(self.motions))]
+        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach response {k + 1}" for k in range(len(self.motions))]
         for outcome, name in ((UNDECIDED, "undecided"), (DIVERGES, "diverge")):
             if count := np.count_nonzero(self.motion == outcome):
                 counts.append(f"{count} {name}")
@@ -64,12 +65,12 @@ class Basins:
         return f"{of}: of {self.motion.size} states {', '.join(counts)}>"
 
     def plot(self, ax: Any = None) -> Any:
-        """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
-        matplotlib's axes, by default those of a new figure; they are returned."""
+        """Draws the grid, with one colour for each periodic response and grey where undecided, and the responses at
+        phase 0 as diamonds. `ax` are matplotlib's axes, by default those of a new figure; they are returned."""
         ax = _extras.axes(ax)
         for k in sorted({int(k) for k in np.unique(self.motion)}):
             color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
-            name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches motion {k}")
+            name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches response {k}")
             cells = np.ma.masked_where(self.motion != k, np.ones(self.motion.shape))
             colors = _extras.require("matplotlib.colors", "plot").ListedColormap([color])
             # Cells that touch, whatever the size of the figure.
@@ -78,7 +79,7 @@ class Basins:
         index = [self.known.index(name) for name in self.coordinates]
         for number, motion in enumerate(self.motions):
             at = motion.section[:, index]
-            label = None if number else "stable motions"
+            label = None if number else "stable responses"
             ax.plot(at[:, 0], at[:, 1], "D", color="black", markerfacecolor="white", label=label)
         ax.set_xlabel(self.coordinates[0])
         ax.set_ylabel(self.coordinates[1])
@@ -102,12 +103,12 @@ class Grid:
         for name in self.coordinates:
             if name not in self.known:
                 known = ", ".join(self.known)
-                raise ValueError(f"there is no coordinate `{name}`: the coordinates are {known}")
+                raise ValueError(f"there is no coordinate `{name}`: expected one of {known}")
         if self.coordinates[0] == self.coordinates[1]:
-            raise ValueError(f"coordinates has {self.coordinates[0]} twice: give two")
+            raise ValueError(f"coordinates has {self.coordinates[0]} twice: it must have two different ones")
         for count in self.points:
             if not 2 <= count <= MOST_POINTS:
-                raise ValueError(f"points has {count}: it must be from 2 to {MOST_POINTS}")
+                raise ValueError(f"points has {count}: each must be from 2 to {MOST_POINTS}")
         for start, stop in zip(self.start, self.stop, strict=True):
             if not (math.isfinite(start) and math.isfinite(stop) and start != stop):
                 raise ValueError(f"the grid goes from {start:g} to {stop:g}: both must be numbers, and different")
@@ -119,7 +120,7 @@ class Grid:
         return np.asarray((self.start[index] * (last - places) + self.stop[index] * places) / last)
 
     def states(self) -> NDArray[np.float64]:
-        """All states, row by row."""
+        """Returns all states, row by row."""
         states = np.tile(np.array(self.initial, NUMBER), (self.points[0] * self.points[1], 1))
         y, x = np.meshgrid(self.axis(1), self.axis(0), indexing="ij")
         for name, values in zip(self.coordinates, (x, y), strict=True):
@@ -128,9 +129,9 @@ class Grid:
 
 
 def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
-    """Two values of an argument."""
+    """Checks the two values of an argument."""
     if len(values) != 2:
-        raise ValueError(f"{name} has {len(values)} values: it needs two, X,Y")
+        raise ValueError(f"{name} has {len(values)} values: it must have two, X,Y")
     return (values[0], values[1])
 
 
@@ -172,7 +173,8 @@ def grid_of(
 
 
 def found(attractors: _resonarm.Attractors, states: NDArray[np.float64], wait: float, on_cores: bool) -> Array:
-    """Rows with the motion that each state reaches, and the number of periods it takes."""
+    """Returns rows with the number of the periodic response that each state reaches, and the number of periods it
+    takes."""
     return view(attractors.outcomes(states.tobytes(), wait, on_cores), OUTCOME)
 
 
@@ -189,31 +191,31 @@ def basins(
     initial: Sequence[float] | None = None,
     time_constants: float = TIME_CONSTANTS,
 ) -> Basins:
-    """Which initial states reach which stable motion under A·sin(2πft), over a grid of two coordinates of the state at
-    phase 0, computed on all cores as by `resonarm basins`.
+    """Computes which initial states reach which stable periodic response under A·sin(2πft), over a grid of two
+    coordinates of the state at phase 0, computed on all cores as by `resonarm basins`.
 
     - `drive`: the amplitude at each degree of freedom that is driven, `{"joint1": 60}`, N·m at a joint, else N.
     - `coordinates`: the names of two coordinates or rates, as `alpha1_rad` or `q1_dot_m_sqrt_kg_s`, by default the
       first coordinate and its rate.
-    - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable motion
+    - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable response
       reaches, to both sides.
     - `points`: the number of values of each, from 2 to 1000, by default (41, 41).
     - `initial`: the state that gives the other coordinates and rates, by default at rest. States of elements are zero.
     - `time_constants`: the longest wait, in time constants of the structure's slowest mode, by default 40.
 
-    Raises ValueError for invalid arguments, ResonarmError where no stable motion is known: none is with friction that
-    sticks. Ctrl-C ends it.
+    Raises ValueError for invalid arguments, ResonarmError where no stable periodic response is known: none is with
+    friction that sticks. Ctrl-C ends it.
     """
     known = names(structure)
     two = pair("coordinates", (known[0], known[len(known) // 2]) if coordinates is None else coordinates)
-    # The grid is checked before the stable motions are looked for, which takes long.
+    # The grid is checked before the stable responses are looked for, which takes long.
     ends = ((-1.0, -1.0), (1.0, 1.0)) if start is None or stop is None else (start, stop)
     grid_of(structure, two, *ends, points, initial)
     attractors = _resonarm.Attractors(structure, _drive.parts(drive, _drive.frequency(frequency_hz)))
     motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
     if not motions:
         raise _resonarm.ResonarmError(
-            f"no stable motion is known at {frequency_hz:g} Hz: no state can be said to reach one"
+            f"no stable periodic response is known at {frequency_hz:g} Hz: no state can be said to reach one"
         )
     reach = tuple(attractors.reach(known.index(name)) for name in two)
     last = reach if stop is None else pair("stop", stop)

@@ -89,7 +89,9 @@ class ResonarmBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Sends a message to every other end."""
         if msg.is_remote_frame or msg.is_error_frame:
-            raise can.CanOperationError("a simulated plant's bus carries no remote frames and no error frames")
+            raise can.CanOperationError(
+                "a simulated plant's bus carries no remote frames and no error frames: send a data frame"
+            )
         self._check_open()
         self._end.send(Frame.of(msg))
 
@@ -147,7 +149,7 @@ def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) ->
 
 
 def _profile(scenario: Scenario) -> str:
-    """Which frames the bus has; a protocol of the user's own may have those of CAN FD."""
+    """Returns which frames the bus carries; a user protocol may have those of CAN FD."""
     values = scenario.values()
     return "fd" if "wire" in values else str(values["network"]["profile"])
 

@@ -63,11 +63,13 @@ class McapWriter(MessageWriter):
 
     def __init__(self, file: StringPathLike, *, append: bool = False, **kwargs: Any) -> None:
         if append:
-            raise ValueError(f"{file}: nothing can be appended to a recording; `resonarm merge` joins parts of one")
+            raise ValueError(
+                f"{file}: nothing can be appended to a recording: write another; `resonarm merge` joins parts of one run"
+            )
         self._log: _resonarm.LogWriter | None = _resonarm.LogWriter(str(file))
 
     def on_message_received(self, msg: can.Message) -> None:
-        """Writes a message."""
+        """Writes a message into the log."""
         if self._log is None:
             raise ValueError("the log is closed")
         if not (msg.is_error_frame or msg.is_remote_frame):

@@ -1,4 +1,4 @@
-"""Branches of periodic motions, their bifurcations, and the curves of these in two parameters."""
+"""Branches of periodic responses, their bifurcations, and the curves of these in two parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Curve:
     parameters: tuple[str, str]
     """The parameter of the branch and the second one."""
     labels: tuple[str, str]
-    """What both are called in pictures, with their units."""
+    """Names of both in pictures, with their units."""
     points: Array
     """Rows with `value` (of the first parameter), `value2` (of the second) and the readings of a branch's `points`."""
     turns: Array
@@ -46,13 +46,13 @@ class Curve:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Branch:
-    """A branch of periodic motions. The excitation is A·sin(2πft)."""
+    """A branch of periodic responses. The excitation is A·sin(2πft)."""
 
     parameter: str
     """The quantity in which it was followed: frequency (Hz), amplitude (of the first load, N, or N·m at a joint) or a
     parameter of the structure, as `link2.angle_deg`, in its unit."""
     label: str
-    """What it is called in pictures, with its unit."""
+    """Name in pictures, with the unit."""
     drive: dict[str, float]
     """The loads: the amplitude at each degree of freedom that is driven, or their ratio if the amplitude varies."""
     at: tuple[str, ...]
@@ -67,7 +67,7 @@ class Branch:
     bifurcations: Array
     """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point."""
     peaks: Array
-    """The same columns: for each degree of freedom that is read the motion with its largest displacement, located
+    """The same columns: for each degree of freedom that is read the response with its largest displacement, located
     between the points."""
     unlocated: tuple[tuple[str, float, float], ...] = ()
     """Bifurcations that were detected between two points and could not be located: kind, and the parameter at both
@@ -83,15 +83,15 @@ class Branch:
         unstable = f"{np.count_nonzero(~self.points['stable'])} of them not stable"
         kinds, counts = np.unique(self.bifurcations["kind"], return_counts=True)
         found = ", ".join(f"{count} × {kind}" for kind, count in zip(kinds, counts, strict=True))
-        of = f"<Branch in {self.parameter}, driven at {', '.join(self.drive)}: {len(self.points)} motions"
+        of = f"<Branch in {self.parameter}, driven at {', '.join(self.drive)}: {len(self.points)} periodic responses"
         of += f", {unstable if self.stability else 'stability not computed'}"
         return f"{of}; {found}>" if found else f"{of}>"
 
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
-        stable motions as lines, others dashed, all as lines if the stability was not computed, bifurcations as markers,
-        doubled branches with the others. `ax` are matplotlib's axes, by default those of a new figure; they are
-        returned."""
+        stable responses as lines, others dashed, all as lines if the stability was not computed, bifurcations as
+        markers, doubled branches with the others. `ax` are matplotlib's axes, by default those of a new figure; they
+        are returned."""
         at = self.at[0] if at is None else at
         ax, column = _extras.axes(ax), self.column(at)
         for branch in (self, *self.doubled):
@@ -115,8 +115,8 @@ class Branch:
 
 
 def _stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
-    """Draws y over x: where motions are stable as lines, elsewhere dashed."""
-    # A motion on either side of a change belongs to both stretches, so that the line has no gap.
+    """Draws y over x: where responses are stable as lines, elsewhere dashed."""
+    # A response on either side of a change belongs to both stretches, so that the line has no gap.
     edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
     for first, last in pairwise(edges):
         stretch = slice(max(first - 1, 0), last)
@@ -155,7 +155,7 @@ def continuation(
     largest_step: float = 0.25,
     stability: bool = True,
 ) -> Branch:
-    """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
+    """Follows the periodic responses under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
 
     `parameter` is frequency (Hz), amplitude (N, or N·m at a joint) or a parameter of the structure, as
     `link2.angle_deg`, `mode1.damping_ratio` or `element1.gap_m`; `parameters` has all of them.
@@ -163,10 +163,10 @@ def continuation(
     - `drive`: the amplitude at each degree of freedom that is driven, `{"joint1": 60}`. If the amplitude varies, the
       name of one, `"joint1"`, or several in a ratio; then it is that of the first.
     - `frequency_hz`: f, if another parameter varies.
-    - `at`: where the motion is read, by default where it is driven.
-    - `doubled`: follow the motions of twice the period that leave at period doublings, too.
+    - `at`: where the response is read, by default where the structure is driven.
+    - `doubled`: follow the responses of twice the period that leave at period doublings, too.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
-    - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
+    - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).
     - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
 
     Raises ValueError for invalid arguments, EndedEarly if the continuation ends before `stop`, with the branch up to
@@ -174,18 +174,18 @@ def continuation(
     """
     if parameter == "frequency":
         if frequency_hz is not None:
-            raise ValueError("frequency_hz is for runs in another parameter: leave it out")
+            raise ValueError("frequency_hz applies only to a branch in another parameter: leave it out")
         hz = start
     else:
         hz = _drive.frequency(frequency_hz)
     loads = _drive.direction(drive, hz) if parameter == "amplitude" else _drive.parts(drive, hz)  # type: ignore[arg-type]
     _check_settings(most_harmonics, most_points, largest_step)
     if (curves_in is None) != (curves_to is None):
-        raise ValueError("curves_in and curves_to belong together: give both or neither")
+        raise ValueError("only one of curves_in and curves_to is given: give both or neither")
     if curves_in == parameter:
-        raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: name another parameter")
+        raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: give another parameter")
     if isinstance(at, str):
-        raise TypeError(f"at is {at!r}: it is a list of degrees of freedom, as [{at!r}]")
+        raise TypeError(f"at is {at!r}: it must be a list of degrees of freedom, as [{at!r}]")
     amplitudes = {name: loads[1] * share for name, share in loads[0]}
     for name in amplitudes:
         structure.units("drive", name)  # an unknown one raises an error with the known names
@@ -222,7 +222,7 @@ def continuation(
 
 
 def _label(structure: _resonarm.Assembly, parameter: str, drive: dict[str, float]) -> str:
-    """What a parameter is called in pictures, with its unit."""
+    """Returns the name of a parameter in pictures, with its unit."""
     if parameter == "frequency":
         return "excitation frequency (Hz)"
     if parameter == "amplitude":

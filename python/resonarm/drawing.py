@@ -22,7 +22,7 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
     shape = [0.0] * len(modes) if mode is None else list(modes[mode - 1].shape)
     drawn = structure.drawn(shape)
     if drawn is None:
-        raise ValueError("nothing says where its points are: give `points`, {'tip': (0.3, 0.0, 0.0)}")
+        raise ValueError("the positions of the structure's points are unknown: give `points`, {'tip': (0.3, 0.0, 0.0)}")
     names, lines, rest, moved = drawn
     ax = _extras.axes(ax)
     at_rest, deflected = _flat(np.array(rest)), _flat(np.array(moved))
@@ -47,5 +47,5 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
 
 
 def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where points are in the picture: x and y, and a half of z along both, as seen from aslant."""
+    """Returns the positions of points in the picture: x and y, and a half of z along both, as seen from aslant."""
     return np.asarray(points[:, :2] + 0.5 * points[:, 2:])

@@ -21,17 +21,17 @@ from .session import run
 from .structures import Structure
 
 VARIABLES = {
-    "stable": "number of stable motions",
-    "unstable": "number of unstable motions",
-    "least": "largest displacement in the smallest stable motion",
-    "largest": "largest displacement in the largest stable motion",
+    "stable": "number of stable periodic responses",
+    "unstable": "number of unstable periodic responses",
+    "least": "largest displacement in the smallest stable response",
+    "largest": "largest displacement in the largest stable response",
 }
 UNITS = {"N·m": "N m", "m/s²": "m s-2", "°": "degree", "rad/s": "rad s-1", "m·√kg": "m kg0.5", "m·√kg/s": "m kg0.5 s-1"}
 """Units as UDUNITS has them, where ours are other."""
 LARGEST_STEP = 0.05
-"""Largest step along a branch, relative to the motion's size: between its motions the map is linear."""
+"""Largest step along a branch, relative to the response's size: between its responses the map is linear."""
 BLOCK = 256
-"""Initial states of a chunk."""
+"""Number of initial states in a chunk."""
 
 Folder = str | PathLike[str] | None
 Over = Mapping[str, Sequence[float]]
@@ -49,27 +49,27 @@ def response_map(
     folder: Folder = None,
     client: Any = None,
 ) -> Any:
-    """The periodic motions at each frequency, Hz, amplitude and value of parameters.
+    """Computes the periodic responses at each frequency, Hz, amplitude and value of parameters.
 
     `drive` is the degree of freedom that is driven, as `"joint1"`, or several in a ratio, `{"tip.x": 3, "tip.y": 4}`;
     the amplitudes are those of the first, N·m at a joint, else N. `over` has values of parameters of the structure,
     `{"link2.angle_deg": [50.0, 60.0]}`; the map covers all their combinations. `at` are the degrees of freedom that
     are read, by default those that are driven.
 
-    An `xarray.Dataset` with units: the numbers of stable and unstable motions and, at each degree of freedom, the
-    largest displacement in the smallest and in the largest stable motion, m or rad, as `unit` says; NaN where there is
-    none. Between the motions of a branch it is linear.
+    An `xarray.Dataset` with units: the numbers of stable and unstable responses and, at each degree of freedom, the
+    largest displacement in the smallest and in the largest stable response, m or rad, as `unit` says; NaN where there
+    is none. Between the responses of a branch it is linear.
 
     Each combination of parameters and amplitude is one branch over the frequencies, a chunk: computed by a Dask
     `client`, or on all cores of this machine without one, with identical bits. With a `folder`, which a cluster shares,
     each chunk is stored when it is finished, and a repeated call resumes from the stored chunks. `ended_early` marks
-    the chunks whose branch could not be followed to its end: beyond it the map has no motions.
+    the chunks whose branch could not be followed to its end: beyond it the map has no responses.
 
     Raises ValueError for frequencies that don't rise, and for values that make no structure.
     """
     hz = np.asarray(frequency_hz, dtype=np.float64)
     if hz.ndim != 1 or len(hz) < 2 or not (np.diff(hz) > 0).all() or hz[0] <= 0:
-        raise ValueError("frequency_hz must be two or more positive frequencies that rise")
+        raise ValueError("frequency_hz must have two or more positive frequencies that increase")
     loads, places = _places(structure, drive, amplitude, over)
     read = tuple(dict.fromkeys(at)) or tuple(loads)
     units = [structure.units("at", dof)[0] for dof in read]
@@ -111,14 +111,15 @@ def basin_map(
     folder: Folder = None,
     client: Any = None,
 ) -> Any:
-    """Which initial states reach which stable motion, as `basins` of a structure has it, at each frequency, Hz,
-    amplitude and value of parameters, over the same grid from `start` to `stop`; `drive`, `amplitude` and `over` are
-    those of `response_map`.
+    """Computes which initial states reach which stable periodic response, as `basins` of a structure has it, at each
+    frequency, Hz, amplitude and value of parameters, over the same grid from `start` to `stop`; `drive`, `amplitude`
+    and `over` are those of `response_map`.
 
-    An `xarray.Dataset` with units: `motion` is which of the stable motions, by their largest displacement where the
-    structure is driven first, each state reaches, from 1; 0 where this is undecided, −1 where it grows beyond all
-    bounds; `periods` of the excitation until this was certain; `largest` the largest magnitude of each coordinate in
-    each stable motion, NaN beyond their number; `ended_early` where not all may be known.
+    An `xarray.Dataset` with units: `motion` is the number, from 1, of the stable response that each state reaches, in
+    the order of the largest displacements where the structure is driven first; it is 0 where this is undecided and −1
+    where the state grows beyond all bounds. `periods` of the excitation pass until this is certain; `largest` is the
+    largest magnitude of each coordinate in each stable response, NaN beyond their number; `ended_early` is true where
+    not all may be known.
 
     256 states are a chunk; `folder` and `client` are those of `response_map`.
 
@@ -146,7 +147,7 @@ def basin_map(
     shape, axes = tuple(len(values) for values, _unit in places.values()), tuple(places)
     x, y = grid.coordinates
     data: dict[str, Any] = {}
-    for variable, label in (("motion", "motion that the state reaches, from 1"), ("periods", "periods until certain")):
+    for variable, label in (("motion", "number of the response reached, from 1"), ("periods", "periods until certain")):
         values = np.stack([np.concatenate([block[variable] for block in of[1:]]) for of in each])
         data[variable] = (
             (*axes, y, x),
@@ -158,10 +159,10 @@ def basin_map(
     padded = np.full((len(each), most, len(moving)), np.nan)
     for row, of in zip(padded, each, strict=True):
         row[: len(of[0]["largest"])] = of[0]["largest"]
-    labels = {"units": _unit(moving[0]), "long_name": "largest magnitude of the coordinate in the stable motion"}
+    labels = {"units": _unit(moving[0]), "long_name": "largest magnitude of the coordinate in the stable response"}
     data["largest"] = ((*axes, "stable_motion", "coordinate"), padded.reshape(*shape, most, len(moving)), labels)
     early = np.array([bool(of[0]["ended_early"]) for of in each]).reshape(shape)
-    data["ended_early"] = (axes, early, {"long_name": "not all stable motions may be known"})
+    data["ended_early"] = (axes, early, {"long_name": "not all stable responses may be known"})
     places |= {y: (grid.axis(1).tolist(), _unit(y)), x: (grid.axis(0).tolist(), _unit(x))}
     more = {"coordinate": list(moving), "stable_motion": list(range(1, most + 1))}
     return _dataset(data, places, more, structure, loads)
@@ -278,13 +279,13 @@ def _attractors_of(structure: Structure, drive: str, hz: float) -> _resonarm.Att
 
 
 def _attractors(structure: Structure, drive: Loads, hz: float) -> _resonarm.Attractors:
-    """The stable motions, computed once in each process."""
+    """Returns the stable responses, computed once in each process."""
     with _attractors_lock:
         return _attractors_of(structure, json.dumps(drive), hz)
 
 
 def motions_chunk(structure: Structure, drive: Loads, hz: float) -> Arrays:
-    """The stable motions under a load."""
+    """Computes the stable responses under a load."""
     attractors = _attractors(structure, drive, hz)
     largest = [motion[2] for motion in attractors.motions]
     return {
@@ -296,7 +297,7 @@ def motions_chunk(structure: Structure, drive: Loads, hz: float) -> Arrays:
 def block_chunk(
     structure: Structure, drive: Loads, hz: float, states: NDArray[np.float64], time_constants: float
 ) -> Arrays:
-    """The motions that some initial states reach."""
+    """Computes the responses that some initial states reach."""
     rows = found(_attractors(structure, drive, hz), states, time_constants, False)
     return {"motion": np.ascontiguousarray(rows["motion"]), "periods": np.ascontiguousarray(rows["periods"])}
 
@@ -310,7 +311,7 @@ def run_chunk(scenario: Scenario, seed: int) -> Arrays:
 
 
 def _at(branch: Branch, hz: NDArray[np.float64]) -> Arrays:
-    """The motions at each frequency, linear between those of the branch."""
+    """Returns the responses at each frequency, linear between those of the branch."""
     displacements = np.stack([branch.points[branch.column(at)] for at in branch.at], axis=1)
     stable, unstable = np.zeros(len(hz), np.int64), np.zeros(len(hz), np.int64)
     least, largest = (np.full((len(hz), len(branch.at)), np.nan) for _ in range(2))

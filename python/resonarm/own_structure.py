@@ -17,7 +17,7 @@ Points = Callable[[float, Numbers, Numbers], tuple[ArrayLike, ArrayLike, ArrayLi
 """Called with t, s, the state and the loads, it returns displacements, velocities, accelerations of the points."""
 OwnParts = tuple[Any, Any, str, list[float], str | None, list[str], list[str], Any]
 Coordinates = Literal["angles", "displacements", "modal"]
-"""What the coordinates are."""
+"""Kind of the coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +53,17 @@ class Stepped:
     initial: ArrayLike
     """The state at sample 0: coordinates and their rates, at most 32 each, 8 angles."""
     coordinates: Coordinates = "displacements"
-    """What the coordinates are in recordings: displacements (`x_m`), angles of joints (`alpha_rad`) or modal ones
+    """Kind of the coordinates in recordings: displacements (`x_m`), angles of joints (`alpha_rad`) or modal ones
     (`q_m_sqrt_kg`)."""
     name: str | None = None
-    """What it is called in recordings."""
+    """Name of the structure in recordings."""
     loads: Sequence[str] = ("joint1", "joint2", "exciter_x", "exciter_y")
-    """What can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
-    `exciter_y`, `exciter_z`. A command of another load is refused."""
+    """Loads that can act on it, in the order in which its functions get the values: `joint1` to `joint8`, `exciter_x`,
+    `exciter_y`, `exciter_z`. A command of another load is rejected."""
 
     sensed: Sequence[str] = ()
-    """What the sensors of `[rig.sensors]` beside B and C may read: points along an axis (`mid.z`) and joints (`joint1`,
-    whose displacement is an angle, rad)."""
+    """Degrees of freedom that the sensors of `[rig.sensors]` beside B and C may read: points along an axis (`mid.z`)
+    and joints (`joint1`, whose displacement is an angle, rad)."""
     sensors: Points | None = None
     """`sensors(t_s, state, loads)` has displacements (m or rad), velocities and accelerations, each with a number for
     each of `sensed`."""
@@ -77,7 +77,10 @@ class Stepped:
         loads = [self.loads] if isinstance(self.loads, str) else list(self.loads)
         sensed = [self.sensed] if isinstance(self.sensed, str) else list(self.sensed)
         if (self.sensors is None) == bool(sensed):
-            raise ValueError("sensed and sensors belong together: the names of what sensors read, and its motion")
+            raise ValueError(
+                "only one of sensed and sensors is given: give both, the names of what the sensors read and its motion, "
+                "or neither"
+            )
         if self.sensors is not None and not callable(self.sensors):
             raise TypeError(f"sensors is {self.sensors!r}: it must be a function")
         sensors = None if self.sensors is None else self._sensors
@@ -119,6 +122,6 @@ def parts(structure: Stepped | None) -> OwnParts | None:
     if structure is None or isinstance(structure, Stepped):
         return None if structure is None else structure._parts()
     raise TypeError(
-        f"structure is {structure!r}: a structure with a step in Python is a resonarm.Stepped; a Chain or a Modal "
-        "goes into the scenario, scenario.replace(structure=chain.section)"
+        f"structure is {structure!r}: it must be a resonarm.Stepped, a structure with a step in Python; put a Chain "
+        "or a Modal into the scenario, scenario.replace(structure=chain.section)"
     )

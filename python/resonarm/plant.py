@@ -66,12 +66,14 @@ class Plant(_resonarm.Plant):
         """
         force, torque = _rows("force_n", force_n, 3, self.sample), _rows("torque_nm", torque_nm, 8, self.sample)
         if force is None and torque is None:
-            raise ValueError("give the loads: force_n, torque_nm, or both, a row a sample")
+            raise ValueError("no loads are given: give force_n, torque_nm, or both, with a row for each sample")
         force = np.zeros((len(torque), 3)) if force is None and torque is not None else force
         torque = np.zeros((len(force), 8)) if torque is None and force is not None else torque
         assert force is not None and torque is not None
         if len(force) != len(torque):
-            raise ValueError(f"force_n has {len(force)} rows and torque_nm {len(torque)}: both need a row a sample")
+            raise ValueError(
+                f"force_n has {len(force)} rows and torque_nm {len(torque)}: both must have a row for each sample"
+            )
         return view(self.play_rows(force.tobytes(), torque.tobytes()), played(self.channels(), self.reading_channels()))
 
     def __repr__(self) -> str:

@@ -32,11 +32,11 @@ class Frame(NamedTuple):
         except AttributeError:
             what = type(message).__name__
             raise TypeError(
-                f"a frame is a resonarm.Frame or a can.Message, which say identifier and data: this is {what}"
+                f"the frame is {what}: it must be a resonarm.Frame or a can.Message, which have identifier and data"
             ) from None
         if is_error or is_remote:
             kind = "an error frame" if is_error else "a remote frame"
-            raise ValueError(f"a resonarm.Frame is a frame of data: this is {kind}, of identifier 0x{identifier:X}")
+            raise ValueError(f"the message is {kind}, of identifier 0x{identifier:X}: it must be a data frame")
         return frame
 
     def message(self, **more: Any) -> Any:
@@ -60,11 +60,11 @@ class Decoded:
     message: MessageName | Literal[""] = ""
     """The message, by its name in the DBC."""
     sender: NodeRole | Literal[""] = ""
-    """`plant` or `exciter`."""
+    """Node that sends the message: `plant` or `exciter`."""
     signals: dict[str, float] = field(default_factory=dict)
     """Values by the signals' names in the DBC, in their units; only of a frame that is taken."""
     reason: str = ""
-    """Why it is refused, or why it is foreign if it is an error frame."""
+    """Reason why the frame is rejected, or why it is foreign if it is an error frame."""
 
 
 class Network(_resonarm.Network):
@@ -124,7 +124,7 @@ class Decoder(_resonarm.Decoder):
             return Decoded(*self.decode_remote(frame.arbitration_id, frame.is_extended_id))
         parts = frame if isinstance(frame, Frame) else Frame.of(frame)
         if not isinstance(parts.data, bytes | bytearray):
-            raise TypeError(f"the data of a frame are bytes: these are {type(parts.data).__name__}")
+            raise TypeError(f"data is of the type {type(parts.data).__name__}: it must be bytes")
         if not 0 <= parts.identifier <= LARGEST_IDENTIFIER:
             raise ValueError(f"identifier is {parts.identifier}: it must be from 0 to 0x{LARGEST_IDENTIFIER:X}")
         return Decoded(*self.decode_parts(parts))

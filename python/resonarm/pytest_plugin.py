@@ -73,7 +73,7 @@ def _time_limit(word: str) -> float:
     """The value of --resonarm-time-limit."""
     seconds = float(word)
     if not (math.isfinite(seconds) and seconds >= 0):
-        raise argparse.ArgumentTypeError(f"{word} is no time: give seconds, or 0 for no limit")
+        raise argparse.ArgumentTypeError(f"{word} is not a time: give seconds, or 0 for no limit")
     return seconds
 
 
@@ -115,7 +115,7 @@ def bench(request: pytest.FixtureRequest, scenario: Scenario) -> Iterator[Bench]
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             pytest.fail(
-                f"the folder of --resonarm-recordings can't be made: {error}. Name one that this user may write",
+                f"the folder of --resonarm-recordings can't be made: {error}. Give one that this user may write",
                 pytrace=False,
             )
     limit_s = request.config.getoption("--resonarm-time-limit")

@@ -28,7 +28,7 @@ class Scenario(_resonarm.Scenario):
         is_path = isinstance(text, PathLike) or (isinstance(text, str) and text.endswith(".toml") and "\n" not in text)
         if is_path or not isinstance(text, str):
             what = f": Scenario.load({str(text)!r}) reads a file" if is_path else f", a str: this is {text!r}"
-            raise (ValueError if isinstance(text, str) else TypeError)(f"Scenario() takes the TOML itself{what}")
+            raise (ValueError if isinstance(text, str) else TypeError)(f"Scenario() expects the TOML itself{what}")
         return super().__new__(cls, text, path=path, folder=folder)
 
     @classmethod

@@ -36,7 +36,7 @@ class Report:
 
     @property
     def outcome(self) -> str:
-        """How the plant's run ended, or the exciter's without a plant: completed, disarmed, …, finished, …"""
+        """Outcome of the plant's run, or of the exciter's without a plant: completed, disarmed, …, finished, …"""
         return str((self.plant or self.exciter)["outcome"])
 
     @property
@@ -50,7 +50,7 @@ class Report:
         `acceleration_b_m_s2` or `acceleration_c_m_s2`; those that had not settled are crosses. `ax` are matplotlib's
         axes, by default those of a new figure; they are returned."""
         if quantity not in READINGS:
-            raise ValueError(f"there is no reading {quantity!r}, only {', '.join(READINGS)}")
+            raise ValueError(f"there is no reading {quantity!r}: expected one of {', '.join(READINGS)}")
         ax = _extras.axes(ax)
         for axis, color in (("x", "C0"), ("y", "C1")):
             for settled, marker in ((True, "o"), (False, "x")):
@@ -131,7 +131,7 @@ def _controller(
         raise ValueError(f"rearm is {rearm}: it must be 0 or more")
     if controller is None:
         if load != "force":
-            raise ValueError("load is for a controller in Python, and there is none: leave it out")
+            raise ValueError("load applies only to a controller in Python, and none is given: leave it out")
         return None
     _checks.controller(controller)
     return (controller, load)
@@ -170,7 +170,7 @@ class Node(_resonarm.NodeRun):
     ) -> "Node":
         own = _controller(scenario, controller, load, rearm)
         if not isinstance(bus, str | _resonarm.BusEnd):
-            raise TypeError(f"a bus is the address of one, such as 'vcan0': this is {type(bus).__name__}")
+            raise TypeError(f"bus is of the type {type(bus).__name__}: it must be an address such as 'vcan0'")
         real_time = (overrun, rt, priority, core, cores_awake, spin_s)
         how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time)
         return super().__new__(cls, role, scenario, how, bus, own, parts(structure))

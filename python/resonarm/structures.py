@@ -1,5 +1,5 @@
-"""Chains of links and modal structures: modes, frequency responses, motions under a sine, branches of motions, basins
-of attraction."""
+"""Chains of links and modal structures: modes, frequency responses, motion under a sine, branches of periodic
+responses, basins of attraction."""
 
 import json
 import warnings
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 ACCELEROMETERS = ("joint2.x", "joint2.y", "tip.x", "tip.y")
-"""Where the accelerometers are on the arm, in the order of an identified shape: B, then C."""
+"""Points of the accelerometers on the arm, in the order of an identified shape: B, then C."""
 MOST_PERIODS = 2**32 - 1
 _Path = str | PathLike[str]
 _Section = dict[str, Any]
@@ -34,7 +34,7 @@ class AccuracyWarning(UserWarning):
 
 
 class Structure(_resonarm.Assembly):
-    """What is vibrated: a `Chain` of links or a `Modal` structure. Both have these methods."""
+    """Structure under vibration: a `Chain` of links or a `Modal` structure. Both have these methods."""
 
     continuation = continuation
     basins = basins
@@ -42,7 +42,7 @@ class Structure(_resonarm.Assembly):
 
     def __new__(cls, *_arguments: Any, **_named: Any) -> "Self":
         """Raises TypeError: the two kinds of structure are made by their classes."""
-        raise TypeError("a structure is a resonarm.Chain or a resonarm.Modal: make one of these")
+        raise TypeError("Structure can't be made: make a resonarm.Chain or a resonarm.Modal")
 
     @classmethod
     def _of(cls, section: _Section) -> "Self":
@@ -63,12 +63,12 @@ class Structure(_resonarm.Assembly):
         section = values["structure"]
         kind = section["kind"]
         if kind == "own":
-            raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
+            raise ValueError("structure.kind is own: the program that runs the scenario makes it, so it can't be read")
         if kind == "fmu":
-            raise ValueError("structure.kind is fmu: an FMU does not show its equations")
+            raise ValueError("structure.kind is fmu: an FMU does not show its equations; use a chain or modes")
         made = Modal if kind == "modal" else Chain
         if not (issubclass(made, cls) or issubclass(cls, made)):
-            raise ValueError(f"structure.kind is {kind}: {made.__name__}.from_scenario takes it")
+            raise ValueError(f"structure.kind is {kind}: use {made.__name__}.from_scenario")
         made = cls if issubclass(cls, made) else made
         return cast("Self", made._of(section))
 
@@ -87,12 +87,12 @@ class Structure(_resonarm.Assembly):
 
     @property
     def name(self) -> str | None:
-        """What it is called in headers and figures; of a preset without a name of its own the preset's."""
+        """Name in headers and figures; for a preset without a name of its own the preset's."""
         return self.section.get("name") or self.section.get("preset")
 
     @property
     def elements(self) -> list[Element]:
-        """Its elements, with the keys of a scenario."""
+        """Elements of the structure, with the keys of a scenario."""
         return list(self.section.get("elements", []))
 
     def replace(self, values: Mapping[str, float]) -> "Self":
@@ -170,7 +170,7 @@ class Structure(_resonarm.Assembly):
         if drive is not None:
             loads = _drive.parts(drive, _drive.frequency(frequency_hz))
         elif frequency_hz is not None:
-            raise ValueError(f"frequency_hz is {frequency_hz:g}: give what it drives, too, drive={{DOF: A}}")
+            raise ValueError(f"frequency_hz is {frequency_hz:g}: give the drive, too, as drive={{DOF: A}}")
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
@@ -179,7 +179,8 @@ class Structure(_resonarm.Assembly):
         rows, not_located = self.motion(state, loads, (scheme, rate), length)
         if not_located:
             warnings.warn(
-                f"{not_located} steps had more switches than are located: their error is of first order; raise rate_hz",
+                f"{not_located} steps had more switches of elements than are located, so their error is of first "
+                "order: raise rate_hz",
                 AccuracyWarning,
                 stacklevel=2,
             )
@@ -194,15 +195,15 @@ class Structure(_resonarm.Assembly):
         frequency_hz: float,
         every: int | None = None,
     ) -> Array:
-        """Many motions under one A·sin(2πft), over all cores; those of a chain of up to three links with smooth
-        elements side by side in the lanes of the processor.
+        """Computes many responses under one A·sin(2πft), over all cores; those of a chain of up to three links with
+        smooth elements side by side in the lanes of the processor.
 
-        `initial` has a row for each motion, at phase 0 of the excitation: coordinates and their rates, with or without
-        the states of elements. `drive` has the amplitude A at each degree of freedom that is driven, `{"joint1": 60}`.
-        The array has a row for the start, for every `every`th period (by default the last alone) and for the end, and a
-        column for each motion, with the fields of `simulate`. A motion that grows beyond all bounds is NaN. Steps
-        (`dop853`, so many a period that the frequency is right to 1e-8 of the damping ratio) are the same for all, and
-        each motion has the bits that it has alone. Ctrl-C ends it.
+        `initial` has a row for each response, at phase 0 of the excitation: coordinates and their rates, with or
+        without the states of elements. `drive` has the amplitude A at each degree of freedom that is driven,
+        `{"joint1": 60}`. The array has a row for the start, for every `every`th period (by default the last alone) and
+        for the end, and a column for each response, with the fields of `simulate`. A response that grows beyond all
+        bounds is NaN. Steps (`dop853`, so many a period that the frequency is right to 1e-8 of the damping ratio) are
+        the same for all, and each response is bit-identical to the same one computed alone. Ctrl-C ends it.
 
         Raises ValueError for a frequency that is not positive, a structure without damping, or states that are not
         finite.
@@ -290,7 +291,7 @@ class Chain(Structure):
 
     @property
     def links(self) -> list[Link]:
-        """Its links, from the base out, with the keys of a scenario."""
+        """Links of the chain, from the base out, with the keys of a scenario."""
         return list(self.chain_links)
 
     @property
@@ -409,7 +410,7 @@ class Modal(Structure):
         """
         found = document.get("modes")
         if not found:
-            raise ValueError("the document has no modes: give that of resonarm identify --json, which found some")
+            raise ValueError("the document has no modes: give a document of resonarm identify --json that has some")
         modes: list[ModeShape] = []
         at = document.get("at") or ACCELEROMETERS
         for number, mode in enumerate(found, 1):
@@ -447,7 +448,7 @@ def _unpickled(cls: type[Structure], section: _Section) -> Structure:
 
 
 def _matrix(name: str, given: ArrayLike) -> bytes:
-    """A matrix by rows."""
+    """Returns a matrix by rows, as bytes."""
     matrix = _checks.real(name, given)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"{name}: its shape is {matrix.shape}: it must be square, with 1 to 1000 rows")

@@ -3,33 +3,34 @@
 from typing import Literal, TypedDict
 
 ElementKind = Literal["cubic", "gap", "contact", "friction", "lugre", "linear", "tanh"]
-"""What an element is."""
+"""Kind of an element."""
 Side = Literal["positive", "negative"]
-"""Which way along its axis a contact is."""
+"""Side along its axis on which a contact is."""
 
 
 class _LinkOnLine(TypedDict):
     length_m: float
-    """From its joint to the next, or to the tip, m, positive."""
+    """Distance from the link's joint to the next, or to the tip, m, positive."""
     mass_kg: float
     """Mass, kg, positive."""
     centre_of_mass_m: float
-    """From its joint along the link, m."""
+    """Distance of the centre of mass from the joint along the link, m."""
     inertia_kg_m2: float
-    """About the centre of mass, kg·m², positive."""
+    """Moment of inertia about the centre of mass, kg·m², positive."""
     angle_deg: float
-    """Against the link before, of the first against the x axis, with the spring relaxed, degrees, −360 to 360."""
+    """Angle against the link before, of the first against the x axis, with the spring relaxed, degrees, −360 to 360."""
     stiffness_nm_rad: float
-    """Of its joint, N·m/rad, positive."""
+    """Stiffness of the link's joint, N·m/rad, positive."""
     damping_nm_s_rad: float
-    """Of its joint, N·m·s/rad, not negative."""
+    """Damping of the link's joint, N·m·s/rad, not negative."""
 
 
 class Link(_LinkOnLine, total=False):
     """A link of a chain, and the joint at its start: `structure.links` of a scenario."""
 
     centre_of_mass_off_m: float
-    """How far the centre of mass is to the left of the line from the joint to the next, or to the tip, m; 0 without."""
+    """Distance of the centre of mass to the left of the line from the joint to the next, or to the tip, m; default
+    0."""
 
 
 class _ModeOnGround(TypedDict):
@@ -52,7 +53,7 @@ class JointOfFile(TypedDict):
     """A joint of a URDF file that becomes one of the chain: `structure.joints` of a scenario."""
 
     name: str
-    """Its name in the file."""
+    """Name of the joint in the file."""
     stiffness_nm_rad: float
     """Stiffness, N·m/rad, positive."""
     damping_nm_s_rad: float
@@ -63,7 +64,7 @@ class PosedJoint(JointOfFile, total=False):
     """The same with its pose."""
 
     angle_deg: float
-    """Its angle from the file's zero, about its own axis, degrees, −360 to 360; 0 by default."""
+    """Angle of the joint from the file's zero, about its own axis, degrees, −360 to 360; 0 by default."""
 
 
 class _Kind(TypedDict):
@@ -79,9 +80,9 @@ class Element(_Kind, total=False):
     joint: int
     """The joint of a chain, from 1, about which it acts."""
     between: tuple[str, str] | list[str]
-    """Its two ends, where neither is the ground."""
+    """Both ends of the element, where neither is the ground."""
     side: Side
-    """Which way along its axis a contact is; positive by default."""
+    """Side along its axis on which a contact is; positive by default."""
     stiffness_n_m: float
     stiffness_nm_rad: float
     stiffness3_n_m3: float

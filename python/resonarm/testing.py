@@ -100,7 +100,7 @@ class Program:
 
     @property
     def output(self) -> str:
-        """Its output so far."""
+        """Output of the program so far."""
         return self._log.read_text(errors="replace")
 
     def wait(self, within_s: float = 60.0) -> int:
@@ -112,7 +112,7 @@ class Program:
             raise AssertionError(f"the controller has not ended within {within_s:g} s:\n{self.output}") from None
 
     def end(self) -> None:
-        """Asks it to end, and kills it after ten seconds."""
+        """Asks the program to end, and kills it after ten seconds."""
         self._process.terminate()
         try:
             self._process.wait(10)
@@ -310,7 +310,7 @@ class Bench:
         """Starts a controller program by the words of a command, in which `{bus}` is replaced by the interface.
         Raises NeedsInterface on a bus in memory."""
         if self.bus == MEMORY:
-            raise NeedsInterface("a controller that is a program needs a CAN interface: --resonarm-bus vcan0")
+            raise NeedsInterface("a controller that is a program needs a CAN interface, as by --resonarm-bus vcan0")
         log = self.folder / f"controller-{len(self.programs) + 1}.txt"
         self.programs.append(Program([word.format(bus=self.bus) for word in words], log))
         return self.programs[-1]

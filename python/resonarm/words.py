@@ -9,7 +9,7 @@ Quantity = Literal["receptance", "mobility", "accelerance"]
 Scheme = Literal["rk4", "dop853", "gl4", "gl6", "exponential", "exponential8"]
 """An integration scheme."""
 Mode = Literal["free", "lockstep", "real-time"]
-"""What drives the time of a run: only the simulation, the answers of a partner, or the clock."""
+"""Source of the time of a run: only the simulation, the answers of a partner, or the clock."""
 BusMode = Literal["lockstep", "real-time"]
 """The same for a node on a bus."""
 LoadKind = Literal["force", "torque"]
@@ -17,9 +17,9 @@ LoadKind = Literal["force", "torque"]
 Overrun = Literal["slip", "continue", "fault", "stop"]
 """The reaction to a missed deadline, in real time."""
 RealTime = Literal["auto", "require", "off"]
-"""How strictly a run in real time needs a real-time thread."""
+"""Strictness with which a run in real time demands a real-time thread."""
 Spin = Literal["auto", "off"]
-"""How long a loop polls the clock before a deadline: as long as its sleeps are late, or not at all."""
+"""Time for which a loop polls the clock before a deadline: as long as its sleeps are late, or not at all."""
 NodeRole = Literal["plant", "exciter"]
 """A node of a network."""
 Profile = Literal["classic", "fd"]

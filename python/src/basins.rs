@@ -1,4 +1,4 @@
-//! Many motions of a structure at once: ensembles, and basins of attraction.
+//! Many responses of a structure at once: ensembles, and basins of attraction.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,7 +19,7 @@ use crate::watch::watched;
 const TOGETHER: usize = 64;
 /// Periods between two checks whether to stop.
 const AT_ONCE: u32 = 64;
-/// Takes the place of the number of a motion, which counts from 1.
+/// Takes the place of the number of a response, which counts from 1.
 const UNDECIDED: i64 = 0;
 const DIVERGES: i64 = -1;
 
@@ -34,7 +34,7 @@ fn states(forced: &Forced, bytes: &[u8]) -> PyResult<Vec<Vec<f64>>> {
     }
 }
 
-/// Follows motions from states at phase 0 of a drive: rows of t, coordinates, rates and states of elements of all of
+/// Follows responses from states at phase 0 of a drive: rows of t, coordinates, rates and states of elements of all of
 /// them at the start, after every so many periods and at the end.
 #[pyfunction]
 pub fn ensemble<'py>(
@@ -90,7 +90,7 @@ fn followed(
     Ok(kept)
 }
 
-/// A row with the number of the motion that is reached, and that of the periods.
+/// Makes a row with the number of the response that is reached, and that of the periods.
 fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
     let (motion, periods) = match outcome {
         BasinOutcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
@@ -101,18 +101,18 @@ fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
     rows.word(periods);
 }
 
-/// A stable periodic motion: its period, the largest magnitude of its multipliers, the largest of each coordinate, and
-/// the states at phase 0 of the drive.
+/// A stable periodic response: its period, the largest magnitude of its multipliers, the largest of each coordinate,
+/// and the states at phase 0 of the drive.
 type Motion = (u32, f64, Vec<f64>, Vec<Vec<f64>>);
 
-/// The stable motions of a structure under a drive, which initial states may reach.
+/// The stable periodic responses of a structure under a drive, which initial states may reach.
 #[pyclass(frozen, module = "resonarm._resonarm")]
 #[derive(Debug)]
 pub struct Attractors {
     forced: Forced,
     frequency_hz: f64,
     motions: Vec<StableMotion>,
-    /// Why a branch ended early.
+    /// Reason why a branch ended early.
     #[pyo3(get)]
     ended_early: Option<String>,
 }
@@ -131,7 +131,7 @@ impl Attractors {
         Ok(Attractors { forced, frequency_hz, motions, ended_early })
     }
 
-    /// The motions, by their largest displacement where the structure is driven first.
+    /// The stable periodic responses, by their largest displacement where the structure is driven first.
     #[getter]
     fn motions(&self) -> Vec<Motion> {
         let motion = |motion: &StableMotion| {
@@ -141,13 +141,13 @@ impl Attractors {
         self.motions.iter().map(motion).collect()
     }
 
-    /// How far a grid goes in a coordinate or a rate to show what surrounds the motions.
+    /// Returns how far a grid goes in a coordinate or a rate to show what surrounds the responses.
     fn reach(&self, index: usize) -> f64 {
         reach(&self.motions, index, self.frequency_hz)
     }
 
-    /// The motion that each initial state reaches, and the number of periods it takes: on all cores, or on the calling
-    /// thread alone. States are rows of coordinates, rates and states of elements.
+    /// Returns the response that each initial state reaches, and the number of periods it takes: on all cores, or on
+    /// the calling thread alone. States are rows of coordinates, rates and states of elements.
     fn outcomes<'py>(
         &self,
         py: Python<'py>,

@@ -32,7 +32,7 @@ impl Hub {
     /// One of its ends, each given once.
     fn end(&self) -> PyResult<BusEnd> {
         let end = self.ends.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let end = end.ok_or_else(|| errors::failed("all ends of this bus in memory have been given away"))?;
+        let end = end.ok_or_else(|| errors::failed("all ends of this bus in memory are in use"))?;
         Ok(BusEnd { whole: Mutex::new(Some(end)), sender: Mutex::new(None), receiver: Mutex::new(None) })
     }
 }
@@ -114,7 +114,7 @@ impl BusEnd {
         receiver.as_ref().map_or(0, MemoryReceiver::dropped)
     }
 
-    /// Leaves the bus.
+    /// Leaves the bus: closes this end.
     fn close(&self) {
         self.split();
         *self.sender.lock().unwrap_or_else(PoisonError::into_inner) = None;

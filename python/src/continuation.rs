@@ -1,4 +1,4 @@
-//! Branches of a structure's periodic motions, those of twice the period, and curves of bifurcations.
+//! Branches of a structure's periodic responses, those of twice the period, and curves of bifurcations.
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
@@ -17,7 +17,7 @@ use crate::structure::Assembly;
 const LARGEST_CURVE_STEP: f64 = 0.08;
 
 /// A branch: points, kinds and points of bifurcations, those not located by kind and interval, for each degree of
-/// freedom that is read the motion with the largest displacement; the number of multipliers in a row.
+/// freedom that is read the response with the largest displacement; the number of multipliers in a row.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct TracedBranch {
     points: Py<PyByteArray>,
@@ -41,7 +41,7 @@ pub struct Traced {
     ended_early: Option<String>,
 }
 
-/// What an argument names as a coordinate of a branch.
+/// Finds the coordinate of a branch that an argument names.
 fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coordinate> {
     match name {
         "frequency" => Ok(Coordinate::FrequencyHz),
@@ -57,8 +57,8 @@ fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coor
 /// Limits of harmonics, points and step length, and whether the stability is computed.
 type Settings = (usize, usize, f64, bool);
 
-/// Follows the motions of a structure under a drive in the frequency, the amplitude or a parameter from one value to
-/// another, read at degrees of freedom. Follows what leaves the branch at period doublings, and its folds and
+/// Follows the periodic responses of a structure under a drive in the frequency, the amplitude or a parameter from one
+/// value to another, read at degrees of freedom. Follows what leaves the branch at period doublings, and its folds and
 /// doublings in a second coordinate up to a value, if that is asked for.
 #[pyfunction]
 pub fn trace_branch(
@@ -170,7 +170,7 @@ impl TracedBranch {
     }
 }
 
-/// The Floquet multipliers of a motion, re and im; none if they are not known.
+/// The Floquet multipliers of a periodic response, re and im; none if they are not known.
 fn multipliers(orbit: &Orbit) -> Vec<[f64; 2]> {
     let known = orbit.stability.iter().flat_map(|stability| &stability.multipliers);
     known.map(|multiplier| [multiplier.re, multiplier.im]).collect()

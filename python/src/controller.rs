@@ -30,7 +30,7 @@ pub fn load_kind(name: &str) -> PyResult<LoadKind> {
     match name {
         "force" => Ok(LoadKind::Force),
         "torque" => Ok(LoadKind::Torque),
-        _ => Err(errors::value(format!("load is `{name}`: a controller commands a force or a torque"))),
+        _ => Err(errors::value(format!("load is `{name}`: it must be force or torque"))),
     }
 }
 
@@ -38,7 +38,7 @@ pub fn load_kind(name: &str) -> PyResult<LoadKind> {
 fn load(answer: &Bound<'_, PyAny>, sample: u64) -> PyResult<[f64; 2]> {
     values::two_numbers(answer, |returned| {
         format!(
-            "the controller returned {returned} for sample {sample}: a load is two finite numbers, and None ends the work"
+            "the controller returned {returned} for sample {sample}: expected a load, two finite numbers, or None to end the work"
         )
     })
 }

@@ -96,7 +96,7 @@ pub fn analysis(error: AnalysisError) -> PyErr {
     }
 }
 
-/// The exception for an error of motions followed through time.
+/// Returns the exception for an error of responses followed through time.
 pub fn time_domain(error: TimeDomainError) -> PyErr {
     match error {
         TimeDomainError::Step { .. } | TimeDomainError::Stopped => failed(error),

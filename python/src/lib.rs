@@ -25,7 +25,7 @@ mod watch;
 
 use pyo3::prelude::*;
 
-/// The module.
+/// The extension module.
 #[pymodule]
 fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     logging::begin();

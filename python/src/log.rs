@@ -35,7 +35,7 @@ pub fn import_log<'py>(
     read.push(original.0.clone());
     if read.iter().any(|file| resonarm::same_file(file, &output)) {
         let output = errors::printable(output.display());
-        return Err(errors::value(format!("{output} is read: name another file for the recording")));
+        return Err(errors::value(format!("{output} is the log that is read: give another file for the recording")));
     }
     let options = ImportOptions {
         scenario: scenario.map(|scenario| scenario.inner.clone()),
@@ -58,12 +58,12 @@ pub struct LogWriter {
 enum Log {
     /// The frames so far.
     Waiting(Vec<LoggedFrame>),
-    /// The recording.
+    /// The recording has begun.
     Begun(Box<FrameLog>),
 }
 
 impl Log {
-    /// Adds a frame.
+    /// Adds a frame to the recording.
     fn push(&mut self, path: &Path, logged: LoggedFrame) -> Result<(), ImportError> {
         let waiting = match self {
             Log::Begun(log) => return log.push(&logged).map(drop),

@@ -54,7 +54,7 @@ struct OwnStructure {
     sensor_places: Vec<usize>,
     sensed: usize,
     state: Vec<f64>,
-    /// When it came to it, s.
+    /// Time to which the structure has come, s.
     t_s: f64,
     step_s: f64,
     raised: Raised,
@@ -64,7 +64,7 @@ struct OwnStructure {
 const POINT_DOFS: usize = 4;
 
 impl OwnParts {
-    /// Its name goes into the scenario, if this does not say already that the program has a structure.
+    /// Writes the structure's name into the scenario, if this does not say already that the program has a structure.
     pub fn name(&self, scenario: &mut Scenario) {
         let OwnParts(.., name, _loads, _sensed, _sensors) = self;
         scenario.leave_structure_to_program(name.clone());
@@ -95,7 +95,7 @@ impl OwnParts {
         let place = |name: &String| {
             let place = Load::NAMES.iter().position(|known| known == name);
             place.ok_or_else(|| {
-                errors::value(format!("loads: there is no load {name:?}; there are {}", Load::NAMES.join(", ")))
+                errors::value(format!("loads: there is no load {name:?}: expected one of {}", Load::NAMES.join(", ")))
             })
         };
         let loads = loads.iter().map(place).collect::<PyResult<Vec<usize>>>()?;
@@ -135,7 +135,7 @@ impl OwnStructure {
     ) -> Result<Vec<f64>, StructureError> {
         let given = Python::attach(|py| {
             let given = numbers(call(py)?.bind(py).cast::<PyBytes>()?.as_bytes());
-            let wrong = || errors::value(format!("{} numbers in place of {count}", given.len()));
+            let wrong = || errors::value(format!("got {} numbers, expected {count}", given.len()));
             if given.len() == count { Ok(given) } else { Err(wrong()) }
         });
         given.map_err(|error| {

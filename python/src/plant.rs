@@ -58,7 +58,7 @@ impl Measurement {
         let (names, values): (Vec<String>, Vec<f64>) = sensors.into_iter().unzip();
         let more = Readings::new(&values, clipped >> rig::Measurement::CHANNELS).ok_or_else(|| {
             let bits = rig::Measurement::CHANNELS + values.len();
-            errors::value(format!("clipped is {clipped}: there are {bits} readings, at most 32, with a bit each"))
+            errors::value(format!("clipped is {clipped}: it must have at most one bit for each of the {bits} readings"))
         })?;
         let reading = |value, bit: u32| Reading { value, clipped: clipped >> bit & 1 == 1 };
         let pair = |(x, y), bit| [reading(x, bit), reading(y, bit + 1)];
@@ -109,7 +109,7 @@ impl Measurement {
         self.inner.acceleration_c_m_s2.map(|reading| reading.value).into()
     }
 
-    /// Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head,
+    /// Readings that were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head,
     /// those above for the other sensors in their order.
     #[getter]
     fn clipped(&self) -> u32 {
@@ -206,7 +206,7 @@ impl Plant {
         self.vector(py, "alpha_rad")
     }
 
-    /// Their rates, rad/s.
+    /// Rates of the coordinates, rad/s.
     #[getter]
     fn alpha_dot_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         self.vector(py, "alpha_dot_rad_s")

@@ -43,7 +43,7 @@ impl Recording {
         Ok(Recording { inner })
     }
 
-    /// The file.
+    /// File of the recording.
     #[getter]
     fn path(&self) -> PathBuf {
         self.inner.path().to_path_buf()
@@ -67,7 +67,7 @@ impl Recording {
         Ok(self.inner.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records))
     }
 
-    /// Why it is not whole, in words; `None` if it is whole.
+    /// Reason why the recording is not whole, in words; `None` if it is whole.
     #[getter]
     fn damage(&self) -> Option<String> {
         let (state, more) = match self.inner.integrity() {
@@ -166,7 +166,7 @@ fn boxed<T: Send + 'static>(
 
 #[pymethods]
 impl Reader {
-    /// At most this many of the next rows, and the names of events; no rows at the end.
+    /// Returns at most this many of the next rows, and the names of events; no rows at the end.
     fn read<'py>(&self, py: Python<'py>, most_rows: usize) -> PyResult<(Bound<'py, PyByteArray>, Vec<String>)> {
         let (rows, names, _count) = self.gather(py, most_rows)?;
         Ok((rows.into_bytes(py)?, names))

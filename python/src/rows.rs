@@ -9,7 +9,7 @@ use pyo3::types::PyByteArray;
 
 const WORD: usize = size_of::<u64>();
 
-/// Rows being collected.
+/// Rows that are being collected.
 #[derive(Debug, Default)]
 pub struct Rows {
     words: Vec<u64>,
@@ -21,7 +21,7 @@ impl Rows {
         self.words.push(word.into());
     }
 
-    /// Numbers.
+    /// Adds floating-point numbers.
     pub fn numbers(&mut self, numbers: &[f64]) {
         self.words.extend(numbers.iter().map(|number| number.to_bits()));
     }

@@ -1,4 +1,4 @@
-//! Scenarios.
+//! Scenarios for Python.
 
 use std::path::{Path, PathBuf};
 

@@ -43,10 +43,10 @@ pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, boo
 #[derive(Debug, FromPyObject)]
 pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>, bool, Option<SpinGiven>);
 
-/// How long a loop spins before a deadline, as given.
+/// Time for which a loop spins before a deadline, as given.
 #[derive(Debug, FromPyObject)]
 enum SpinGiven {
-    /// auto or off.
+    /// The word auto or off.
     Word(String),
     /// A time, s.
     Time(f64),
@@ -55,7 +55,8 @@ enum SpinGiven {
 impl SpinGiven {
     fn spin(&self) -> PyResult<Spin> {
         let refuse = |given: &dyn Display| {
-            let message = format!("spin_s is {given}: it is auto, off, or a time in seconds, above 0 and 1 at most");
+            let message =
+                format!("spin_s is {given}: it must be auto, off, or a time in seconds, above 0 and at most 1");
             Err(errors::value(message))
         };
         match self {
@@ -81,7 +82,7 @@ impl RealTime {
             ("spin_s", spin.is_some()),
         ];
         if let (false, Some((name, _))) = (mode == Mode::RealTime, given.iter().find(|(_, is_given)| *is_given)) {
-            let message = format!("{name} is for the mode real-time, and the mode is {mode}: leave it out");
+            let message = format!("{name} applies only to the mode real-time, but the mode is {mode}: leave it out");
             return Err(errors::value(message));
         }
         if let Some(policy) = overrun {
@@ -94,8 +95,7 @@ impl RealTime {
         let given = ThreadSetup { priority, lock_memory: priority.is_some(), core, cores_awake };
         let default = ThreadSetup::default();
         let whole = ThreadSetup { priority: priority.or(default.priority), lock_memory: true, ..given };
-        let left_out =
-            |asked: &str| Err(errors::value(format!("{asked} asks for what rt off leaves out: give one of them")));
+        let left_out = |asked: &str| Err(errors::value(format!("{asked} contradicts rt off: give one of them")));
         match (rt.as_deref(), core) {
             (None, _) if priority.is_some() || core.is_some() || cores_awake => options.thread = Some(given),
             (Some("off"), Some(core)) => return left_out(&format!("core {core}")),
@@ -106,7 +106,7 @@ impl RealTime {
                 (options.thread, options.on_shortfall) = (Some(whole), OnShortfall::Refuse);
             }
             (Some(other), _) => {
-                return Err(errors::value(format!("rt is `{other}`: it is one of auto, require, off")));
+                return Err(errors::value(format!("rt is `{other}`: it must be one of auto, require, off")));
             }
         }
         Ok(())
@@ -114,8 +114,9 @@ impl RealTime {
 }
 
 fn patience(given_s: f64) -> PyResult<Duration> {
-    Duration::try_from_secs_f64(given_s)
-        .map_err(|error| errors::value(format!("patience_s is {given_s}: {error}; it is a time in seconds, 0 or more")))
+    Duration::try_from_secs_f64(given_s).map_err(|error| {
+        errors::value(format!("patience_s is {given_s}: {error}; it must be a time in seconds, 0 or more"))
+    })
 }
 
 fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
@@ -146,7 +147,7 @@ impl How {
         if let Some(path) = record.as_ref().filter(|path| read.iter().any(|file| resonarm::same_file(file, path))) {
             let path = errors::printable(path.display().to_string());
             return Err(errors::value(format!(
-                "record is {path}, from which the scenario was read: name another file for the recording"
+                "record is {path}, from which the scenario was read: give another file for the recording"
             )));
         }
         let existing = if overwrite { Existing::Overwrite } else { Existing::Refuse };
@@ -165,7 +166,7 @@ impl How {
             // Each step of it takes the interpreter's lock and may wait for other threads, so no deadline can be
             // kept.
             Some(_) if mode == Mode::RealTime => {
-                let message = "a structure in Python steps in simulated time alone: take the mode free or lockstep";
+                let message = "a structure in Python can step only in simulated time: use the mode free or lockstep";
                 return Err(errors::value(message));
             }
             Some(parts) => {
@@ -185,7 +186,7 @@ impl How {
     }
 }
 
-/// The exciter's report.
+/// Report of the exciter.
 #[derive(Serialize)]
 struct ExciterDocument {
     #[serde(flatten)]
@@ -195,7 +196,7 @@ struct ExciterDocument {
     slipped_periods: u64,
     rearmed: u32,
     bus: resonarm::run::BusCounts,
-    /// The first frame that was refused for its checks, with the reason.
+    /// The first frame that was rejected for its checks, with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     first_refused_frame: Option<String>,
 }
@@ -211,7 +212,7 @@ impl From<&ExciterReport> for ExciterDocument {
 /// Plant's document, exciter's document, responses.
 type BothDocuments<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyByteArray>);
 
-/// Runs both nodes. Ctrl-C ends the run in order.
+/// Runs both nodes of a scenario. Ctrl-C ends the run in order.
 #[pyfunction]
 #[pyo3(signature = (scenario, how, controller = None, structure = None))]
 pub fn run_both<'py>(
@@ -277,16 +278,16 @@ impl NodeRun {
         structure: Option<OwnParts>,
     ) -> PyResult<NodeRun> {
         if !matches!(role, "plant" | "exciter") {
-            return Err(errors::value(format!("role is `{role}`: a node is a plant or an exciter")));
+            return Err(errors::value(format!("role is `{role}`: it must be plant or exciter")));
         }
         if how.0 == Mode::Free.name() {
             return Err(errors::run(RunError::FreeHasNoBus));
         }
         if role == "exciter" && how.spins() {
-            return Err(errors::value("spin_s is for a plant, whose loop alone spins: leave it out"));
+            return Err(errors::value("spin_s applies only to a plant: leave it out for an exciter"));
         }
         if role == "exciter" && structure.is_some() {
-            return Err(errors::value("structure is for a plant: leave it out"));
+            return Err(errors::value("structure applies only to a plant: leave it out for an exciter"));
         }
         let (session, raised) = how.session(scenario, controller, structure)?;
         // Last of the arguments, so that another one that is wrong leaves the end of the bus with its owner.
@@ -322,7 +323,7 @@ impl NodeRun {
         thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Its current sample.
+    /// Index of the node's current sample.
     #[getter]
     fn sample(&self) -> u64 {
         self.signals.done()
@@ -339,10 +340,11 @@ impl NodeRun {
         self.signals.stop();
     }
 
-    /// Its report after its end, and the responses of an exciter. Only the first call returns them.
+    /// Waits for the end of the node and returns its report, and the responses of an exciter. Only the first call
+    /// returns them.
     fn join<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyByteArray>)> {
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let thread = thread.ok_or_else(|| errors::failed("the report of this node was taken before"))?;
+        let thread = thread.ok_or_else(|| errors::failed("the report of this node was taken before; join it once"))?;
         while !thread.is_finished() {
             // Joining would block Ctrl-C, so the end is polled. Without the interpreter's lock, meanwhile, the node
             // can call a controller or a structure in Python.

@@ -1,4 +1,4 @@
-//! Chains and modal structures: modes, frequency responses, motions under a sine, branches of periodic motions.
+//! Chains and modal structures: modes, frequency responses, motion under a sine, branches of periodic responses.
 
 use core::f64::consts::TAU;
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ use crate::values;
 #[derive(Debug)]
 pub struct Assembly {
     pub inner: structure::Assembly,
-    /// Its `[structure]`, what is from files resolved.
+    /// Section `[structure]`, with the files that it names read in.
     section: StructureSection,
 }
 
@@ -148,7 +148,7 @@ impl Assembly {
         self.inner.points()
     }
 
-    /// What a load can act on and what is read: point and axis, or a joint.
+    /// Degrees of freedom on which a load can act, and which can be read: point and axis, or a joint.
     #[getter]
     fn dofs(&self) -> Vec<String> {
         self.inner.dof_names()
@@ -180,8 +180,9 @@ impl Assembly {
             .collect()
     }
 
-    /// What is drawn of it: the lines between points, by the points' places, and where the points are at rest and at
-    /// these coordinates, the vibration as large as pictures have it, m. None of modes without places.
+    /// Returns the drawing of the structure: the lines between points, by the points' places, and the positions of the
+    /// points at rest and at these coordinates, the vibration as large as pictures have it, m. None of modes without
+    /// places.
     fn drawn(&self, coordinates: Vec<f64>) -> Option<Drawn> {
         let drawing = Drawing::of_assembly(&self.section, &self.inner)?;
         let magnification = 1.0 / drawing.vibration(&coordinates);

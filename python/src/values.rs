@@ -39,12 +39,14 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     } else if let Ok(items) = value.try_iter() {
         Ok(toml::Value::Array(items.map(|item| toml_value(name, &item?)).collect::<PyResult<_>>()?))
     } else {
-        Err(PyTypeError::new_err(format!("{value:?} has no form in TOML: give numbers, texts, lists or dictionaries")))
+        Err(PyTypeError::new_err(format!(
+            "{value:?} can't be written in TOML: give numbers, texts, lists or dictionaries"
+        )))
     }
 }
 
-/// Two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or a
-/// `TypeError` if it has no numbers.
+/// Extracts two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or
+/// a `TypeError` if it has no numbers.
 pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
     two_or_more(given, message)
 }

@@ -40,5 +40,7 @@ pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnO
 
 /// The value that a thread returned.
 pub fn joined<T>(result: thread::Result<T>) -> PyResult<T> {
-    result.map_err(|_panic| errors::failed("the run's thread has died: its message is on standard error"))
+    result.map_err(|_panic| {
+        errors::failed("the thread of the run has ended in a panic; its message is on standard error")
+    })
 }

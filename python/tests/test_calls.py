@@ -32,22 +32,22 @@ def frequencies(of):
         (
             lambda: resonarm.Decoder().decode(b"xx"),
             TypeError,
-            "a frame is a resonarm.Frame or a can.Message, which say identifier and data: this is bytes",
+            "the frame is bytes: it must be a resonarm.Frame or a can.Message, which have identifier and data",
         ),
-        (lambda: resonarm.Decoder().decode((1, False, b"", False, False)), TypeError, "a frame is a resonarm.Frame or"),
-        (lambda: frequencies(np.array([1 + 2j])), TypeError, "frequency_hz has complex numbers: give real ones"),
-        (lambda: frequencies([1 + 2j]), TypeError, "frequency_hz has complex numbers: give real ones"),
-        (lambda: frequencies(["x"]), TypeError, "frequency_hz has no numbers, but <U1: give real ones"),
-        (lambda: frequencies([1, [2]]), TypeError, "frequency_hz is no array of numbers"),
+        (lambda: resonarm.Decoder().decode((1, False, b"", False, False)), TypeError, "it must be a resonarm.Frame or"),
+        (lambda: frequencies(np.array([1 + 2j])), TypeError, "frequency_hz has complex numbers: it must have real ones"),
+        (lambda: frequencies([1 + 2j]), TypeError, "frequency_hz has complex numbers: it must have real ones"),
+        (lambda: frequencies(["x"]), TypeError, "frequency_hz has values of the type <U1: it must have real numbers"),
+        (lambda: frequencies([1, [2]]), TypeError, "frequency_hz must be an array of numbers"),
         (
             lambda: resonarm.Plant().play(force_n=np.zeros((3, 2), complex)),
             TypeError,
-            "force_n has complex numbers: give real ones",
+            "force_n has complex numbers: it must have real ones",
         ),
         (
             lambda: resonarm.Chain.preset().ensemble(np.zeros((3, 4), complex), 1, drive={"joint1": 1}, frequency_hz=1),
             TypeError,
-            "initial has complex numbers: give real ones",
+            "initial has complex numbers: it must have real ones",
         ),
         (
             lambda: resonarm.Plant().play(force_n=[(0, 0), (1, NAN)]),
@@ -80,17 +80,17 @@ def frequencies(of):
             "drive['joint2'] is nan: it must be a finite number",
         ),
         (lambda: resonarm.run("scenarios/bench.toml"), TypeError, "Scenario.load('scenarios/bench.toml') reads one"),
-        (lambda: resonarm.Plant("bench.toml"), TypeError, "a scenario is a resonarm.Scenario: this is str"),
-        (lambda: resonarm.Node("plant", None, "vcan0"), TypeError, "a scenario is a resonarm.Scenario: this is None"),
+        (lambda: resonarm.Plant("bench.toml"), TypeError, "scenario is s: it must be a resonarm.Scenariotr"),
+        (lambda: resonarm.Node("plant", None, "vcan0"), TypeError, "scenario is N: it must be a resonarm.Scenarioone"),
         (
             lambda: resonarm.Scenario("scenarios/bench.toml"),
             ValueError,
-            "Scenario() takes the TOML itself: Scenario.load('scenarios/bench.toml') reads a file",
+            "Scenario() expects the TOML itself: Scenario.load('scenarios/bench.toml') reads a file",
         ),
         (
             lambda: resonarm.Scenario(Path("bench.toml")),
             TypeError,
-            "Scenario() takes the TOML itself: Scenario.load('bench.toml') reads a file",
+            "Scenario() expects the TOML itself: Scenario.load('bench.toml') reads a file",
         ),
         (
             lambda: resonarm.Scenario().replace(simulation={"duration_s": NAN}),
@@ -118,7 +118,7 @@ def frequencies(of):
             "initial has 2 numbers: give 4, the coordinates and their rates",
         ),
         (lambda: resonarm.Chain.preset().simulate("1"), TypeError, "duration_s is '1': it must be a number"),
-        (lambda: frequencies(None), TypeError, "frequency_hz is no array of numbers"),
+        (lambda: frequencies(None), TypeError, "frequency_hz is None: it must be an array of numbers"),
         (
             lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("wheels"),
             ValueError,
@@ -128,12 +128,12 @@ def frequencies(of):
         (lambda: resonarm.Network(base=70000), ValueError, "base is 70000: it must be from 0x180 to 0x570"),
         (lambda: resonarm.Network(plant_id=300), ValueError, "plant_id is 300: it must be from 1 to 127"),
         (lambda: resonarm.Network(exciter_id=-1), ValueError, "exciter_id is -1: it must be from 1 to 127"),
-        (lambda: resonarm.Encoder("fd"), TypeError, "a network is a resonarm.Network: this is str"),
-        (lambda: resonarm.Decoder(3), TypeError, "a network is a resonarm.Network: this is int"),
+        (lambda: resonarm.Encoder("fd"), TypeError, "network is of the type str: it must be a resonarm.Network"),
+        (lambda: resonarm.Decoder(3), TypeError, "network is of the type int: it must be a resonarm.Network"),
         (
             lambda: resonarm.Decoder().decode(resonarm.Frame(0x201, False, "xx", False, False)),
             TypeError,
-            "the data of a frame are bytes: these are str",
+            "data is of the type str: it must be bytes",
         ),
         (
             lambda: resonarm.Decoder().decode(resonarm.Frame(-1, False, b"", False, False)),
@@ -144,18 +144,18 @@ def frequencies(of):
         (
             lambda: resonarm.run(resonarm.Scenario(), load="torque"),
             ValueError,
-            "load is for a controller in Python, and there is none: leave it out",
+            "load applies only to a controller in Python, and none is given: leave it out",
         ),
         (lambda: resonarm.run(resonarm.Scenario(), controller=5), TypeError, "a controller is a function of a Measure"),
         (
             lambda: resonarm.Node("planet", resonarm.Scenario(), "vcan0"),
             ValueError,
-            "role is `planet`: a node is a plant or an exciter",
+            "role is `planet`: it must be plant or exciter",
         ),
         (
             lambda: resonarm.Node("plant", resonarm.Scenario(), 5),
             TypeError,
-            "a bus is the address of one, such as 'vcan0': this is int",
+            "bus is of the type int: it must be an address such as 'vcan0'",
         ),
         (
             lambda: Bench().run("controller {bus}"),
@@ -210,7 +210,7 @@ def test_an_invalid_load_of_a_controller_is_named_with_its_sample(bench_scenario
     with pytest.raises(kind) as raised:
         resonarm.run(bench_scenario, mode, controller=controller)
     assert str(raised.value) == (
-        f"the controller returned {said} for sample 20: a load is two finite numbers, and None ends the work"
+        f"the controller returned {said} for sample 20: expected a load, two finite numbers, or None to end the work"
     )
 
 

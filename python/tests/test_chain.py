@@ -116,7 +116,7 @@ def test_a_branch_is_that_of_the_program(command):
     assert [peak["value"] for peak in document["peaks"]] == branch.peaks["value"].tolist()
     ax = branch.plot(Figure().subplots(), at="tip.y")
     assert ax.get_ylabel() == "largest displacement of tip.y (m)"
-    assert repr(branch).startswith(f"<Branch in frequency, driven at tip.x: {len(points)} motions")
+    assert repr(branch).startswith(f"<Branch in frequency, driven at tip.x: {len(points)} periodic responses")
 
 
 def test_a_branch_that_ends_early_is_kept():
@@ -211,7 +211,7 @@ def chain(**changes):
     ("call", "message"),
     [
         (lambda: resonarm.Chain([]), "`links` are missing"),
-        (lambda: resonarm.Chain(LINKS * 3), "9 links: a structure has 1 to 8"),
+        (lambda: resonarm.Chain(LINKS * 3), "the structure has 9 links: it must have 1 to 8"),
         (lambda: chain(mass_kg=0), "link 1: `mass_kg` is 0: it must be"),
         (lambda: chain(mass=1), "Did you mean `mass_kg`?"),
         (lambda: chain(mass_kg=math.nan), "structure.links.mass_kg is NaN: it must be a number"),
@@ -219,12 +219,12 @@ def chain(**changes):
         (lambda: resonarm.Chain(LINKS, initial=[1.0]), "structure.initial has 1 numbers: give 6"),
         (
             lambda: chain().frf(1.0, drive="tip.z"),
-            "drive tip.z: there is no `tip.z` in this structure: there are tip.x",
+            "drive tip.z: there is no `tip.z` in this structure: expected one of tip.x",
         ),
         (lambda: chain().frf(1.0, drive="tip.x", at="elbow"), "at elbow: there is no `elbow`"),
         (lambda: chain().frf(-1.0, drive="tip.x"), "frequency -1 Hz: it must be zero or a positive number"),
         (lambda: chain().simulate(0.00033), "is 0.66 steps at 2000 Hz, not a whole number: take 0.0005"),
-        (lambda: chain().simulate(0.1, frequency_hz=3.0), "frequency_hz is 3: give what it drives, too"),
+        (lambda: chain().simulate(0.1, frequency_hz=3.0), "frequency_hz is 3: give the drive, too"),
         (
             lambda: chain().simulate(0.1, drive={"tip.x": 0}, frequency_hz=3),
             "drive['tip.x'] is 0: it must be a finite number other than 0",
@@ -235,7 +235,7 @@ def chain(**changes):
             "initial has 1 numbers: give 2, the coordinates and their rates",
         ),
         (lambda: chain().simulate(0.1, initial=[0.0, math.inf]), "initial is inf at index 1"),
-        (lambda: chain().simulate(1, rate_hz=5, scheme="rk4"), "its fastest mode needs at least"),
+        (lambda: chain().simulate(1, rate_hz=5, scheme="rk4"), "its fastest mode needs a rate of at least"),
         (lambda: chain().continuation("mass", 1, 2, drive={"tip.x": 1}, frequency_hz=1), "parameter mass: "),
         (lambda: resonarm.Chain.from_scenario(EXAMPLES / "plate.toml"), "Modal.from_scenario takes it"),
     ],

@@ -183,9 +183,9 @@ def test_a_remote_frame_has_the_verdict_of_the_program(profile):
         assert (ours.verdict, ours.message, ours.reason) == expected
         assert (ours.sender != "") == (ours.message != "") and ours.signals == {}
     assert {frame["verdict"] for frame in said} == {"refused", "foreign"} and decoder.lost == 0
-    assert {frame.get("reason", "").partition(" refused: ")[2] for frame in said} == {
+    assert {frame.get("reason", "").partition(" rejected: ")[2] for frame in said} == {
         "",
-        "a remote frame carries no data",
+        "expected a data frame, got a remote frame",
         "the network's profile has no such message",
     }
 
@@ -204,6 +204,6 @@ def test_an_error_frame_is_foreign(identifier):
 def test_a_frame_of_data_is_made_of_nothing_else(kind):
     message = can.Message(arbitration_id=0x701, is_extended_id=False, **{f"is_{kind}_frame": True})
     with pytest.raises(
-        ValueError, match=f"a resonarm.Frame is a frame of data: this is an? {kind} frame, of identifier 0x701"
+        ValueError, match=f"the message is an? {kind} frame, of identifier 0x701: a resonarm.Frame must be a data frame"
     ):
         resonarm.Frame.of(message)

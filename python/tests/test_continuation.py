@@ -19,11 +19,11 @@ def branch():
 def test_a_branch_folds_and_says_so(branch):
     unstable = int((~branch.points["stable"]).sum())
     assert unstable > 5 and branch.bifurcations["kind"].tolist() == ["fold", "fold"]
-    of = f"{len(branch.points)} motions, {unstable} of them not stable; 2 × fold"
+    of = f"{len(branch.points)} periodic responses, {unstable} of them not stable; 2 × fold"
     assert repr(branch) == f"<Branch in frequency, driven at joint1: {of}>"
     assert (branch.drive, branch.at, set(branch.points["period"])) == ({"joint1": 60.0}, ("joint1",), {1})
     assert branch.points["multipliers"].shape == (len(branch.points), 4)
-    # A weak motion away from the resonance is that of the linear structure.
+    # A small response away from the resonance is that of the linear structure.
     weak = ARM.continuation("frequency", 14, 16, drive={"joint1": 0.1}, at=["tip.y"])
     linear = 0.1 * ARM.frf(weak.points["frequency_hz"], drive="joint1", at="tip.y")
     np.testing.assert_allclose(weak.points["tip_y_harmonic1_m"], linear, rtol=1e-5)
@@ -128,7 +128,7 @@ def test_invalid_arguments_are_value_errors(options, message):
         (
             lambda: ARM.continuation("amplitude", 0, 9, drive={"joint1": 60}, frequency_hz=9),
             ValueError,
-            "the amplitude is what varies: give drive='joint1' without one",
+            "drive has an amplitude, but the amplitude is what varies: give drive='joint1' without one",
         ),
         (
             lambda: ARM.continuation("frequency", 1, 2, drive="joint1"),

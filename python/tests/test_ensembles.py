@@ -1,4 +1,4 @@
-"""Many motions at once, and what basins of attraction are made of, against motions followed alone."""
+"""Many responses at once, and basins of attraction, against responses followed alone."""
 
 import signal
 import subprocess
@@ -17,7 +17,7 @@ STATES = np.random.default_rng(2).normal(size=(70, 4)) * [0.2, 0.2, 30.0, 30.0]
 
 @pytest.fixture(scope="module")
 def arm():
-    """The robot arm with five times the damping, so that motions settle soon."""
+    """The robot arm with five times the damping, so that responses settle soon."""
     return resonarm.Chain.preset().replace({"link1.damping_nm_s_rad": 4.5, "link2.damping_nm_s_rad": 4.5})
 
 
@@ -52,7 +52,8 @@ def test_a_stable_motion_repeats(arm):
     rows = arm.ensemble(sections, 3, frequency_hz=HZ, drive=DRIVE)
     np.testing.assert_allclose(rows["alpha_rad"][-1], sections[:, :2], atol=1e-9)
     assert repr(basins.motions[1]).startswith("<StableMotion of period 1, largest multiplier 0.99")
-    assert repr(basins).startswith("<Basins in alpha1_rad and alpha1_dot_rad_s: of 4 states 0 reach motion 1, 0 reach")
+    of = "<Basins in alpha1_rad and alpha1_dot_rad_s: of 4 states"
+    assert repr(basins).startswith(f"{of} 0 reach response 1, 0 reach")
 
 
 def test_states_of_elements_go_along():
@@ -92,8 +93,8 @@ ONE = {"drive": {"joint1": 1.0}}
     ("call", "message"),
     [
         (lambda arm: arm.basins(-1.0, **ONE), "frequency_hz is -1: it must be a positive number"),
-        (lambda arm: arm.basins(22.0, **ONE, points=(1, 5)), "points has 1: it must be from 2 to 1000"),
-        (lambda arm: arm.basins(22.0, **ONE, points=(5,)), "points has 1 values: it needs two, X,Y"),
+        (lambda arm: arm.basins(22.0, **ONE, points=(1, 5)), "points has 1: each must be from 2 to 1000"),
+        (lambda arm: arm.basins(22.0, **ONE, points=(5,)), "points has 1 values: it must have two, X,Y"),
         (lambda arm: arm.basins(22.0, **ONE, start=(1, 1), stop=(1, 2)), "the grid goes from 1 to 1"),
         (lambda arm: arm.basins(22.0, **ONE, coordinates=("a", "b")), "there is no coordinate `a`: the coord"),
         (lambda arm: arm.basins(22.0, **ONE, coordinates=["alpha1_rad"] * 2), "has alpha1_rad twice"),

@@ -185,7 +185,7 @@ def test_a_link_stays_one_and_a_device_is_refused(tmp_path):
     assert (tmp_path / "sweep.blf").is_symlink() and (tmp_path / "far/log.blf").stat().st_size > 100
     for name, target in (("device", "/dev/null"), ("folder", "far")):
         (tmp_path / f"{name}.blf").symlink_to(target)
-        with pytest.raises(FileExistsError, match=f"{name}.blf is no regular file: name another stem"):
+        with pytest.raises(FileExistsError, match=f"{name}.blf is not a regular file: give another stem"):
             export.export(SWEEP, "blf", tmp_path / name, overwrite=True)
 
 

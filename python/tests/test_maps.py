@@ -30,7 +30,7 @@ def test_the_map_agrees_with_the_branch_and_the_linear_arm(whole):
     folds = ARM.continuation("frequency", 21.5, 22.5, drive={"joint1": 60}).bifurcations
     low, high = sorted(folds["value"])
     here = whole.sel({TURN: 60.0, "amplitude": 60.0})
-    # A stable motion on either side of the folds, two and an unstable one between them.
+    # A stable response on either side of the folds, two and an unstable one between them.
     between = (low < HZ) & (high > HZ)
     assert here["stable"].values.tolist() == [2 if inside else 1 for inside in between]
     assert here["unstable"].values.tolist() == [1 if inside else 0 for inside in between]
@@ -131,7 +131,7 @@ def test_a_cluster_gives_the_same_bits_of_basins_and_seeds(basins, tmp_path):
     with LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         assert basin_map(DAMPED, folder=tmp_path, client=client, **BASINS).identical(basins)
         assert seed_map(scenario, [3, 4, 5], client=client).identical(seeds)
-    # Two places with their motions and the 270 states of each in two blocks.
+    # Two places with their responses and the 270 states of each in two blocks.
     files = sorted(tmp_path.glob("chunk-*.npz"))
     assert len(files) == 6
     for path in files[::2]:
@@ -140,7 +140,7 @@ def test_a_cluster_gives_the_same_bits_of_basins_and_seeds(basins, tmp_path):
     assert basin_map(DAMPED, folder=tmp_path, **BASINS).identical(basins)
     assert {path: path.stat().st_mtime_ns for path in left} == left, "what was there is not computed again"
     files[0].write_bytes(b"not a chunk")
-    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed again"):
+    with pytest.raises(ValueError, match=r"is not a whole chunk of a map .* remove it, so that it is computed again"):
         basin_map(DAMPED, folder=tmp_path, **BASINS)
 
 

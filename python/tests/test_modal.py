@@ -100,7 +100,7 @@ def test_a_branch_without_stability_has_the_same_motions():
             np.testing.assert_array_equal(getattr(whole, rows)[name], getattr(bare, rows)[name])
     assert bare.bifurcations["kind"].tolist() == ["fold", "fold"]
     assert not bare.points["stable"].any() and bare.points["multipliers"].size == 0
-    assert f"{len(bare.points)} motions, stability not computed; 2 × fold" in repr(bare)
+    assert f"{len(bare.points)} periodic responses, stability not computed; 2 × fold" in repr(bare)
     styles = {line.get_linestyle() for line in bare.plot(Figure().subplots()).lines if line.get_marker() == "None"}
     assert styles == {"-"}
 
@@ -112,7 +112,7 @@ def test_steps_with_too_many_switches_are_reported():
     ]
     mode = resonarm.ModeShape(frequency_hz=500.0, damping_ratio=0.001, shape={"tip.x": 1.0, "mid.x": 0.8})
     modal = resonarm.Modal([mode], elements=gaps)
-    with pytest.warns(resonarm.AccuracyWarning, match="steps had more switches than are located: .*; raise rate_hz"):
+    with pytest.warns(resonarm.AccuracyWarning, match="steps had more switches .* located, .*: raise rate_hz"):
         modal.simulate(0.1, initial=[1e-4, 0], rate_hz=40)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -270,7 +270,7 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
         (lambda: resonarm.Modal.from_scenario(EXAMPLES / "chain.toml"), "Chain.from_scenario takes it"),
         (
             lambda: resonarm.Modal.from_scenario(resonarm.Scenario()),
-            "structure.kind is preset: Chain.from_scenario takes it",
+            "structure.kind is preset: use Chain.from_scenario",
         ),
     ],
 )

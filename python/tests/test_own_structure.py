@@ -103,7 +103,7 @@ def test_other_sensors_and_a_force_along_z_are_those_of_the_library(converter):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"sensed": ["tip.z"]}, "sensed and sensors belong together"),
+        ({"sensed": ["tip.z"]}, "only one of sensed and sensors is given"),
         ({"loads": ["joint9"]}, 'loads: there is no load "joint9"'),
     ],
 )
@@ -192,7 +192,7 @@ CASES = [
     (
         lambda _run: resonarm.Node("exciter", resonarm.Scenario(), "vcan0", structure=own()),
         ValueError,
-        "structure is for a plant: leave it out",
+        "structure applies only to a plant: leave it out for an exciter",
     ),
 ]
 

@@ -107,7 +107,7 @@ def test_a_scenario_without_a_structure_has_the_arm():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: resonarm.Chain.preset("irb"), "there is no preset `irb`: the presets are irb1600-table1, irb1600-fit"),
+        (lambda: resonarm.Chain.preset("irb"), "there is no preset `irb`: expected one of irb1600-table1, irb1600-fit"),
         (lambda: resonarm.Chain.preset(angles_deg=(0, 400)), "angle_deg"),
         (lambda: resonarm.Chain.preset(angles_deg=(0, 1, 2)), "angles_deg has 3 numbers: give 2"),
         (lambda: resonarm.Chain.preset().replace({"link3.mass_kg": 1}), "link1.length_m, link1.mass_kg"),
@@ -121,7 +121,7 @@ def test_invalid_arguments_are_value_errors(call, message):
 
 
 def test_a_structure_is_a_chain_or_a_modal():
-    with pytest.raises(TypeError, match=r"a structure is a resonarm\.Chain or a resonarm\.Modal"):
+    with pytest.raises(TypeError, match=r"make a resonarm\.Chain or a resonarm\.Modal"):
         resonarm.Structure()
     with pytest.raises(TypeError, match="must be a number"):
         resonarm.Chain.preset().replace({"link2.mass_kg": "forty"})

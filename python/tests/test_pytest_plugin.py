@@ -216,7 +216,7 @@ def test_a_process(controller_process):
 """
     result = run(pytester, suite, "-rs")
     result.assert_outcomes(skipped=2)
-    result.stdout.fnmatch_lines(["*a controller that is a program needs a CAN interface: --resonarm-bus vcan0"])
+    result.stdout.fnmatch_lines(["*a controller that is a program needs a CAN interface, as by --resonarm-bus vcan0"])
 
 
 def test_tests_side_by_side_do_not_meet(pytester):
@@ -249,7 +249,7 @@ def test_faults_end_with_their_block(tmp_path):
 def test_signals_are_known_by_name(tmp_path):
     bench = resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.1})
     result = Bench(bench, tmp_path).run()
-    with pytest.raises(ValueError, match="there is no signal 'alpha', only "):
+    with pytest.raises(ValueError, match="there is no signal 'alpha': expected one of "):
         result.signal("alpha")
 
 

@@ -93,8 +93,8 @@ def test_without_frames_the_arm_rings_out():
     [
         ({"sample_rate": 2000}, CHANNELS, "the test has 2000 Hz"),
         ({"output_oversample": 10}, CHANNELS, "10 times as much at the output"),
-        ({}, [channel("d", "x")], "there is no reading 'd' 'x', only head, b and c along x and y"),
-        ({}, [channel("moment", "", "virtual")], "there is no output 'moment', only force-x, force-y"),
+        ({}, [channel("d", "x")], "there is no reading 'd' 'x': expected head, b or c along x or y"),
+        ({}, [channel("moment", "", "virtual")], "there is no output 'moment': expected one of force-x, force-y"),
     ],
 )
 def test_settings_that_the_bench_lacks_are_refused(test_data, channels, message):

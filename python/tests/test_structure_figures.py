@@ -38,14 +38,14 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
     counts = [np.count_nonzero(found.motion == k) for k in (1, 2)]
     assert min(counts) > 2
     of = "<Basins in q1_m_sqrt_kg and q1_dot_m_sqrt_kg_s"
-    assert repr(found) == f"{of}: of 42 states {counts[0]} reach motion 1, {counts[1]} reach motion 2>"
+    assert repr(found) == f"{of}: of 42 states {counts[0]} reach response 1, {counts[1]} reach response 2>"
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
     ax = found.plot(Figure().subplots())
-    # Cells that touch: one mesh a motion, and one diamond each.
+    # Cells that touch: one mesh for each response, and one diamond each.
     assert [mesh.get_array().count() for mesh in ax.collections] == counts
     assert [len(line.get_xdata()) for line in ax.lines] == [0, 0, 1, 1]
     names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names == ["reaches motion 1", "reaches motion 2", "stable motions"]
+    assert names == ["reaches response 1", "reaches response 2", "stable responses"]
     assert ax.get_xlabel() == "q1_m_sqrt_kg"
 
 
@@ -92,5 +92,5 @@ def test_modes_are_drawn_by_their_points():
     # Each point at rest, in the mode, and the way between.
     assert len(loose.lines) == 6
     np.testing.assert_allclose(loose.lines[0].get_xydata(), [points["mid"][:2]])
-    with pytest.raises(ValueError, match="nothing says where its points are: give `points`"):
+    with pytest.raises(ValueError, match="the positions of the structure's points are unknown: give `points`"):
         resonarm.Modal(MODES).plot(Figure().subplots())

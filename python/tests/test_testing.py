@@ -114,7 +114,7 @@ def test_a_run_in_lockstep_is_asked_for(bench):
 ASSERTIONS = {
     "completed": lambda result: result.assert_completed(),
     "no overrun": lambda result: result.assert_no_overrun(),
-    "no refused command": lambda result: result.assert_no_refused_command(),
+    "no rejected command": lambda result: result.assert_no_refused_command(),
     "force": lambda result: result.assert_force_below(600),
     "state": lambda result: result.assert_state_reached("operational", within_s=0.5),
     "settled": lambda result: result.assert_settled("force_x_n", 50.0, from_s=0.0, to_s=0.1),
@@ -201,7 +201,7 @@ def test_a_refused_command_is_found_at_its_sample(bench):
     result = bench.run(controller)
     with pytest.raises(AssertionError) as raised:
         result.assert_no_refused_command()
-    assert "commands were refused: 1 out_of_range" in str(raised.value)
+    assert "commands were rejected: 1 out_of_range" in str(raised.value)
     assert "\n> sample    120 " in str(raised.value)
 
 
@@ -220,11 +220,11 @@ def test_an_invalid_number_is_named(bench):
     for call, message in [
         (lambda: result.assert_force_below(nothing), "limit_n is nan: it must be a number"),
         (lambda: result.assert_state_reached("operational", nothing), "within_s is nan: it must be a number"),
-        (lambda: result.assert_state_reached("awake", 1.0), "there is no state 'awake', only boot_up, pre_operational"),
+        (lambda: result.assert_state_reached("awake", 1.0), "there is no state 'awake': expected one of boot_up"),
         (lambda: result.amplitude("force_x_n", nothing), "frequency_hz is nan: it must be a positive number"),
         (
             lambda: result.amplitude("force_x_n", 600.0),
-            "frequency_hz is 600: at 1000 samples a second it must be below",
+            "frequency_hz is 600: at a sample rate of 1000 Hz it must be below",
         ),
         (
             lambda: result.amplitude("force_x_n", 50.0, 0.2, 0.1),
@@ -261,7 +261,7 @@ def test_a_signal_is_the_channel_of_its_name(bench):
         times, values = result.signal(name)
         np.testing.assert_array_equal(values, parts[part][name][:count], name)
         np.testing.assert_array_equal(times, parts[part]["time_s"][:count], name)
-    with pytest.raises(ValueError, match=r"there is no signal 'torque_nm_x', only .*, torque1_nm, torque2_nm, "):
+    with pytest.raises(ValueError, match=r"there is no signal 'torque_nm_x': expected one of .*, torque1_nm, torque2_nm, "):
         result.signal("torque_nm_x")
 
 
@@ -314,5 +314,5 @@ def test_a_failure_names_the_first_refused_command_and_frame(bench):
     with bench.wrong_crc(ids=[0x201], direction="receive", count=1), pytest.raises(AssertionError) as raised:
         bench.run(lambda measured: (1.0 if measured.sample < 100 else 310.0, 0.0)).assert_completed()
     said = str(raised.value)
-    assert re.search(r"commands were refused: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
-    assert "frames that the plant refused: 1; the first of them is 201#" in said
+    assert re.search(r"commands were rejected: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
+    assert "frames that the plant rejected: 1; the first of them is 201#" in said

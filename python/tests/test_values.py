@@ -141,7 +141,7 @@ def test_a_measurement_is_made_for_a_controller_under_test():
     assert hash(measured) == hash(resonarm.Measurement(7, **MEASURED))
     assert measured != resonarm.Measurement(8, **MEASURED) and resonarm.Measurement(0).head_force_n == (0.0, 0.0)
     assert repr(measured).endswith("acceleration_c_m_s2=(3.0, -4.0), clipped=33)")
-    with pytest.raises(ValueError, match="clipped is 64: there are 6 readings, at most 32, with a bit each"):
+    with pytest.raises(ValueError, match="clipped is 64: it must have at most one bit for each of the 6 readings"):
         resonarm.Measurement(7, clipped=64)
     sensed = resonarm.Measurement(7, **{**MEASURED, "clipped": 64, "sensors": [("angle_enc1_rad", 0.5)]})
     assert (sensed.sensors, sensed.clipped) == ({"angle_enc1_rad": 0.5}, 64) and measured.sensors == {}

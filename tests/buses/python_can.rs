@@ -433,5 +433,5 @@ fn says_both_versions() {
     let text = outcome(directory.path(), &[("VIRTUAL_ENV", &environment)]);
     let text =
         text.replace(&environment.display().to_string(), "ENV").replace(&prefix, "PREFIX").replace(&version, "X.Y");
-    insta::assert_snapshot!(text, @"the virtual environment `ENV` is for Python 2.7, and this program embeds Python X.Y; make one with `PREFIX/bin/pythonX.Y -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=ENV/bin/python3");
+    insta::assert_snapshot!(text, @"the virtual environment `ENV` is for Python 2.7, but this program embeds Python X.Y; make one with `PREFIX/bin/pythonX.Y -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=ENV/bin/python3");
 }

@@ -21,7 +21,7 @@ fn scenario(text: &str) -> String {
 
 #[test]
 fn arms_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
     assert_snapshot!(complaint(here(), 2, &["modes", "--angles-deg", "0,nan"]), @r"
     error: invalid value 'nan' for '--angles-deg <A,B>': it must be a finite number
 
@@ -52,7 +52,7 @@ fn faults_that_a_bus_cannot_simulate() {
 
 #[test]
 fn rates_and_times_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "0", "--duration-s", "1"]), @"resonarm: --rate-hz: the integration rate is 0 Hz: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--rate-hz", "0"]), @"resonarm: simulation.rate_hz is 0: it must be an integer from 1 to 65535 Hz");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--rate-hz", "nan"]), @r"
     error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number
@@ -68,7 +68,7 @@ fn rates_and_times_that_cannot_be() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--drive", "tip.x=1", "--duration-s", "1"]), @"resonarm: --frequency-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential, exponential8");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: expected one of rk4, dop853, gl4, gl6, exponential, exponential8");
 }
 
 #[test]
@@ -152,8 +152,8 @@ fn seeds_are_exact_up_to_the_largest() {
 #[test]
 fn invalid_buses() {
     assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
-    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: unknown backend "socketcna", perhaps you meant socketcan. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus: plant and exciter run in one loop; take the mode lockstep");
     assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"
     error: invalid value 'free' for '--mode <MODE>'
@@ -169,10 +169,11 @@ fn a_missing_interface_is_reported_with_the_command_that_makes_it() {
     let missing = ["--bus", "vcan999"];
     for command in ["run", "exciter"] {
         let says = complaint(here(), 3, &[&[command], missing.as_slice()].concat());
-        let interface = says.starts_with("resonarm: there is no interface vcan999 (")
-            && says.contains("`sudo ip link add vcan999 type vcan && sudo ip link set vcan999 mtu 72 up` makes it");
-        let kernel =
-            says.starts_with("resonarm: this kernel has no SocketCAN (") && says.contains("`sudo modprobe -a can");
+        let interface = says.starts_with("resonarm: the CAN interface vcan999 does not exist (")
+            && says
+                .contains("Create it with `sudo ip link add vcan999 type vcan && sudo ip link set vcan999 mtu 72 up`");
+        let kernel = says.starts_with("resonarm: this kernel does not provide SocketCAN (")
+            && says.contains("`sudo modprobe -a can");
         assert!(interface || kernel, "{says}");
     }
 }
@@ -223,7 +224,7 @@ fn invalid_ranges_of_a_parameter() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--over", "beta2", "--from", "0", "--to", "9"]), @"resonarm: --over: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--over", "beta2", "--from", "0", "--to", "9"]), @"resonarm: --over: there is no parameter `beta2` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2");
     assert_snapshot!(complaint(here(), 2, &["modes", "--plot", "modes"]), @r"
     error: the following required arguments were not provided:
       --from <X>
@@ -254,7 +255,7 @@ fn invalid_responses() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["frf", "--at", "elbow"]), @"resonarm: --at elbow: there is no `elbow` in this structure: there are joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--at", "elbow"]), @"resonarm: --at elbow: there is no `elbow` in this structure: expected one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
 }
 
 #[test]
@@ -275,7 +276,7 @@ fn curves_that_cannot_be() {
         ]
     };
     assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
-    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
+    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
 }
 
 /// A disk that is full, here a limit of the size of files: nothing is left under a name that promises a whole file.

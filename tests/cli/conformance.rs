@@ -91,8 +91,8 @@ fn flags_that_cannot_be() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
-    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter both have the node id 1: give them different ones");
+    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-counters, plant-remote-frames, plant-arms-for-a-hello, plant-states, plant-reset, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-foreign-base, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-older-command, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-stopped, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
     error: invalid value '9600' for '--bit-rate-hz <HZ>': 9600 is not in 10000..=1000000
@@ -131,7 +131,7 @@ fn scenarios_that_cannot_be() {
         conformance(2, &all)
     };
     let (own, drives) = ("examples/own-protocol/bench.toml", "examples/canopen/drives.toml");
-    assert_snapshot!(on("scenarios/bench.toml", &[]), @"resonarm: the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol");
+    assert_snapshot!(on("scenarios/bench.toml", &[]), @"resonarm: the scenario has no [wire], so it maps no user protocol: leave the scenario out to test on Resonarm's protocol");
     assert_snapshot!(on(own, &["--base", "0x300"]), @r"
     error: the argument '--scenario <FILE>' cannot be used with '--base <ID>'
 
@@ -197,7 +197,7 @@ mod on_an_empty_bus {
         assert_eq!(counts, [0, 0, 1, 0, 0].map(Some));
         assert_snapshot!(names(&said).join(" "), @"cases commands failed inconclusive not_run passed recording role skipped untested");
         assert_snapshot!(names(&said["cases"][0]).join(" "), @"case heard held_up_ms measured others reason refused requirements silent_ms title took_s verdict");
-        assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: nothing");
+        assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant was received: check that it is on this bus, with this base, these node ids and this profile. Received instead: nothing");
         assert_eq!(said["untested"][0]["requirement"], "R-1.1");
         let junit = std::fs::read_to_string(folder.path().join("report.xml")).unwrap();
         let took = junit.split("time=\"").nth(1).unwrap().split('"').next().unwrap();
@@ -205,7 +205,7 @@ mod on_an_empty_bus {
         <?xml version="1.0" encoding="UTF-8"?>
         <testsuites>
           <testsuite name="resonarm conformance plant" tests="1" failures="0" skipped="1">
-            <testcase classname="resonarm" name="plant-hello" time="TIME"><skipped message="inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: nothing"/></testcase>
+            <testcase classname="resonarm" name="plant-hello" time="TIME"><skipped message="inconclusive: no hello of a plant was received: check that it is on this bus, with this base, these node ids and this profile. Received instead: nothing"/></testcase>
           </testsuite>
         </testsuites>
         "#);
@@ -217,7 +217,7 @@ mod on_an_empty_bus {
         assert_eq!((outcome.code, outcome.stderr.as_str()), (1, ""));
         assert_snapshot!(outcome.stdout, @r"
         inconclusive  plant-hello                version, profile, DBC hash and rate in its hello
-                      no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: nothing  R-6.5
+                      no hello of a plant was received: check that it is on this bus, with this base, these node ids and this profile. Received instead: nothing  R-6.5
                       heard: nothing
         0 passed, 0 failed, 1 inconclusive, 0 skipped, 0 not run
         ");

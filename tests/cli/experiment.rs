@@ -115,7 +115,7 @@ fn impossible_measurements_are_refused_at_once() {
     assert_snapshot!(refusal(&["--step-hz", "0"]), @"resonarm: --step-hz is 0: it must be positive, and 26 to 46 Hz at most 10000 of it");
     assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.exciter_x is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
     assert_snapshot!(refusal(&["--second-force-n", "0"]), @"resonarm: --second-force-n is 0: it must be a positive number");
-    assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: 300 samples a second are too few for a mode at 40.36 Hz: at least 445 are needed");
+    assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: the sample rate of 300 Hz is too low for a mode at 40.36 Hz: it must be at least 445 Hz");
 }
 
 /// A shaker along y in a scenario; no flag repeats the direction.
@@ -134,7 +134,7 @@ fn a_walk_goes_along_the_shaker_of_its_scenario() {
     assert_snapshot!(refused(&["--drive", "joint2.x=4"]), @"resonarm: --drive joint2.x: the exciter of the scenario acts on joint1, joint2, tip.x, tip.y: name one of these, or place it by `rig.exciter.at`");
     assert_snapshot!(refused(&["--drive", "joint1"]), @"resonarm: --drive joint1 has no amplitude: give --drive joint1=A, in N·m");
     assert_snapshot!(refused(&["--drive", "joint1=4", "--drive", "joint1=5"]), @"resonarm: --drive joint1 is given twice: give each load once");
-    assert_snapshot!(refused(&["--drive", "joint1=4", "--drive", "tip.x=5"]), @"resonarm: control.amplitude: excitation: forces and torques at once: a command carries one kind; set one of them to 0");
+    assert_snapshot!(refused(&["--drive", "joint1=4", "--drive", "tip.x=5"]), @"resonarm: control.amplitude: excitation: forces and torques are both given: a command carries only one kind; set the other to 0");
     assert_snapshot!(refused(&[]), @"resonarm: the excitation is missing: give it by --drive DOF=A, with DOF one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
     // Without a load in the flags, the walk takes that of the scenario.
     let dwell = "[excitation]\namplitude = { exciter_y = 4 }\nprofile = { waveform = 'dwell', frequency_hz = 20, duration_s = 1, settle_s = 0.1 }\n";

@@ -140,8 +140,8 @@ fn recordings_without_modes_are_refused() {
     record(folder, "force", "exciter_y = 5", &random("4"));
     fs::write(folder.join("notes.txt"), "no recording").unwrap();
     let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify"], arguments].concat());
-    assert_snapshot!(says(&["torque.mcap"]), @"resonarm: the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
-    assert_snapshot!(says(&["short.mcap"]), @"resonarm: the record has 150 samples where 256 are needed: record for longer");
+    assert_snapshot!(says(&["torque.mcap"]), @"resonarm: the impedance head reads no force beyond its own noise (0.012 N): expected an excitation by a force at the head; apply a larger one");
+    assert_snapshot!(says(&["short.mcap"]), @"resonarm: the record has 150 samples, but at least 256 are needed: record for longer");
     assert_snapshot!(says(&["force.mcap", "--from-hz", "200", "--to-hz", "300"]), @"resonarm: the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "-1"]), @"resonarm: --segment-s: it must be positive");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment has 100000 samples: it must have from 16 to as many as the record, 4050");
@@ -207,9 +207,9 @@ fn recordings_without_angles_are_refused() {
     let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 1, settle_s = 0.2";
     record(folder, "short", "joint1 = 5", dwell);
     let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify", "short.mcap"], arguments].concat());
-    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "2"]), @"resonarm: the record has 1050 samples where 2500 are needed for angles from 2.000 Hz on: record for longer, or raise the lower corner");
-    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "-2"]), @"resonarm: the lower corner, -2 Hz, must be above 0 and below half the sample rate, 1000 Hz");
-    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "500"]), @"resonarm: the lower corner, 500 Hz, must be above 0 and below half the sample rate, 1000 Hz");
+    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "2"]), @"resonarm: the record has 1050 samples, but at least 2500 are needed for angles from 2.000 Hz on: record for longer, or raise the lower corner");
+    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "-2"]), @"resonarm: the lower corner is -2 Hz: it must be above 0 and below half the sample rate, 1000 Hz");
+    assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "500"]), @"resonarm: the lower corner is 500 Hz: it must be above 0 and below half the sample rate, 1000 Hz");
     let first_line = |arguments: &[&str]| says(arguments).lines().next().unwrap().to_string();
     assert_snapshot!(first_line(&["--angles", "a.csv", "--segment-s", "2"]), @"error: the argument '--angles <FILE>' cannot be used with '--segment-s <S>'");
     assert_snapshot!(first_line(&["--integration", "time"]), @"error: the following required arguments were not provided:");
@@ -222,6 +222,6 @@ fn recordings_without_angles_are_refused() {
     let clipped = complaint(folder, 2, &["identify", "clipping.mcap", "--angles", "a.csv"]);
     let (count, rest) = clipped.strip_prefix("resonarm: ").unwrap().split_once(' ').unwrap();
     assert!(count.parse::<u32>().unwrap() > 10, "{clipped}");
-    assert_snapshot!(rest, @"samples have a reading beyond the range of its sensor: lower the force, or give the sensor more range");
+    assert_snapshot!(rest, @"samples have a reading beyond the range of its sensor: reduce the force, or increase the sensor's range");
     assert!(!folder.join("a.csv").exists());
 }

@@ -67,7 +67,7 @@ fn a_scheme_that_fails_says_so_in_its_row() {
     assert_eq!(got["rate_hz"].as_f64(), Some(1000.0));
     let row =
         |scheme: Scheme| got["schemes"].as_array().unwrap().iter().find(|row| row["scheme"] == scheme.name()).unwrap();
-    insta::assert_snapshot!(row(Scheme::Rk4)["refused"].as_str().unwrap(), @"scheme rk4 can't carry this structure at 1000 Hz: its fastest mode needs at least 1265 Hz");
+    insta::assert_snapshot!(row(Scheme::Rk4)["refused"].as_str().unwrap(), @"scheme rk4 is too coarse for this structure at 1000 Hz: its fastest mode needs a rate of at least 1265 Hz");
     assert!(row(Scheme::Rk4)["modes"].is_null() && row(Scheme::Rk4)["cost_ns"].is_null());
     assert!(row(Scheme::Gl6)["modes"][1]["frequency_error"].as_f64() < Some(-1e-6));
     let higher = ["--scenario", scenario.to_str().unwrap(), "--drift-steps", "100", "--rate-hz", "8000"];
@@ -85,7 +85,7 @@ fn table_has_a_line_for_every_scheme() {
                             mode 1: 21.77 Hz        mode 2: 569.25 Hz       energy, 10 steps
       scheme       order     damping   frequency     damping   frequency    change   spread   ns a step
       rk4              4           –           –           –           –         –        –           –
-                     scheme rk4 can't carry this structure at 1000 Hz: its fastest mode needs at least 1265 Hz
+                     scheme rk4 is too coarse for this structure at 1000 Hz: its fastest mode needs a rate of at least 1265 Hz
     ");
     for scheme in Scheme::ALL {
         assert!(text.lines().any(|line| line.trim_start().starts_with(scheme.name())), "{scheme} in {text}");
@@ -94,14 +94,14 @@ fn table_has_a_line_for_every_scheme() {
 
 #[test]
 fn bad_input_is_refused() {
-    insta::assert_snapshot!(complaint(&["--rate-hz", "0"]), @"resonarm: --rate-hz: integration rate 0 Hz: it must be a positive number");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "0"]), @"resonarm: --rate-hz: the integration rate is 0 Hz: it must be a positive number");
     insta::assert_snapshot!(complaint(&["--rate-hz", "nan"]), @r"
     error: invalid value 'nan' for '--rate-hz <HZ>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this structure; what a shorter step changes is lost in rounding");
-    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: the integration rate is 1e14 Hz: it must be at most 3.29881543934e11 Hz for this structure, since the changes over a shorter step are lost in rounding");
+    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(complaint(&["--drift-steps", "9"]), @r"
     error: invalid value '9' for '--drift-steps <N>': 9 is not in 10..=4294967295
 

@@ -94,9 +94,9 @@ fn missing_required_privileges_end_the_run() {
 #[test]
 fn a_core_is_refused_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--core", "0"]);
-    assert_snapshot!(said, @"resonarm: --core 0 asks for what --rt off leaves out: give one of them");
+    assert_snapshot!(said, @"resonarm: --core 0 contradicts --rt off: give one of them");
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
-    assert_snapshot!(said, @"resonarm: --cores-awake asks for what --rt off leaves out: give one of them");
+    assert_snapshot!(said, @"resonarm: --cores-awake contradicts --rt off: give one of them");
     let said = complaint(here(), 2, &["latency", "--turn-s", "0.0001"]);
     assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: at 1000 Hz there is no sample in it");
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);
@@ -122,7 +122,7 @@ fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
     // It depends on the machine: at most a quarter of the period, or no spinning.
     assert!(p99_us > 0.0 && if p99_us > 250.0 { spin_us == 0.0 } else { spin_us <= p99_us }, "{found}");
     let said = complaint(folder.path(), 2, &["latency", "--rate-hz", "4000", "--turn-s", "0.05", "--spin", "63"]);
-    assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
+    assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that other threads get the core; give a shorter time, or auto");
     let said = complaint(folder.path(), 2, &["run", "--mode", "free", "--plot", "run"]);
     assert_snapshot!(said, @"resonarm: --plot run draws how late samples were, but a run in the mode free has no schedule: use --mode real-time or lockstep");
 }
@@ -135,5 +135,8 @@ fn the_unit_for_systemd_starts_the_program_as_it_is() {
     let command = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/usr/local/bin/resonarm ")).unwrap();
     let command = command.replace("/etc/resonarm/%i.toml", "scenarios/bench.toml").replace("%i", "vcan999");
     let said = complaint(root, 3, &command.split(' ').collect::<Vec<_>>());
-    assert!(said.contains("there is no interface vcan999") || said.contains("no SocketCAN"), "{said}");
+    assert!(
+        said.contains("the CAN interface vcan999 does not exist") || said.contains("does not provide SocketCAN"),
+        "{said}"
+    );
 }

@@ -98,9 +98,9 @@ fn a_walk_on_the_bracket_is_on_its_branch() {
     assert!(off_deg.abs() < 0.5, "{point:#}");
     assert!(fs::read_to_string(folder.path().join("walk.csv")).unwrap().starts_with("frequency_hz,lag_deg,"));
     let none = complaint(folder.path(), 2, &[&walk[..], &["--mode-number", "4"]].concat());
-    insta::assert_snapshot!(none.trim(), @"resonarm: control: mode 4: modes are numbered from 1 to 3");
+    insta::assert_snapshot!(none.trim(), @"resonarm: control: there is no mode 4: the structure has modes 1 to 3");
     let torque = complaint(folder.path(), 2, &[&walk[..], &["--drive", "joint1=4"]].concat());
-    insta::assert_snapshot!(torque.trim(), @"resonarm: --drive joint1: there is no `joint1` in this structure: there are mid.x, mid.y, mid.z, tip.x, tip.y, tip.z");
+    insta::assert_snapshot!(torque.trim(), @"resonarm: --drive joint1: there is no `joint1` in this structure: expected one of mid.x, mid.y, mid.z, tip.x, tip.y, tip.z");
 }
 
 /// Two modes, the tip on a spring that hardens, under a stepped sine.
@@ -525,7 +525,7 @@ fn a_branch_in_a_parameter_of_an_element() {
     let says = |more: &str| complaint(folder.path(), 2, &on_oscillator("continue", more)).trim().to_owned();
     insta::assert_snapshot!(
         says("--drive tip.x=5 --parameter link1.mass_kg --frequency-hz 11 --from 1 --to 2"),
-        @"resonarm: --parameter link1.mass_kg: there is no parameter `link1.mass_kg` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5; or frequency, or amplitude"
+        @"resonarm: --parameter link1.mass_kg: there is no parameter `link1.mass_kg` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5; or frequency, or amplitude"
     );
     insta::assert_snapshot!(
         says("--drive tip.x=5 --from-hz 9 --to-hz 13 --curves-in frequency --curves-to 9"),
@@ -553,14 +553,14 @@ fn analyses_of_structures_refuse_in_words() {
     insta::assert_snapshot!(says("integrators", ""), @"the structure is of modes, which are stepped by their exact solution, whatever the scheme: name a chain");
     insta::assert_snapshot!(says("modes", "--angles-deg 1"), @"--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind modal: leave it out");
     insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is a structure of its own, and the scenario's [structure] is of the kind modal: leave it out");
-    insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
+    insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     let sweep = |more: &str| says("sweep", &format!("--drive tip.x=1 --from-hz 9 --to-hz 10 {more}"));
     insta::assert_snapshot!(sweep("--initial 0"), @"--initial has 1 numbers: give 2, q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
-    insta::assert_snapshot!(sweep("--over link2.angle_deg=1,2"), @"--over: there is no parameter `link2.angle_deg` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
+    insta::assert_snapshot!(sweep("--over link2.angle_deg=1,2"), @"--over: there is no parameter `link2.angle_deg` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     insta::assert_snapshot!(sweep("--over mode1.damping_ratio=-1"), @"--over: mode 1: `damping_ratio` is -1: it must be a number from 0");
     let basins = |more: &str| says("basins", &format!("--drive tip.x=5 --frequency-hz 13 {more}"));
-    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: the coordinates are q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
-    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: give two");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: expected one of q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: it must have two different ones");
     let section = |more: &str| says("poincare", &format!("--drive tip.x=3 {more}"));
     insta::assert_snapshot!(section(""), @"give the excitation's frequency: --frequency-hz F");
     insta::assert_snapshot!(section("--frequency-hz 10 --parameter mode1.frequency_hz --from-hz 9 --to-hz 10"), @"--from-hz is not for --parameter mode1.frequency_hz: its interval is --from a --to b");
@@ -662,7 +662,7 @@ fn a_free_structure_through_the_commands() {
     insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and the damping that it has on its soft supports");
     insta::assert_snapshot!(refused(2, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
     insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
-    insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance");
+    insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; choose a mode that has a resonance");
 }
 
 /// Doubtful moments of inertia are told, by link and numbers; the chain is computed.

@@ -198,7 +198,7 @@ def test_bad_calls_are_errors_in_words(walk):
     fmus = walk(duration_s=0.5)
     terminal, clock = fmus.plant.of("can.Rx_Data", "can.Rx_Clock"), fmus.plant.of("can.Tx_Clock")[0]
     bad = {
-        "the operation at byte 0 is of 24 bytes, and 20 are there":
+        "the operation at byte 0 has 20 bytes, expected 24":
             lambda slave: slave.setBinary(terminal[:1], [bytes.fromhex("1000000018000000") + bytes(12)]),
         "`can.Rx_Data` is of the type Binary": lambda slave: slave.getClock(terminal[:1]),
         "no variable has the value reference 77": lambda slave: slave.setClock([77], [True]),
@@ -216,7 +216,7 @@ def test_bad_calls_are_errors_in_words(walk):
     said = []
     with pytest.raises(Exception, match="instantiate"):
         fmpy.simulate_fmu(str(fmus.plant.path), stop_time=0.01, logger=lambda *words: said.append(words[3]))
-    assert b"frames move in event mode alone; import the FMU with events" in said[0]
+    assert b"the FMU exchanges frames only in event mode; set eventModeUsed to true" in said[0]
 
 
 def test_a_malformed_operation_is_answered(walk):
@@ -243,8 +243,8 @@ def test_what_does_not_fit_is_not_joined(walk, library, tmp_path):
     master.end()
     (tmp_path / "s.toml").write_text("")
     for flags, message in [
-        (("--role", "bus"), "take --interface can"),
-        (("--interface", "can", "--role", "bus"), "names no network.bit_rate_hz"),
+        (("--role", "bus"), "use --interface can"),
+        (("--interface", "can", "--role", "bus"), "gives no network.bit_rate_hz"),
         (("--interface", "can", "--role", "exciter"), "neither"),
         (("--interface", "can", "--role", "bus", "--nodes", "1"), "from 2 to 32 nodes"),
     ]:

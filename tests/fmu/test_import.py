@@ -94,7 +94,7 @@ REFUSED = {
     FOLLOW: "an FMU is stepped and read",
     ("demo",): "an FMU is stepped and read",
     ("run", "--bus", "vcan9"): "take the mode free or lockstep",
-    ("fmu", "--out", "again.fmu"): "`kind` is fmu: it is one already",
+    ("fmu", "--out", "again.fmu"): "`kind` is fmu: the structure is an FMU already",
 }
 
 

@@ -221,19 +221,19 @@ def test_parameters_change_what_they_say(arm):
 
 
 BAD = {
-    "the step is of -0.001 s": lambda slave: slave.doStep(0.0, -0.001),
-    "the step is of NaN s": lambda slave: slave.doStep(0.0, float("nan")),
-    "the step begins at 0.5 s: the FMU is at 0 s": lambda slave: slave.doStep(0.5, 0.001),
-    "not allowed in step mode: it is in event mode": lambda slave: slave.enterStepMode(),
-    "not allowed in step mode: it is in initialization mode": lambda slave: slave.exitInitializationMode(),
+    "the length of the step is -0.001 s": lambda slave: slave.doStep(0.0, -0.001),
+    "the length of the step is NaN s": lambda slave: slave.doStep(0.0, float("nan")),
+    "the step begins at 0.5 s: it must begin at 0 s, the time of the FMU": lambda slave: slave.doStep(0.5, 0.001),
+    "not allowed in step mode: it is allowed in event mode": lambda slave: slave.enterStepMode(),
+    "not allowed in step mode: it is allowed in initialization mode": lambda slave: slave.exitInitializationMode(),
     "eventModeUsed": lambda slave: slave.enterEventMode(),
-    "no variable has the value reference 99: they are from 0 to 33": lambda slave: slave.getFloat64([99]),
+    "no variable has the value reference 99: it must be from 0 to 33": lambda slave: slave.getFloat64([99]),
     "`sample` is of the type UInt64": lambda slave: slave.getFloat64([27]),
-    "fmi3SetInt32: `load.torque1_nm` is of the type Float64": lambda slave: slave.setInt32([1], [1]),
+    "fmi3SetInt32: `load.torque1_nm` is of the type Float64: use the function": lambda slave: slave.setInt32([1], [1]),
     "`state.alpha1_rad` can't be set in step mode: it is calculated": lambda slave: slave.setFloat64([23], [1.0]),
     "parameters are fixed once": lambda slave: slave.setUInt64([30], [1]),
     "`load.force_x_n` is NaN: it must be a finite number": lambda slave: slave.setFloat64([3], [float("nan")]),
-    "not a state of this FMU: it does not begin as one": lambda slave: slave.deserializeFMUState(b"garbage1"),
+    "not a state of this FMU: it does not begin as a state": lambda slave: slave.deserializeFMUState(b"garbage1"),
     "providesDirectionalDerivatives is false": lambda slave: slave.getDirectionalDerivative([5], [1], [1.0], 1),
     "fmi3SetTime": lambda slave: slave.fmi3SetTime(slave.component, 1.0),
 }
@@ -259,7 +259,7 @@ def test_a_load_beyond_the_exciter_and_a_step_that_time_can_not_see_are_errors(a
         slave.setFloat64(arm.fmu.of("load.force_x_n"), [1e4])
         with pytest.raises(Exception):
             slave.doStep(0.0, 0.001)
-        assert "the exciter can't produce it" in slave.log[0][1]
+        assert "the load is beyond the exciter's limits" in slave.log[0][1]
         slave.reset()
         slave.enterInitializationMode(startTime=1e6)
         slave.exitInitializationMode()

@@ -40,7 +40,7 @@ def test_the_set_point_is_shown_to_everybody_and_confirmed(browser, programs):
     for each in (page, looker):
         each.until(f"{NOW} === 'set: 12.5 N at 15 Hz, -30°'")
     page.until(f"{ANSWER} === ''")
-    assert "asked for 12.5 N at 15 Hz, -30°" in page.value("answers")
+    assert "requested: 12.5 N at 15 Hz, -30°" in page.value("answers")
     # A later viewer gets it, and one that has not edited its form sees the set-point of another.
     assert Viewer(url).next("set-point") == {"kind": "set-point", "load": 12.5, "frequency_hz": 15, "phase_deg": -30}
     viewer = Viewer(url, token)

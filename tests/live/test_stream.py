@@ -277,7 +277,7 @@ def test_a_port_in_use_is_said(programs):
         assert run.wait() == 3
         assert run.stderr == (
             f"resonarm: --live can't listen on 127.0.0.1:{port}: Address already in use (os error 98); "
-            "another program has this port: name another, or leave it out for a free one\n"
+            "another program uses this port: give another port, or leave it out for a free one\n"
         )
 
 
@@ -285,8 +285,8 @@ def test_a_port_in_use_is_said(programs):
 def test_what_is_no_address_is_said(programs, given):
     run = programs.resonarm("run", "--mode", "free", "--live", given)
     assert run.wait() == 2
-    expected = "not an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080"
-    assert run.stderr == f"resonarm: --live is `{given}`, {expected}\n"
+    expected = "expected an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080"
+    assert run.stderr == f"resonarm: --live is `{given}`: {expected}\n"
 
 
 def test_nothing_listens_unless_it_is_asked_for(programs):
@@ -456,4 +456,4 @@ def test_another_subprotocol_and_nonsense_from_a_client_are_answered(programs):
         client.send("nonsense")
         assert json.loads(client.recv(PATIENCE_S))["op"] == "status"
         client.send(b"\0")
-        assert json.loads(client.recv(PATIENCE_S))["message"] == "resonarm takes no binary messages"
+        assert json.loads(client.recv(PATIENCE_S))["message"] == "resonarm accepts only text messages, got a binary one"

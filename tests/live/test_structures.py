@@ -125,7 +125,7 @@ def test_a_chain_is_steered_and_drawn_where_its_kinematics_have_it(browser, prog
     assert [one["label"] for one in about["panels"]["coordinates"]] == ["α₁", "α₂", "α₃"]
     alpha = [2e-3, -1e-3, 3e-3]
     assert drawn(page, alpha, 50) == pytest.approx(chain(50 * np.array(alpha)), abs=1e-12)
-    assert page.value(AS_AN_EXCITER) == "at rest: an exciter knows no coordinates"
+    assert page.value(AS_AN_EXCITER) == "at rest: an exciter does not know the coordinates"
     moves(page)
     page.until("resonarm.data.times.length > 300 && resonarm.data.spectrum?.peak_hz")
     keep(page, tmp_path, "chain.png")

@@ -44,15 +44,15 @@ fn reason(work: &str, limits: &str, fault: &str) -> String {
 #[test]
 fn a_spike_of_the_head_is_beyond_the_force() {
     let spike = "instrument = 'head'\naxis = 'y'\nkind = 'spike'\namplitude_n = -100\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "force_n = 60", spike), @"limits.force_n: the impedance head reads -100 N along y after 0.300 s, beyond the limit of 60 N: drive less, fix the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "force_n = 60", spike), @"limits.force_n: the impedance head reads -100 N along y after 0.300 s, beyond the limit of 60 N: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
 }
 
 #[test]
 fn a_drift_and_the_noise_of_a_cable_are_beyond_the_acceleration() {
     let drift = "instrument = 'c'\naxis = 'y'\nkind = 'drift'\nrate_m_s2_per_s = 500\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.45 m/s² along y after 0.498 s, beyond the limit of 100 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.45 m/s² along y after 0.498 s, beyond the limit of 100 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
     let noise = "instrument = 'b'\naxis = 'x'\nkind = 'noise'\nrms_m_s2 = 50\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", noise), @"limits.acceleration_m_s2: the accelerometer at B reads 109.05 m/s² along x after 0.311 s, beyond the limit of 100 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", noise), @"limits.acceleration_m_s2: the accelerometer at B reads 109.05 m/s² along x after 0.311 s, beyond the limit of 100 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
 }
 
 /// The feedback follows what it reads.
@@ -66,23 +66,23 @@ fn a_spike_of_what_the_loop_reads_makes_it_ask_for_too_much() {
     );
     let (got, time_s) = (88.9571, 0.502);
     let abort = Abort::Command { key: "torque_nm", got, limit: 80.0, unit: "N·m", time_s };
-    insta::assert_snapshot!(abort, @"limits.torque_nm: the controller asks for 88.957 N·m after 0.502 s, beyond the limit of 80 N·m: drive less, look at what the controller reads, or raise the limit");
+    insta::assert_snapshot!(abort, @"limits.torque_nm: the controller asks for 88.957 N·m after 0.502 s, beyond the limit of 80 N·m: reduce the excitation, check the controller's readings, or raise the limit");
 }
 
 #[test]
 fn a_spike_beyond_the_range_stays_clipped() {
     let spike = "instrument = 'b'\naxis = 'y'\nkind = 'spike'\namplitude_m_s2 = 1e4\nfrom_s = 0.3\nto_s = 0.4";
-    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 20", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 20 samples in a row, up to 0.319 s: drive less, or give it more range (`rig.sensors.b.range_m_s2`)");
-    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 1", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 1 sample in a row, up to 0.300 s: drive less, or give it more range (`rig.sensors.b.range_m_s2`)");
+    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 20", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 20 samples in a row, up to 0.319 s: reduce the excitation, or increase its range (`rig.sensors.b.range_m_s2`)");
+    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 1", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 1 sample in a row, up to 0.300 s: reduce the excitation, or increase its range (`rig.sensors.b.range_m_s2`)");
 }
 
 #[test]
 fn stuck_and_dropped_out_axes_do_not_move() {
     let limits = "stuck_samples = 200\nstuck_above_n = 5";
     let stuck = "instrument = 'c'\naxis = 'y'\nkind = 'stuck'\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C says 0.1 m/s² along y and does not move for 200 samples under load, up to 0.515 s: fix sensor or cable, or state more samples if the axis has nothing to read");
+    insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C reads exactly 0.1 m/s² along y for 200 samples under load, up to 0.515 s: check sensor and cable, or raise the number of samples if the axis has nothing to measure");
     let dropout = "instrument = 'head'\naxis = 'x'\nkind = 'dropout'\nfrom_s = 0.3";
-    insta::assert_snapshot!(reason(DWELL, limits, dropout), @"limits.stuck_samples: the impedance head says 0 N along x and does not move for 200 samples under load, up to 0.516 s: fix sensor or cable, or state more samples if the axis has nothing to read");
+    insta::assert_snapshot!(reason(DWELL, limits, dropout), @"limits.stuck_samples: the impedance head reads exactly 0 N along x for 200 samples under load, up to 0.516 s: check sensor and cable, or raise the number of samples if the axis has nothing to measure");
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn noise_in_the_head_s_cable_distorts_the_force() {
     let abort = abort(FORCE_WALK, "distortion = 0.05", noise);
     assert!(matches!(abort, Abort::Distorted { got, limit: 0.05, .. } if got > 0.05 && got < 1.0), "{abort}");
     let abort = Abort::Distorted { got: 0.23361, limit: 0.05, frequency_hz: 22.08731, time_s: 9.692 };
-    insta::assert_snapshot!(abort, @"limits.distortion: harmonics 2 and 3 of the force are 0.2336 of its fundamental at 22.0873 Hz after 9.692 s, beyond the limit of 0.05: drive less, look at impedance head and exciter, or raise the limit");
+    insta::assert_snapshot!(abort, @"limits.distortion: harmonics 2 and 3 of the force are 0.2336 of its fundamental at 22.0873 Hz after 9.692 s, beyond the limit of 0.05: reduce the excitation, check impedance head and exciter, or raise the limit");
 }
 
 #[test]

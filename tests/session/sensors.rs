@@ -159,7 +159,7 @@ fn says_what_is_wrong_with_a_sensor() {
         Ok(scenario) => scenario.plant().unwrap_err().to_string(),
         Err(error) => error.to_string().lines().last().unwrap_or_default().to_owned(),
     };
-    insta::assert_snapshot!(says("[rig.sensors.m]\nat = 'middle.z'\n"), @"rig.sensors.m: `at` is `middle.z`: there is no `middle.z` in this structure: there are joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
+    insta::assert_snapshot!(says("[rig.sensors.m]\nat = 'middle.z'\n"), @"rig.sensors.m: `at` is `middle.z`: there is no `middle.z` in this structure: expected one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
     insta::assert_snapshot!(says("[rig.sensors.m]\nat = 'middle'\n"), @"rig.sensors.m: `at` is `middle`: the points are joint1, joint2, tip");
     insta::assert_snapshot!(says("[rig.sensors.m]\nat = 'tip.x'\nmeasures = 'angle'\n"), @r#"rig.sensors.m: `at` is `tip.x`, where no joint turns: `measures` can't be "angle""#);
     insta::assert_snapshot!(says("[rig.sensors.m]\nat = 'tip.x'\ngravity_m_s2 = 9.81\n"), @"simulation: rig.sensors.m: `gravity_m_s2` is 9.81: it must be left out: gravity is along y, and the sensor has no axis y");

@@ -239,7 +239,7 @@ class Plant(Node):
             self.held_n = self.ramp.pop(0)
 
     def refusals(self):
-        """How many commands were refused since the last accepted one, and the reason of the last refusal."""
+        """How many commands were rejected since the last accepted one, and the reason of the last refusal."""
         return min(self.refused, 255) | (self.why << 8 if self.refused else 0)
 
     def judge(self):

@@ -44,7 +44,7 @@ class Intruder:
 
 
 def garbage(dice):
-    """Frames that the plant must refuse: on identifiers of the exciter's messages, wrong in one thing each."""
+    """Frames that the plant must reject: on identifiers of the exciter's messages, wrong in one thing each."""
     force = wire.DBC.get_message_by_name("ForceCommand").frame_id
     for _ in range(200):
         content = bytearray(dice.randbytes(8))
@@ -133,7 +133,7 @@ def test_an_interface_that_goes_down_ends_the_run_with_a_whole_recording(program
     wait_until(lambda: dump.stdout.count(f" {interface} 205#") > 20, "samples")
     run("ip", "link", "set", interface, "down")
     ended = plant.result(code=3)
-    assert f"{interface} is down. `sudo ip link set {interface} up` brings it up" in plant.stderr
+    assert f"{interface} is down. Bring it up with `sudo ip link set {interface} up`" in plant.stderr
     code = exciter.wait()
     assert code == 3, (exciter.stdout, exciter.stderr)
     assert f"{interface} is down" in exciter.stderr
@@ -146,5 +146,5 @@ def test_an_interface_that_goes_down_ends_the_run_with_a_whole_recording(program
 def test_a_missing_interface_is_said(programs):
     plant = programs.resonarm("run", "--bus", "vcan9", "--mode", "lockstep")
     assert plant.wait() == 3
-    assert "there is no interface vcan9 (CAN interfaces: vcan0, vcan1)" in plant.stderr
-    assert "`sudo ip link add vcan9 type vcan && sudo ip link set vcan9 mtu 72 up` makes it" in plant.stderr
+    assert "the CAN interface vcan9 does not exist (CAN interfaces: vcan0, vcan1)" in plant.stderr
+    assert "Create it with `sudo ip link add vcan9 type vcan && sudo ip link set vcan9 mtu 72 up`" in plant.stderr

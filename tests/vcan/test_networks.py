@@ -116,7 +116,7 @@ def test_a_second_exciter_and_the_first_both_stop(tmp_path, programs):
     found = [exciter.result(code=1) for exciter in (first, second)]
     plant.stop()
     assert [(end["outcome"], end["fault"]["code"]) for end in found] == [("faulted", 13)] * 2
-    assert "another node sends this one's messages (identifier 0x" in found[0]["reason"]
+    assert "another node sends this node's messages (identifier 0x" in found[0]["reason"]
     states = Recording.whole(tmp_path / "twice.mcap").states
     assert np.abs(states[:, 4:]).max() > 190 and not states[-1, 4:].any()
 
@@ -128,7 +128,7 @@ def test_an_interface_without_can_fd_is_refused_with_the_way_to_mend_it(tmp_path
     scenario.write_text(SCENARIO % (*BENCHES[1], 1.0))
     plant = programs.resonarm("run", "--bus", interface, "--mode", "lockstep", "--scenario", scenario)
     assert plant.wait() == 3
-    assert f"{interface} does not carry CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
+    assert f"{interface} is not configured for CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
 
 
 def test_two_plants_at_one_base_say_so_and_continue(tmp_path, programs):

@@ -24,7 +24,7 @@ BOTH = {
 FLAWS = {
     "plant": {
         **BOTH,
-        "any-base": ("foreign-base", "it arms all the same: no hello seen"),
+        "any-base": ("foreign-base", "it arms in spite of the mismatch: no hello seen"),
         "takes-older": ("older-command", "it acts: the head reads -5.00 N"),
         "late-heartbeats": ("states", "not at once"),
         "ignores-reset": ("reset", "in fault it ignores the reset"),

@@ -251,6 +251,6 @@ mod tests {
     #[test]
     fn says_which_rate_would_do() {
         let chain = undamped(Preset::Irb1600Table1, 0.0, 0.0);
-        insta::assert_snapshot!(mode_errors(&chain, Scheme::Rk4, 1000.0).unwrap_err(), @"scheme rk4 can't carry this structure at 1000 Hz: its fastest mode needs at least 1265 Hz");
+        insta::assert_snapshot!(mode_errors(&chain, Scheme::Rk4, 1000.0).unwrap_err(), @"scheme rk4 is too coarse for this structure at 1000 Hz: its fastest mode needs a rate of at least 1265 Hz");
     }
 }

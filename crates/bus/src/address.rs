@@ -1,4 +1,4 @@
-//! How a bus is named on the command line.
+//! Bus addresses, as the command line takes them.
 
 use alloc::borrow::ToOwned;
 use alloc::format;
@@ -9,7 +9,7 @@ use core::str::FromStr;
 
 use super::BusError;
 
-/// Which bus to open.
+/// Address of a bus to open.
 ///
 /// | text                                           | bus                                                             |
 /// |------------------------------------------------|-----------------------------------------------------------------|
@@ -66,27 +66,27 @@ impl fmt::Display for BusAddress {
 fn parse(text: &str) -> Result<BusAddress, String> {
     match text.split_once(':') {
         None if text == MEMORY => Ok(BusAddress::Memory),
-        None if text == SOCKETCAN => Err(format!("it names no interface; write {SOCKETCAN}:NAME")),
+        None if text == SOCKETCAN => Err(format!("the interface name is missing; write {SOCKETCAN}:NAME")),
         None if text == PYTHON_CAN => python_can_options(""),
         None => interface(text),
         Some((SOCKETCAN, name)) => interface(name),
         Some((MEMORY, _)) => Err(format!("{MEMORY} takes no parameters")),
         Some((PYTHON_CAN, options)) => python_can_options(options),
-        Some((backend, _)) => Err(format!("there is no backend {backend:?}{}", did_you_mean(backend))),
+        Some((backend, _)) => Err(format!("unknown backend {backend:?}{}", did_you_mean(backend))),
     }
 }
 
-/// What Linux accepts as the name of a network interface: 1 to 15 bytes (`IFNAMSIZ` less the closing zero), no slash,
-/// no colon, no white space, and not a directory.
+/// Parses the name of a network interface as Linux accepts it: 1 to 15 bytes (`IFNAMSIZ` less the closing zero), no
+/// slash, no colon, no white space, and not a directory.
 fn interface(name: &str) -> Result<BusAddress, String> {
     let reason = if name.is_empty() {
-        "the name of the interface is empty".to_owned()
+        "the interface name is empty".to_owned()
     } else if name.len() > 15 {
-        format!("the name of an interface has at most 15 bytes, this one has {}", name.len())
+        format!("the interface name has {} bytes; at most 15 are allowed", name.len())
     } else if let Some(bad) = name.chars().find(|c| c.is_whitespace() || c.is_control() || matches!(c, '/' | ':')) {
-        format!("the name of an interface can't hold {bad:?}")
+        format!("the interface name contains {bad:?}, which is not allowed")
     } else if name == "." || name == ".." {
-        "that is no name of an interface".to_owned()
+        "this is not a valid interface name".to_owned()
     } else {
         return Ok(BusAddress::SocketCan(name.to_owned()));
     };
@@ -102,13 +102,13 @@ fn python_can_options(text: &str) -> Result<BusAddress, String> {
         if !key.starts_with(|c: char| c.is_ascii_alphabetic())
             || !key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
         {
-            return Err(format!("{key:?} can't be the name of a python-can argument"));
+            return Err(format!("{key:?} is not a valid name of a python-can argument"));
         }
         if value.is_empty() {
             return Err(format!("{key:?} has no value"));
         }
         if options.iter().any(|(seen, _)| seen == key) {
-            return Err(format!("{key:?} is given twice"));
+            return Err(format!("{key:?} is given twice; give it once"));
         }
         options.push((key.to_owned(), value.to_owned()));
     }
@@ -118,13 +118,13 @@ fn python_can_options(text: &str) -> Result<BusAddress, String> {
     Ok(BusAddress::PythonCan(options))
 }
 
-/// Which backend was probably meant, or the list of them.
+/// Ends the message for an unknown backend: the one that was probably meant, or the list of them.
 fn did_you_mean(backend: &str) -> String {
     let backends = [SOCKETCAN, MEMORY, PYTHON_CAN];
     let near = |name: &&str| strsim::normalized_damerau_levenshtein(&backend.to_ascii_lowercase(), name) > 0.6;
     match backends.into_iter().find(near) {
-        Some(name) => format!(", perhaps {name} was meant"),
-        None => format!(", only {SOCKETCAN}, {MEMORY} and {PYTHON_CAN}"),
+        Some(name) => format!(", perhaps you meant {name}"),
+        None => format!(": expected {SOCKETCAN}, {MEMORY} or {PYTHON_CAN}"),
     }
 }
 
@@ -159,18 +159,18 @@ mod tests {
 
     #[test]
     fn says_what_is_wrong() {
-        assert_snapshot!(refusal(""), @"`` is not a bus: the name of the interface is empty. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
-        assert_snapshot!(refusal("socketcan"), @"`socketcan` is not a bus: it names no interface; write socketcan:NAME. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
-        assert_snapshot!(refusal("socketcna:vcan0"), @r#"`socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-        assert_snapshot!(refusal("pcan:PCAN_USBBUS1"), @r#"`pcan:PCAN_USBBUS1` is not a bus: there is no backend "pcan", only socketcan, memory and python-can. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+        assert_snapshot!(refusal(""), @"`` is not a bus: the interface name is empty. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
+        assert_snapshot!(refusal("socketcan"), @"`socketcan` is not a bus: the interface name is missing; write socketcan:NAME. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
+        assert_snapshot!(refusal("socketcna:vcan0"), @r#"`socketcna:vcan0` is not a bus: unknown backend "socketcna", perhaps you meant socketcan. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+        assert_snapshot!(refusal("pcan:PCAN_USBBUS1"), @r#"`pcan:PCAN_USBBUS1` is not a bus: unknown backend "pcan": expected socketcan, memory or python-can. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
         assert_snapshot!(refusal("memory:a"), @"`memory:a` is not a bus: memory takes no parameters. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
-        assert_snapshot!(refusal("/dev/ttyACM0"), @"`/dev/ttyACM0` is not a bus: the name of an interface can't hold '/'. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
-        assert_snapshot!(refusal("a-very-long-interface"), @"`a-very-long-interface` is not a bus: the name of an interface has at most 15 bytes, this one has 21. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
+        assert_snapshot!(refusal("/dev/ttyACM0"), @"`/dev/ttyACM0` is not a bus: the interface name contains '/', which is not allowed. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
+        assert_snapshot!(refusal("a-very-long-interface"), @"`a-very-long-interface` is not a bus: the interface name has 21 bytes; at most 15 are allowed. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
         assert_snapshot!(refusal("python-can"), @"`python-can` is not a bus: python-can needs interface=NAME, the name of one of its interfaces. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0");
         assert_snapshot!(refusal("python-can:slcan"), @r#"`python-can:slcan` is not a bus: "slcan" is not of the form key=value. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-        assert_snapshot!(refusal("python-can:interface=slcan,interface=slcan"), @r#"`python-can:interface=slcan,interface=slcan` is not a bus: "interface" is given twice. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+        assert_snapshot!(refusal("python-can:interface=slcan,interface=slcan"), @r#"`python-can:interface=slcan,interface=slcan` is not a bus: "interface" is given twice; give it once. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
         assert_snapshot!(refusal("python-can:interface="), @r#"`python-can:interface=` is not a bus: "interface" has no value. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-        assert_snapshot!(refusal("python-can:=slcan"), @r#"`python-can:=slcan` is not a bus: "" can't be the name of a python-can argument. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+        assert_snapshot!(refusal("python-can:=slcan"), @r#"`python-can:=slcan` is not a bus: "" is not a valid name of a python-can argument. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
     }
 
     proptest! {

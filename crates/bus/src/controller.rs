@@ -22,7 +22,7 @@ pub enum ControllerState {
 }
 
 impl ControllerState {
-    /// Its name in text.
+    /// Returns the name of the state in text.
     pub const fn name(self) -> &'static str {
         match self {
             ControllerState::Active => "error-active",
@@ -48,7 +48,7 @@ pub struct ControllerErrors {
     pub passive: u64,
     /// Number of times it entered [`ControllerState::BusOff`].
     pub bus_off: u64,
-    /// It was started again after that.
+    /// Number of times that the controller was started again after bus-off.
     pub restarted: u64,
     /// Error frames of unknown kind: most adapters of python-can have a content that differs from maker to maker.
     pub other: u64,

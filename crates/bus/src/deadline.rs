@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::time::Instant;
 
-/// When a wait ends, on the monotonic clock.
+/// End of a wait, on the monotonic clock.
 pub struct Deadline {
     /// `None` is never: beyond what the clock can express.
     end: Option<Instant>,

@@ -1,4 +1,4 @@
-//! What can go wrong with a bus, and how to fix it.
+//! Errors of a bus, each with its fix.
 
 use alloc::format;
 use alloc::string::String;
@@ -7,7 +7,7 @@ use std::io;
 
 use thiserror::Error;
 
-/// Why a bus could not be opened or used.
+/// Errors of opening or using a bus.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum BusError {
@@ -21,41 +21,43 @@ pub enum BusError {
     Address {
         /// Address as the user gave it.
         address: String,
-        /// What is wrong with it.
+        /// Reason why the address is invalid.
         reason: String,
     },
     /// A memory bus was asked for by its address.
     #[error(
-        "a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter \
-         together on one; between processes use vcan0 or another CAN interface"
+        "a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that \
+         several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter \
+         together on a memory bus"
     )]
     MemoryIsNotShared,
     /// The program was built without python-can.
-    #[error("this build has no python-can; `cargo build --release --features python-can` makes one that has")]
+    #[error("this build does not include python-can; build with `cargo build --release --features python-can`")]
     NoPythonCan,
     /// The kernel has no SocketCAN raw sockets and could not load them.
     #[error(
-        "this kernel has no SocketCAN ({source}). `sudo modprobe -a can can_raw vcan` loads it (in a container: on its \
-         host); a kernel built without CAN needs another. `resonarm demo` needs none"
+        "this kernel does not provide SocketCAN ({source}). Load it with `sudo modprobe -a can can_raw vcan` (in a \
+         container: on its host); if the kernel was built without CAN, install one that has it. `resonarm demo` \
+         needs no SocketCAN"
     )]
     NoSocketCan {
-        /// What the kernel answered.
+        /// Error that the kernel returned.
         source: io::Error,
     },
     /// There is no network interface of this name.
-    #[error("there is no interface {interface} ({}). {}", list(.present), creation(.interface))]
+    #[error("the CAN interface {interface} does not exist ({}). {}", list(.present), creation(.interface))]
     InterfaceMissing {
-        /// What was asked for.
+        /// Interface that was asked for.
         interface: String,
         /// The CAN interfaces there are.
         present: Vec<String>,
     },
     /// The network interface is of another kind.
     #[error(
-        "{interface} is a network interface, but not a CAN one; `ip -brief link show type vcan` and `type can` list those"
+        "{interface} is a network interface, but not a CAN interface; list those with `ip -brief link show type can` and `ip -brief link show type vcan`"
     )]
     NotCan {
-        /// What was asked for.
+        /// Interface that was asked for.
         interface: String,
     },
     /// The interface is down, or went down.
@@ -65,7 +67,9 @@ pub enum BusError {
         interface: String,
     },
     /// The interface was removed while it was in use.
-    #[error("{interface} has been removed: an adapter unplugged, or `ip link del`")]
+    #[error(
+        "the interface {interface} has been removed: its adapter was unplugged, or `ip link del` deleted it. Connect it again and restart the command"
+    )]
     InterfaceGone {
         /// Name of the network interface.
         interface: String,
@@ -80,21 +84,21 @@ pub enum BusError {
         interface: String,
     },
     /// A CAN FD frame was sent on an interface that carries classical frames only.
-    #[error("{interface} does not carry CAN FD frames. {}", enable_fd(.interface))]
+    #[error("{interface} is not configured for CAN FD frames. {}", enable_fd(.interface))]
     FdNotEnabled {
         /// Name of the network interface.
         interface: String,
     },
     /// The process lacks the permission.
     #[error(
-        "{interface}: {action} is not permitted ({source}). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
+        "{interface}: {action} is not permitted ({source}). SocketCAN needs no privileges, so a sandbox denies the call: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
     )]
     Permission {
         /// Name of the network interface.
         interface: String,
-        /// What was being done.
+        /// Operation that was denied.
         action: &'static str,
-        /// What the kernel answered.
+        /// Error that the kernel returned.
         source: io::Error,
     },
     /// Another answer of the operating system.
@@ -102,9 +106,9 @@ pub enum BusError {
     Os {
         /// Name of the network interface.
         interface: String,
-        /// What was being done.
+        /// Operation that failed.
         action: &'static str,
-        /// What the kernel answered.
+        /// Error that the kernel returned.
         source: io::Error,
     },
     /// python-can, or the Python it needs, failed.
@@ -132,7 +136,7 @@ fn list(present: &[String]) -> String {
 
 fn creation(interface: &str) -> String {
     if is_virtual(interface) {
-        format!("`sudo ip link add {interface} type vcan && sudo ip link set {interface} mtu 72 up` makes it")
+        format!("Create it with `sudo ip link add {interface} type vcan && sudo ip link set {interface} mtu 72 up`")
     } else {
         format!("Is the adapter plugged in and its driver loaded? {}", bring_up(interface))
     }
@@ -140,23 +144,23 @@ fn creation(interface: &str) -> String {
 
 fn bring_up(interface: &str) -> String {
     if is_virtual(interface) {
-        format!("`sudo ip link set {interface} up` brings it up")
+        format!("Bring it up with `sudo ip link set {interface} up`")
     } else {
-        format!("`sudo ip link set {interface} up type can bitrate 1000000` starts it at 1 Mbit/s")
+        format!("Start it at 1 Mbit/s with `sudo ip link set {interface} up type can bitrate 1000000`")
     }
 }
 
 fn restart(interface: &str) -> String {
     if interface.starts_with("python-can:") {
-        "an adapter that does not come back by itself does when it is opened anew".into()
+        "if the adapter does not recover by itself, restart the command to open it again".into()
     } else {
-        format!("`sudo ip link set {interface} type can restart-ms 100` lets it come back by itself")
+        format!("make it recover by itself with `sudo ip link set {interface} type can restart-ms 100`")
     }
 }
 
 fn enable_fd(interface: &str) -> String {
     let options = if is_virtual(interface) { "mtu 72" } else { "type can bitrate 1000000 dbitrate 5000000 fd on" };
-    format!("`sudo ip link set {interface} down && sudo ip link set {interface} up {options}` lets it")
+    format!("Enable them with `sudo ip link set {interface} down && sudo ip link set {interface} up {options}`")
 }
 
 #[cfg(test)]
@@ -174,15 +178,15 @@ mod tests {
     #[test]
     fn bus_messages_say_how_to_continue() {
         assert_snapshot!(BusError::Closed, @"the bus is closed");
-        assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
-        assert_snapshot!(BusError::NoPythonCan, @"this build has no python-can; `cargo build --release --features python-can` makes one that has");
+        assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
+        assert_snapshot!(BusError::NoPythonCan, @"this build does not include python-can; build with `cargo build --release --features python-can`");
     }
 
     #[test]
     fn kernel_messages_say_how_to_fix() {
-        assert_snapshot!(BusError::NoSocketCan { source: source(libc::EAFNOSUPPORT) }, @"this kernel has no SocketCAN (Address family not supported by protocol (os error 97)). `sudo modprobe -a can can_raw vcan` loads it (in a container: on its host); a kernel built without CAN needs another. `resonarm demo` needs none");
+        assert_snapshot!(BusError::NoSocketCan { source: source(libc::EAFNOSUPPORT) }, @"this kernel does not provide SocketCAN (Address family not supported by protocol (os error 97)). Load it with `sudo modprobe -a can can_raw vcan` (in a container: on its host); if the kernel was built without CAN, install one that has it. `resonarm demo` needs no SocketCAN");
         let (interface, action) = ("can0".to_string(), "opening the socket");
-        assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)");
+        assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). SocketCAN needs no privileges, so a sandbox denies the call: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)");
         let interface = "can0".to_string();
         assert_snapshot!(BusError::Os { interface, action: "sending", source: source(libc::EIO) }, @"can0: sending failed: Input/output error (os error 5)");
     }
@@ -193,15 +197,15 @@ mod tests {
             interface: interface.into(),
             present: present.iter().map(|name| name.to_string()).collect(),
         };
-        assert_snapshot!(missing("vcan0", &[]), @"there is no interface vcan0 (there are no CAN interfaces). `sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes it");
-        assert_snapshot!(missing("can1", &["can0", "vcan0"]), @"there is no interface can1 (CAN interfaces: can0, vcan0). Is the adapter plugged in and its driver loaded? `sudo ip link set can1 up type can bitrate 1000000` starts it at 1 Mbit/s");
-        assert_snapshot!(BusError::NotCan { interface: "lo".into() }, @"lo is a network interface, but not a CAN one; `ip -brief link show type vcan` and `type can` list those");
-        assert_snapshot!(BusError::InterfaceDown { interface: "vcan0".into() }, @"vcan0 is down. `sudo ip link set vcan0 up` brings it up");
-        assert_snapshot!(BusError::InterfaceDown { interface: "can0".into() }, @"can0 is down. `sudo ip link set can0 up type can bitrate 1000000` starts it at 1 Mbit/s");
-        assert_snapshot!(BusError::InterfaceGone { interface: "can0".into() }, @"can0 has been removed: an adapter unplugged, or `ip link del`");
-        assert_snapshot!(BusError::BusOff { interface: "can0".into() }, @"the controller of can0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; `sudo ip link set can0 type can restart-ms 100` lets it come back by itself");
-        assert_snapshot!(BusError::BusOff { interface: "python-can:interface=gs_usb,channel=0".into() }, @"the controller of python-can:interface=gs_usb,channel=0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; an adapter that does not come back by itself does when it is opened anew");
-        assert_snapshot!(BusError::FdNotEnabled { interface: "vcan0".into() }, @"vcan0 does not carry CAN FD frames. `sudo ip link set vcan0 down && sudo ip link set vcan0 up mtu 72` lets it");
-        assert_snapshot!(BusError::FdNotEnabled { interface: "can0".into() }, @"can0 does not carry CAN FD frames. `sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 dbitrate 5000000 fd on` lets it");
+        assert_snapshot!(missing("vcan0", &[]), @"the CAN interface vcan0 does not exist (there are no CAN interfaces). Create it with `sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up`");
+        assert_snapshot!(missing("can1", &["can0", "vcan0"]), @"the CAN interface can1 does not exist (CAN interfaces: can0, vcan0). Is the adapter plugged in and its driver loaded? Start it at 1 Mbit/s with `sudo ip link set can1 up type can bitrate 1000000`");
+        assert_snapshot!(BusError::NotCan { interface: "lo".into() }, @"lo is a network interface, but not a CAN interface; list those with `ip -brief link show type can` and `ip -brief link show type vcan`");
+        assert_snapshot!(BusError::InterfaceDown { interface: "vcan0".into() }, @"vcan0 is down. Bring it up with `sudo ip link set vcan0 up`");
+        assert_snapshot!(BusError::InterfaceDown { interface: "can0".into() }, @"can0 is down. Start it at 1 Mbit/s with `sudo ip link set can0 up type can bitrate 1000000`");
+        assert_snapshot!(BusError::InterfaceGone { interface: "can0".into() }, @"the interface can0 has been removed: its adapter was unplugged, or `ip link del` deleted it. Connect it again and restart the command");
+        assert_snapshot!(BusError::BusOff { interface: "can0".into() }, @"the controller of can0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; make it recover by itself with `sudo ip link set can0 type can restart-ms 100`");
+        assert_snapshot!(BusError::BusOff { interface: "python-can:interface=gs_usb,channel=0".into() }, @"the controller of python-can:interface=gs_usb,channel=0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; if the adapter does not recover by itself, restart the command to open it again");
+        assert_snapshot!(BusError::FdNotEnabled { interface: "vcan0".into() }, @"vcan0 is not configured for CAN FD frames. Enable them with `sudo ip link set vcan0 down && sudo ip link set vcan0 up mtu 72`");
+        assert_snapshot!(BusError::FdNotEnabled { interface: "can0".into() }, @"can0 is not configured for CAN FD frames. Enable them with `sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000 dbitrate 5000000 fd on`");
     }
 }

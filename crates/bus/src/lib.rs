@@ -42,7 +42,7 @@ pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
 /// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for all
 /// other callers. A node does not receive the frames it sent. Frames come in the order in which they were on the bus.
 pub trait Bus: Send {
-    /// What the bus is called, as its address has it: `vcan0`, `memory`.
+    /// Returns the name of the bus, as its address has it: `vcan0`, `memory`.
     fn name(&self) -> String;
 
     /// Queues one frame for sending. A full transmit queue is not an error: it is [`Sent::QueueFull`], and counted.
@@ -121,8 +121,8 @@ pub trait Bus: Send {
 
 /// One end of a bus in simulated time.
 pub trait VirtualBus: Bus {
-    /// When something happens on the bus by itself, ns on its clock: what has been sent up to now is sent, and more is
-    /// to come no earlier. `None` is never.
+    /// Returns the time at which something happens on the bus by itself, ns on its clock: what has been sent up to now
+    /// is sent, and more is to come no earlier. `None` is never.
     fn next_event_ns(&mut self) -> Option<u64>;
 }
 
@@ -197,7 +197,7 @@ pub enum Sent {
 pub struct Received {
     /// Frame as it was on the bus.
     pub frame: Frame,
-    /// When the kernel or the adapter saw it, in nanoseconds of the UNIX epoch, if the backend knows.
+    /// Time at which the kernel or the adapter saw the frame, in nanoseconds of the UNIX epoch, if the backend knows.
     pub timestamp_ns: Option<u64>,
 }
 
@@ -229,7 +229,7 @@ fn accepts(filters: &[Filter], frame: &Frame) -> bool {
     filters.is_empty() || filters.iter().any(|filter| filter.matches(frame))
 }
 
-/// What one end of a bus has seen, in frames since it was opened.
+/// Counts of one end of a bus, in frames since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Frames handed to the caller by [`Bus::receive`].

@@ -86,7 +86,7 @@ struct Numbered {
     frame: Frame,
 }
 
-/// What the senders share with one receiver beside the frames.
+/// State that the senders share with one receiver beside the frames.
 #[derive(Default)]
 struct Mailbox {
     /// Frames that found the ring full.
@@ -132,7 +132,7 @@ impl MemorySender {
 }
 
 impl MemoryReceiver {
-    /// The ring that holds the next frame the filters accept, once the refused frames before it are thrown away. Looks
+    /// The ring that holds the next frame the filters accept, once the rejected frames before it are thrown away. Looks
     /// at no more frames than there were at the call, so that a fast sender can't hold it.
     fn next_ring(&mut self) -> Option<usize> {
         let queued: usize = self.incoming.iter().map(Consumer::slots).sum();

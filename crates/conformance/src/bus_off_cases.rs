@@ -11,7 +11,7 @@ use super::times::{MARGIN_NS, MS};
 use super::wire::BusOff;
 use resonarm_protocol::{EmergencyCode, NodeState};
 
-/// How long the node is off the bus, ns: within the timeouts of a silent partner.
+/// Time for which the node is off the bus, ns: within the timeouts of a silent partner.
 const OFF_NS: u64 = 100 * MS;
 
 /// An operational plant faults.
@@ -40,7 +40,7 @@ fn lose(t: &mut Tester) -> Result<usize, Stop> {
     let from = t.heard.len();
     match t.wait_for_emergency(OFF_NS + 2 * MARGIN_NS)? {
         Some((_, e)) if e.code == EmergencyCode::BusLoss => {}
-        Some((_, e)) => return failed(format!("after its controller was bus-off it says: {e}")),
+        Some((_, e)) => return failed(format!("after its controller was bus-off it reports: {e}")),
         None => return failed("its controller was bus-off, and it says nothing of it"),
     }
     t.run_ns(MARGIN_NS)?;

@@ -10,7 +10,7 @@ use super::{
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;
 
-/// One case: a script of what is sent, and what must or must not be received. The scripts of a user's own protocol are
+/// One case: a script of what is sent, and what must or must not be received. The scripts of a user protocol are
 /// of another type: [`WireCase`](super::WireCase).
 #[derive(Clone, Copy, Debug)]
 pub struct Case<S = Script> {
@@ -20,7 +20,7 @@ pub struct Case<S = Script> {
     pub tested: Node,
     /// The mode that the node is in.
     pub mode: Mode,
-    /// What the case tests.
+    /// Subject that the case tests.
     pub title: &'static str,
     /// The requirements that it covers.
     pub requirements: &'static [&'static str],
@@ -313,7 +313,7 @@ const LOCKSTEP_PLANT: [Row; 5] = [
     ("lockstep-plant-timeout", "silence of the exciter", &["R-8.21"], Run(lockstep_cases::plant_timeout)),
     (
         "lockstep-plant-refused",
-        "an exciter that gives up after its command was refused",
+        "an exciter that gives up after its command was rejected",
         &["R-8.25"],
         Run(lockstep_cases::plant_reports_refusal),
     ),

@@ -13,21 +13,21 @@ use super::{exciter_role, plant_role};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
 use resonarm_protocol::{Cycle, Frame, FrameFormat, Hello, Id, Message, MessageKind, Node, NodeState};
 
-/// How long heartbeats are watched, ns.
+/// Time for which heartbeats are watched, ns.
 const WATCH_NS: u64 = 1000 * MS;
 
 /// The most heartbeats in a second, apart from those that report a change of state.
 const MOST_HEARTBEATS: u64 = 20;
-/// How many remote frames are sent for each message.
+/// Number of remote frames that are sent for each message.
 const REMOTE_FRAMES: u64 = 30;
-/// How far apart they are, ns.
+/// Time between two remote frames, ns.
 const REMOTE_PERIOD_NS: u64 = 5 * MS;
 
 /// Heartbeats at least every 100 ms, and at most 20 a second. A single late one may be due to a stop of the node; not so
 /// if the node was heard meanwhile, or if most are late.
 pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(t.settings.patience_ns, |_| true)?.is_none() {
-        return inconclusive("nothing of the node under test came");
+        return inconclusive("no frame of the node under test was received");
     }
     let start_ns = t.now_ns();
     t.run_ns(WATCH_NS)?;
@@ -109,8 +109,8 @@ pub(super) fn remote_frames(t: &mut Tester) -> Result<(), Stop> {
         };
         if is_answered {
             return wrong(format!(
-                "it answers remote frames: {with} {kind} came beside {REMOTE_FRAMES} remote frames of each message, and \
-                 {without} without them"
+                "it answers remote frames: {with} {kind} were received beside {REMOTE_FRAMES} remote frames of each \
+                 message, and {without} without them"
             ));
         }
     }
@@ -138,7 +138,7 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
     };
     if let Some(mismatch) = t.hello.mismatch(&theirs) {
         let (theirs, own) = (described(&theirs), described(&t.hello));
-        return wrong(format!("its hello doesn't fit this program's ({mismatch}): {theirs}, not {own}"));
+        return wrong(format!("its hello is incompatible with this program's ({mismatch}): {theirs}, expected {own}"));
     }
     if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {
         return wrong(format!("{} samples a second, at least {REAL_TIME_RATE_MIN_HZ} in real time", theirs.rate_hz));
@@ -147,7 +147,7 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Fails for a hello that was refused; otherwise there was none.
+/// Fails for a hello that was rejected; otherwise there was none.
 fn no_hello(t: &Tester, text: String) -> Result<(), Stop> {
     let kind = match t.tested {
         Node::Plant => MessageKind::PlantHello,
@@ -188,7 +188,7 @@ pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
     let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
         return Err(Stop::Skipped(String::from(
-            "no bit rate is given (--bit-rate-hz), so 70 % of the bus is not known",
+            "no bit rate is given (--bit-rate-hz), so a bus load of 70 % can't be made",
         )));
     };
     t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));

@@ -9,14 +9,14 @@ use super::tester::{Tester, emergency};
 use super::times::{MARGIN_NS, MS};
 use resonarm_protocol::{Message, OperatorRequest};
 
-/// How often a node is made to send its rare messages.
+/// Number of times that a node is made to send its rare messages.
 const ROUNDS: u32 = 4;
 
 /// Checks a plant, which is made to send hellos and to refuse to arm.
 pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     for _ in 0..ROUNDS {
-        // After a boot the plant knows no hello, so that it refuses the request by an emergency.
+        // After a boot the plant knows no hello, so that it rejects the request by an emergency.
         t.boot()?;
         t.request(OperatorRequest::Arm)?;
         t.wait_for(MARGIN_NS, |message| emergency(message).is_some())?;

@@ -45,7 +45,7 @@ impl Counters {
                 return;
             }
             Ok(Some(message)) => (message.kind(), sample(message)),
-            // A frame that is refused for its counter shows the counter, too.
+            // A frame that is rejected for its counter shows the counter, too.
             Err(DecodeError::Counter { kind, .. }) => (*kind, None),
             Ok(None) | Err(_) => return,
         };

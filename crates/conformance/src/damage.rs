@@ -1,4 +1,4 @@
-//! Commands that a plant must refuse, and samples that an exciter must.
+//! Commands that a plant must reject, and samples that an exciter must.
 
 use resonarm_protocol::e2e::{profile5, profile11};
 use resonarm_protocol::{
@@ -22,7 +22,7 @@ pub(super) enum Damage {
     Length,
     /// A bit that belongs to no signal is set.
     ReservedBit,
-    /// Its first value is not available, or not a number.
+    /// The first value is not available, or not a number.
     NotAvailable,
     /// A 29-bit identifier with the same number.
     Extended,
@@ -44,7 +44,7 @@ impl Damage {
         Damage::Base,
     ];
 
-    /// The damaged frame. `make` makes the frame with a transmitter; `n` counts the damaged ones.
+    /// Returns the damaged frame. `make` makes the frame with a transmitter; `n` counts the damaged ones.
     pub fn apply(self, ends: &mut Ends, n: u64, make: impl Fn(&mut Transmitter) -> Option<Frame>) -> Option<Frame> {
         match self {
             Damage::Repeated => return make(&mut ends.before.clone()),
@@ -93,7 +93,7 @@ impl Damage {
             Damage::Format => return Frame::classic(frame.id(), &data[..8]),
             Damage::Repeated | Damage::Jump | Damage::DataId => {}
         }
-        // These have to be refused for their content, so their CRC must be right.
+        // These have to be rejected for their content, so their CRC must be right.
         if let (Damage::ReservedBit | Damage::NotAvailable, Some(data_id)) = (self, data_id(network, frame)) {
             protect(&mut data, data_id);
         }
@@ -127,7 +127,7 @@ pub(super) fn protect(data: &mut [u8], data_id: u16) {
 #[derive(Clone, Debug)]
 pub(super) struct Ends {
     pub transmitter: Transmitter,
-    /// As it was before the last frame that can be repeated.
+    /// Transmitter as it was before the last frame that can be repeated.
     pub before: Transmitter,
     other: Option<Transmitter>,
 }

@@ -16,7 +16,7 @@ const SAMPLE_NS: u64 = 1_000_000;
 /// Records that wait for the writer: some seconds of a full bus.
 const CAPACITY: usize = 1 << 15;
 
-/// What a recording of cases on Resonarm's protocol says of how they were run.
+/// Describes, for a recording of cases on Resonarm's protocol, how they were run.
 pub fn configuration(tested: Node, network: Network, settings: Settings) -> Configuration {
     let stated = |limit: Option<f64>| limit.map_or(String::from("none"), |limit| limit.to_string());
     Configuration::new()

@@ -19,12 +19,12 @@ use resonarm_protocol::{
 /// take: this is less than the 80 ms after which the next one is due in most nodes, and longer than a machine usually
 /// stops a process. A node fails only if it is this late three times.
 const AT_ONCE_NS: u64 = 75 * MS;
-/// How long samples may be answered before the heartbeat operational, ns: a controller may send frames of low
+/// Time for which samples may be answered before the heartbeat operational, ns: a controller may send frames of low
 /// identifiers first.
 const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;
-/// By when an exciter that arms the plant itself asks for it, ns from when the plant's hello fits.
+/// Time within which an exciter that arms the plant itself asks for it, ns from when the plant's hello fits.
 const ARM_REQUEST_NS: u64 = 1000 * MS;
-/// How many samples are sent of which each waits for the answer to the one before, and how many of them may have none.
+/// Number of samples sent of which each waits for the answer to the one before, and how many of them may have none.
 const AWAITED: u16 = 60;
 const MOST_MISSING: usize = 2;
 /// The fewest distances between samples without an answer that show a rule.
@@ -32,7 +32,7 @@ const REGULAR: usize = 4;
 /// An exciter that is still present this long after its work ended is taken to stay, ns.
 const STAYS_NS: u64 = 3 * GONE_NS;
 
-/// It doesn't begin without a hello, and faults at a hello that doesn't fit.
+/// The exciter doesn't begin without a hello, and faults at a hello that doesn't fit.
 pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     exchange_hellos(t)?;
     t.boot()?;
@@ -42,12 +42,12 @@ pub(super) fn begins_for_a_hello(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     t.run_ns(2 * MARGIN_NS)?;
     refuse_begin(t, from, "without a hello of the plant")?;
-    // One bit of the hash is the smallest difference that must be refused.
+    // One bit of the hash is the smallest difference that must be rejected.
     t.hello = Hello { dbc_hash: t.hello.dbc_hash ^ 1, ..t.hello };
     t.send_hello()?;
     match t.wait_for_emergency(MARGIN_NS)? {
         Some((_, e)) if (e.code, e.detail) == (EmergencyCode::Incompatible, Mismatch::DbcHash as u16) => {}
-        Some((_, e)) => return failed(format!("at a hello with another DBC hash it says: {e}")),
+        Some((_, e)) => return failed(format!("at a hello with another DBC hash it reports: {e}")),
         None => return late("it ignores a hello with another DBC hash"),
     }
     t.run_ns(MARGIN_NS)?;
@@ -73,7 +73,9 @@ pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
     match first.and_then(|heard| request(&heard.message)) {
         Some(OperatorRequest::Reset) => {}
         Some(_) => return failed("its first request to a plant in fault is not the reset"),
-        None => return t.unready("it asks nothing of a plant in fault: is it started again after each case?"),
+        None => {
+            return t.unready("it sends no request to a plant in fault: check that it is restarted after each case");
+        }
     }
     t.send_state(NodeState::PreOperational)?;
     match t.wait_for(MARGIN_NS + 100 * MS, is_arm)? {
@@ -151,10 +153,10 @@ fn judge_awaited(answers: &Answered) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Which samples of a series are answered.
+/// Samples of a series that are answered.
 pub(super) struct Answered {
     sent: usize,
-    /// How many of them are answered.
+    /// Number of samples that are answered.
     pub count: usize,
     /// The samples that are the first of some in a row without an answer, counted from the first of the series, and how
     /// many those are.
@@ -167,7 +169,8 @@ struct Gap {
 }
 
 impl Answered {
-    /// Of the `sent` samples from `first` on those that these commands answer. Answers to earlier samples don't count.
+    /// Finds those of the `sent` samples from `first` on that these commands answer. Answers to earlier samples don't
+    /// count.
     pub fn new(commands: &[u16], first: u16, sent: u16) -> Answered {
         let mut is_answered = alloc::vec![false; usize::from(sent)];
         for sample in commands {
@@ -204,7 +207,7 @@ impl Answered {
     }
 }
 
-/// It asks for arming soon after its partner's hello fits.
+/// The exciter asks for arming soon after its partner's hello fits.
 pub(super) fn asks_to_arm(t: &mut Tester) -> Result<(), Stop> {
     exchange_hellos(t)?;
     t.boot()?;
@@ -215,7 +218,7 @@ pub(super) fn asks_to_arm(t: &mut Tester) -> Result<(), Stop> {
         let left_ns = give_up_ns.saturating_sub(asked_ns);
         let word = t.wait_for(left_ns, |message| is_arm(message) || is_state(message, NodeState::BootUp))?;
         let Some(heard) = word else {
-            return t.unready("it doesn't ask the plant to arm: is it started again after each case?");
+            return t.unready("it doesn't ask the plant to arm: check that it is restarted after each case");
         };
         if !is_arm(&heard.message) {
             // Another one has been started, which has heard no hello.
@@ -333,7 +336,7 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
     let (heard, e) = t.expect_emergency(most_ns, EmergencyCode::SensorTimeout, text)?;
     let after_ns = heard.at_ns - silent_ns;
     if e.code != EmergencyCode::SensorTimeout {
-        return failed(format!("without samples it says: {e}"));
+        return failed(format!("without samples it reports: {e}"));
     }
     // The last sample was sent up to a period, and the tester's hold-up, earlier.
     if after_ns + 2 * period_ns + t.held_up_ns < HEARTBEAT_TIMEOUT_NS {
@@ -374,8 +377,8 @@ fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     }
 }
 
-/// It sends the heartbeat at once when it becomes operational (judged by the samples answered before it), and when it
-/// no longer is.
+/// The exciter sends the heartbeat at once when it becomes operational (judged by the samples answered before it), and
+/// when it no longer is.
 pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let place = |holds: &dyn Fn(&Message) -> bool, from: usize| {
@@ -405,7 +408,7 @@ pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// After its end it says that it leaves, before it boots again or is gone.
+/// The exciter says after its end that it leaves, before it boots again or is gone.
 pub(super) fn leaves(t: &mut Tester) -> Result<(), Stop> {
     leaves_after(t, NodeState::PreOperational)
 }
@@ -476,7 +479,7 @@ fn faults(t: &mut Tester, within_ns: u64, code: EmergencyCode) -> Result<(), Sto
     let text = format!("no emergency {code} within {}", ms(within_ns));
     match t.expect_emergency(within_ns, code, text)? {
         (_, e) if e.code == code => ends(t, from, NodeState::Fault),
-        (_, e) => failed(format!("instead of {code} it says: {e}")),
+        (_, e) => failed(format!("expected emergency {code}, but it reports: {e}")),
     }
 }
 

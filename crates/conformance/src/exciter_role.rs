@@ -21,7 +21,7 @@ pub(super) fn exchange_hellos(t: &mut Tester) -> Result<Hello, Stop> {
     let Some(theirs) = t.last_hello() else {
         let instead = t.traffic.in_place_of(MessageKind::ExciterHello);
         return inconclusive(format!(
-            "no hello of an exciter came: is it on this bus, and started again after each case? Instead came: {instead}"
+            "no hello of an exciter was received: check that it is on this bus and restarted after each case. Received instead: {instead}"
         ));
     };
     t.hello = Hello::new(t.network.profile(), theirs.rate_hz);
@@ -42,7 +42,7 @@ pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     // An earlier exciter that was stopped may still say that it is operational, but it arms nothing more.
     let patience_ns = t.settings.patience_ns;
     if t.wait_for(patience_ns, is_arm)?.is_none() {
-        return t.unready("it doesn't arm the plant: is it started again after each case?");
+        return t.unready("it doesn't arm the plant: check that it is restarted after each case");
     }
     if t.wait_for_state(patience_ns, NodeState::Operational)?.is_none() {
         return t.unready("it doesn't become operational when the plant does");

@@ -15,7 +15,7 @@ const RESTARTED: u32 = libc::CAN_ERR_RESTARTED;
 #[derive(Debug)]
 pub(super) struct Controller {
     socket: CanSocket,
-    /// When it is to be restarted, ns, if it is off.
+    /// Time at which the node is to be restarted, ns, if it is off.
     pub on_at_ns: Option<u64>,
 }
 
@@ -51,7 +51,7 @@ impl Controller {
 #[derive(Debug)]
 pub(super) struct Process {
     pid: Pid,
-    /// When it is to resume, ns, if it is stopped.
+    /// Time at which the process is to resume, ns, if it is stopped.
     pub resumes_at_ns: Option<u64>,
 }
 

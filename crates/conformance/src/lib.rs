@@ -3,7 +3,7 @@
 //! A case is a script of what is sent and what must, or must not, be received within which time. It is written against
 //! a [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`]
 //! are the demands of `SPEC.md`, and state which ones no case can check. Nodes in real time and in lockstep have
-//! separate lists. On a user's own protocol the demands are those of its mapping, [`WIRE_REQUIREMENTS`];
+//! separate lists. On a user protocol the demands are those of its mapping, [`WIRE_REQUIREMENTS`];
 //! [`run_on_wire`] runs the cases for a [`UserWire`].
 //!
 //! Times by the clock have a margin of [`MARGIN_NS`], for the machine may hold any process up. A plant is judged by the
@@ -73,11 +73,11 @@ use tries::{Limits, Rejected, Subject, Try, conclude, tries};
 pub enum Verdict {
     /// The node does what it must.
     Passed,
-    /// It does not, with what it does.
+    /// The node does not conform, with what it does.
     Failed(String),
     /// Undecided, with the reason.
     Inconclusive(String),
-    /// Not tried, with the reason.
+    /// The case was not tried, with the reason.
     Skipped(String),
 }
 
@@ -124,8 +124,8 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
     })
 }
 
-/// How long the tester may be held up before a failure is inconclusive: a plant faults without commands for 20 ms.
-/// In lockstep it waits.
+/// Returns how long the tester may be held up before a failure is inconclusive: a plant faults without commands for 20
+/// ms. In lockstep it waits.
 const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
     match (mode, tested) {
         (Mode::RealTime | Mode::Free, Node::Plant) => COMMAND_TIMEOUT_NS / 4,
@@ -133,9 +133,9 @@ const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
     }
 }
 
-/// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples at least
-/// every 10 ms; an exciter without samples to answer, and a plant that waits in lockstep, send heartbeats. The margin
-/// of the clock covers shorter silences.
+/// Returns how long the node under test may be silent before it is taken to have been stopped. A plant sends samples at
+/// least every 10 ms; an exciter without samples to answer, and a plant that waits in lockstep, send heartbeats. The
+/// margin of the clock covers shorter silences.
 const fn silent_limit_ns(mode: Mode, tested: Node) -> u64 {
     match (mode, tested) {
         (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,

@@ -23,9 +23,9 @@ const STREAM: u64 = 1;
 pub(super) struct BusLoad {
     rates: BitRates,
     noise: Noise,
-    /// When it began, ns; later if frames were omitted.
+    /// Time at which the load began, ns; later if frames were omitted.
     start_ns: u64,
-    /// How long the frames since then take, ns.
+    /// Time that the frames since then take, ns.
     busy_ns: u64,
     next_ns: u64,
 }
@@ -41,7 +41,7 @@ impl BusLoad {
         self.busy_ns += bits::of(frame).time_ns(self.rates);
     }
 
-    /// When it is checked next, ns.
+    /// Returns the time at which the load is checked next, ns.
     pub fn next_ns(&self) -> u64 {
         self.next_ns
     }

@@ -23,10 +23,10 @@ fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
     match forces(t, 0).last() {
         // The last sample was answered, and the next did not come: there is none to leave unanswered.
         Some((sample, _)) if t.answered == Some(sample) => {
-            late(format!("after the answer to sample {sample} no other came within {}", ms(MARGIN_NS)))
+            late(format!("after the answer to sample {sample}, no other sample was received within {}", ms(MARGIN_NS)))
         }
         Some((sample, _)) => Ok(sample),
-        None => inconclusive("no sample came"),
+        None => inconclusive("no sample was received"),
     }
 }
 
@@ -39,7 +39,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
     continues(t, sample)
 }
 
-/// Only the command for this very sample counts.
+/// The plant accepts only the command for this very sample.
 pub(super) fn plant_takes_no_other(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     // The neighbours are the likeliest mistakes: an answer one sample late, or one ahead.
@@ -69,7 +69,7 @@ fn continues(t: &mut Tester, sample: u16) -> Result<(), Stop> {
     for (n, (index, _)) in forces(t, from).enumerate() {
         let expected = sample.wrapping_add(1 + n as u16);
         if index != expected {
-            return failed(format!("sample {index} came instead of {expected}"));
+            return failed(format!("received sample {index}, expected {expected}"));
         }
     }
     Ok(())
@@ -84,7 +84,7 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     ramps(t, from, e.sample)
 }
 
-/// An exciter whose command was refused gives up for lack of samples: the plant reports the refusal.
+/// An exciter whose command was rejected gives up for lack of samples: the plant reports the refusal.
 pub(super) fn plant_reports_refusal(t: &mut Tester) -> Result<(), Stop> {
     let sample = leave_unanswered(t)?;
     t.answer_with(Answers::Shifted(t.settings.force_n, -1), sample)?;
@@ -94,7 +94,7 @@ pub(super) fn plant_reports_refusal(t: &mut Tester) -> Result<(), Stop> {
     let text = "no emergency after its exciter has faulted";
     match t.expect_emergency(MARGIN_NS, EmergencyCode::CommandTimeout, text)? {
         (_, e) if e.code == EmergencyCode::CommandTimeout && Refusal::from_detail(e.detail).1.is_some() => Ok(()),
-        (_, e) => failed(format!("after a refused command and its exciter's fault it says: {e}")),
+        (_, e) => failed(format!("after a rejected command and its exciter's fault it reports: {e}")),
     }
 }
 
@@ -106,7 +106,7 @@ fn times_out(t: &mut Tester, sent_ns: u64, code: EmergencyCode) -> Result<Emerge
     };
     let took_ns = heard.at_ns.saturating_sub(sent_ns);
     if e.code != code {
-        return failed(format!("instead of {code} it says: {e}"));
+        return failed(format!("expected emergency {code}, but it reports: {e}"));
     }
     t.note(format!("fault after {}", ms(took_ns)));
     if took_ns < LOCKSTEP_TIMEOUT_NS {

@@ -21,7 +21,7 @@ fn can(t: &Tester) -> Result<(), Stop> {
     });
     match stated {
         Some(SamplesPerFrame::Two) => Ok(()),
-        _ => skipped("its capabilities don't state it"),
+        _ => skipped("its capabilities don't announce it"),
     }
 }
 
@@ -49,7 +49,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
             let (index, samples) = (frame.0, frame.1 as u8);
             let wanted = wanted.0;
             return failed(format!(
-                "a frame of {samples} samples from {index} on came instead of the pair from {wanted} on"
+                "received a frame of {samples} samples from {index} on, expected the pair from {wanted} on"
             ));
         }
     }
@@ -57,7 +57,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     match forces(t, from).last() {
         Some((_, read_n)) if (read_n - t.settings.force_n).abs() < 0.2 * t.settings.force_n => Ok(()),
         Some((_, read_n)) => failed(format!("commanded {} N, the head reads {read_n:.2} N", t.settings.force_n)),
-        None => failed("no force is measured"),
+        None => failed("the head measures no force"),
     }
 }
 

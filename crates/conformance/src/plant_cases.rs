@@ -17,10 +17,10 @@ use resonarm_protocol::{
     Profile,
 };
 
-/// How much later a heartbeat that must be sent at once may come, by the plant's samples, ns: an adapter takes some ms
-/// to pass a request on, and a plant without commands faults after this time.
+/// Delay with which a heartbeat that must be sent at once may come, by the plant's samples, ns: an adapter takes some
+/// ms to pass a request on, and a plant without commands faults after this time.
 const AT_ONCE_NS: u64 = COMMAND_TIMEOUT_NS;
-/// How long a plant is stopped, ns: longer than any of its timeouts.
+/// Time for which a plant is stopped, ns: longer than any of its timeouts.
 const STOP_NS: u64 = 400 * MS;
 
 /// Every frame passes the protocol's checks; samples are complete and without a gap.
@@ -45,7 +45,7 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
         let expected = (wanted[n % wanted.len()], start.wrapping_add((n / wanted.len()) as u16));
         if (*kind, *index) != expected {
             let (wanted, sample) = expected;
-            return failed(format!("{kind} with index {index} came instead of {wanted} with index {sample}"));
+            return failed(format!("received {kind} with index {index}, expected {wanted} with index {sample}"));
         }
     }
     t.note(format!("{} frames", frames.len()));
@@ -98,8 +98,8 @@ fn refuses_to_arm(t: &mut Tester, mismatch: Mismatch) -> Result<(), Stop> {
     })?;
     match word.and_then(|heard| emergency(&heard.message)) {
         Some(e) if (e.code, e.detail) == (EmergencyCode::Incompatible, mismatch as u16) => Ok(()),
-        Some(e) => failed(format!("asked to arm ({mismatch}) it says: {e}")),
-        None if word.is_some() => failed(format!("it arms all the same: {mismatch}")),
+        Some(e) => failed(format!("asked to arm ({mismatch}) it reports: {e}")),
+        None if word.is_some() => failed(format!("it arms in spite of the mismatch: {mismatch}")),
         None => late(format!("asked to arm ({mismatch}) it says nothing within {}", ms(100 * MS + MARGIN_NS))),
     }
 }
@@ -133,7 +133,7 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
     stays(t, Fault, &[Arm, Disarm])
 }
 
-/// In fault it follows a reset, also if it is in fault from the beginning.
+/// The plant follows a reset in fault, also if it is in fault from the beginning.
 pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     use NodeState::{Fault, Operational, PreOperational};
     exchange_hellos(t)?;
@@ -258,7 +258,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     for force_n in [t.settings.force_n, -t.settings.force_n] {
         t.answers = Answers::Force(force_n);
         hold(t)?;
-        let Some((sample, read_n)) = forces(t, 0).last() else { return failed("no force is measured") };
+        let Some((sample, read_n)) = forces(t, 0).last() else { return failed("the head measures no force") };
         if (read_n - force_n).abs() > 0.2 * force_n.abs() {
             return failed(format!("commanded {force_n} N, the head reads {read_n:.2} N at sample {sample}"));
         }
@@ -266,7 +266,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Before arming no command acts.
+/// No command acts before the plant is armed.
 pub(super) fn not_armed(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     let from = t.heard.len();
@@ -314,13 +314,15 @@ pub(super) fn becomes_fault(t: &mut Tester, from: usize) -> Result<(), Stop> {
     }
 }
 
-/// When disarmed, the load held goes to zero in equal steps.
+/// The load held goes to zero in equal steps when the plant is disarmed.
 pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
     t.request(OperatorRequest::Disarm)?;
     becomes(t, NodeState::PreOperational)?;
-    let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else { return failed("no force is measured") };
+    let Some((left_at, _)) = forces(t, from.saturating_sub(20)).last() else {
+        return failed("the head measures no force");
+    };
     run_samples(t, samples(t, 2 * FORCE_RAMP_NS))?;
     ramps(t, from, left_at)
 }
@@ -346,7 +348,7 @@ pub(super) fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Sto
             ));
         }
     }
-    if after < steps + 2 { inconclusive(format!("only {after} samples of the ramp came")) } else { Ok(()) }
+    if after < steps + 2 { inconclusive(format!("only {after} samples of the ramp were received")) } else { Ok(()) }
 }
 
 /// A fault and a boot of the exciter are faults of an operational plant.
@@ -393,6 +395,6 @@ pub(super) fn second_sender(t: &mut Tester) -> Result<(), Stop> {
     let text = "it ignores its own hello from another node";
     match t.expect_emergency(MARGIN_NS, EmergencyCode::SecondSender, text)? {
         (_, e) if (e.code, e.detail) == (EmergencyCode::SecondSender, identifier) => Ok(()),
-        (_, e) => failed(format!("hearing its own hello from another node it says: {e}")),
+        (_, e) => failed(format!("hearing its own hello from another node it reports: {e}")),
     }
 }

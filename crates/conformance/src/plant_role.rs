@@ -28,7 +28,7 @@ pub(super) fn exchange_hellos(t: &mut Tester) -> Result<Hello, Stop> {
     }
     let instead = t.traffic.in_place_of(MessageKind::PlantHello);
     inconclusive(format!(
-        "no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: {instead}"
+        "no hello of a plant was received: check that it is on this bus, with this base, these node ids and this profile. Received instead: {instead}"
     ))
 }
 
@@ -81,9 +81,9 @@ pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
 /// Judges an emergency other than the required one. A trip at the travel is not the case's doing.
 pub(super) fn instead<T>(e: &Emergency, when: &str) -> Result<T, Stop> {
     if (e.code, e.detail) == (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
-        return inconclusive(format!("{when} it says: {e}; let the arm come to rest first, or use less --force-n"));
+        return inconclusive(format!("{when} it reports: {e}; let the arm come to rest first, or use less --force-n"));
     }
-    failed(format!("{when} it says: {e}"))
+    failed(format!("{when} it reports: {e}"))
 }
 
 /// Lets the plant make so many samples.
@@ -92,7 +92,7 @@ pub(super) fn run_samples(t: &mut Tester, n: u16) -> Result<(), Stop> {
     let give_up_ns = t.now_ns() + u64::from(n) * period_ns + GONE_NS;
     while forces(t, from).count() < usize::from(n) {
         if t.now_ns() >= give_up_ns {
-            return inconclusive(format!("only {} of {n} samples came", forces(t, from).count()));
+            return inconclusive(format!("only {} of {n} samples were received", forces(t, from).count()));
         }
         t.run_ns(period_ns)?;
     }

@@ -1,4 +1,4 @@
-//! Commands that a plant must refuse: they neither act nor keep it operational.
+//! Commands that a plant must reject: they neither act nor keep it operational.
 
 use alloc::format;
 use alloc::string::String;
@@ -13,14 +13,14 @@ use super::times::{MS, ms};
 use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
 
-/// How far a command is beyond the limit that a plant states, as a multiple of it: a plant that accepts it all the same
+/// Size of a command beyond the limit that a plant states, as a multiple of it: a plant that accepts it all the same
 /// is driven hardly more than it can be.
 const BEYOND_STATED: f64 = 1.01;
 
 /// Time over which the force rises that drives a plant beyond its travel, ns: short, since a stop of the process ends
 /// the try.
 const SLOPE_NS: u64 = 250 * MS;
-/// How long the force is applied for the plant to exceed its travel, ns.
+/// Time for which the force is applied for the plant to exceed its travel, ns.
 const TRAVEL_NS: u64 = 5_000 * MS;
 
 /// Damaged frames instead of commands.
@@ -79,7 +79,7 @@ pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
 /// Commands larger than the plant's exciter can produce. If no force is given, slightly more than the limit that the
 /// plant states in the FD profile.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
-    let none = "no force is given that the plant must refuse (--beyond-n); a plant that takes it would apply it";
+    let none = "no force is given that the plant must reject (--beyond-n); a plant that accepts it would apply it";
     if t.settings.beyond_n.is_none() && t.network.profile() == Profile::Classic {
         return skipped(none);
     }
@@ -101,7 +101,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
 /// Commands that change the load in a sample period by more than the plant accepts.
 pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n_per_s) = t.settings.beyond_n_per_s else {
-        return skipped("no rate of change is given that the plant must refuse (--beyond-n-per-s)");
+        return skipped("no rate of change is given that the plant must reject (--beyond-n-per-s)");
     };
     drive(t)?;
     let (force_n, jump_n) = (t.settings.force_n, beyond_n_per_s / f64::from(t.hello.rate_hz));
@@ -152,7 +152,7 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
         None => t.expect_emergency(TRAVEL_NS, EmergencyCode::ExciterTripped, text)?.1,
     };
     if (tripped.code, tripped.detail) != (EmergencyCode::ExciterTripped, Trip::Travel as u16) {
-        return failed(format!("instead of a trip at its travel it says: {tripped}"));
+        return failed(format!("expected a trip at its travel, but it reports: {tripped}"));
     }
     run_samples(t, 12)?;
     // The load held at the sample named may still be read: a converter with a filter reads up to five holds.
@@ -163,7 +163,7 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// How a command that acts is judged: [`wrong`] if it must never act, whenever it comes, and [`failed`] if a command that
+/// Verdict on a command that acts: [`wrong`] if it must never act, whenever it comes, and [`failed`] if a command that
 /// comes late because the tester was held up may act.
 type Acts = fn(String) -> Result<Emergency, Stop>;
 

@@ -3,20 +3,20 @@
 /// A demand of the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Requirement {
-    /// Its number in `SPEC.md`: the section, and a number within it.
+    /// Number of the requirement in `SPEC.md`: the section, and a number within it.
     pub id: &'static str,
     /// A summary of the demand.
     pub text: &'static str,
-    /// How it is checked.
+    /// Way in which the requirement is checked.
     pub check: Check,
 }
 
-/// How a requirement is checked.
+/// Way in which a requirement is checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
-    /// By the cases that name it.
+    /// The requirement is checked by the cases that name it.
     Cases,
-    /// Not by a case of this program, for this reason.
+    /// The requirement is not checked by a case of this program, for this reason.
     Elsewhere(&'static str),
 }
 
@@ -44,15 +44,15 @@ pub const REQUIREMENTS: [Requirement; 58] = [
     tested("R-1.4", "a second sender of the node's messages is a fault"),
     tested("R-1.5", "a remote frame is not answered"),
     tested("R-2.1", "each message has its own counter, which steps by 1"),
-    tested("R-2.2", "repeated counters and jumps of 5 or more are refused"),
+    tested("R-2.2", "repeated counters and jumps of 5 or more are rejected"),
     untested(
         "R-2.3",
         "the boot-up heartbeat is sent before anything else competes for the bus",
         "only a busy bus with arbitration shows it",
     ),
-    tested("R-2.4", "a refused frame has no effect"),
-    tested("R-2.5", "reserved bits, values that are not available or not finite, and unknown values are refused"),
-    tested("R-3.1", "the count that means not available is refused"),
+    tested("R-2.4", "a rejected frame has no effect"),
+    tested("R-2.5", "reserved bits, values that are not available or not finite, and unknown values are rejected"),
+    tested("R-3.1", "the count that means not available is rejected"),
     tested("R-3.2", "not a number and infinity are not sent (classic)"),
     untested(
         "R-3.3",
@@ -96,8 +96,8 @@ pub const REQUIREMENTS: [Requirement; 58] = [
     tested("R-8.1", "a sample's messages, in their order, with one index that has no gap"),
     tested("R-8.2", "a whole sample is answered with its index, an incomplete one is not"),
     tested("R-8.3", "repeated samples are ignored, ten are a fault, and so is an index outside the window"),
-    tested("R-8.4", "commands that are too large, old, early or repeated, or come while not operational, are refused"),
-    tested("R-8.5", "a refused command neither acts nor feeds the timeout"),
+    tested("R-8.4", "commands that are too large, old, early or repeated, or come while not operational, are rejected"),
+    tested("R-8.5", "a rejected command neither acts nor feeds the timeout"),
     tested("R-8.6", "what was held goes to zero in equal steps"),
     tested("R-8.7", "20 ms without a command are a fault, and the force is zero 50 ms later"),
     tested("R-8.8", "an exciter ends when the plant leaves"),
@@ -108,8 +108,8 @@ pub const REQUIREMENTS: [Requirement; 58] = [
         "a plant that can, armed by an exciter that can, sends two samples a frame, the first with an even index",
     ),
     tested("R-8.12", "an exciter that can answers the second sample of a frame"),
-    tested("R-8.13", "a plant with a largest rate of change refuses what changes the load faster"),
-    tested("R-8.14", "a plant with a largest travel refuses every command beyond it"),
+    tested("R-8.13", "a plant with a largest rate of change rejects what changes the load faster"),
+    tested("R-8.14", "a plant with a largest travel rejects every command beyond it"),
     tested("R-8.20", "in lockstep a plant waits for the command with the index of its sample, and takes no other"),
     tested("R-8.21", "in lockstep a plant without an answer faults after 1000 ms"),
     tested("R-8.22", "in lockstep an exciter waits 1000 ms for the next sample, and faults without it"),
@@ -119,7 +119,7 @@ pub const REQUIREMENTS: [Requirement; 58] = [
         "an exciter that ends asks for the disarm until the plant has answered, and commands no more",
         "the bus can't end the work of an exciter whose plant stays armed",
     ),
-    tested("R-8.25", "in lockstep a plant whose exciter gives up reports why it refused the last commands"),
+    tested("R-8.25", "in lockstep a plant whose exciter gives up reports why it rejected the last commands"),
     tested("R-9.1", "a fault is reported once, then the state is fault"),
     untested(
         "R-9.2",

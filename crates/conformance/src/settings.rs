@@ -9,19 +9,19 @@ pub struct Settings {
     pub force_n: f64,
     /// The torque commanded at a joint of a plant whose own protocol has no forces, N·m, and its opposite.
     pub torque_nm: f64,
-    /// A force that the plant must refuse as too large, N, if this is to be tried.
+    /// A force that the plant must reject as too large, N, if this is to be tried.
     pub beyond_n: Option<f64>,
-    /// A rate of change of the force that the plant must refuse, N/s, if this is to be tried.
+    /// A rate of change of the force that the plant must reject, N/s, if this is to be tried.
     pub beyond_n_per_s: Option<f64>,
     /// A force along x that drives the plant beyond its largest travel, N, if this is to be tried.
     pub beyond_travel_n: Option<f64>,
-    /// How long to wait for a node under test, ns.
+    /// Time to wait for a node under test, ns.
     pub patience_ns: u64,
-    /// Which bit of the first damaged frame is wrong, and the seed of random numbers.
+    /// Seed of random numbers, which also selects the wrong bit of the first damaged frame.
     pub seed: u64,
     /// The bit rate of the bus, Hz, if it is to be loaded.
     pub bit_rate_hz: Option<u32>,
-    /// How long good and bad frames are sent at random, ns; 0 means not at all.
+    /// Time for which good and bad frames are sent at random, ns; 0 means not at all.
     pub soak_ns: u64,
     /// The sine that an exciter is set to command, if known.
     pub sine: Option<ExpectedSine>,

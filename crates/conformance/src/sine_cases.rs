@@ -13,7 +13,7 @@ use super::tester::{Heard, Tester, is_state};
 use super::times::{MS, ms};
 use resonarm_protocol::{ForceCommand, Message, NodeState, Profile, TorqueCommand};
 
-/// How long commands are observed, ns.
+/// Time for which commands are observed, ns.
 const WATCH_NS: u64 = 1000 * MS;
 /// Rounding of the limits in the capabilities, which are singles, as a share of them.
 const ROUNDING: f64 = 1e-6;
@@ -28,17 +28,17 @@ const BLOCK_COMMANDS: usize = 10;
 const SETTLED: f64 = 0.005;
 /// The smallest amplitude that counts as a command.
 const NONE: f64 = 1e-9;
-/// By which share the frequency may differ from the expected one, by the times of the samples: more than quartz crystals
-/// do.
+/// Share by which the frequency may differ from the expected one, by the times of the samples: more than quartz
+/// crystals do.
 const TIME_BASE: f64 = 1e-3;
-/// How often a frequency is fitted anew.
+/// Number of times that a frequency is fitted again.
 const REFINEMENTS: u32 = 6;
 /// The fewest periods of which a sine is known.
 const PERIODS: f64 = 1.0;
 /// Commands are clipped if this share of them is at each end of their range.
 const CLIPPED: f64 = 0.1;
-/// Where a sine of the opposite sign begins, rad beyond π: with a slow ramp its first values are zero. One that begins
-/// anywhere is there once in ten times.
+/// Phase at which a sine of the opposite sign begins, rad beyond π: with a slow ramp its first values are zero. One
+/// that begins anywhere is there once in ten times.
 const OPPOSITE: Range<f64> = -0.15..0.5;
 
 /// The commands are within the limits that its capabilities state.
@@ -104,7 +104,7 @@ impl Fit {
 pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
     let Some(wanted) = t.settings.sine else {
         return skipped(
-            "the sine that it is set to is not given (--expect-frequency-hz with --expect-force-n or -torque-nm)",
+            "the sine that it should command is not given (--expect-frequency-hz with --expect-force-n or -torque-nm)",
         );
     };
     let rate_hz = begin(t).map(|()| f64::from(t.hello.rate_hz))?;
@@ -120,7 +120,7 @@ pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
         let from = t.heard.len();
         let points = block(t, wanted.axis(), block_ns)?;
         let Some(fit) = fit(&points, wanted.frequency_hz) else {
-            return inconclusive("the commands that came are too few for a fit");
+            return inconclusive("too few commands were received for a fit");
         };
         if fit.is(wanted.amplitude()) {
             return judge_time_and_sign(t, &wanted, from, rate_hz);
@@ -175,7 +175,7 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
     let all = points(&t.heard[boot..until], axis, rate_hz);
     let seen = points(&t.heard[from..until], axis, rate_hz).len();
     let Some((fit, deviation_hz)) = refined(&all[all.len().saturating_sub(seen)..], wanted.frequency_hz) else {
-        return inconclusive("the commands that came are too few for a fit");
+        return inconclusive("too few commands were received for a fit");
     };
     let (unit, frequency_hz) = (axis.unit(), wanted.frequency_hz);
     let ppm = |hz: f64| 1e6 * hz / frequency_hz;
@@ -393,7 +393,7 @@ fn sine_at(points: &[(f64, f64)], frequency_hz: f64, rate_hz: f64) -> Option<Fit
 fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: f64) -> String {
     let (axis, amplitude, frequency_hz) = (wanted.axis(), wanted.amplitude(), wanted.frequency_hz);
     let (heard, unit) = (&t.heard[from..], axis.unit());
-    let expected = format!("expected are {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name());
+    let expected = format!("expected {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name());
     let own = points(heard, axis, rate_hz);
     let (min, max) = range(&own);
     if got.is_sine() {

@@ -61,7 +61,7 @@ impl Soak {
         answers
     }
 
-    /// What happens to the next sample of the tester as a plant.
+    /// Chooses how the tester, as a plant, sends the next sample.
     pub fn samples(&mut self, profile: Profile) -> Samples {
         match self.damage(profile) {
             None => Samples::Steady,

@@ -1,4 +1,4 @@
-//! Good and bad frames at random, for a time set: nothing bad acts, and nothing good is refused.
+//! Good and bad frames at random, for a time set: nothing bad acts, and nothing good is rejected.
 
 use alloc::format;
 use alloc::string::String;
@@ -19,7 +19,7 @@ const LOOK_NS: u64 = 100 * MS;
 
 fn is_asked(t: &Tester) -> Result<(), Stop> {
     match t.settings.soak_ns {
-        0 => skipped("no time is given for it (--soak-s)"),
+        0 => skipped("no duration is given for it (--soak-s)"),
         _ => Ok(()),
     }
 }

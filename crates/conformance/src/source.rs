@@ -1,4 +1,4 @@
-//! What the tester sends by itself: samples as a plant, answers as an exciter.
+//! Frames that the tester sends by itself: samples as a plant, answers as an exciter.
 
 use alloc::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ pub(super) const ACCELERATION_END_M_S2: f64 = 32_767.0 / 20.0;
 /// The most frames of a sample.
 pub(super) const FRAMES: usize = 3;
 
-/// How samples are sent.
+/// Way in which samples are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Samples {
     /// No sample is sent.
@@ -41,9 +41,9 @@ pub(super) struct Source {
     pub samples: Samples,
     /// The index of the next sample.
     pub index: u16,
-    /// When the next sample is due, ns.
+    /// Time at which the next sample is due, ns.
     pub due_ns: u64,
-    /// When the last one was sent, ns.
+    /// Time at which the last sample was sent, ns.
     pub sent_ns: u64,
     /// The number of damaged ones so far.
     pub damaged: u64,
@@ -60,7 +60,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// When the next sample is due.
+    /// Returns the time at which the next sample is due.
     pub fn next_ns(&self) -> u64 {
         if self.samples == Samples::Off { u64::MAX } else { self.due_ns }
     }
@@ -79,18 +79,18 @@ impl Source {
     }
 }
 
-/// How the tester, as the exciter, answers the samples of a plant.
+/// Answers of the tester, as the exciter, to the samples of a plant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Answers {
     None,
-    /// With this force along x, N.
+    /// A command of this force along x, N.
     Force(f64),
-    /// With this force in a damaged frame.
+    /// A command of this force in a damaged frame.
     Damaged(f64, Damage),
-    /// With this force, for the sample so many samples later; negative means earlier.
+    /// A command of this force, for the sample so many samples later; negative means earlier.
     Shifted(f64, i16),
-    /// With this force, for this sample.
+    /// A command of this force, for this sample.
     Always(f64, u16),
-    /// With this force, after the soak's choices; samples this much older are too old.
+    /// A command of this force, after the soak's choices; samples this much older are too old.
     Soak(f64, i16),
 }

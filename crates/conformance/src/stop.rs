@@ -6,7 +6,7 @@ use alloc::string::String;
 use super::times::ms;
 use resonarm_bus::BusError;
 
-/// Why a case ends early.
+/// Reason why a case ends early.
 #[derive(Debug)]
 pub(super) enum Stop {
     /// The node does what it must not. This may be due to a hold-up of the tester.

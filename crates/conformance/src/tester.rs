@@ -21,7 +21,7 @@ use resonarm_protocol::{
     Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
 };
 
-/// After so many refused frames of a kind the tester no longer waits for a valid one.
+/// Number of rejected frames of a kind after which the tester no longer waits for a valid one.
 const MOST_REFUSED: u64 = 3;
 
 /// The tester checks the bus at least this often, ns.
@@ -63,16 +63,16 @@ pub(super) struct Tester<'w> {
     damaged: u64,
     /// The sample answered last, and how.
     pub answered: Option<u16>,
-    /// When that answer was sent, ns.
+    /// Time at which that answer was sent, ns.
     pub answered_ns: u64,
     pub heard: Vec<Heard>,
-    /// The frames received and refused.
+    /// The frames received and rejected.
     pub traffic: Traffic,
     pub counters: Counters,
     looked_at_ns: u64,
     /// The longest time between two checks beyond the planned one, ns.
     pub held_up_ns: u64,
-    /// When the node under test was last heard, ns.
+    /// Time at which the node under test was last heard, ns.
     heard_at_ns: Option<u64>,
     /// The longest time between two frames of the node under test, ns.
     pub silent_ns: u64,
@@ -127,7 +127,7 @@ impl<'w> Tester<'w> {
     pub fn send(&mut self, message: &Message) -> Result<(), Stop> {
         match self.ends.transmitter.frame(message) {
             Ok(frame) => self.send_frame(&frame),
-            Err(error) => inconclusive(format!("the tester can't say this: {error}")),
+            Err(error) => inconclusive(format!("the tester can't send this: {error}")),
         }
     }
 
@@ -142,7 +142,7 @@ impl<'w> Tester<'w> {
     pub fn send_at_other_base(&mut self, message: &Message) -> Result<(), Stop> {
         match Damage::Base.apply(&mut self.ends, 0, |transmitter| transmitter.frame(message).ok()) {
             Some(frame) => self.send_frame(&frame),
-            None => inconclusive("the tester can't say this"),
+            None => inconclusive("the tester can't send this"),
         }
     }
 
@@ -293,7 +293,7 @@ impl<'w> Tester<'w> {
             load.count(frame);
         }
         let decoded = self.receiver.accept(frame);
-        // These two see refused frames as well: a frame that the receiver drops may be the very fault that the case
+        // These two see rejected frames as well: a frame that the receiver drops may be the very fault that the case
         // looks for.
         self.traffic.note(self.network, frame, &decoded);
         self.counters.note(self.network, frame, &decoded);
@@ -387,7 +387,7 @@ impl<'w> Tester<'w> {
         Transmitter::new(self.network)
     }
 
-    /// The frames of the node under test that the protocol refuses, if there are any.
+    /// The frames of the node under test that the protocol rejects, if there are any.
     pub fn rejected_frames(&self) -> Option<Rejected> {
         let refused = || self.traffic.refused_of(|kind| kind.sender() == self.tested);
         let first = refused().next()?;
@@ -398,13 +398,13 @@ impl<'w> Tester<'w> {
             _ => "",
         };
         Some(Rejected {
-            text: format!("{count} of its frames {} refused{demand}: {first}", if count == 1 { "is" } else { "are" }),
+            text: format!("{count} of its frames {} rejected{demand}: {first}", if count == 1 { "is" } else { "are" }),
             // Lost frames show as a wrong counter. Every other refusal is due to the node itself.
             may_be_lost: refused().all(|refused| matches!(refused.error, DecodeError::Counter { .. })),
         })
     }
 
-    /// Fails if the protocol refused frames of the node.
+    /// Fails if the protocol rejected frames of the node.
     pub fn check_frames(&self) -> Result<(), Stop> {
         match self.rejected_frames() {
             None => Ok(()),
@@ -424,7 +424,7 @@ impl<'w> Tester<'w> {
         Ok(())
     }
 
-    /// Whether several frames of this kind were received, and all were refused.
+    /// Whether several frames of this kind were received, and all were rejected.
     pub fn refuses(&self, kind: MessageKind) -> bool {
         let refused: u64 = self.traffic.refused_of(|refused| refused == kind).map(|refused| refused.count).sum();
         refused >= MOST_REFUSED && !self.traffic.taken.contains_key(&kind)

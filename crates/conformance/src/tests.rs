@@ -209,7 +209,7 @@ fn messages_of_the_previous_case_s_exciter_are_not_judged() {
     }
 }
 
-/// If an exciter is slow to begin, its successor may answer samples before the case is over.
+/// A successor may answer samples before the case is over if an exciter is slow to begin.
 #[test]
 fn messages_of_a_restarted_exciter_are_not_those_of_its_predecessor() {
     let network = Network::default();

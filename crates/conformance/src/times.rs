@@ -6,7 +6,7 @@ use alloc::string::String;
 /// One millisecond, in ns.
 pub(super) const MS: u64 = 1_000_000;
 
-/// How long a machine may hold a process up, ns: the margin of everything that is judged on the clock.
+/// Time for which a machine may hold a process up, ns: the margin of everything that is judged on the clock.
 pub const MARGIN_NS: u64 = 150 * MS;
 
 /// No machine stops a process for so long, ns: a node that is silent for this time is gone.

@@ -1,4 +1,4 @@
-//! The frames received during a case: messages accepted, frames refused and why, frames of others, commands.
+//! The frames received during a case: messages accepted, frames rejected and why, frames of others, commands.
 
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -19,7 +19,7 @@ const MOST_OTHERS: usize = 16;
 pub struct Traffic {
     /// Frames accepted, by message; one of the tester's own kinds is from a second node in its place.
     pub taken: BTreeMap<MessageKind, u64>,
-    /// Frames refused, by message and reason.
+    /// Frames rejected, by message and reason.
     pub refused: Vec<Refused>,
     /// Frames with identifiers outside the network's, by identifier, for the first 16 identifiers.
     pub others: BTreeMap<Id, u64>,
@@ -27,13 +27,13 @@ pub struct Traffic {
     pub further_others: u64,
     /// Ranges of the commands received.
     pub commands: Commands,
-    /// Of a user's own protocol: frames of the node under test whose form is right, by message.
+    /// Frames of the node under test on a user protocol whose form is right, by message.
     pub user_taken: BTreeMap<String, u64>,
-    /// Of a user's own protocol: frames that were refused, by message and kind of fault.
+    /// Frames on a user protocol that were rejected, by message and kind of fault.
     pub user_refused: Vec<UserRefused>,
 }
 
-/// Frames of one message of a user's own protocol that were refused for one kind of fault.
+/// Frames of one message of a user protocol that were rejected for one kind of fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UserRefused {
     /// Name of the message.
@@ -42,27 +42,27 @@ pub struct UserRefused {
     pub fault: Fault,
     /// The first of them.
     pub frame: Frame,
-    /// How many there were.
+    /// Number of these frames.
     pub count: u64,
 }
 
 impl fmt::Display for UserRefused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} refused: {}: {}", self.message, self.fault, self.frame)?;
+        write!(f, "{} rejected: {}: {}", self.message, self.fault, self.frame)?;
         if self.count > 1 { write!(f, " ({} times)", self.count) } else { Ok(()) }
     }
 }
 
-/// Frames of one message that were refused for the same reason.
+/// Frames of one message that were rejected for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The error of the first of them.
     pub error: DecodeError,
     /// The first of them.
     pub frame: Frame,
-    /// That frame with the right CRC, if its CRC was wrong.
+    /// The same frame with the right CRC, if its CRC was wrong.
     pub expected: Option<Frame>,
-    /// How many there were.
+    /// Number of these frames.
     pub count: u64,
 }
 
@@ -96,7 +96,7 @@ pub struct Commands {
     pub torque1_nm: Option<Range>,
     /// Torque at joint 2, N·m.
     pub torque2_nm: Option<Range>,
-    /// Force along a shaker, N: of a user's own protocol.
+    /// Force along a shaker, N: of a user protocol.
     pub force_n: Option<Range>,
 }
 
@@ -120,7 +120,7 @@ impl Commands {
         }
     }
 
-    /// Takes the part of a load of a user's own protocol, by its key in a scenario.
+    /// Takes the part of a load of a user protocol, by its key in a scenario.
     pub(super) fn note_part(&mut self, name: &str, value: f64) {
         let range = match name {
             "force_x_n" => &mut self.force_x_n,
@@ -175,7 +175,7 @@ impl Traffic {
         }
     }
 
-    /// The frames of these messages that were refused.
+    /// The frames of these messages that were rejected.
     pub(super) fn refused_of(&self, holds: impl Fn(MessageKind) -> bool) -> impl Iterator<Item = &Refused> {
         self.refused.iter().filter(move |refused| holds(refused.error.kind()))
     }
@@ -190,7 +190,7 @@ impl Traffic {
         }
     }
 
-    /// Counts a frame of a user's own protocol that was refused.
+    /// Counts a frame of a user protocol that was rejected.
     pub(super) fn note_user_refused(&mut self, message: &str, fault: &Fault, frame: &Frame) {
         let is_alike = |refused: &&mut UserRefused| {
             refused.message == message
@@ -216,7 +216,7 @@ impl Traffic {
         let taken: u64 = self.taken.values().sum();
         let refused: u64 = self.refused.iter().map(|refused| refused.count).sum();
         if let Some(first) = self.refused.first() {
-            return format!("{taken} frames of the network taken and {refused} refused, the first: {first}");
+            return format!("{taken} frames of the network taken and {refused} rejected, the first: {first}");
         }
         match (taken, self.others_text()) {
             (0, others) if others.is_empty() => String::from("nothing"),
@@ -235,7 +235,7 @@ impl Traffic {
     }
 }
 
-/// Whether two frames were refused for the same reason.
+/// Whether two frames were rejected for the same reason.
 fn is_alike(one: &DecodeError, other: &DecodeError) -> bool {
     let fault = |error: &DecodeError| match error {
         DecodeError::Counter { fault, .. } => Some(discriminant(fault)),

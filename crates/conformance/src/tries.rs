@@ -11,14 +11,14 @@ use super::wire::Wire;
 use super::{Finding, Verdict};
 use resonarm_bus::BusError;
 
-/// How often a case is tried until it has a result.
+/// Number of times that a case is tried until it has a result.
 const TRIES: u32 = 5;
 
-/// In how many tries a node must be slow to fail. Fewer may be due to the machine: a node that is held up many times
-/// briefly is slow without a noticeable silence. What may be chance is judged by as many tries.
+/// Number of tries in which a node must be slow to fail. Fewer may be due to the machine: a node that is held up many
+/// times briefly is slow without a noticeable silence. What may be chance is judged by as many tries.
 const SLOW_TRIES: u32 = 3;
 
-/// How long tester and node may be held up before a failure is inconclusive.
+/// Time for which tester and node may be held up before a failure is inconclusive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// The tester between two looks at the bus, ns.
@@ -183,7 +183,7 @@ fn as_if_stopped(text: &str, silent_ns: u64) -> String {
     format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns))
 }
 
-/// Only a lost bus ends the verdicts.
+/// Passes on only a lost bus, which ends the verdicts.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.

@@ -11,18 +11,18 @@ use resonarm_realtime::{Clock, SystemClock};
 /// Result of taking a node off the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusOff {
-    /// Its controller is bus-off.
+    /// The node's controller is bus-off.
     Done,
-    /// Only its own controller can go bus-off.
+    /// Only the node's own controller can go bus-off.
     Impossible,
 }
 
 /// Result of stopping the process of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stopped {
-    /// It is stopped, and resumes by itself.
+    /// The process is stopped, and resumes by itself.
     Done,
-    /// It can't be stopped, with the reason.
+    /// The process can't be stopped, with the reason.
     Impossible(String),
 }
 
@@ -31,7 +31,7 @@ pub trait Wire {
     /// The time, ns of any monotonic clock.
     fn now_ns(&self) -> u64;
 
-    /// Sends a frame.
+    /// Sends a frame on the bus.
     ///
     /// # Errors
     /// [`BusError`] if the bus fails.
@@ -119,7 +119,7 @@ impl<'b> BusWire<'b> {
     }
 }
 
-/// How long to wait for space in a full transmit queue, ns.
+/// Time to wait for space in a full transmit queue, ns.
 const FULL_NS: u64 = 100_000_000;
 
 impl Wire for BusWire<'_> {

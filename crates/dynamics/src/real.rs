@@ -64,7 +64,7 @@ impl Real for f64 {
     }
 }
 
-/// How many arms are computed side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
+/// Number of arms that are computed side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
 pub(crate) const LANES: usize = 8;
 
 /// Eight numbers that take every operation together.

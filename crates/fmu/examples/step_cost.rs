@@ -1,4 +1,5 @@
-//! What a sample costs through the functions of FMI, beside the plant's own: the same scenario and loads, in turns.
+//! Measures the cost of a sample through the functions of FMI, beside the plant's own: the same scenario and loads, in
+//! turns.
 //!
 //! `step_cost FOLDER`: the folder of an FMU by signals that is unpacked. Prints the fastest of several rounds, ns a
 //! sample, and their ratio.

@@ -108,7 +108,7 @@ impl BusModel {
     }
 }
 
-/// What its node is to know of the outcome of a frame.
+/// Returns the operation that tells a node the outcome of a frame.
 fn operation(outcome: Outcome) -> Operation {
     match outcome {
         Outcome::Sent(frame) => Operation::Confirm(frame.id().raw()),

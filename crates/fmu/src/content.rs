@@ -1,4 +1,4 @@
-//! What an FMU is: its settings and its scenario, as files of its `resources`, and the token that stands for them.
+//! Content of an FMU: its settings and its scenario, as files of its `resources`, and the token that stands for them.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -22,7 +22,7 @@ const DBC: &str = "wire.dbc";
 /// The load of the scenario's excitation.
 const LOAD: &str = "load.csv";
 
-/// How an FMU is connected.
+/// Interface by which an FMU is connected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interface {
@@ -33,7 +33,7 @@ pub enum Interface {
     Can,
 }
 
-/// What an FMU simulates.
+/// Part of a rig that an FMU simulates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
@@ -46,7 +46,7 @@ pub enum Role {
     Bus,
 }
 
-/// By which clock a node's frames leave it.
+/// Clock by which a node's frames leave it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TxClock {
@@ -61,13 +61,13 @@ pub enum TxClock {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// How it is connected.
+    /// Interface by which the FMU is connected.
     pub interface: Interface,
     /// Part of the test rig that the FMU simulates.
     pub role: Role,
-    /// By which clock its frames leave it.
+    /// Clock by which the FMU's frames leave it.
     pub clock: TxClock,
-    /// Of a bus: how many nodes it has terminals for.
+    /// Number of nodes for which a bus has terminals.
     pub nodes: u8,
 }
 
@@ -79,12 +79,12 @@ struct Versioned {
     settings: Settings,
 }
 
-/// What an FMU is.
+/// Settings and scenario of an FMU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Content {
     /// Settings with which it was exported.
     pub settings: Settings,
-    /// Its scenario, with the files that it names.
+    /// Scenario of the FMU, with the files that it names.
     pub scenario: Scenario,
 }
 

@@ -15,7 +15,7 @@ use crate::model::{self, Parameters};
 use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
 use resonarm_files::write_whole;
 
-/// What a library of this version has in its bytes.
+/// Text that a library of this version contains in its bytes.
 const MARK: &str = concat!("resonarm-fmu library ", env!("CARGO_PKG_VERSION"), ";");
 
 /// Kept in the library, for [`Library::read`] to find.
@@ -32,16 +32,16 @@ pub const MOST_NODES: u8 = 32;
 /// The name of the library's file.
 pub const LIBRARY: &str = "libresonarm_fmu.so";
 
-/// Why an FMU can't be written.
+/// Error of writing an FMU.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ExportError {
     /// There is no library.
     #[error(
-        "no {LIBRARY} in {}: build it by `cargo build --release -p resonarm-fmu`, or name it by --library", folder.display()
+        "there is no {LIBRARY} in {}: build it with `cargo build --release -p resonarm-fmu`, or give its path by --library", folder.display()
     )]
     NoLibrary {
-        /// Where it was looked for.
+        /// Folder in which the library was looked for.
         folder: PathBuf,
     },
     /// The library can't be read.
@@ -57,16 +57,16 @@ pub enum ExportError {
     Library {
         /// Path of the file that can't be used as a library.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason why the library is invalid.
         reason: String,
     },
     /// The structure of the scenario is an FMU already.
     #[error(
-        "structure: `kind` is fmu: it is one already; the exciter and the bus of the scenario can be written, by --role"
+        "structure: `kind` is fmu: the structure is an FMU already; export the exciter or the bus of the scenario by --role"
     )]
     Nested,
     /// A role that the interface does not have.
-    #[error("--role {role}: the interface `signals` has the plant alone; take --interface can")]
+    #[error("--role {role}: only the plant has the interface `signals`; use --interface can")]
     Role {
         /// Name of the role that was requested.
         role: &'static str,
@@ -130,17 +130,21 @@ impl Library {
             (true, 3, 183) => "aarch64-linux",
             (true, kind, machine) => {
                 return refused(format!(
-                    "an ELF file of type {kind} for machine {machine}: a library for an FMU is of type 3 for machine 62 (x86-64) or \
-                     183 (AArch64)"
+                    "it is an ELF file of type {kind} for machine {machine}: expected type 3 for machine 62 (x86-64) \
+                     or 183 (AArch64)"
                 ));
             }
             (false, ..) => {
-                return refused(String::from("no 64-bit little-endian ELF file, as a library for an FMU is"));
+                return refused(String::from(
+                    "it is not a 64-bit little-endian ELF file: expected the library for an FMU",
+                ));
             }
         };
         // A library of another version would refuse the resources, but only in the importer.
         if !bytes.windows(MARK.len()).any(|window| window == MARK.as_bytes()) {
-            return refused(format!("not {LIBRARY} of version {VERSION}, which this program packs"));
+            return refused(format!(
+                "it is not {LIBRARY} of version {VERSION}: expected the library of this program's version"
+            ));
         }
         Ok(Library { bytes, platform })
     }
@@ -238,9 +242,9 @@ mod tests {
         assert_eq!(read(&elf(3, 62, MARK.as_bytes())), Ok("x86_64-linux"));
         assert_eq!(read(&elf(3, 183, MARK.as_bytes())), Ok("aarch64-linux"));
         let refused = |bytes: &[u8]| read(bytes).unwrap_err();
-        insta::assert_snapshot!(refused(b"text"), @"l.so: no 64-bit little-endian ELF file, as a library for an FMU is");
-        insta::assert_snapshot!(refused(&elf(2, 62, MARK.as_bytes())), @"l.so: an ELF file of type 2 for machine 62: a library for an FMU is of type 3 for machine 62 (x86-64) or 183 (AArch64)");
-        insta::assert_snapshot!(refused(&elf(3, 62, b"")), @"l.so: not libresonarm_fmu.so of version 0.1.0, which this program packs");
+        insta::assert_snapshot!(refused(b"text"), @"l.so: it is not a 64-bit little-endian ELF file: expected the library for an FMU");
+        insta::assert_snapshot!(refused(&elf(2, 62, MARK.as_bytes())), @"l.so: it is an ELF file of type 2 for machine 62: expected type 3 for machine 62 (x86-64) or 183 (AArch64)");
+        insta::assert_snapshot!(refused(&elf(3, 62, b"")), @"l.so: it is not libresonarm_fmu.so of version 0.1.0: expected the library of this program's version");
     }
 
     #[test]
@@ -255,9 +259,9 @@ mod tests {
             error.to_string()
         };
         let bus = Settings { role: Role::Bus, nodes: 2, ..Settings::default() };
-        insta::assert_snapshot!(refused(bus), @"--role bus: the interface `signals` has the plant alone; take --interface can");
+        insta::assert_snapshot!(refused(bus), @"--role bus: only the plant has the interface `signals`; use --interface can");
         let can = Settings { interface: Interface::Can, ..bus };
-        insta::assert_snapshot!(refused(can), @"the scenario names no network.bit_rate_hz: a bus on which frames take their time needs it");
+        insta::assert_snapshot!(refused(can), @"the scenario gives no network.bit_rate_hz: a bus on which frames take time needs it");
         insta::assert_snapshot!(refused(Settings { nodes: 33, ..can }), @"--nodes 33: a bus has from 2 to 32 nodes");
     }
 }

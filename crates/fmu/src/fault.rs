@@ -1,4 +1,4 @@
-//! Why a call of FMI fails.
+//! Errors of FMI calls.
 
 use std::path::PathBuf;
 
@@ -13,23 +13,25 @@ use resonarm_session::run::RunError;
 
 use crate::instance::State;
 
-/// Why a call of FMI fails; the importer reads it in its log.
+/// Error of an FMI call; the importer reads it in its log.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Fault {
     /// The resources lack a file, or it can't be read.
-    #[error("{}: {reason}: the FMU must be unpacked whole, and `resourcePath` name its folder `resources`", path.display())]
+    #[error("{}: {reason}: expected the whole FMU unpacked, and its folder `resources` as `resourcePath`", path.display())]
     Resource {
         /// Path of the resource.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason why the resources are invalid.
         reason: String,
     },
     /// The importer names no folder of resources.
     #[error("`resourcePath` is missing: the FMU needs its folder `resources`, which has its scenario")]
     NoResources,
     /// The resources are of another version than the library.
-    #[error("the resources are of version {got}, the library of {library}: export the FMU anew by `resonarm fmu`")]
+    #[error(
+        "the resources are of version {got}, but the library is of version {library}: export the FMU again with `resonarm fmu`"
+    )]
     Version {
         /// Version of the resources.
         got: String,
@@ -38,8 +40,8 @@ pub enum Fault {
     },
     /// The token is not that of the resources.
     #[error(
-        "the instantiation token is {got}, that of the resources is {expected}: modelDescription.xml and resources are of \
-         different FMUs, or were edited"
+        "the instantiation token is {got}, but that of the resources is {expected}: modelDescription.xml and \
+         resources are of different FMUs, or were edited; export the FMU again"
     )]
     Token {
         /// Token that the importer gave.
@@ -48,7 +50,7 @@ pub enum Fault {
         expected: String,
     },
     /// A kind of instance that the FMU does not offer.
-    #[error("{call}: the FMU is one for co-simulation alone: call fmi3InstantiateCoSimulation")]
+    #[error("{call}: the FMU supports co-simulation only: call fmi3InstantiateCoSimulation")]
     NotCoSimulation {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -82,7 +84,7 @@ pub enum Fault {
         what: &'static str,
     },
     /// The call is not one of this state.
-    #[error("{call} is not allowed in {state}: it is in {legal}")]
+    #[error("{call} is not allowed in {state}: it is allowed in {legal}")]
     WrongState {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -92,15 +94,15 @@ pub enum Fault {
         legal: &'static str,
     },
     /// The function is not one of this FMU.
-    #[error("{call}: this FMU does not have what it is for: {why}")]
+    #[error("{call}: this FMU does not support the function: {why}")]
     NotOffered {
         /// Name of the FMI function that was called.
         call: &'static str,
-        /// What the model description says of it.
+        /// Capability that the model description states.
         why: &'static str,
     },
     /// No variable has the value reference.
-    #[error("{call}: no variable has the value reference {got}: they are from 0 to {most}")]
+    #[error("{call}: no variable has the value reference {got}: it must be from 0 to {most}")]
     UnknownReference {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -110,7 +112,7 @@ pub enum Fault {
         most: u32,
     },
     /// A variable of another type.
-    #[error("{call}: `{name}` is of the type {is}")]
+    #[error("{call}: `{name}` is of the type {is}: use the function for that type")]
     WrongType {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -132,7 +134,7 @@ pub enum Fault {
         why: &'static str,
     },
     /// Another number of values than of value references.
-    #[error("{call}: {values} values for {references} value references")]
+    #[error("{call}: got {values} values for {references} value references: expected one value for each")]
     Lengths {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -153,8 +155,8 @@ pub enum Fault {
     },
     /// A load beyond the exciter's limits or direction.
     #[error(
-        "the load is {:?} N, {:?} N·m: the exciter can't produce it (rig.exciter of the scenario: {limit_n} N, \
-         {limit_nm} N·m)", .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
+        "the load is {:?} N, {:?} N·m: the exciter can't produce it; its limits are {limit_n} N and {limit_nm} N·m \
+         (rig.exciter of the scenario)", .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
         /// The load that was set, which the exciter can't produce.
@@ -167,35 +169,37 @@ pub enum Fault {
     /// The start time is not finite.
     #[error("fmi3EnterInitializationMode: the start time is {got_s} s: it must be finite")]
     StartTime {
-        /// What was given, s.
+        /// Start time that was given, s.
         got_s: f64,
     },
     /// The step does not begin where the last one ended.
-    #[error("fmi3DoStep: the step begins at {got_s} s: the FMU is at {at_s} s")]
+    #[error("fmi3DoStep: the step begins at {got_s} s: it must begin at {at_s} s, the time of the FMU")]
     StepStart {
-        /// Where it begins, s.
+        /// Time at which the step begins, s.
         got_s: f64,
-        /// Where the FMU is, s.
+        /// Time of the FMU, s.
         at_s: f64,
     },
     /// The length of a step is impossible.
-    #[error("fmi3DoStep: the step is of {got_s} s: it must be finite and not negative")]
+    #[error("fmi3DoStep: the length of the step is {got_s} s: it must be finite and not negative")]
     StepSize {
         /// Requested length of the step, s.
         got_s: f64,
     },
     /// Time does not advance by the step.
-    #[error("fmi3DoStep: the step of {got_s} s is too small: at {at_s} s time does not advance by it")]
+    #[error(
+        "fmi3DoStep: the step of {got_s} s is too small: it does not advance the time {at_s} s; make a longer step"
+    )]
     StepTooSmall {
         /// Requested length of the step, s.
         got_s: f64,
-        /// Where it begins, s.
+        /// Time at which the step begins, s.
         at_s: f64,
     },
     /// The recording already has what the state would take back.
     #[error(
-        "fmi3SetFMUState: the file of the recording already has what came behind this state, up to sample {sample}: keep a state \
-         from fmi3GetFMUState for as long as it may be returned to, or leave `parameter.recording` empty"
+        "fmi3SetFMUState: the recording already contains samples after this state, up to sample {sample}: keep a \
+         state from fmi3GetFMUState for as long as you may return to it, or leave `parameter.recording` empty"
     )]
     Recorded {
         /// The last sample in the file.
@@ -210,7 +214,7 @@ pub enum Fault {
         reason: &'static str,
     },
     /// A buffer of another length than the state has.
-    #[error("{call}: {got} bytes: the state has {expected}")]
+    #[error("{call}: got {got} bytes: the state has {expected}")]
     SavedLength {
         /// Name of the FMI function that was called.
         call: &'static str,
@@ -221,13 +225,13 @@ pub enum Fault {
     },
     /// The importer does not use event mode, without which no frame moves.
     #[error(
-        "fmi3InstantiateCoSimulation: eventModeUsed is false: frames move in event mode alone; import the FMU with events"
+        "fmi3InstantiateCoSimulation: eventModeUsed is false: the FMU exchanges frames only in event mode; set eventModeUsed to true"
     )]
     NeedsEventMode,
     /// Bytes that end within an operation.
     #[error(
-        "`{name}`: the operation at byte {at} is of {expected} bytes, and {got} are there: the bytes were cut, or are not operations \
-         of FMI-LS-BUS"
+        "`{name}`: the operation at byte {at} has {got} bytes, expected {expected}: the bytes were cut off, or are \
+         not operations of FMI-LS-BUS"
     )]
     Operation {
         /// Name of the terminal that received the bytes.
@@ -240,7 +244,7 @@ pub enum Fault {
         expected: usize,
     },
     /// Frames that nobody fetches.
-    #[error("`{name}`: {bytes} bytes wait to be sent: the importer lets the clock `{name}.Tx_Clock` not tick")]
+    #[error("`{name}`: {bytes} bytes wait to be sent: the importer never activates the clock `{name}.Tx_Clock`")]
     Untaken {
         /// Name of the terminal with the waiting frames.
         name: String,
@@ -248,10 +252,12 @@ pub enum Fault {
         bytes: usize,
     },
     /// A bus without a bit rate.
-    #[error("the scenario names no network.bit_rate_hz: a bus on which frames take their time needs it")]
+    #[error("the scenario gives no network.bit_rate_hz: a bus on which frames take time needs it")]
     NoBitRate,
     /// A node that works at another bit rate.
-    #[error("node{node} works at {got_hz} bit/s, the bus at {expected_hz} (network.{key}): give both FMUs the same")]
+    #[error(
+        "node{node} works at {got_hz} bit/s, but the bus at {expected_hz} (network.{key}): give both FMUs the same bit rate"
+    )]
     BitRate {
         /// The number of its terminal, from 1.
         node: usize,

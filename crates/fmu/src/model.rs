@@ -1,4 +1,4 @@
-//! What an instance simulates.
+//! Simulation of an instance.
 
 use crate::Fault;
 use crate::bus::BusModel;
@@ -15,7 +15,7 @@ use resonarm_session::run::{Mode, Options, RecordTo, Session};
 /// A part of a sample period by which times may differ: importers add up steps, and lose some 1e-10 s in an hour.
 pub(crate) const TOLERANCE_SAMPLES: f64 = 1e-3;
 
-/// What the importer may set before the simulation begins.
+/// Parameters that the importer may set before the simulation begins.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parameters {
     /// The angles of the links of a preset; empty of another structure.
@@ -80,7 +80,7 @@ pub(crate) trait Model {
     /// The simulation begins: a recording is opened.
     fn begin(&mut self) -> Result<(), Fault>;
 
-    /// Simulates a step. Returns whether event mode is needed then.
+    /// Simulates one step. Returns whether event mode is needed then.
     fn step(&mut self, span: Span, inputs: &Inputs) -> Result<bool, Fault>;
 
     /// The value of a variable of the type Float64; of a Boolean 0 or 1.

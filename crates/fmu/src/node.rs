@@ -29,12 +29,12 @@ enum End {
     Exciter(HostedExciter),
 }
 
-/// What the node's controller counts, by what the bus says of its frames (ISO 11898-1, as
+/// Error counters of the node's controller, counted from what the bus reports of its frames (ISO 11898-1, as
 /// [`resonarm_bus::timed::ErrorCounters`]).
 #[derive(Clone, Copy, Debug, Default)]
 struct Controller {
     transmit_errors: u16,
-    /// When it has recovered from bus-off, ns.
+    /// Time at which the node has recovered from bus-off, ns.
     recovers_ns: Option<u64>,
 }
 
@@ -83,7 +83,7 @@ impl Node {
         Node { end, terminal, controller, rates, now_ns: 0, samples: false, tape: None, session }
     }
 
-    /// What the bus must know before the first frame.
+    /// Tells the bus what it must know before the first frame.
     fn configure(&mut self) {
         self.terminal.send(&Operation::BaudRate(self.rates.nominal_hz));
         if self.session.scenario().network.profile == Profile::Fd {
@@ -290,7 +290,10 @@ impl Model for Node {
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
         let Saved::Node(saved) = saved else {
-            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+            return Err(Fault::Saved {
+                call: "fmi3SetFMUState",
+                reason: "it belongs to an FMU with another interface",
+            });
         };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.plant.plant().sample())?;

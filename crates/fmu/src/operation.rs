@@ -22,7 +22,7 @@ const CONFIGURATION: u32 = 0x40;
 const STATUS: u32 = 0x41;
 const WAKEUP: u32 = 0x42;
 
-/// What a node is on the bus, by the operation Status.
+/// State of a node on the bus, as the operation Status reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Status {
@@ -31,7 +31,7 @@ pub(crate) enum Status {
     BusOff = 3,
 }
 
-/// What destroyed a frame, as far as the bus tells it.
+/// Cause that destroyed a frame, as far as the bus reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum BusErrorCode {
@@ -225,7 +225,7 @@ mod tests {
         bytes[12] = 2; // neither a base nor an extended identifier
         assert_eq!(read("Rx", &bytes).unwrap(), [Err(Operation::FormatError(bytes.clone()))]);
         let error = read("Rx", &whole[..20]).unwrap_err();
-        insta::assert_snapshot!(error, @"`Rx`: the operation at byte 0 is of 24 bytes, and 20 are there: the bytes were cut, or are not operations of FMI-LS-BUS");
+        insta::assert_snapshot!(error, @"`Rx`: the operation at byte 0 has 20 bytes, expected 24: the bytes were cut off, or are not operations of FMI-LS-BUS");
         assert!(read("Rx", &whole[..5]).is_err());
     }
 }

@@ -41,7 +41,7 @@ pub(crate) struct Signals {
 #[derive(Clone, Debug)]
 pub(crate) struct SavedSignals {
     pub now: Measured,
-    /// Of a state that was not read from bytes, while something is recorded.
+    /// Mark of a state that was not read from bytes, while something is recorded.
     mark: Option<Arc<Mark>>,
 }
 
@@ -157,7 +157,10 @@ impl Model for Signals {
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
         let Saved::Signals(saved) = saved else {
-            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+            return Err(Fault::Saved {
+                call: "fmi3SetFMUState",
+                reason: "it belongs to an FMU with another interface",
+            });
         };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.now.plant.sample())?;

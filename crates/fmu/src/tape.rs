@@ -14,13 +14,13 @@ use resonarm_session::run::Session;
 /// Records on their way to the writer.
 const CAPACITY: usize = 1 << 12;
 
-/// How many records there were when a state was saved.
+/// Number of records at the time when a state was saved.
 #[derive(Debug)]
 pub(crate) struct Mark {
     records: u64,
 }
 
-/// Where the records of an instance go.
+/// Recording of an instance, to which its records go.
 pub(crate) struct Tape {
     recorder: Recorder,
     channel: Channel,

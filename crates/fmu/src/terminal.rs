@@ -19,7 +19,7 @@ pub(crate) struct Terminal {
     incoming: Vec<Operation>,
     /// Format errors that answer what could not be read; they are sent in the next iteration.
     answers: Vec<Operation>,
-    /// When a countdown clock ticks next, ns from the start.
+    /// Time at which a countdown clock ticks next, ns from the start.
     due_ns: Option<u64>,
     /// The interval that was said for it, s, and whether it is to be said as a new one.
     interval: Option<(f64, bool)>,
@@ -28,7 +28,7 @@ pub(crate) struct Terminal {
 /// `fmi3IntervalQualifier`, with the interval, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interval {
-    /// Not known: the clock does not tick for now.
+    /// The time is not known: the clock does not tick for now.
     Unknown,
     /// The interval has not changed since it was last read.
     Unchanged(f64),
@@ -66,7 +66,7 @@ impl Terminal {
         if bytes > MOST_BYTES { Err(Fault::Untaken { name: self.name.clone(), bytes }) } else { Ok(()) }
     }
 
-    /// What is to be sent, as `Tx_Data` has it.
+    /// Returns the operations to be sent, as `Tx_Data` has them.
     pub fn tx_data(&self) -> &[u8] {
         &self.outgoing
     }
@@ -115,7 +115,7 @@ impl Terminal {
         is_quiet
     }
 
-    /// What came in this iteration.
+    /// Returns the operations received in this iteration.
     pub fn received(&mut self) -> Vec<Operation> {
         core::mem::take(&mut self.incoming)
     }
@@ -128,7 +128,7 @@ impl Terminal {
         }
     }
 
-    /// When a countdown clock ticks next.
+    /// Returns the interval until a countdown clock ticks next.
     pub fn interval(&mut self) -> Interval {
         match &mut self.interval {
             None => Interval::Unknown,

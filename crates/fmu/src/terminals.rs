@@ -1,4 +1,4 @@
-//! What FMI-LS-BUS asks of an FMU beside its variables: terminals and a manifest.
+//! Files that FMI-LS-BUS demands of an FMU beside its variables: terminals and a manifest.
 
 use std::fmt::Write;
 

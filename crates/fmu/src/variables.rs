@@ -7,7 +7,7 @@ use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::{Load, MOST_JOINTS};
 use resonarm_bench::structure::{Channel, LOADS, Quantity};
 
-/// What a variable stands for. Numbers are places in the tables of channels.
+/// Quantity that a variable stands for. Numbers are places in the tables of channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
     Time,
@@ -89,7 +89,7 @@ pub(crate) struct Variable {
     pub kind: Kind,
     pub causality: Causality,
     pub unit: Option<Unit>,
-    /// Its value at the start, of inputs and parameters.
+    /// Value of an input or a parameter at the start.
     pub start: Option<String>,
     pub description: String,
 }
@@ -144,7 +144,7 @@ fn terminal(index: usize, name: &str, clock: TxClock) -> [Variable; 4] {
     ]
 }
 
-/// What nodes and bus count and are.
+/// Returns the variables that count what happened at nodes and bus, or report their state.
 fn counts(settings: &Settings) -> Vec<Variable> {
     let rows: &[(&str, Source, &str)] = match (settings.interface, settings.role) {
         (Interface::Signals, _) => &[],
@@ -211,7 +211,8 @@ fn takes(plant: &Plant, index: usize) -> bool {
     loads[index] != 0.0 && plant.exciter().can_produce(&load) && plant.clone().advance(&load).is_ok()
 }
 
-/// What the instruments read, whether it was beyond their ranges, and what they would read without errors.
+/// Returns the variables of what the instruments read, whether it was beyond their ranges, and what they would read
+/// without errors.
 fn readings(outputs: &[Channel]) -> impl Iterator<Item = Variable> {
     let output = move |index: usize, group: &str, source: Source, kind: Kind, what: &str| {
         let channel = &outputs[index];
@@ -256,7 +257,7 @@ fn states(plant: &Plant) -> Vec<Variable> {
     states.chain([variable("sample", Source::Sample, Kind::UInt64, Causality::Output, description)]).collect()
 }
 
-/// What may be set before the simulation begins.
+/// Returns the parameters that may be set before the simulation begins.
 fn parameters(content: &Content) -> Vec<Variable> {
     let scenario = &content.scenario;
     let parameter = |name: &str, source, kind, start: String, unit, description: &str| Variable {

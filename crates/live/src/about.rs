@@ -34,7 +34,7 @@ pub struct About {
     pub place: String,
     /// The structure under test, in words.
     pub structure: String,
-    /// What is drawn of it; `None` if nothing says where its points are.
+    /// Drawing of the structure; `None` if the positions of its points are unknown.
     pub drawing: Option<Drawing>,
     /// The points of the exciter, B and C; `None` if they are unknown.
     pub rig: Option<[String; 3]>,
@@ -48,13 +48,13 @@ pub struct About {
     pub modes_hz: Vec<f64>,
     /// Names of a sample's channels.
     pub channels: Vec<String>,
-    /// Which of them the panels plot.
+    /// Channels that the panels plot.
     pub panels: Panels,
-    /// Which of them are the coordinates.
+    /// Channels of the coordinates.
     pub coordinates: CoordinateChannels,
     /// The sizes of the responses that are read.
     pub responses: Vec<ResponseAxis>,
-    /// Which of them is shown at first.
+    /// Index of the response that is shown at first.
     pub response: usize,
     /// Names of the channels that the bits of the clipped readings refer to, the lowest bit first.
     pub clipped_bits: Vec<String>,
@@ -71,7 +71,7 @@ pub struct About {
 pub struct CoordinateChannels {
     /// The place of the first.
     pub first: usize,
-    /// How many there are.
+    /// Number of coordinates.
     pub count: usize,
 }
 
@@ -87,15 +87,15 @@ pub struct Steering {
 }
 
 impl Steering {
-    /// For an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A sine at half the
-    /// sample rate or just below would have only two samples a period.
+    /// Makes the limits for an exciter that can play up to `load_limit`, N or N·m, at `rate_hz` samples a second. A
+    /// sine at half the sample rate or just below would have only two samples a period.
     pub fn new(load_limit: f64, rate_hz: f64) -> Steering {
         Steering { load: [0.0, load_limit], frequency_hz: [0.01, 0.4995 * rate_hz], phase_deg: [-360.0, 360.0] }
     }
 }
 
 impl About {
-    /// For what is under test in a scenario; permits no requests.
+    /// Describes the structure under test of a scenario; permits no requests.
     pub fn new(role: &'static str, place: String, scenario: &Scenario, under_test: &UnderTest) -> About {
         let shown = Shown::new(&under_test.table);
         About {

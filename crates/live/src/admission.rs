@@ -21,7 +21,7 @@ const TOKEN_BYTES: usize = 16;
 #[derive(Clone, Debug, Default)]
 pub struct Origins(Vec<String>);
 
-/// Why a request is refused.
+/// Reason why a request is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
     /// A required header is missing.
@@ -32,7 +32,7 @@ pub enum Refused {
     Repeated {
         /// Name of the repeated header.
         name: &'static str,
-        /// How many times it is present.
+        /// Number of times that the header is present.
         got: usize,
     },
     /// A header's value is not ASCII.

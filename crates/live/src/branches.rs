@@ -10,7 +10,7 @@ use super::message::BranchLines;
 /// be traced.
 pub type ComputeBranch = Box<dyn Fn(f64, f64) -> Option<BranchLines> + Send>;
 
-/// How much less processor time the thread gets than others (nice(2)): the least.
+/// Reduction of the thread's share of processor time against others (nice(2)): the least share.
 const NICE: i32 = 19;
 
 /// Asks for branches as the responses spread.
@@ -22,7 +22,7 @@ pub struct Branches {
 }
 
 impl Branches {
-    /// Starts the thread.
+    /// Starts the thread that computes branches.
     ///
     /// # Errors
     /// [`LiveError::Thread`] if it can't be started.

@@ -17,17 +17,17 @@ use tokio::time::{sleep, timeout};
 const HELD_BYTES: usize = 1 << 16;
 /// Most bytes of the head of a request, and of an answer that waits to be sent: less than hyper's 400 kB each.
 const BUFFERED_BYTES: usize = 1 << 16;
-/// How long to wait if the system has no file descriptor for another connection.
+/// Time to wait if the system has no file descriptor for another connection.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// Limits of connections that are not, or not yet, a viewer's.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// How many at once; others wait until one of them ends.
+    /// Number of connections at once; others wait until one of them ends.
     pub connections: usize,
-    /// How long the head of a request may take, from the opening of the connection or the previous answer.
+    /// Time that the head of a request may take, from the opening of the connection or the previous answer.
     pub head: Duration,
-    /// How long a connection may last. A WebSocket may last forever.
+    /// Time that a connection may last. A WebSocket may last forever.
     pub whole: Duration,
 }
 

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 
 use thiserror::Error;
 
-/// Why there is no live view.
+/// Error of starting the live view.
 #[derive(Debug, Error)]
 pub enum LiveError {
     /// The address can't be listened on.
@@ -17,19 +17,19 @@ pub enum LiveError {
         source: io::Error,
     },
     /// The text is not an address.
-    #[error("--live is `{got}`, not an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080")]
+    #[error("--live is `{got}`: expected an address such as 127.0.0.1, 127.0.0.1:8080 or [::1]:8080")]
     Address {
         /// Text that is not an address.
         got: String,
     },
     /// The text is not an origin.
-    #[error("--live-origin is `{got}`, not an origin such as https://app.foxglove.dev or http://bench:8080")]
+    #[error("--live-origin is `{got}`: expected an origin such as https://app.foxglove.dev or http://bench:8080")]
     Origin {
         /// Text that is not an origin.
         got: String,
     },
     /// The system gives no random numbers for the token.
-    #[error("no random numbers for the token of the live view: {0}")]
+    #[error("can't get random numbers for the token of the live view: {0}")]
     Random(io::Error),
     /// The thread can't be started.
     #[error("can't start the thread of the live view: {0}")]
@@ -38,9 +38,9 @@ pub enum LiveError {
 
 fn fix(source: &io::Error) -> &'static str {
     match source.kind() {
-        io::ErrorKind::AddrInUse => "another program has this port: name another, or leave it out for a free one",
-        io::ErrorKind::AddrNotAvailable => "name an address of this machine: `ip address` lists them",
-        io::ErrorKind::PermissionDenied => "ports below 1024 are for root: name one from 1024 on",
-        _ => "name another address",
+        io::ErrorKind::AddrInUse => "another program uses this port: give another port, or leave it out for a free one",
+        io::ErrorKind::AddrNotAvailable => "give an address of this machine: `ip address` lists them",
+        io::ErrorKind::PermissionDenied => "ports below 1024 need root: give one from 1024 on",
+        _ => "give another address",
     }
 }

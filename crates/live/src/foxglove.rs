@@ -110,8 +110,8 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// For samples `dt_s` apart, the first at `start_unix_ns`, frames on the bus `interface`, and
-    /// a structure that is drawn if its coordinates are known; states and readings consist of the channels of `table`.
+    /// Makes the server for samples `dt_s` apart, the first at `start_unix_ns`, frames on the bus `interface`, and a
+    /// structure that is drawn if its coordinates are known; states and readings consist of the channels of `table`.
     pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, drawing: Option<Drawing>, table: Channels) -> Stream {
         let moving = drawing.map(Moving::new);
         let scene = moving.as_ref().map(|_moving| Channel::Scene);
@@ -274,7 +274,7 @@ fn text(value: &Value) -> Message {
     Message::Text(Utf8Bytes::from(value.to_string()))
 }
 
-/// A client's message. Messages not for this server are refused by a status message.
+/// Message of a client. Messages not for this server are refused by a status message.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
 enum Said {
@@ -300,13 +300,13 @@ const SUBSCRIPTIONS: usize = 64;
 /// A client's subscriptions: its own numbers, and the channels.
 #[derive(Debug)]
 pub struct Subscriptions {
-    /// How many channels there are.
+    /// Number of channels.
     channels: usize,
     subscribed: BTreeMap<u32, u32>,
 }
 
 impl Subscriptions {
-    /// None yet, of so many channels.
+    /// Makes a list without subscriptions to so many channels.
     pub fn new(channels: usize) -> Subscriptions {
         Subscriptions { channels, subscribed: BTreeMap::new() }
     }
@@ -322,7 +322,7 @@ impl Subscriptions {
                 self.subscribed.retain(|id, _| !subscription_ids.contains(id));
                 None
             }
-            Err(error) => Some(status(&format!("resonarm takes subscribe and unsubscribe: {error}"))),
+            Err(error) => Some(status(&format!("resonarm accepts only subscribe and unsubscribe: {error}"))),
         }
     }
 

@@ -48,7 +48,7 @@ pub enum PageMessage<'a> {
 /// The state of a node.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NodeStatus {
-    /// Its state: unknown, boot-up, pre-operational, operational, fault.
+    /// State of the node: unknown, boot-up, pre-operational, operational, fault.
     pub state: &'static str,
     /// The latched fault, in words.
     pub fault: Option<String>,
@@ -57,9 +57,9 @@ pub struct NodeStatus {
 /// An event of the run, as the page lists it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EventLine {
-    /// When in simulated time, s.
+    /// Simulated time of the event, s.
     pub time_s: f64,
-    /// Its name in recordings.
+    /// Name of the event in recordings.
     pub name: String,
     /// A number that belongs to it.
     pub value: i64,
@@ -71,7 +71,7 @@ pub struct EventLine {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReadPoint {
     pub frequency_hz: f64,
-    /// Its sizes, by the `responses` of [`About`].
+    /// Amplitudes of the response, by the `responses` of [`About`].
     pub amplitude: Vec<f64>,
     /// Amplitude of the load, N or N·m.
     pub load: f64,
@@ -82,8 +82,8 @@ pub struct ReadPoint {
     pub clipped: Vec<bool>,
 }
 
-/// A branch of computed motions: lists of frequency, Hz, and the sizes of the motion, by the `responses` of [`About`];
-/// `None` between two stretches.
+/// A branch of computed periodic responses: lists of frequency, Hz, and the sizes of the response, by the `responses`
+/// of [`About`]; `None` between two stretches.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BranchLines {
     /// Stable responses; `None` separates stretches.
@@ -99,11 +99,11 @@ pub struct BranchLines {
 pub struct Spectra {
     /// Distance between two lines, Hz.
     pub line_hz: f64,
-    /// Of the force in the head along x and y, or of the commanded load if there are no readings.
+    /// Amplitudes of the force in the head along x and y, or of the commanded load if there are no readings.
     pub force: [Vec<f32>; 2],
-    /// Of the acceleration of C along x and y, m/s².
+    /// Amplitudes of the acceleration of C along x and y, m/s².
     pub acceleration_c: [Vec<f32>; 2],
-    /// Which of the readings used were clipped, by the bits that [`About`] names.
+    /// Readings used that were clipped, by the bits that [`About`] names.
     pub clipped: u32,
     /// Frequency of the largest line of the acceleration, Hz.
     pub peak_hz: Option<f64>,
@@ -149,7 +149,7 @@ pub struct Timing {
 pub struct UpdateHead {
     /// Index of the newest sample.
     pub sample: u64,
-    /// Its time, s; in a recording that of the sample shown.
+    /// Time of the newest sample, s; in a recording that of the sample shown.
     pub time_s: f64,
     /// First samples of the stretches.
     pub stretches: Vec<u64>,
@@ -159,9 +159,9 @@ pub struct UpdateHead {
     pub first: u64,
     /// Number of the latest rows.
     pub rows: usize,
-    /// Which readings were clipped in each stretch, by the bits that [`About`] names.
+    /// Readings that were clipped in each stretch, by the bits that [`About`] names.
     pub stretches_clipped: Vec<u32>,
-    /// Which were clipped in each row.
+    /// Readings that were clipped in each row.
     pub rows_clipped: Vec<u32>,
     /// Timing of the loop; `None` if it has no schedule.
     pub timing: Option<Timing>,
@@ -234,7 +234,7 @@ pub enum Wish {
 pub enum Order {
     /// A request to the loop of a run.
     Run(Request),
-    /// For the player of a recording.
+    /// Order for the player of a recording.
     Player(PlayerOrder),
 }
 
@@ -281,7 +281,11 @@ impl Wish {
             Wish::Disarm => Order::Run(Request::Disarm),
             Wish::Reset => Order::Run(Request::Reset),
             Wish::Set { load, frequency_hz, phase_deg } => {
-                let Some(limits) = &about.steering else { return Err(String::from("nothing is steered here")) };
+                let Some(limits) = &about.steering else {
+                    return Err(String::from(
+                        "the run has no set-point to change: expected a run of an exciter with a steered excitation",
+                    ));
+                };
                 let [load_range, frequency_hz_range, phase_deg_range] =
                     [limits.load, limits.frequency_hz, limits.phase_deg];
                 within("the load", load, load_range, about.unit)?;

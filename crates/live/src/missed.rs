@@ -18,9 +18,9 @@ const HALVES_KEPT: usize = 1024;
 pub struct Missed {
     deadlines: u64,
     causes: OverrunCauses,
-    /// By sample: the tick's cause and count, without an event so far.
+    /// Ticks without an event so far, by sample: cause and count.
     ticks: BTreeMap<u64, (OverrunCause, u64)>,
-    /// By sample: the event, without a tick so far.
+    /// Events without a tick so far, by sample.
     events: BTreeMap<u64, Taken>,
 }
 

@@ -21,7 +21,7 @@ use resonarm_session::run::{self, CommandRecord};
 
 /// Stretches per second of simulated time.
 const STRETCHES_HZ: f64 = 100.0;
-/// How much of the past a new viewer gets, s of simulated time.
+/// Length of the past that a new viewer gets, s of simulated time.
 pub const SHOWN_S: f64 = 30.0;
 /// Most stretches that are kept.
 const STRETCHES_KEPT: usize = (SHOWN_S * STRETCHES_HZ) as usize;
@@ -74,7 +74,7 @@ struct Ticks {
 }
 
 impl Model {
-    /// Of a run without data so far.
+    /// Makes the model of a run without data so far.
     pub fn new(about: About, under_test: UnderTest) -> Model {
         let width = (about.rate_hz / STRETCHES_HZ) as u64;
         Model {

@@ -19,17 +19,17 @@ use resonarm_session::replay::timed_responses;
 
 /// Interval of looking at the clock.
 const LOOK: Duration = Duration::from_millis(15);
-/// How far beyond the sample shown the file is read, samples: topics are interleaved by batches.
+/// Number of samples beyond the sample shown that the file is read ahead: topics are interleaved by batches.
 const AHEAD: u64 = 2048;
-/// How much less processor time the threads get than others (nice(2)).
+/// Reduction of the threads' share of processor time against others (nice(2)).
 const NICE: i32 = 10;
 
-/// How a recording is played.
+/// Settings with which a recording is played.
 #[derive(Clone, Copy, Debug)]
 pub struct Play {
     /// Recorded seconds per second, within [`SPEEDS`](super::message::SPEEDS).
     pub speed: f64,
-    /// How often it is played from beginning to end, where it then stays; `None` forever.
+    /// Number of times that the recording is played from beginning to end, where it then stays; `None` forever.
     pub times: Option<u32>,
     /// Whether it stays at its first sample until the first viewer comes.
     pub wait: bool,
@@ -48,7 +48,7 @@ pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
         match timed_responses(&for_responses) {
             // They are not needed after the player has ended.
             Ok(found) => drop(read.send(found)),
-            Err(error) => tracing::info!("no responses are shown: {error}"),
+            Err(error) => tracing::info!("the responses of the recording are not shown: {error}"),
         }
     })?;
     let playing = Playing::new(recording, play, played, responses);
@@ -70,7 +70,7 @@ struct Playing {
     /// The first and the last sample; of a recording of frames alone the last is unknown, and very large.
     first: u64,
     last: u64,
-    /// How often it is still to be played from its beginning, this time included.
+    /// Number of times that the recording is still to be played from its beginning, this time included.
     times: Option<u32>,
     /// The records still to read; `None` at the end.
     records: Option<Records<Record<String>>>,

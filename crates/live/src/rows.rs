@@ -21,7 +21,7 @@ pub const COORDINATES: usize = NATIVE_LOADS.len() + OUTPUTS.len();
 /// A number of each sample that a panel plots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plotted {
-    /// Its place among the channels.
+    /// Index of the number among the channels.
     pub channel: usize,
     /// Name of the number in the legend.
     pub label: String,
@@ -29,23 +29,23 @@ pub struct Plotted {
     pub unit: &'static str,
 }
 
-/// What the numbers of a sample are, in their order: load, readings of the head, accelerations, coordinates, states of
-/// elements, readings of the sensors beside B and C, loads that not every plant takes.
+/// Numbers of a sample that are shown, in their order: load, readings of the head, accelerations, coordinates, states
+/// of elements, readings of the sensors beside B and C, loads that not every plant takes.
 #[derive(Clone, Debug)]
 pub struct Shown {
     channels: Vec<Channel>,
-    /// How many coordinates there are.
+    /// Number of coordinates.
     coordinates: usize,
     /// The places of the elements' states among what belongs to devices and elements.
     internal: Vec<usize>,
-    /// How many readings of the sensors beside B and C there are.
+    /// Number of readings of the sensors beside B and C.
     sensors: usize,
     /// The places among [`LOADS`] of the loads that not every plant takes.
     loads: Vec<usize>,
 }
 
 impl Shown {
-    /// Of states and readings of these channels.
+    /// Makes the description for states and readings of these channels.
     pub fn new(table: &Channels) -> Shown {
         Shown::of(table.of(Topic::States), table.of(Topic::Samples))
     }
@@ -163,7 +163,7 @@ pub type Numbers = Box<[f32]>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
-    /// Which readings were beyond the range of their sensor, by [`Shown::clipped_bits`].
+    /// Readings that were beyond the range of their sensor, by [`Shown::clipped_bits`].
     pub clipped: u32,
 }
 
@@ -343,7 +343,8 @@ mod tests {
         assert_eq!((sample, &row.numbers[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
     }
 
-    /// Of two modes with two elements, the first without a state: coordinates, then the state; branches are left out.
+    /// Rows of two modes with two elements, the first without a state: coordinates, then the state; branches are left
+    /// out.
     #[test]
     fn rows_have_coordinates_and_states_of_elements() {
         use resonarm_bench::structure::{

@@ -38,9 +38,9 @@ const VIEWERS: usize = 64;
 /// Most viewers at once that are sent all that is kept of the run, up to 3 MB each; others wait. So all viewers together
 /// hold less than 64 MiB.
 const GREETINGS: usize = 16;
-/// How long viewers have to receive the last messages.
+/// Time that viewers have to receive the last messages.
 const FAREWELL: Duration = Duration::from_millis(300);
-/// How much less processor time the thread gets than others (nice(2)).
+/// Reduction of the thread's share of processor time against others (nice(2)).
 const NICE: i32 = 10;
 /// The longest message and frame that a viewer may send, bytes: memory for a frame is reserved when its head has come.
 const LONGEST: usize = 4096;
@@ -48,7 +48,7 @@ const LONGEST: usize = 4096;
 /// Address of the server, and origins that it accepts.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where to listen; port 0 picks a free one.
+    /// Address to listen at; port 0 picks a free one.
     pub address: SocketAddr,
     /// Further origins from which a browser may connect.
     pub origins: Origins,
@@ -58,7 +58,7 @@ pub struct Options {
 pub struct Shown {
     /// The model that later viewers are served from.
     pub model: Model,
-    /// Where its records come from.
+    /// Source of the records shown.
     pub source: Source,
     /// Computes the branch on which responses should lie.
     pub compute: Option<ComputeBranch>,
@@ -68,9 +68,9 @@ pub struct Shown {
     pub start_unix_ns: u64,
     /// The name of the bus in recordings.
     pub interface: String,
-    /// What is drawn for 3D views: nothing where the coordinates are unknown.
+    /// Drawing for 3D views; `None` where the coordinates are unknown.
     pub drawing: Option<Drawing>,
-    /// What its states and readings consist of.
+    /// Channels of which states and readings consist.
     pub table: Channels,
 }
 
@@ -203,8 +203,8 @@ async fn run(
     Ok(())
 }
 
-/// What a browser may do with an answer of this server, refusals included: all that the page needs, and nothing that
-/// another site could use.
+/// Headers that state what a browser may do with an answer of this server, refusals included: all that the page needs,
+/// and nothing that another site could use.
 const HEADERS: [(&str, &str); 10] = [
     (
         "content-security-policy",
@@ -252,7 +252,8 @@ async fn root(
     let upgrade = upgrade.protocols(foxglove::SUBPROTOCOLS);
     if upgrade.selected_protocol().is_none() {
         let names = foxglove::SUBPROTOCOLS.join(" or ");
-        return (StatusCode::BAD_REQUEST, format!("a WebSocket here has the subprotocol {names}\n")).into_response();
+        return (StatusCode::BAD_REQUEST, format!("the WebSocket has no known subprotocol: expected {names}\n"))
+            .into_response();
     }
     match viewer::Counted::new(&shared, VIEWERS) {
         Some(counted) => bounded(upgrade).on_upgrade(|socket| viewer::stream(socket, counted)),

@@ -98,8 +98,12 @@ impl Source {
             (Source::Recording(player), Order::Player(order)) => {
                 player.orders.send(order).map_err(|_ended| String::from("the player has ended"))
             }
-            (Source::Run(_), Order::Player(_)) => Err(String::from("this is a run, not a recording")),
-            (Source::Recording(_), Order::Run(_)) => Err(String::from("this is a recording, not a run")),
+            (Source::Run(_), Order::Player(_)) => {
+                Err(String::from("this is a run, not a recording: requests of the player do not apply"))
+            }
+            (Source::Recording(_), Order::Run(_)) => {
+                Err(String::from("this is a recording, not a run: requests to the run do not apply"))
+            }
         }
     }
 }

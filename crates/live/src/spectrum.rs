@@ -29,7 +29,7 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// For samples at `rate_hz` of a structure whose highest mode, if it is known, is at `highest_hz`.
+    /// Makes a spectrum for samples at `rate_hz` of a structure whose highest mode, if it is known, is at `highest_hz`.
     pub fn new(rate_hz: f64, highest_hz: Option<f64>) -> Spectrum {
         let fft = Fft::at_least(((LEAST_S * rate_hz) as usize).clamp(64, MOST));
         let n = fft.length();

@@ -1,4 +1,4 @@
-//! What is under test, as the live view shows it: how it is called, drawn and read.
+//! The structure under test, as the live view shows it: how it is called, drawn and read.
 
 use serde::Serialize;
 
@@ -15,9 +15,9 @@ use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
 pub struct UnderTest {
     /// Name of the structure, in words.
     pub name: String,
-    /// What its states and readings consist of.
+    /// Channels of which its states and readings consist.
     pub table: Channels,
-    /// What is drawn of it; `None` if nothing says where its points are.
+    /// Drawing of the structure; `None` if the positions of its points are unknown.
     pub drawing: Option<Drawing>,
     kind: Kind,
 }
@@ -75,7 +75,7 @@ pub struct Sizes {
 }
 
 impl UnderTest {
-    /// What is under test in a scenario, called `name`, with the channels `table`.
+    /// Describes the structure under test of a scenario, called `name`, with the channels `table`.
     ///
     /// # Errors
     /// [`ScenarioError`] if the scenario makes no structure.
@@ -193,7 +193,7 @@ impl UnderTest {
     }
 }
 
-/// What is read of a program's own structure, or of an FMU, with the channels of a response.
+/// Readings of a program's own structure, or of an FMU, with the channels of a response.
 const FOREIGN: [(&str, usize); 4] = [("C x", 4), ("C y", 5), ("B x", 2), ("B y", 3)];
 
 #[cfg(test)]

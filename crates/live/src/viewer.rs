@@ -16,9 +16,9 @@ use super::message::{Asked, PageMessage};
 use super::model::text;
 use super::shared::{Shared, lock};
 
-/// How long a viewer may take to receive a message.
+/// Time that a viewer may take to receive a message.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long it may take to receive all that is kept of the run.
+/// Time that a viewer may take to receive all that is kept of the run.
 const GREETING: Duration = Duration::from_secs(30);
 /// A viewer is dropped after this many invalid messages.
 const NONSENSE: u32 = 16;
@@ -43,12 +43,12 @@ impl Drop for Counted {
     }
 }
 
-/// Why a viewer is dropped.
+/// Reason why a viewer is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LetGo {
-    /// It has left, or sends only nonsense.
+    /// The viewer has left, or sends only nonsense.
     Gone,
-    /// It does not receive messages fast enough.
+    /// The viewer does not receive messages fast enough.
     TooSlow,
 }
 
@@ -112,7 +112,7 @@ async fn send_updates(
             },
             received = socket.recv() => match received {
                 Some(Ok(Message::Text(asked))) => answer(shared, &asked, nonsense),
-                Some(Ok(Message::Binary(_))) => refuse("a request is text", nonsense),
+                Some(Ok(Message::Binary(_))) => refuse("a request must be a text message, got a binary one", nonsense),
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return Err(LetGo::Gone),
             },
@@ -181,7 +181,7 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
             received = socket.recv() => {
                 let answer = match received {
                     Some(Ok(Message::Text(text))) => subscriptions.receive(&text),
-                    Some(Ok(Message::Binary(_))) => Some(foxglove::status("resonarm takes no binary messages")),
+                    Some(Ok(Message::Binary(_))) => Some(foxglove::status("resonarm accepts only text messages, got a binary one")),
                     Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return,
                 };

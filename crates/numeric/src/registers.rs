@@ -3,7 +3,8 @@
 //! The source is the same for all of them, FMA stays off, so that a·b + c is rounded twice everywhere, and no order of
 //! a sum depends on a width: results have the same bits on every processor.
 
-/// A computation. All that it calls and that shall use the registers is `#[inline(always)]`, as is its `run`.
+/// Computation that can be compiled for several sets of registers. All that it calls and that shall use the registers
+/// is `#[inline(always)]`, as is its `run`.
 pub trait Task {
     /// Result of the computation.
     type Output;
@@ -88,7 +89,7 @@ mod tests {
         }
     }
 
-    /// With all registers that the processor has, a task has the bits of the plain one.
+    /// A task that uses all registers of the processor gives results that are bit-identical to those of the plain one.
     #[test]
     fn all_registers_give_the_same_bits() {
         let task = Products(0.9);

@@ -24,19 +24,19 @@ use super::{PythonCanError, exception, message};
 use resonarm_bus::Filter;
 use resonarm_bus::socketcan::{MEMINFO_BYTES, drops_in};
 
-/// How long `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
+/// Time for which `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
 const RECEIVE_TIMEOUT_S: f64 = 0.05;
 /// The pause after `recv` failed, so that a dead adapter does not take a whole core.
 const REST_AFTER_FAILURE: Duration = Duration::from_millis(10);
 /// The pause before a frame that met a full transmit queue is tried again.
 const REST_AFTER_FULL: Duration = Duration::from_millis(1);
-/// How often, over all frames, a full transmit queue is tried again once the bus is being closed.
+/// Number of times, over all frames, that a full transmit queue is tried again once the bus is being closed.
 pub(super) const ATTEMPTS_WHEN_CLOSING: u32 = 1000;
 
 /// State shared by both threads and the bus.
 #[derive(Default)]
 pub(super) struct Shared {
-    /// This end is leaving, or its threads are.
+    /// Whether this end is leaving, or its threads are.
     pub(super) closing: AtomicBool,
     /// The threads leave the bus open for the caller.
     pub(super) keeps_open: AtomicBool,
@@ -84,7 +84,7 @@ pub(super) struct Sender {
     pub(super) outgoing: Consumer<Frame>,
     pub(super) failures: Producer<PythonCanError>,
     pub(super) shared: Arc<Shared>,
-    /// What is left of [`ATTEMPTS_WHEN_CLOSING`].
+    /// Attempts left of [`ATTEMPTS_WHEN_CLOSING`].
     pub(super) attempts: u32,
 }
 

@@ -26,7 +26,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(1);
 pub(super) struct Direct {
     pub(super) bus: Arc<Py<PyAny>>,
     pub(super) message_class: Py<PyAny>,
-    /// What the driver reads from, where the kernel counts what it lost on it.
+    /// Socket that the driver reads from, on which the kernel counts the frames it lost.
     pub(super) socket: Option<Py<PyAny>>,
     pub(super) error_frames: ErrorFrames,
     pub(super) shared: Arc<Shared>,

@@ -1,4 +1,4 @@
-//! Which Python, which environment, and python-can in it.
+//! Discovery of Python, of its environment, and of python-can in it.
 //!
 //! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the
 //! environment is looked up here: the one that VIRTUAL_ENV names, otherwise a `.venv` in the working directory or
@@ -53,7 +53,7 @@ impl VirtualEnvironment {
     }
 }
 
-/// What `python-can:` would load, found without running any Python.
+/// Describes what `python-can:` would load, without running any Python.
 ///
 /// # Errors
 /// [`PythonCanError::VirtualEnvironment`], [`PythonCanError::Untrusted`], and [`PythonCanError::Missing`] if an
@@ -189,7 +189,7 @@ fn read(path: PathBuf) -> Result<VirtualEnvironment, PythonCanError> {
         pairs.map(|(key, value)| (key.trim(), value.trim())).find(|(key, _)| *key == wanted).map(|(_, value)| value)
     };
     let version = value("version").or_else(|| value("version_info")).and_then(parse_version);
-    let version = version.ok_or_else(|| refuse(format!("`{}` states no version", file.display())))?;
+    let version = version.ok_or_else(|| refuse(format!("`{}` contains no version", file.display())))?;
     let isolated = !value("include-system-site-packages").is_some_and(|shared| shared.eq_ignore_ascii_case("true"));
     Ok(VirtualEnvironment { path, version, isolated })
 }
@@ -284,6 +284,6 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let broken = environment(directory.path(), "broken", "home = /usr/bin");
         let text = message(read(broken).unwrap_err()).replace(&directory.path().display().to_string(), "DIR");
-        insta::assert_snapshot!(text, @"`DIR/broken` is not a Python virtual environment: `DIR/broken/pyvenv.cfg` states no version; make one with `python3 -m venv DIR/broken`, or unset VIRTUAL_ENV");
+        insta::assert_snapshot!(text, @"`DIR/broken` is not a Python virtual environment: `DIR/broken/pyvenv.cfg` contains no version; make one with `python3 -m venv DIR/broken`, or unset VIRTUAL_ENV");
     }
 }

@@ -1,4 +1,4 @@
-//! What can go wrong between here and an adapter that python-can drives.
+//! Errors between here and an adapter that python-can drives.
 
 use alloc::string::String;
 use core::time::Duration;
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use resonarm_bus::BusError;
 use thiserror::Error;
 
-/// Why a bus could not be opened or used through python-can.
+/// Errors of opening or using a bus through python-can.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PythonCanError {
@@ -17,7 +17,7 @@ pub enum PythonCanError {
     Option {
         /// Name of the option in the address.
         key: String,
-        /// What is wrong with it and how to fix it.
+        /// Reason why the option is invalid, and how to fix it.
         reason: String,
     },
     /// The directory is no virtual environment.
@@ -40,12 +40,12 @@ pub enum PythonCanError {
         path: PathBuf,
         /// The file or directory that is not the user's alone.
         place: PathBuf,
-        /// What is wrong with it.
+        /// Reason why other users could change the place.
         reason: String,
     },
     /// The virtual environment belongs to another version of Python than the one built in.
     #[error(
-        "the virtual environment `{path}` is for Python {environment}, and this program embeds Python {embedded}; \
+        "the virtual environment `{path}` is for Python {environment}, but this program embeds Python {embedded}; \
          make one with `{python} -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON={path}/bin/python3"
     )]
     Version {
@@ -67,9 +67,9 @@ pub enum PythonCanError {
         command: String,
     },
     /// python-can has no interface of that name.
-    #[error("python-can {version} has no interface `{interface}`; it has: {known}")]
+    #[error("python-can {version} has no interface `{interface}`; expected one of {known}")]
     UnknownInterface {
-        /// What was asked for.
+        /// Interface that was asked for.
         interface: String,
         /// The version of python-can.
         version: String,
@@ -79,7 +79,7 @@ pub enum PythonCanError {
     /// The run has CAN FD frames, and the adapter was opened for classical ones.
     #[error(
         "the run has CAN FD frames, and python-can has opened the interface `{interface}` for classical frames only: add \
-         fd=true to the address, with the bit rates that the interface asks for, or take an adapter for CAN FD"
+         fd=true to the address, with the bit rates that the interface asks for, or use an adapter for CAN FD"
     )]
     Classic {
         /// The interface of python-can.
@@ -88,7 +88,7 @@ pub enum PythonCanError {
     /// python-can or the driver beneath raised an exception.
     #[error("python-can could not {operation}: {kind}: {message}")]
     Exception {
-        /// What was being done.
+        /// Operation that failed.
         operation: Operation,
         /// The class of the exception.
         kind: String,
@@ -101,14 +101,14 @@ pub enum PythonCanError {
     /// The driver holds a bridge thread inside a call.
     #[error("python-can did not {operation} within {} s: the driver does not return; unplug the adapter or end this program", .waited.as_secs_f64())]
     Stuck {
-        /// What was being done.
+        /// Operation that does not end.
         operation: Operation,
-        /// How long this end waited.
+        /// Time that this end waited.
         waited: Duration,
     },
 }
 
-/// What was asked of python-can.
+/// Operation that was asked of python-can.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Finding and importing the package.
@@ -156,7 +156,7 @@ mod tests {
             embedded: "3.11".into(),
             python: "/usr/bin/python3.11".into(),
         };
-        insta::assert_snapshot!(version, @"the virtual environment `/home/a/.venv` is for Python 3.12, and this program embeds Python 3.11; make one with `/usr/bin/python3.11 -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=/home/a/.venv/bin/python3");
+        insta::assert_snapshot!(version, @"the virtual environment `/home/a/.venv` is for Python 3.12, but this program embeds Python 3.11; make one with `/usr/bin/python3.11 -m venv DIRECTORY` and set VIRTUAL_ENV to it, or build again with PYO3_PYTHON=/home/a/.venv/bin/python3");
         let missing = PythonCanError::Missing {
             environment: "the virtual environment `/home/a/.venv` (Python 3.11.2)".into(),
             command: "/home/a/.venv/bin/python3 -m pip install python-can".into(),

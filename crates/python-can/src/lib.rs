@@ -55,7 +55,7 @@ pub const TRANSMIT_QUEUE: usize = 1024;
 const FAILURE_QUEUE: usize = 16;
 /// The interface of python-can that carries CAN FD frames whatever it says.
 const VIRTUAL: &str = "virtual";
-/// How long [`Bus::close`] and [`Bus::set_filters`] wait for the driver.
+/// Time that [`Bus::close`] and [`Bus::set_filters`] wait for the driver.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// One end of a bus behind a python-can interface.
@@ -79,7 +79,7 @@ pub struct PythonCan {
     statistics: Statistics,
     /// The interface of python-can, if it was opened for classical frames only.
     classic_interface: Option<String>,
-    /// What the threads work with, to be handed to the caller; `None` once it has it, or after the end.
+    /// Objects that the threads work with, to be handed to the caller; `None` once it has them, or after the end.
     spare: Option<Direct>,
     /// The bus on the calling thread, once it works there.
     direct: Option<Direct>,
@@ -370,7 +370,7 @@ pub fn version() -> Result<String, PythonCanError> {
     })
 }
 
-/// Where python-can would be loaded from, and its version, for people. No Python runs.
+/// Describes where python-can would be loaded from, and its version, for people. No Python runs.
 ///
 /// # Errors
 /// [`PythonCanError::VirtualEnvironment`], [`PythonCanError::Untrusted`], and [`PythonCanError::Missing`].

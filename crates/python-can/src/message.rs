@@ -44,7 +44,7 @@ pub(super) enum ErrorFrames {
 }
 
 impl ErrorFrames {
-    /// Those of an interface: `socketcan` has them from the kernel, `gs_usb` from firmware, which
+    /// Returns the error frames of an interface: `socketcan` has them from the kernel, `gs_usb` from firmware, which
     /// the kernel's driver passes on unchanged.
     pub(super) fn of(interface: &str) -> ErrorFrames {
         match interface {

@@ -10,7 +10,7 @@ use super::PythonCanError;
 pub(super) struct Options {
     /// The name python-can gives the kind of adapter.
     pub(super) interface: String,
-    /// Which adapter or channel of it; always text, as on python-can's own command line.
+    /// Adapter, or channel of it; always text, as on python-can's own command line.
     pub(super) channel: Option<String>,
     /// Everything else, for the driver.
     pub(super) rest: Vec<(String, Value)>,

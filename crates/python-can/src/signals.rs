@@ -23,7 +23,7 @@ pub(super) fn start_python() -> PyResult<()> {
     })
 }
 
-/// What SIGINT does now.
+/// Returns the present handling of SIGINT.
 #[allow(unsafe_code, reason = "sigaction(2) has no safe wrapper among the dependencies")]
 fn disposition() -> io::Result<libc::sigaction> {
     // SAFETY: all zeros are a valid `sigaction`, a plain C structure; the call only writes through the pointer, which

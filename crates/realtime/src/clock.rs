@@ -35,12 +35,12 @@ pub trait Clock {
 pub struct SystemClock;
 
 impl SystemClock {
-    /// When it read 0, ns of the UNIX epoch.
+    /// Returns the time at which the clock read 0, ns of the UNIX epoch.
     pub fn epoch_unix_ns(self) -> u64 {
         unix_time_ns().saturating_sub(self.now_ns())
     }
 
-    /// Its reading, as the recorder wants it.
+    /// Returns the reading of the clock, as the recorder wants it.
     pub fn elapsed() -> Duration {
         Duration::from_nanos(SystemClock.now_ns())
     }
@@ -51,7 +51,8 @@ impl Clock for SystemClock {
         to_ns(clock_gettime(ClockId::Monotonic))
     }
 
-    /// `clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME)`. A signal that interrupts the sleep doesn't shorten it.
+    /// Sleeps by `clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME)`. A signal that interrupts the sleep doesn't shorten
+    /// it.
     fn sleep_until_ns(&self, deadline_ns: u64) {
         let deadline = to_timespec(deadline_ns);
         while let Err(error) = clock_nanosleep_absolute(ClockId::Monotonic, &deadline) {

@@ -19,20 +19,20 @@ pub struct CoreShare {
 struct Counts {
     /// Time that the host took from each core, ns.
     stolen_ns: Vec<u64>,
-    /// How long the thread could have run and waited for a core, ns.
+    /// Time for which the thread could have run and waited for a core, ns.
     waited_ns: u64,
-    /// How often it was given one.
+    /// Number of times that the thread was given a core.
     turns: u64,
 }
 
-/// What happened between two looks.
+/// Use of the core between two looks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Share {
     /// Time that the host took from the core on which the thread runs now, ns, in units of [`STEAL_UNIT_NS`].
     pub stolen_ns: u64,
-    /// How long the thread waited for a core that other threads had, ns.
+    /// Time for which the thread waited for a core that other threads had, ns.
     pub waited_ns: u64,
-    /// How often it was given one.
+    /// Number of times that the thread was given a core.
     pub turns: u64,
 }
 
@@ -42,7 +42,7 @@ impl CoreShare {
         CoreShare { thread: gettid(), before: None }
     }
 
-    /// What has happened since the last look; `None` at the first, and where the kernel does not report it.
+    /// Returns the use of the core since the last look; `None` at the first, and where the kernel does not report it.
     pub fn look(&mut self) -> Option<Share> {
         let folder = format!("/proc/self/task/{}", self.thread.as_raw_pid());
         let read = |path: &str| fs::read_to_string(path).unwrap_or_default();

@@ -20,7 +20,7 @@ pub struct CoresAwake {
 }
 
 impl CoresAwake {
-    /// Asks the kernel.
+    /// Asks the kernel to keep the cores awake.
     ///
     /// # Errors
     /// A [`Shortfall`] that says how to fix it, if the interface is missing or not open to this process.

@@ -15,13 +15,13 @@ const SIGNIFICANT_DIGITS: u8 = 3;
 #[derive(Clone, Debug)]
 pub struct LatencyHistogram {
     within: Histogram<u64>,
-    /// How many were longer than the bound.
+    /// Number of latencies longer than the bound.
     beyond: u64,
     max_ns: u64,
 }
 
 impl LatencyHistogram {
-    /// An empty histogram.
+    /// Makes an empty histogram.
     ///
     /// # Errors
     /// [`HistogramError`] if the histogram can't be built.
@@ -40,12 +40,12 @@ impl LatencyHistogram {
         }
     }
 
-    /// How many latencies were counted.
+    /// Returns the number of latencies counted.
     pub fn count(&self) -> u64 {
         self.within.len() + self.beyond
     }
 
-    /// How many of them were longer than [`HISTOGRAM_BOUND_NS`].
+    /// Returns how many latencies were longer than [`HISTOGRAM_BOUND_NS`].
     pub fn beyond_bound(&self) -> u64 {
         self.beyond
     }
@@ -103,7 +103,7 @@ pub struct Percentiles {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("no latency histogram up to {HISTOGRAM_BOUND_NS} ns: {why}")]
 pub struct HistogramError {
-    /// What the histogram library said.
+    /// Reason that the histogram library gave.
     pub why: String,
 }
 

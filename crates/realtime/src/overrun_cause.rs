@@ -1,16 +1,16 @@
-//! Why deadlines are missed.
+//! Causes of missed deadlines.
 
 use serde::Serialize;
 
-/// Why deadlines were missed, as far as the loop itself knows: what it did when they passed.
+/// Cause of missed deadlines, as far as the loop itself knows it: what the loop did when they passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunCause {
-    /// It slept for an earlier deadline, and was woken too late.
+    /// The loop slept for an earlier deadline, and was woken too late.
     WokeLate,
-    /// It worked on the tick before, half of the time or more on something else than the bus.
+    /// The loop worked on the tick before, half of the time or more on something else than the bus.
     StepLong,
-    /// It worked on the tick before, most of the time on the bus: taking frames in and sending them.
+    /// The loop worked on the tick before, most of the time on the bus: taking frames in and sending them.
     BusLong,
 }
 
@@ -18,7 +18,7 @@ impl OverrunCause {
     /// All causes that the loop can tell apart.
     pub const ALL: [Self; 3] = [Self::WokeLate, Self::StepLong, Self::BusLong];
 
-    /// Its name in text.
+    /// Returns the name of the cause in text.
     pub const fn name(self) -> &'static str {
         match self {
             Self::WokeLate => "woke-late",
@@ -55,7 +55,7 @@ impl OverrunCauses {
         *self.of(cause) += missed;
     }
 
-    /// How many by each cause, with its name in words for people.
+    /// Returns the count of each cause, with its name in words for people.
     pub const fn in_words(&self) -> [(&'static str, u64); 5] {
         [
             ("while the host had the core", self.stolen),

@@ -57,16 +57,16 @@ use super::clock::wait_until;
 use super::latency::HistogramError;
 use super::{Clock, LatencyHistogram, OverrunCause, OverrunCauses, Percentiles, SampleRate};
 
-/// How far behind its deadline a tick may be: 1 s. A loop further behind ends with [`PeriodicError::TooFarBehind`].
-/// Only [`OverrunPolicy::Slip`], which does not catch up on ticks that old, continues.
+/// Time by which a tick may be behind its deadline: 1 s. A loop further behind ends with
+/// [`PeriodicError::TooFarBehind`]. Only [`OverrunPolicy::Slip`], which does not catch up on ticks that old, continues.
 pub const MAX_LAG_NS: u64 = 1_000_000_000;
 
-/// How many ticks a loop that slips catches up: 3. At the highest load that the protocol recommends, 70 % of the wire,
-/// the frames of a sample take 0.7 of a period, so the wire works off a backlog of 3 samples in 3 · 0.7/0.3 = 7
+/// Number of ticks that a loop that slips catches up: 3. At the highest load that the protocol recommends, 70 % of the
+/// wire, the frames of a sample take 0.7 of a period, so the wire works off a backlog of 3 samples in 3 · 0.7/0.3 = 7
 /// periods. A longer burst would hold stale forces for longer than it is worth.
 pub const CATCH_UP_TICKS: u64 = 3;
 
-/// What a missed deadline leads to. In text: `slip`, `continue`, `fault`, `stop`.
+/// Behaviour of the loop at a missed deadline. In text: `slip`, `continue`, `fault`, `stop`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
@@ -76,8 +76,8 @@ pub enum OverrunPolicy {
     Slip,
     /// All overdue ticks are run late, one after another, marked, and the run continues.
     Continue,
-    /// As `Continue`, and each tick that reports a miss asks for a fault ([`Action::Fault`]): the plant's force goes
-    /// to zero, and stays there until it is armed again.
+    /// The loop continues, and each tick that reports a miss asks for a fault ([`Action::Fault`]): the plant's force
+    /// goes to zero, and stays there until it is armed again.
     Fault,
     /// The loop ends with [`PeriodicError::Overrun`].
     Stop,
@@ -87,7 +87,7 @@ impl OverrunPolicy {
     /// All policies a loop can have.
     pub const ALL: [Self; 4] = [Self::Slip, Self::Continue, Self::Fault, Self::Stop];
 
-    /// Its name in text.
+    /// Returns the name of the policy in text.
     pub fn name(self) -> &'static str {
         match self {
             Self::Slip => "slip",
@@ -121,7 +121,7 @@ pub struct UnknownOverrunPolicy {
     pub got: String,
 }
 
-/// What a tick asks the loop to do.
+/// Action that a tick asks of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Do the work of the tick.
@@ -135,22 +135,22 @@ pub enum Action {
 pub struct Tick {
     /// Index k of the tick: 0, 1, 2 …, without gaps.
     pub index: u64,
-    /// When the tick was due, on the loop's clock, ns.
+    /// Time at which the tick was due, on the loop's clock, ns.
     pub deadline_ns: u64,
-    /// When the loop was awake for it, on the same clock, ns; `deadline_ns` or later.
+    /// Time at which the loop was awake for the tick, on the same clock, ns; `deadline_ns` or later.
     pub woke_ns: u64,
-    /// How late that was: `woke_ns - deadline_ns`. The wake-up latency, or how far a tick that catches up is behind.
+    /// Lateness of the tick: `woke_ns - deadline_ns`. The wake-up latency, or how far a tick that catches up is behind.
     pub wakeup_ns: u64,
     /// Deadlines missed and not reported by an earlier tick; 0 when on time.
     pub missed: u32,
-    /// Why; `None` if none was missed.
+    /// Cause of the missed deadlines; `None` if none was missed.
     pub cause: Option<OverrunCause>,
-    /// From when to `woke_ns` the loop was held up, on its clock, ns: the deadline that it slept for, or where it did
-    /// not sleep when it woke for the tick before.
+    /// Start of the time up to `woke_ns` for which the loop was held up, on its clock, ns: the deadline that it slept
+    /// for, or where it did not sleep when it woke for the tick before.
     pub held_up_since_ns: u64,
     /// Periods by which the schedule moves with this tick; 0 but under [`OverrunPolicy::Slip`].
     pub slipped: u32,
-    /// What the overrun policy asks for.
+    /// Action that the overrun policy asks for.
     pub action: Action,
 }
 
@@ -179,7 +179,7 @@ pub struct Periodic<'c, C: Clock> {
     clock: &'c C,
     rate: SampleRate,
     policy: OverrunPolicy,
-    /// How long it spins before a deadline, ns.
+    /// Time for which the loop spins before a deadline, ns.
     spin_ns: u64,
     start_ns: u64,
     /// Index of the tick to give out next.
@@ -189,7 +189,7 @@ pub struct Periodic<'c, C: Clock> {
     /// Periods below this one were waited for or counted as missed.
     settled: u64,
     causes: OverrunCauses,
-    /// When the loop woke for the last tick, and how much of that tick's work went to the bus, ns.
+    /// Time at which the loop woke for the last tick, and how much of that tick's work went to the bus, ns.
     last_woke_ns: u64,
     last_bus_ns: u64,
     wakeup: LatencyHistogram,
@@ -229,12 +229,12 @@ impl<'c, C: Clock> Periodic<'c, C> {
         Self { spin_ns, ..self }
     }
 
-    /// How late the ticks were, and how long the work of those finished took.
+    /// Returns the lateness of the ticks, and the execution times of those finished.
     pub fn into_histograms(self) -> [LatencyHistogram; 2] {
         [self.wakeup, self.exec]
     }
 
-    /// When tick 0 is due, on the loop's clock, ns.
+    /// Returns the time at which tick 0 is due, on the loop's clock, ns.
     pub fn start_ns(&self) -> u64 {
         self.start_ns
     }
@@ -325,7 +325,7 @@ impl<'c, C: Clock> Periodic<'c, C> {
     }
 }
 
-/// Why a periodic loop ended by itself.
+/// Reason why a periodic loop ended by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum PeriodicError {
     /// Deadlines were missed, and the policy is to stop.
@@ -339,7 +339,7 @@ pub enum PeriodicError {
         index: u64,
         /// Deadlines missed and not reported by an earlier tick.
         missed: u32,
-        /// How late the tick is, ns.
+        /// Lateness of the tick, ns.
         late_ns: u64,
     },
     /// The loop can no longer catch up.
@@ -352,7 +352,7 @@ pub enum PeriodicError {
     TooFarBehind {
         /// The tick that is late.
         index: u64,
-        /// How late it is, ns.
+        /// Lateness of the tick, ns.
         late_ns: u64,
     },
 }

@@ -19,7 +19,7 @@ const CLOCK_RESOLUTION_WANTED_NS: u64 = 1_000;
 pub struct Privileges {
     /// The highest priority of `SCHED_FIFO` that a thread got; `None` if refused.
     pub fifo_priority_max: Option<FifoPriority>,
-    /// How much memory may be locked into RAM, bytes; `None` without limit.
+    /// Memory that may be locked into RAM, bytes; `None` without limit.
     pub memory_lock_limit_bytes: Option<u64>,
     /// The cores the calling thread may run on; `None` if the system doesn't report them (more than 1024 cores).
     pub allowed_cores: Option<Vec<usize>>,
@@ -34,7 +34,8 @@ pub struct Privileges {
 }
 
 impl Privileges {
-    /// Finds out. Nothing stays changed: the priority is tried on a thread that ends at once, and no memory is locked.
+    /// Finds out what the machine grants to this process. Nothing stays changed: the priority is tried on a thread that
+    /// ends at once, and no memory is locked.
     pub fn probe() -> Self {
         let allowed_cores = allowed_cores().ok();
         let first_core = allowed_cores.as_ref().and_then(|cores| cores.first());
@@ -135,7 +136,7 @@ pub struct Finding {
     pub subject: &'static str,
     /// State in which the machine was found.
     pub state: String,
-    /// How to improve it; `None` if it is well.
+    /// Way to improve it; `None` if it is well.
     #[serde(rename = "mend")]
     pub fix: Option<String>,
 }
@@ -146,7 +147,7 @@ pub(super) fn allowed_cores() -> Result<Vec<usize>, Errno> {
     Ok((0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect())
 }
 
-/// How much memory may be locked, bytes; `None` without limit: by `CAP_IPC_LOCK` or by `RLIMIT_MEMLOCK`.
+/// Returns how much memory may be locked, bytes; `None` without limit: by `CAP_IPC_LOCK` or by `RLIMIT_MEMLOCK`.
 pub(super) fn memory_lock_limit_bytes() -> Option<u64> {
     let capable = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
     if capable { None } else { getrlimit(Resource::Memlock).current }

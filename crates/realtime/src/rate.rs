@@ -51,7 +51,7 @@ impl SampleRate {
         self.rate_hz
     }
 
-    /// When tick `index` is due, ns after tick 0.
+    /// Returns the time at which tick `index` is due, ns after tick 0.
     pub fn offset_ns(&self, index: u64) -> u64 {
         let scaled = (u128::from(index) * 1_000_000_000) << self.shift;
         // ⌊x/m + 1/2⌋ as ⌊(2x + m)/(2m)⌋, in whole numbers.

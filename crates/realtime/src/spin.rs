@@ -1,4 +1,4 @@
-//! How the loop waits for a deadline: asleep, or asleep until shortly before and then looking at the clock.
+//! Waiting for a deadline: asleep, or asleep until shortly before and then looking at the clock.
 
 use core::fmt;
 use core::str::FromStr;
@@ -14,28 +14,28 @@ use resonarm_numeric::number::short;
 const SPIN_PART: u64 = 4;
 /// Sleeps that are measured.
 const SLEEPS: u32 = 300;
-/// How long each is at most, ns.
+/// Longest sleep of the measurement, ns.
 const SLEEP_NS: u64 = 500_000;
 
 /// Whether the loop spins before a deadline. In text: `off`, `auto`, or a number of microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Spin {
-    /// It sleeps until the deadline.
+    /// The loop sleeps until the deadline.
     #[default]
     Off,
-    /// For as long as sleeps are late, if that is at most a quarter of the period: measured before the first sample.
+    /// The loop spins for as long as sleeps are late, if that is at most a quarter of the period: measured before the
+    /// first sample.
     Auto,
-    /// For this long, ns.
+    /// The loop spins for this long, ns.
     For(u64),
 }
 
 /// The choice, and why. As JSON it is in the document of `resonarm run --json`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SpinChoice {
-    /// How long the loop spins before each deadline, µs; 0 if it sleeps until the deadline.
+    /// Time for which the loop spins before each deadline, µs; 0 if it sleeps until the deadline.
     pub spin_us: f64,
-    /// By how much 99 % of the sleeps measured before the first sample were late at most, µs; `None` if the time was
-    /// given.
+    /// Largest lateness of 99 % of the sleeps measured before the first sample, µs; `None` if the time was given.
     pub slept_p99_us: Option<f64>,
     /// The most that is possible at the rate, µs.
     pub most_us: f64,
@@ -87,14 +87,14 @@ impl Spin {
 }
 
 impl SpinChoice {
-    /// How long the loop spins, ns.
+    /// Returns the time for which the loop spins, ns.
     pub fn spin_ns(&self) -> u64 {
         (self.spin_us * 1e3) as u64
     }
 }
 
 impl fmt::Display for SpinChoice {
-    /// What was chosen and why: `for 85.2 µs before each deadline: as late were 99 % of 300 sleeps at most`.
+    /// Writes what was chosen and why: `for 85.2 µs before each deadline: as late were 99 % of 300 sleeps at most`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { spin_us, slept_p99_us, most_us } = self;
         match slept_p99_us {
@@ -117,7 +117,7 @@ fn most_ns(rate: SampleRate) -> u64 {
     rate.offset_ns(1) / SPIN_PART
 }
 
-/// How late 99 % of sleeps of `sleep_ns` are at most, µs.
+/// Returns the largest lateness of 99 % of sleeps of `sleep_ns`, µs.
 fn sleeps_p99_us<C: Clock>(clock: &C, sleep_ns: u64) -> Result<f64, HistogramError> {
     let mut late = LatencyHistogram::new()?;
     for _ in 0..SLEEPS {
@@ -154,7 +154,7 @@ impl fmt::Display for Spin {
     }
 }
 
-/// Why a spin time is refused.
+/// Errors of a spin time.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SpinError {
     /// The text is no spin time.
@@ -163,10 +163,10 @@ pub enum SpinError {
         /// Text that is no setting of spinning.
         got: String,
     },
-    /// It would take too much of the core.
+    /// The spin time would take too much of the core.
     #[error(
-        "spinning for {} µs before each deadline: at {} Hz at most {} µs are possible, a quarter of the period, so that \
-         others get the core; take less, or auto",
+        "spinning for {} µs before each deadline: at {} Hz at most {} µs are possible, a quarter of the period, so \
+         that other threads get the core; give a shorter time, or auto",
         short(.got_us), short(.rate_hz), short(.most_us)
     )]
     TooLong {
@@ -229,7 +229,7 @@ mod tests {
         // Nanoseconds are thousandths, the last digits of a time in microseconds.
         assert_eq!(choose(Spin::For(232_063), 1000.0, 0).unwrap().unwrap().spin_us, 232.063);
         insta::assert_snapshot!(choice, @"for 250.0 µs before each deadline, as asked for");
-        insta::assert_snapshot!(choose(Spin::For(251_000), 1000.0, 0).unwrap_err(), @"spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
+        insta::assert_snapshot!(choose(Spin::For(251_000), 1000.0, 0).unwrap_err(), @"spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs are possible, a quarter of the period, so that other threads get the core; give a shorter time, or auto");
     }
 
     #[test]

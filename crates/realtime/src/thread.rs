@@ -13,10 +13,10 @@ use super::CoresAwake;
 use super::priority::{FifoPriority, set_fifo};
 use super::privileges::{allowed_cores, fix_for_memory_lock, fix_for_priority, memory_lock_limit_bytes};
 
-/// How much of its stack [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
+/// Bytes of its stack that [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
 pub const PREFAULT_STACK_BYTES: usize = 256 * 1024;
 
-/// What a real-time thread is to have.
+/// Settings that a real-time thread is to have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ThreadSetup {
     /// Scheduling by `SCHED_FIFO` with this priority; `None` leaves the scheduling unchanged.
@@ -101,23 +101,23 @@ impl ThreadSetup {
     }
 }
 
-/// What a thread got; by default nothing.
+/// Settings that a thread was granted; by default none.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ThreadReport {
     /// The priority under `SCHED_FIFO`; `None` without it.
     pub priority: Option<FifoPriority>,
-    /// How much of the process's memory is locked.
+    /// Share of the process's memory that is locked.
     pub memory: MemoryLock,
     /// The core it is pinned to.
     pub core: Option<usize>,
     /// Whether the cores are held out of their idle states.
     pub cores_awake: bool,
-    /// What was asked for and refused.
+    /// Settings that were asked for and denied.
     pub shortfalls: Vec<Shortfall>,
 }
 
 impl fmt::Display for ThreadReport {
-    /// What it got: `SCHED_FIFO priority 80, memory locked now and later, core 1, cores kept awake`.
+    /// Writes the settings granted: `SCHED_FIFO priority 80, memory locked now and later, core 1, cores kept awake`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.priority {
             Some(priority) => write!(f, "SCHED_FIFO priority {}", priority.get())?,
@@ -136,14 +136,14 @@ impl fmt::Display for ThreadReport {
     }
 }
 
-/// How much of the process's memory is locked into RAM.
+/// Share of the process's memory that is locked into RAM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MemoryLock {
     /// No memory is locked.
     #[default]
     None,
-    /// What was mapped when the lock was made. Later memory isn't, because the process's limit would make
+    /// The memory that was mapped when the lock was made. Later memory isn't, because the process's limit would make
     /// allocations fail: the loop itself makes none.
     Current,
     /// All, also what will be mapped later.
@@ -173,9 +173,9 @@ pub struct Shortfall {
     pub wanted: Wanted,
     /// The same in words, with its number.
     pub what: String,
-    /// What the system said.
+    /// Error that the system returned.
     pub why: String,
-    /// How to get it.
+    /// Way to get the setting granted.
     #[serde(rename = "mend")]
     pub fix: String,
 }

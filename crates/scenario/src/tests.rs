@@ -42,7 +42,7 @@ fn names_an_unknown_key_and_suggests_the_nearest() {
     ");
     let parameter = says("[structure.set]\nmass_kg = 3.0");
     assert!(parameter.starts_with("structure.set: `mass_kg` is 3: there is no parameter `mass_kg`"), "{parameter}");
-    insta::assert_snapshot!(says("[structure]\npreset = 'irb140'"), @"structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(says("[structure]\npreset = 'irb140'"), @"structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn says_what_is_wrong_with_the_numbers() {
     insta::assert_snapshot!(says("simulation.rate_hz = 999.5"), @"simulation.rate_hz is 999.5: it must be an integer from 1 to 65535 Hz");
     insta::assert_snapshot!(says("simulation.duration_s = nan"), @"simulation.duration_s is NaN: it must be a positive number");
     insta::assert_snapshot!(says("network.base_id = 0x205"), @"network: base identifier 0x205 is not a multiple of 0x10: take 0x200");
-    insta::assert_snapshot!(says("network.exciter_id = 1"), @"network: plant and exciter can't both have the node id 1");
+    insta::assert_snapshot!(says("network.exciter_id = 1"), @"network: plant and exciter both have the node id 1: give them different ones");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.0005"), @"network.command_timeout_s is 0.0005: it must be at least two samples long (2 / simulation.rate_hz), or four with two samples a frame");
     insta::assert_snapshot!(says("network.command_timeout_s = 0.019\nsimulation.rate_hz = 100"), @"network.command_timeout_s is 0.019: it must be at least two samples long (2 / simulation.rate_hz), or four with two samples a frame");
     insta::assert_snapshot!(says("simulation.rate_hz = 99\nnetwork.command_timeout_s = 0.1"), @"simulation.rate_hz is 99: a run in real time needs at least 100 Hz; lockstep and free runs take any rate");
@@ -160,28 +160,28 @@ fn rejects_harmonics_that_can_t_be_cancelled() {
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 0 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+    `cancel_harmonics`: harmonic 0 can't be cancelled: expected 2 or 3, which are read beside the fundamental
     ");
     insta::assert_snapshot!(with("[2, 1]"), @r"
     test: TOML parse error at line 1, column 1
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 1 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+    `cancel_harmonics`: harmonic 1 can't be cancelled: expected 2 or 3, which are read beside the fundamental
     ");
     insta::assert_snapshot!(with("[7]"), @r"
     test: TOML parse error at line 1, column 1
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 7 can't be cancelled, only 2 and 3 can, which are read beside the fundamental
+    `cancel_harmonics`: harmonic 7 can't be cancelled: expected 2 or 3, which are read beside the fundamental
     ");
     insta::assert_snapshot!(with("[2, 3, 2]"), @r"
     test: TOML parse error at line 1, column 1
       |
     1 | [control]
       | ^^^^^^^^^
-    `cancel_harmonics`: harmonic 2 is listed twice: list each once
+    `cancel_harmonics`: harmonic 2 is listed twice: list it once
     ");
     let open = "[excitation]\namplitude = { exciter_x = 1 }\ncancel_harmonics = [2]\n\
         profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 1 }\n";
@@ -194,5 +194,5 @@ fn rejects_harmonics_that_can_t_be_cancelled() {
     ");
     let torque = "[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 1 }\ncancel_harmonics = [2]\n";
     let scenario = Scenario::parse(torque, "test").unwrap();
-    insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces");
+    insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` uses the impedance head, which measures no torque: leave it out, or give forces");
 }

@@ -9,10 +9,10 @@ use crate::layout::{InsertError, Layout, Number};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum CounterError {
     /// The signal is a floating-point number.
-    #[error("it is a floating-point number: a counter is an integer")]
+    #[error("it is a floating-point number: a counter must be an integer")]
     Float,
     /// The number of values is below two, or more than the bits can represent.
-    #[error("it has {got} values: with {bits} bits a counter has 2 to {most}")]
+    #[error("it has {got} values: with {bits} bits a counter must have 2 to {most}")]
     Values {
         /// Number of values that was given.
         got: u64,
@@ -77,12 +77,12 @@ impl Counter {
     }
 }
 
-/// How a counter follows the previous one.
+/// Relation of a counter to the previous one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// No counter precedes it.
     First,
-    /// It is the next counter.
+    /// The counter is the next one.
     Next,
     /// Frames were lost, or an old one was repeated: the counter can't tell which. The receiver decides how
     /// many lost frames it accepts.
@@ -103,7 +103,7 @@ pub enum CounterFault {
         counter: u64,
     },
     /// The counter is beyond its values.
-    #[error("counter {counter} is beyond {}", values - 1)]
+    #[error("counter {counter} is too large: it must be at most {}", values - 1)]
     Beyond {
         /// Counter of the frame.
         counter: u64,
@@ -193,7 +193,10 @@ mod tests {
         assert_eq!(check.check(&counter, 15), Err(CounterFault::Beyond { counter: 15, values: 15 }));
         assert_eq!(check.last(), Some(14));
         assert_eq!(check.check(&counter, 0), Ok(Step::Next));
-        assert_eq!(CounterFault::Beyond { counter: 15, values: 15 }.to_string(), "counter 15 is beyond 14");
+        assert_eq!(
+            CounterFault::Beyond { counter: 15, values: 15 }.to_string(),
+            "counter 15 is too large: it must be at most 14"
+        );
     }
 
     #[test]

@@ -55,7 +55,7 @@ pub enum LayoutError {
         got: usize,
     },
     /// Some bits lie beyond the end of the payload.
-    #[error("from start bit {start_bit} its {bits} bits take {needed} bytes, and the payload has {payload_bytes}")]
+    #[error("from start bit {start_bit} its {bits} bits take {needed} bytes, but the payload has only {payload_bytes}")]
     PastEnd {
         /// Start bit of the signal.
         start_bit: u64,
@@ -72,7 +72,7 @@ pub enum LayoutError {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InsertError {
     /// The payload ends before the signal.
-    #[error("the payload has {got} bytes, and the signal needs {needed}")]
+    #[error("the payload has {got} bytes, but the signal needs {needed}")]
     Short {
         /// Length of the payload, bytes.
         got: usize,

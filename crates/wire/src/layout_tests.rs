@@ -89,7 +89,7 @@ fn refuses_impossible_layouts() {
     assert_eq!(new(0, 16, Number::Float), Err(LayoutError::FloatBits { got: 16 }));
     let past = LayoutError::PastEnd { start_bit: 60, bits: 8, needed: 9, payload_bytes: 8 };
     assert_eq!(new(60, 8, Number::Signed), Err(past));
-    assert_eq!(past.to_string(), "from start bit 60 its 8 bits take 9 bytes, and the payload has 8");
+    assert_eq!(past.to_string(), "from start bit 60 its 8 bits take 9 bytes, but the payload has only 8");
     assert!(new(u64::MAX, 64, Number::Signed).is_err());
     assert_eq!(Layout::new(0, 1, ByteOrder::Intel, Number::Unsigned, 65), Err(LayoutError::Payload { got: 65 }));
 }

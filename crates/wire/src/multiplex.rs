@@ -15,13 +15,13 @@ use crate::layout::{Layout, Number};
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum MultiplexError {
     /// The switch is a floating-point number.
-    #[error("its switch is a floating-point number: a switch is an integer")]
+    #[error("its switch is a floating-point number: a switch must be an integer")]
     Float,
     /// No value of the switch is given.
-    #[error("no value of the switch selects it")]
+    #[error("no value of the switch selects it: give at least one")]
     NoValues,
     /// A range ends below its start.
-    #[error("the range {least}-{most} of the switch has no values")]
+    #[error("the range {least}-{most} of the switch is empty: it must not end below its start")]
     Reversed {
         /// Start of the range.
         least: u64,
@@ -29,7 +29,7 @@ pub enum MultiplexError {
         most: u64,
     },
     /// The switch can't represent the value.
-    #[error("the switch can't be {got}: it goes up to {most}")]
+    #[error("the switch can't be {got}: it must be at most {most}")]
     Beyond {
         /// Value that was given.
         got: u64,

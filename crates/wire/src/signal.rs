@@ -23,7 +23,9 @@ pub enum SignalError {
         got: f64,
     },
     /// The integer has more bits than an f64 represents exactly.
-    #[error("it is an integer of {bits} bits: up to {F64_INTEGER_BITS} keep every bit in a floating-point number")]
+    #[error(
+        "it is an integer of {bits} bits: it must have at most {F64_INTEGER_BITS}, which a floating-point number represents exactly"
+    )]
     BeyondF64 {
         /// Width of the integer, bits.
         bits: u8,
@@ -42,7 +44,7 @@ pub enum SignalError {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum EncodeError {
     /// The value is NaN or infinite.
-    #[error("{value} is no finite number")]
+    #[error("{value} is not a finite number")]
     NotFinite {
         /// Value that was given.
         value: f64,

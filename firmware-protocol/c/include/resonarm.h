@@ -124,7 +124,7 @@ typedef struct {
     uint32_t id; /**< 11 or 29 bits. */
     resonarm_id_format id_format;
     resonarm_frame_format format;
-    uint8_t length; /**< Bytes in `data`: 0 to 8, in CAN FD to 64; more than RESONARM_FRAME_BYTES is refused. */
+    uint8_t length; /**< Bytes in `data`: 0 to 8, in CAN FD to 64; more than RESONARM_FRAME_BYTES is rejected. */
     uint8_t data[RESONARM_FRAME_BYTES];
 } resonarm_frame;
 
@@ -340,7 +340,7 @@ typedef enum {
 typedef struct {
     resonarm_verdict verdict;
     resonarm_kind kind; /**< The message of the identifier; meaningless if ignored. */
-    /** Name of the signal whose value is refused, as in resonarm_encoding, or NULL. */
+    /** Name of the signal whose value is rejected, as in resonarm_encoding, or NULL. */
     const char *signal;
     /** Length, CRC, counter, reserved bits or value received. */
     uint16_t got;

@@ -30,8 +30,8 @@ static void stop(int number)
 
 static int set_up(int descriptor, unsigned interface)
 {
-    /* CAN FD frames are sent and received, too; those of the other profile are refused and counted. Bus off is an error
-     * frame. */
+    /* CAN FD frames are sent and received, too; those of the other profile are rejected and counted. Bus off is an
+     * error frame. */
     const int on = 1;
     const can_err_mask_t errors = CAN_ERR_BUSOFF;
     struct sockaddr_can address;

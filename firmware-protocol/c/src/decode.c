@@ -15,7 +15,7 @@ static resonarm_receipt unknown(resonarm_kind kind, const char *signal, uint16_t
     return (resonarm_receipt){RESONARM_UNKNOWN_VALUE, kind, signal, got, 0};
 }
 
-/* Refuses flags, in the high nibble of byte 1, other than those in `used`. */
+/* Rejects flags, in the high nibble of byte 1, other than those in `used`. */
 static resonarm_receipt check_flags(resonarm_kind kind, const uint8_t *data, unsigned used)
 {
     const uint16_t reserved = (uint16_t)(data[1] & 0xF0u & ~used);

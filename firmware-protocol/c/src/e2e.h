@@ -22,7 +22,7 @@ uint16_t resonarm_e2e_p5_crc(uint16_t data_id, const uint8_t *data, size_t lengt
 /** The counter after this one. */
 uint8_t resonarm_e2e_counter_after(uint8_t counter, uint8_t counter_max);
 
-/** Checks a counter: accepted, with the number of frames lost before it, or the verdict that refuses it. */
+/** Checks a counter: accepted, with the number of frames lost before it, or the verdict that rejects it. */
 resonarm_verdict resonarm_e2e_supervise(
     resonarm_supervision *supervision, uint8_t counter, uint8_t counter_max, uint8_t *lost);
 

@@ -124,7 +124,7 @@ static resonarm_receipt accepted(resonarm_kind kind)
     return (resonarm_receipt){RESONARM_ACCEPTED, kind, NULL, 0, 0};
 }
 
-/* Refuses content in the bytes from `begin` to before `end`. */
+/* Rejects content in the bytes from `begin` to before `end`. */
 static resonarm_receipt check_zero(resonarm_kind kind, const uint8_t *data, uint16_t begin, uint16_t end)
 {
     for (uint16_t byte = begin; byte < end; byte++) {

@@ -18,7 +18,7 @@ use sines::{RATE_HZ, Sines};
 
 /// Longest wait between two looks at the bus, ns.
 const LOOK_NS: u64 = 20_000_000;
-/// How long to wait before a full transmit queue is tried again, ns.
+/// Time to wait before a full transmit queue is tried again, ns.
 const RETRY_NS: u64 = 200_000;
 
 /// Runs until the node has left the bus.

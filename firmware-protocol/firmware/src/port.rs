@@ -2,7 +2,8 @@
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-/// `resonarm_frame` of `c/include/resonarm.h`. Its enumerations take a byte, as they do in the ABI of bare ARM.
+/// The structure `resonarm_frame` of `c/include/resonarm.h`. Its enumerations take a byte, as they do in the ABI of
+/// bare ARM.
 #[repr(C)]
 struct CFrame {
     id: u32,

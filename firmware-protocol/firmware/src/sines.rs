@@ -17,7 +17,7 @@ const RAMP_S: f64 = 0.2;
 
 /// Controller that plays sines one after the other, open loop.
 pub struct Sines {
-    /// When each sine begins, and the last ends.
+    /// Times at which each sine begins, and the last ends.
     starts_s: [f64; FREQUENCIES_HZ.len() + 1],
 }
 

@@ -6,7 +6,7 @@ pub mod profile5;
 /// The largest step of the counter that a receiver accepts: up to `MAX_DELTA_COUNTER - 1` frames may be lost in a row.
 pub const MAX_DELTA_COUNTER: u8 = 4;
 
-/// How a message is protected.
+/// E2E protection of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Protection {
     /// Profile 11, variant 11A ([`profile11`]): 8-bit CRC, counter from 0 to 14.
@@ -72,7 +72,7 @@ impl Supervision {
             self.last = Some(counter);
             return Ok(0);
         };
-        // Stored even if the message is refused below: the next one is compared with what the sender really sent
+        // Stored even if the message is rejected below: the next one is compared with what the sender really sent
         // before it.
         self.last = Some(counter);
         let counters = protection.counter_max() as u16 + 1;

@@ -30,7 +30,7 @@ impl SamplesPerFrame {
     }
 }
 
-/// A node's capabilities. They follow its hello.
+/// Capabilities that a node announces. They follow its hello.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
     /// Node whose capabilities these are.

@@ -38,7 +38,7 @@ pub enum EmergencyCode {
     SecondSender = 13,
     /// Plant: the exciter at the arm has switched off, at its own limit or that of the travel. Detail: the [`Trip`].
     ExciterTripped = 14,
-    /// Plant on a user's protocol: a message asked for a stop. It is not on the wire of this protocol, so that it is not
+    /// Plant on a user protocol: a message asked for a stop. It is not on the wire of this protocol, so that it is not
     /// in [`EmergencyCode::ALL`]. Detail: 0.
     StopRequested = 15,
 }
@@ -78,9 +78,9 @@ impl fmt::Display for EmergencyCode {
         f.write_str(match self {
             EmergencyCode::CommandTimeout => "no valid command in time",
             EmergencyCode::SensorTimeout => "no sensor data in time",
-            EmergencyCode::HeartbeatLost => "the partner gave no sign of life in time",
+            EmergencyCode::HeartbeatLost => "no heartbeat of the partner in time",
             EmergencyCode::PartnerFault => "the partner has faulted or started again",
-            EmergencyCode::Incompatible => "the partner does not fit",
+            EmergencyCode::Incompatible => "the partner is incompatible",
             EmergencyCode::CommandOutOfRange => "a command beyond the range of its signal",
             EmergencyCode::SimulationFailed => "the simulation failed",
             EmergencyCode::Overrun => "ticks were missed",
@@ -88,7 +88,7 @@ impl fmt::Display for EmergencyCode {
             EmergencyCode::SampleSequence => "a sample index out of sequence",
             EmergencyCode::ScheduleSlipped => "the schedule slipped by missed sample periods",
             EmergencyCode::Leaving => "the node leaves the bus",
-            EmergencyCode::SecondSender => "another node sends this one's messages",
+            EmergencyCode::SecondSender => "another node sends this node's messages",
             EmergencyCode::ExciterTripped => "the exciter has tripped",
             EmergencyCode::StopRequested => "a message asked for a stop",
         })
@@ -140,16 +140,16 @@ pub struct Emergency {
 
 impl fmt::Display for Emergency {
     /// Code and detail in words:
-    /// `plant, code 1: no valid command in time (12 refused, the last because …), at sample 300`.
+    /// `plant, code 1: no valid command in time (12 rejected, the last because …), at sample 300`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Emergency { node, code, detail, sample } = *self;
         write!(f, "{node}, code {}: {code}", code as u16)?;
         match code {
             EmergencyCode::CommandTimeout => match Refusal::from_detail(detail) {
-                // Nothing was refused, or for a reason that this version does not know.
+                // Nothing was rejected, or for a reason that this version does not know.
                 (0, _) | (_, None) => {}
-                (255, Some(refusal)) => write!(f, " (255 or more were refused, the last because {refusal})")?,
-                (count, Some(refusal)) => write!(f, " ({count} refused, the last because {refusal})")?,
+                (255, Some(refusal)) => write!(f, " (255 or more were rejected, the last because {refusal})")?,
+                (count, Some(refusal)) => write!(f, " ({count} rejected, the last because {refusal})")?,
             },
             EmergencyCode::Incompatible => {
                 if let Some(mismatch) = Mismatch::from_detail(detail) {

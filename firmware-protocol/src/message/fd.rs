@@ -91,7 +91,7 @@ pub(super) fn with_sample(sample: u16) -> FdBytes {
     bytes
 }
 
-/// The single nearest to a commanded value, ties to even; a value beyond the range is refused.
+/// The single nearest to a commanded value, ties to even; a value beyond the range is rejected.
 fn commanded(kind: MessageKind, signal: &'static str, got: f64) -> Result<f32, EncodeError> {
     // The conversion rounds before it overflows: a value that rounds to the largest single is in range, and a larger
     // one gives an infinity.
@@ -156,7 +156,7 @@ impl FdReader<'_> {
     }
 
     fn command(&self, signals: [&'static str; 2]) -> Result<([f64; 2], u16), DecodeError> {
-        // Bytes 3, 6 and 7 of a command have no signal. What is set there is refused, so a later version can
+        // Bytes 3, 6 and 7 of a command have no signal. What is set there is rejected, so a later version can
         // use it.
         self.zero(CONTENT..SAMPLE)?;
         self.zero(6..8)?;

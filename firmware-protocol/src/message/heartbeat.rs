@@ -5,7 +5,7 @@ use crate::error::DecodeError;
 use crate::network::Node;
 use crate::state::NodeState;
 
-/// A node's state. Unprotected, one byte, so that any CANopen tool reads it.
+/// State that a node reports in its heartbeat. Unprotected, one byte, so that any CANopen tool reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Heartbeat {
     /// Node that sends the heartbeat.

@@ -42,7 +42,7 @@ pub struct Hello {
     pub rate_hz: u16,
 }
 
-/// Why two nodes are incompatible. The discriminant is the `detail` of
+/// Reason for which two nodes are incompatible. The discriminant is the `detail` of
 /// [`EmergencyCode::Incompatible`](super::EmergencyCode::Incompatible).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u16)]
@@ -99,7 +99,7 @@ impl Hello {
         }
     }
 
-    /// Why a node with this hello doesn't fit one with the hello `partner`, if it doesn't.
+    /// Returns the reason for which a node with this hello is incompatible with one with the hello `partner`, if it is.
     pub fn mismatch(&self, partner: &Hello) -> Option<Mismatch> {
         // The order of SPEC.md, section 9: the profile before the hash, since a node of the other profile has
         // another hash as well.

@@ -76,12 +76,12 @@ impl Form {
     }
 }
 
-/// When a message is sent.
+/// Time at which a message is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cycle {
     /// The message is sent once per sample.
     Sample,
-    /// At a fixed period, and at once when its content has changed.
+    /// The message is sent at a fixed period, and at once when its content has changed.
     Period {
         /// The period in nanoseconds.
         period_ns: u64,
@@ -91,7 +91,7 @@ pub enum Cycle {
 }
 
 impl MessageKind {
-    /// How many kinds there are.
+    /// Number of kinds.
     pub const COUNT: usize = 16;
 
     /// Every kind, in the order of the discriminants.
@@ -233,7 +233,7 @@ impl MessageKind {
         }
     }
 
-    /// When it is sent.
+    /// Returns when the message is sent.
     pub const fn cycle(self) -> Cycle {
         match self {
             MessageKind::Force

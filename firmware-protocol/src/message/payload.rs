@@ -60,7 +60,7 @@ impl Payload {
         }
     }
 
-    /// Two commanded values and a sample index. A value beyond the range is refused, never clipped.
+    /// Two commanded values and a sample index. A value beyond the range is rejected, never clipped.
     pub(crate) fn from_command(
         kind: MessageKind,
         scale: Scale,

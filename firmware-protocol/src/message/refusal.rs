@@ -1,22 +1,22 @@
-//! The reasons for which a plant refuses a valid command, and their numbers in an emergency.
+//! The reasons for which a plant rejects a valid command, and their numbers in an emergency.
 
 use core::fmt;
 
-/// Why a plant refused a valid command.
+/// Reason for which a plant rejected a valid command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Refusal {
     /// The plant is not armed.
     NotArmed = 1,
-    /// It answers a sample that is too old, or in the future.
+    /// The command answers a sample that is too old, or in the future.
     Late = 2,
-    /// It answers an older sample than the last accepted command.
+    /// The command answers an older sample than the last accepted command.
     OutOfOrder = 3,
-    /// It answers the same sample as the last accepted command: the first counts.
+    /// The command answers the same sample as the last accepted command: the first counts.
     Repeated = 4,
     /// The exciter can't produce it.
     OutOfRange = 5,
-    /// It changes the load faster than allowed.
+    /// The command changes the load faster than allowed.
     RateOfChange = 6,
     /// The plant is beyond its largest travel.
     Travel = 7,
@@ -35,8 +35,8 @@ impl Refusal {
     ];
 
     /// The detail of [`EmergencyCode::CommandTimeout`](super::EmergencyCode::CommandTimeout): the low byte is how many
-    /// commands were refused since the last accepted one, at most 255; the high byte is the reason of the last refusal,
-    /// 0 if there was none.
+    /// commands were rejected since the last accepted one, at most 255; the high byte is the reason of the last
+    /// refusal, 0 if there was none.
     pub const fn detail(count: u64, last: Option<Refusal>) -> u16 {
         let count = if count > 255 { 255 } else { count as u16 };
         match last {
@@ -58,8 +58,8 @@ impl fmt::Display for Refusal {
             Refusal::NotArmed => "the plant is not armed",
             Refusal::Late => "the sample it answers is too old or still to come",
             Refusal::OutOfOrder => "an older sample is answered after a newer one",
-            Refusal::Repeated => "the sample is answered already",
-            Refusal::OutOfRange => "the exciter can't produce it",
+            Refusal::Repeated => "the sample has already been answered",
+            Refusal::OutOfRange => "the load is beyond the exciter's limits",
             Refusal::RateOfChange => "it changes the load too fast",
             Refusal::Travel => "the plant is beyond its travel",
         })

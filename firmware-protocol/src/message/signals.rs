@@ -43,7 +43,7 @@ macro_rules! names {
 const SAMPLE: Names = names!("");
 const PAIR: [Names; 2] = [names!("first_"), names!("second_")];
 
-/// Why signals don't make a message.
+/// Error of signals that don't make a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SignalError {
     /// A signal is missing.
@@ -67,8 +67,8 @@ pub enum SignalError {
 impl fmt::Display for SignalError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            SignalError::Missing { kind, signal } => write!(f, "{kind} needs {signal}"),
-            SignalError::NoSuchValue { kind, signal, got } => write!(f, "{kind}: {signal} has no value {got}"),
+            SignalError::Missing { kind, signal } => write!(f, "{kind} has no value for {signal}: give one"),
+            SignalError::NoSuchValue { kind, signal, got } => write!(f, "{kind}: {got} is not a value of {signal}"),
         }
     }
 }

@@ -16,9 +16,9 @@ pub enum Answer<A> {
     },
     /// Hold these torques at the joints until the next sample.
     HoldTorque {
-        /// At joint 1, N·m.
+        /// Torque at joint 1, N·m.
         torque1_nm: f64,
-        /// At joint 2, N·m.
+        /// Torque at joint 2, N·m.
         torque2_nm: f64,
     },
     /// The work is done: disarm the plant.
@@ -41,14 +41,14 @@ pub trait Answering {
     fn answer(&mut self, sample: u64, values: &SensorValues) -> Answer<Self::Abort>;
 }
 
-/// How a controller's work ended; `A` is its reason to give up.
+/// Outcome of a controller's work; `A` is its reason to give up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExciterOutcome<A> {
     /// The controller finished and the plant is disarmed.
     Finished,
     /// The controller gave up, and the plant is disarmed.
     Aborted(A),
-    /// It was stopped before the end, and the plant is disarmed.
+    /// The work was stopped before the end, and the plant is disarmed.
     Stopped,
     /// The plant left the bus before the end, and disarmed itself.
     PlantLeft,

@@ -18,11 +18,11 @@ pub enum NodeEvent {
     /// The partner reports why it has faulted. If that ends this node's work, it is the cause of the fault that
     /// follows.
     PartnerEmergency(Emergency),
-    /// The plant refused a command.
+    /// The plant rejected a command.
     Refused(Refusal),
     /// A frame failed one of its checks.
     Frame(FrameFault),
-    /// A frame was refused whose identifier only this node sends: another network with other
+    /// A frame was rejected whose identifier only this node sends: another network with other
     /// node ids or another profile has the same base.
     OtherSender(Id),
     /// So many events other than faults and changes of state were dropped, because too many waited.

@@ -125,7 +125,7 @@ impl<C: Answering> ExciterNode<C> {
         &self.work.controller
     }
 
-    /// How the work ended, once it has.
+    /// Returns the outcome of the work, once it has ended.
     pub fn outcome(&self) -> Option<ExciterOutcome<C::Abort>> {
         self.work.outcome()
     }
@@ -171,7 +171,7 @@ impl<C: Answering> ExciterNode<C> {
         (own.node, own.code) == (Node::Exciter, EmergencyCode::SensorTimeout)
     }
 
-    /// How many frames wait to be sent.
+    /// Returns the number of frames that wait to be sent.
     pub fn waiting(&self) -> usize {
         self.link.waiting()
     }
@@ -340,7 +340,7 @@ impl<C: Answering> ExciterNode<C> {
         }
     }
 
-    /// In the classic profile a sample is complete with its last frame, accelerometer C.
+    /// Takes a sample in: in the classic profile it is complete with its last frame, accelerometer C.
     fn sample(&mut self, now_ns: u64, c: Acceleration) {
         // Both are taken in any case, so that parts of an incomplete sample never join those of the next.
         let whole = self.head.take().zip(self.b.take());

@@ -1,4 +1,4 @@
-//! What a node counts of frames, and why it rejects one.
+//! Counts of a node's frames, and the reasons for which it rejects one.
 
 use core::fmt;
 
@@ -13,7 +13,7 @@ pub struct FrameCounts {
     pub refused: u64,
     /// Frames from another node with identifiers that only this node sends.
     pub other_sender: u64,
-    /// Commands of a user's protocol that newer ones replaced before they could act.
+    /// Commands of a user protocol that newer ones replaced before they could act.
     pub overwritten: u64,
     /// Values in frames that were sent which their signals could not represent: the nearest was sent.
     pub limited_values: u64,
@@ -36,7 +36,7 @@ pub enum FrameFault {
 /// The checks of a message of another protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameCheck {
-    /// It is a CAN FD frame and the message a classic one, or the reverse.
+    /// The frame is a CAN FD frame and the message a classic one, or the reverse.
     Format,
     /// The payload ends before a signal, or is longer than the message.
     Length,
@@ -51,11 +51,11 @@ pub enum FrameCheck {
 impl fmt::Display for FrameCheck {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            FrameCheck::Format => "one of CAN FD and classic CAN was expected, and the other came",
-            FrameCheck::Length => "its length does not fit the message",
+            FrameCheck::Format => "its frame format is wrong: classic CAN in place of CAN FD, or the reverse",
+            FrameCheck::Length => "its length is not that of the message",
             FrameCheck::Checksum => "its checksum is wrong",
             FrameCheck::Counter => "its counter is repeated, or too many frames were lost before it",
-            FrameCheck::Value => "a signal in it is no finite number",
+            FrameCheck::Value => "one of its signals is not a finite number",
         })
     }
 }

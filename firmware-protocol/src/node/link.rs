@@ -8,10 +8,10 @@ use crate::{
 use super::outbox::Outbox;
 use super::{FrameFault, NodeCore, NodeEvent, Timing};
 
-/// Why a frame of the protocol is no message for this node.
+/// Reason for which a frame of the protocol is no message for this node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unused {
-    /// It failed a check.
+    /// The frame failed a check.
     Rejected(DecodeError),
     /// Another node sent it although only this node sends messages with its identifier.
     SecondSender(u16),
@@ -152,7 +152,7 @@ impl Link {
         values.iter().all(|value| value.abs() <= limit)
     }
 
-    /// Queues a message.
+    /// Queues a message for sending.
     ///
     /// # Errors
     /// [`EncodeError`] if the protocol can't encode it.
@@ -211,7 +211,7 @@ impl Link {
         }
     }
 
-    /// When the next heartbeat or hello is due.
+    /// Returns the time at which the next heartbeat or hello is due.
     pub fn next_deadline_ns(&self) -> u64 {
         self.heartbeat_at_ns.min(self.hello_at_ns)
     }
@@ -221,7 +221,7 @@ impl Link {
         self.core.listening.has_passed(self.partner_heard_ns, self.timing.partner_timeout_ns)
     }
 
-    /// When to check [`Link::is_partner_lost`] next.
+    /// Returns the time at which to check [`Link::is_partner_lost`] next.
     pub fn partner_deadline_ns(&self) -> u64 {
         self.core.listening.next_look_ns(self.partner_heard_ns, self.timing.partner_timeout_ns)
     }
@@ -252,7 +252,7 @@ impl Link {
         })
     }
 
-    /// How many frames wait.
+    /// Returns the number of frames that wait to be sent.
     pub fn waiting(&self) -> usize {
         self.outbox.waiting()
     }

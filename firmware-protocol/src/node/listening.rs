@@ -9,7 +9,7 @@
 //!
 //! The time listened is never more than the time on the clock.
 
-/// How long a node has listened.
+/// Time for which a node has listened.
 #[derive(Clone, Copy, Debug)]
 pub struct Listening {
     look_period_ns: u64,
@@ -46,8 +46,8 @@ impl Listening {
         self.left_ns(since_ns, timeout_ns) == 0
     }
 
-    /// When to look next, on the clock, for a running timeout: at its earliest end, but within a look period, as no
-    /// longer time counts.
+    /// Returns the time to look next, on the clock, for a running timeout: at its earliest end, but within a look
+    /// period, as no longer time counts.
     pub fn next_look_ns(&self, since_ns: u64, timeout_ns: u64) -> u64 {
         self.looked_at_ns.saturating_add(self.left_ns(since_ns, timeout_ns).min(self.look_period_ns))
     }

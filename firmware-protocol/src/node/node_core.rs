@@ -30,7 +30,7 @@ struct Turn {
 pub struct NodeCore {
     /// The time that the node listened: the clock of its timeouts.
     pub listening: Listening,
-    /// What was counted of frames.
+    /// Counts of frames.
     pub counts: FrameCounts,
     state: NodeState,
     fault: Option<Emergency>,
@@ -41,7 +41,7 @@ pub struct NodeCore {
     jam_timeout_ns: u64,
     turns: Queue<Turn, TURNS>,
     notes: Queue<(u32, NodeEvent), NOTES>,
-    /// Of the notes lost, those that were told.
+    /// Number of the lost notes that were reported.
     told_lost: u64,
     /// The number of the next turn or note.
     order: u32,
@@ -87,12 +87,12 @@ impl NodeCore {
         self.fault
     }
 
-    /// How often the node was armed.
+    /// Returns how often the node was armed.
     pub const fn arms(&self) -> u32 {
         self.arms
     }
 
-    /// How often an armed node was disarmed, or faulted.
+    /// Returns how often an armed node was disarmed, or faulted.
     pub const fn leaves(&self) -> u32 {
         self.leaves
     }
@@ -139,8 +139,8 @@ impl NodeCore {
         self.note(NodeEvent::Frame(fault));
     }
 
-    /// Counts and notes a frame from another node with an identifier that only this node sends. It counts as refused
-    /// only if the caller adds it there: a plant of a user's protocol has no check that such a frame fails.
+    /// Counts and notes a frame from another node with an identifier that only this node sends. It counts as rejected
+    /// only if the caller adds it there: a plant of a user protocol has no check that such a frame fails.
     pub fn reject_sender(&mut self, id: Id) {
         self.counts.other_sender += 1;
         self.note(NodeEvent::OtherSender(id));

@@ -77,7 +77,7 @@ impl Outbox {
         Outbox { network, control: Queue::new(), latest: [None; LATEST.len()], replaced: 0 }
     }
 
-    /// Queues a message. A command or sensor message replaces the one before it, if that still waits.
+    /// Queues a message for sending. A command or sensor message replaces the one before it, if that still waits.
     ///
     /// # Errors
     /// [`EncodeError`] if the protocol can't encode it.

@@ -75,7 +75,7 @@ impl<T, const N: usize> Queue<T, N> {
         self.len == 0
     }
 
-    /// How many items there are.
+    /// Returns the number of items.
     pub fn len(&self) -> usize {
         self.len
     }
@@ -93,7 +93,7 @@ mod tests {
     use std::collections::VecDeque;
 
     proptest! {
-        /// It behaves like the queue of the standard library, as long as that is not longer than the capacity.
+        /// The queue behaves like that of the standard library, as long as that is not longer than the capacity.
         #[test]
         fn it_is_a_queue(steps in proptest::collection::vec(any::<Option<u8>>(), 0..100)) {
             let (mut queue, mut expected, mut lost) = (Queue::<u8, 5>::new(), VecDeque::new(), 0);

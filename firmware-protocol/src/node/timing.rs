@@ -16,7 +16,7 @@ pub struct Timing {
     pub look_period_ns: u64,
     /// Largest age of a command, ns of simulated time: the age of the sample it answers.
     pub command_age_ns: u64,
-    /// How long the load takes to go to zero after a fault or a disarm, ns of simulated time.
+    /// Time in which the load goes to zero after a fault or a disarm, ns of simulated time.
     pub ramp_ns: u64,
     /// Longest time between two heartbeats, ns.
     pub heartbeat_period_ns: u64,
@@ -53,8 +53,8 @@ impl Timing {
         }
     }
 
-    /// When to send a message due at least every `period_ns`: two look periods early, so that a node that acts
-    /// only at its ticks, and a little late, stays within the period.
+    /// Returns the time to send a message that is due at least every `period_ns`: two look periods early, so that a
+    /// node that acts only at its ticks, and a little late, stays within the period.
     pub(super) const fn early(&self, period_ns: u64) -> u64 {
         let margin_ns = self.look_period_ns.saturating_mul(2);
         // Not before half of the period: for heartbeats that is 20 a second, the most that allows.

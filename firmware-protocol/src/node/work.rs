@@ -4,7 +4,7 @@ use super::answering::{Answering, ExciterOutcome};
 use super::{NodeCore, Timing};
 use crate::{Emergency, EmergencyCode, Node, StateEvent};
 
-/// How often a plant that is silent, or that says it is armed, is asked to disarm.
+/// Number of times that a plant that is silent, or that says it is armed, is asked to disarm.
 const SILENT_TRIES: u32 = 3;
 const ARMED_TRIES: u32 = 30;
 
@@ -21,14 +21,14 @@ pub enum Phase<A> {
     Done(ExciterOutcome<A>),
 }
 
-/// What follows when the plant has not said in time that it is disarmed.
+/// Consequence of a plant that has not reported in time that it is disarmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unanswered {
-    /// It is asked again.
+    /// The plant is asked again.
     Ask,
-    /// It is silent: it has stopped or ended its run, and its own timeout disarms it in any case.
+    /// The plant is silent: it has stopped or ended its run, and its own timeout disarms it in any case.
     Silent,
-    /// It says that it is armed, again and again.
+    /// The plant reports that it is armed, again and again.
     StillArmed,
 }
 
@@ -54,7 +54,7 @@ pub struct Work<C: Answering> {
     /// The number of the sample that was answered last, from 0.
     answered: Option<u64>,
     missed: u64,
-    /// When the last whole sample came, or the plant was armed, in time listened.
+    /// Time listened at which the last whole sample came, or the plant was armed.
     sample_heard_ns: u64,
 }
 
@@ -83,7 +83,7 @@ impl<C: Answering> Work<C> {
         self.retry_at_ns = now_ns;
     }
 
-    /// How the work ended, once it has.
+    /// Returns the outcome of the work, once it has ended.
     pub fn outcome(&self) -> Option<ExciterOutcome<C::Abort>> {
         match self.phase {
             Phase::Done(outcome) => Some(outcome),
@@ -149,7 +149,7 @@ impl<C: Answering> Work<C> {
         core.turn(StateEvent::Disarm);
     }
 
-    /// What follows when the plant has not said in time that it is disarmed.
+    /// Decides what follows when the plant has not reported in time that it is disarmed.
     pub fn unanswered(&mut self) -> Unanswered {
         // A silent plant is given up sooner than one that reports that it is armed: its own timeout disarms it.
         if !self.heard_since_asked && self.tries >= SILENT_TRIES {
@@ -195,7 +195,7 @@ impl<C: Answering> Work<C> {
         }
     }
 
-    /// When to call the node next for its work, at the latest, ns.
+    /// Returns the time at which to call the node next for its work, at the latest, ns.
     pub fn deadline_ns(&self, core: &NodeCore) -> u64 {
         match self.phase {
             Phase::Arming | Phase::Disarming(_) => self.retry_at_ns,

@@ -162,7 +162,7 @@ impl Harness {
         harness
     }
 
-    /// What the C code answers to a command.
+    /// Returns the answer of the C code to a command.
     pub fn ask(&mut self, command: &str) -> String {
         let input = self.input.as_mut().unwrap();
         input.write_all(format!("{command}\n").as_bytes()).unwrap();

@@ -213,7 +213,7 @@ pub fn protect(profile: Profile, id: Id, data: &mut [u8]) {
     }
 }
 
-/// What a fresh receiver at the default base makes of a frame.
+/// Decodes a frame by a fresh receiver at the default base.
 pub fn accept(profile: Profile, frame: &Frame) -> Result<Option<Message>, resonarm_protocol::DecodeError> {
     Receiver::new(network(profile)).accept(frame)
 }

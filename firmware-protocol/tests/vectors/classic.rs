@@ -29,7 +29,7 @@ fn boot_up(node: Node) -> Message {
     Message::Heartbeat(Heartbeat { node, state: NodeState::BootUp })
 }
 
-/// Every case.
+/// Returns all cases.
 pub fn all() -> Vec<Case> {
     let mut cases = good();
     cases.extend(sequences());
@@ -212,7 +212,7 @@ fn bad_content() -> Vec<Case> {
     ]
 }
 
-/// What a sender must refuse to send, and why.
+/// Returns the messages that a sender must refuse to send, and why.
 pub fn unsendable() -> Vec<(Message, &'static str)> {
     let torque = |torque1_nm, torque2_nm| Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample: 0 });
     let with = |version, dbc_hash, rate_hz| {

@@ -37,7 +37,7 @@ fn fd_frame(id: u16, flags: (bool, bool), data: &[u8]) -> Frame {
     Frame::new(Id::Standard(id), FrameFormat::Fd { bit_rate_switch, error_state_indicator }, data).unwrap()
 }
 
-/// Every case.
+/// Returns all cases.
 pub fn all() -> Vec<Case> {
     let mut cases = good();
     cases.extend(sequences());
@@ -154,7 +154,7 @@ fn bad_content() -> Vec<Case> {
     ]
 }
 
-/// What a sender must refuse to send, and why.
+/// Returns the messages that a sender must refuse to send, and why.
 pub fn unsendable() -> Vec<(Message, &'static str)> {
     let capabilities = |force_limit_n| {
         let (node, samples_per_frame, torque_limit_nm) = (Node::Exciter, SamplesPerFrame::Two, 0.0);

@@ -31,7 +31,7 @@ pub(super) struct Row {
     others: BTreeMap<String, u64>,
 }
 
-/// Frames of one message that were refused for one reason.
+/// Frames of one message that were rejected for one reason.
 #[derive(Serialize)]
 struct RefusedRow {
     message: String,

@@ -11,7 +11,7 @@ pub enum Abort {
     /// A reading in the feedback was clipped. It is below the true value, and the loop would increase the load
     /// further.
     #[error(
-        "the accelerometer at {point} was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.sensors.{point_key}.range_m_s2`; \
+        "the accelerometer at {point} was clipped at {frequency_hz:.4} Hz: reduce the excitation, or increase its range (`rig.sensors.{point_key}.range_m_s2`; \
          the classic profile carries 1638 m/s\u{b2})"
     )]
     Clipped {
@@ -24,7 +24,7 @@ pub enum Abort {
     },
     /// A reading of the impedance head was clipped while it was in the feedback.
     #[error(
-        "the impedance head was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.head.range_n`; the classic profile carries 655 N)"
+        "the impedance head was clipped at {frequency_hz:.4} Hz: reduce the excitation, or increase its range (`rig.head.range_n`; the classic profile carries 655 N)"
     )]
     HeadClipped {
         /// Frequency of the drive, Hz.
@@ -32,7 +32,7 @@ pub enum Abort {
     },
     /// The loop needs more load than the exciter's limit.
     #[error(
-        "the loop asks for {got} {unit} at {frequency_hz:.4} Hz, the exciter has {limit} {unit}: drive less, or raise the limit if the exciter has more",
+        "the controller asks for {got} {unit} at {frequency_hz:.4} Hz, beyond the exciter's limit of {limit} {unit}: reduce the excitation, or raise the limit if the exciter allows it",
         got = short(.got), limit = short(.limit)
     )]
     Load {
@@ -47,8 +47,8 @@ pub enum Abort {
     },
     /// Several points in a row have not settled.
     #[error(
-        "{points} points in a row did not settle, the last at {frequency_hz:.4} Hz and a lag of {lag_deg:.1}\u{b0} (drift {drift:.1e}): another mode takes part \
-         there, or the arm is not the one that the scenario describes"
+        "{points} points in a row did not settle, the last at {frequency_hz:.4} Hz and a lag of {lag_deg:.1}\u{b0} (drift {drift:.1e}): another \
+         mode takes part there, or the structure differs from the one in the scenario; check both"
     )]
     NotSettling {
         /// Number of points in a row.
@@ -62,7 +62,7 @@ pub enum Abort {
     },
     /// The next periodic response, predicted from the points so far, is out of reach.
     #[error(
-        "no response of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude_m:.3} m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90\u{b0}, or another load"
+        "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load: its frequency would be {frequency_hz:.3} Hz and its amplitude {amplitude_m:.3} m, but a phase walk stays within a tenth of the mode's frequency; choose lags nearer to 90\u{b0}, or another load"
     )]
     OutOfBand {
         /// Lag that the next point should have, degrees.
@@ -74,8 +74,8 @@ pub enum Abort {
     },
     /// A reading exceeds a limit of the scenario.
     #[error(
-        "limits.{key}: {who} reads {got} {unit} along {axis} after {} s, beyond the limit of {limit} {unit}: drive less, fix the \
-         sensor if that can't be, or raise the limit", rounded(.time_s, 3), got = short(.got), limit = short(.limit)
+        "limits.{key}: {who} reads {got} {unit} along {axis} after {} s, beyond the limit of {limit} {unit}: reduce \
+         the excitation, check the sensor if the reading is implausible, or raise the limit", rounded(.time_s, 3), got = short(.got), limit = short(.limit)
     )]
     Reading {
         /// Key of the limit in `[limits]`.
@@ -95,8 +95,8 @@ pub enum Abort {
     },
     /// A command would exceed a limit of the scenario; it has not been sent.
     #[error(
-        "limits.{key}: the controller asks for {got} {unit} after {} s, beyond the limit of {limit} {unit}: drive less, look at \
-         what the controller reads, or raise the limit", rounded(.time_s, 3), got = rounded(.got, 3), limit = short(.limit)
+        "limits.{key}: the controller asks for {got} {unit} after {} s, beyond the limit of {limit} {unit}: reduce \
+         the excitation, check the controller's readings, or raise the limit", rounded(.time_s, 3), got = rounded(.got, 3), limit = short(.limit)
     )]
     Command {
         /// Key of the limit in `[limits]`.
@@ -112,8 +112,8 @@ pub enum Abort {
     },
     /// An axis stays clipped for too long.
     #[error(
-        "limits.clipped_samples: {who} is clipped along {axis} for {samples} {} in a row, up to {} s: drive less, or give it more \
-         range (`{range_key}`)", if *samples == 1 { "sample" } else { "samples" }, rounded(.time_s, 3)
+        "limits.clipped_samples: {who} is clipped along {axis} for {samples} {} in a row, up to {} s: reduce the excitation, or increase \
+         its range (`{range_key}`)", if *samples == 1 { "sample" } else { "samples" }, rounded(.time_s, 3)
     )]
     StaysClipped {
         /// Instrument of the axis, in words.
@@ -129,8 +129,8 @@ pub enum Abort {
     },
     /// An axis repeats its reading under load: the sensor is stuck or has dropped out.
     #[error(
-        "limits.stuck_samples: {who} says {value} {unit} along {axis} and does not move for {samples} samples under load, up to {} s: fix \
-         sensor or cable, or state more samples if the axis has nothing to read", rounded(.time_s, 3), value = short(.value)
+        "limits.stuck_samples: {who} reads exactly {value} {unit} along {axis} for {samples} samples under load, up \
+         to {} s: check sensor and cable, or raise the number of samples if the axis has nothing to measure", rounded(.time_s, 3), value = short(.value)
     )]
     Stuck {
         /// Instrument of the axis, in words.
@@ -149,7 +149,7 @@ pub enum Abort {
     /// The force of a response is more distorted than the scenario allows.
     #[error(
         "limits.distortion: harmonics 2 and 3 of the force are {} of its fundamental at {frequency_hz:.4} Hz after {} s, beyond the limit \
-         of {limit}: drive less, look at impedance head and exciter, or raise the limit", rounded(.got, 4), rounded(.time_s, 3), limit = short(.limit)
+         of {limit}: reduce the excitation, check impedance head and exciter, or raise the limit", rounded(.got, 4), rounded(.time_s, 3), limit = short(.limit)
     )]
     Distorted {
         /// Harmonics 2 and 3 together over the fundamental.

@@ -62,14 +62,14 @@ pub struct CancelHarmonics([bool; ORDERS.len()]);
 pub enum CancelHarmonicsError {
     /// The order is not one that is read.
     #[error(
-        "`cancel_harmonics`: harmonic {got} can't be cancelled, only 2 and 3 can, which are read beside the fundamental"
+        "`cancel_harmonics`: harmonic {got} can't be cancelled: expected 2 or 3, which are read beside the fundamental"
     )]
     Order {
         /// Order that was given.
         got: i64,
     },
     /// An order is listed twice.
-    #[error("`cancel_harmonics`: harmonic {got} is listed twice: list each once")]
+    #[error("`cancel_harmonics`: harmonic {got} is listed twice: list it once")]
     Repeated {
         /// Order that is listed twice.
         got: i64,

@@ -3,7 +3,7 @@
 //!
 //! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] brings the force in the head to its
 //! amplitude; [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is
-//! set while it plays. You can implement the trait yourself; the exciter node runs the controller over the wire, in
+//! set while it plays. You can implement the trait yourself; the exciter node runs the controller over the bus, in
 //! real time, in lockstep and free alike (`Session::with_controller` of the crate `resonarm-session`).
 
 mod abort;
@@ -88,8 +88,9 @@ pub trait Controller: Debug + Send {
     /// Restarts the work at sample 0.
     fn restart(&mut self);
 
-    /// Answers a sample. `sample.sample` counts from 0, the first sample after the plant was armed; the readings are of
-    /// the middle of the sample period before, and the answer is held from the sample to the next.
+    /// Answers a sample by a load, or ends the run. `sample.sample` counts from 0, the first sample after the plant was
+    /// armed; the readings are of the middle of the sample period before, and the answer is held from the sample to the
+    /// next.
     fn answer(&mut self, sample: &Measurement) -> Answer;
 
     /// Returns the next response that has been read, if there is one.

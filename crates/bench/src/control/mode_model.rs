@@ -91,7 +91,7 @@ impl TryFrom<u8> for ModeNumber {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NoSuchMode {
     /// The structure has fewer modes.
-    #[error("mode {got}: modes are numbered from 1 to {modes}")]
+    #[error("there is no mode {got}: the structure has modes 1 to {modes}")]
     Number {
         /// Number of the mode that was given.
         got: u8,
@@ -99,7 +99,7 @@ pub enum NoSuchMode {
         modes: usize,
     },
     /// The mode is rigid, at 0 Hz, or overdamped.
-    #[error("mode {got} does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance")]
+    #[error("mode {got} does not oscillate: it is rigid, at 0 Hz, or overdamped; choose a mode that has a resonance")]
     NoResonance {
         /// Number of the mode that was given.
         got: u8,

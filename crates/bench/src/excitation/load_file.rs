@@ -41,7 +41,7 @@ pub enum LoadFileError {
         expected: &'static str,
     },
     /// The time does not increase.
-    #[error("line {line}: time goes from {before} to {got} s: it must rise", before = short(.before), got = short(.got))]
+    #[error("line {line}: time goes from {before} to {got} s: it must increase", before = short(.before), got = short(.got))]
     Time {
         /// Line number, from 1 on.
         line: usize,
@@ -51,7 +51,7 @@ pub enum LoadFileError {
         before: f64,
     },
     /// The file has no load other than zero.
-    #[error("there is no load other than 0 in it: give a line with a load for each sample, or with time and load")]
+    #[error("it has no load other than 0: give a line with a load for each sample, or with time and load")]
     NoLoad,
 }
 

@@ -264,12 +264,12 @@ fn says_what_is_wrong_with_a_file() {
     insta::assert_snapshot!(says("t,load\n0,1\n1,inf\n"), @"line 3: `inf` is not a finite number");
     insta::assert_snapshot!(says("1\n2,3\n"), @"line 2 has 2 columns: there must be 1, the load, as in the lines before");
     insta::assert_snapshot!(says("0,1,2\n"), @"line 1 has 3 columns: there must be 1, the load, or 2, time and load, in all lines");
-    insta::assert_snapshot!(says("0,1\n0.1,2\n0.1,3\n"), @"line 3: time goes from 0.1 to 0.1 s: it must rise");
-    insta::assert_snapshot!(says("# nothing\n0\n0\n"), @"there is no load other than 0 in it: give a line with a load for each sample, or with time and load");
-    insta::assert_snapshot!(says("some words"), @"there is no load other than 0 in it: give a line with a load for each sample, or with time and load");
-    insta::assert_snapshot!(file("0,1\n0.0005,2\n").unwrap_err(), @"excitation: the load file has points 0.0005 s apart, closer than samples (0.001 s): filter and thin it out to the sample rate before");
+    insta::assert_snapshot!(says("0,1\n0.1,2\n0.1,3\n"), @"line 3: time goes from 0.1 to 0.1 s: it must increase");
+    insta::assert_snapshot!(says("# nothing\n0\n0\n"), @"it has no load other than 0: give a line with a load for each sample, or with time and load");
+    insta::assert_snapshot!(says("some words"), @"it has no load other than 0: give a line with a load for each sample, or with time and load");
+    insta::assert_snapshot!(file("0,1\n0.0005,2\n").unwrap_err(), @"excitation: the load file has points 0.0005 s apart, closer than the samples (0.001 s): filter it and resample it at the sample rate first");
     let unread = Waveform::File { path: String::from("load.csv"), load: None };
-    insta::assert_snapshot!(along_y(0.0, unread).unwrap_err(), @"excitation: the load file was not read: it is read with a scenario file, from that file's folder");
+    insta::assert_snapshot!(along_y(0.0, unread).unwrap_err(), @"excitation: the load file was not read: it is read only with a scenario file, from that file's folder; read the scenario from a file");
 }
 
 #[test]
@@ -277,7 +277,7 @@ fn says_what_is_wrong_with_noise() {
     let says = |profile| along_y(0.0, profile).unwrap_err().to_string();
     let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, spectrum: None, seed: 0 };
     insta::assert_snapshot!(says(random(10.0, 5.0, 1.0)), @"excitation: `to_hz` is 5: it must be at least `from_hz`");
-    insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz is too high for 1000 samples a second: it must be below half of that");
+    insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: the frequency 500 Hz is too high for the sample rate of 1000 Hz: it must be below half of that");
     insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz is between 10.1 and 10.2 Hz: make the band wider, or `duration_s` longer");
     insta::assert_snapshot!(says(random(10.0, 20.0, 1e9)), @"excitation: `duration_s` is 1e12 samples long: it must be from 1 to 4194304");
     let multisine = |period_s, periods| Waveform::Multisine {
@@ -315,10 +315,10 @@ fn says_what_is_wrong_with_a_spectrum() {
     insta::assert_snapshot!(says(&[[10.0, 1.0]; 1001]), @"excitation: the number of breakpoints of `spectrum` is 1001: it must be from 2 to 1000, each `[hz, level]`");
     insta::assert_snapshot!(says(&[[10.0, 1.0], [20.0, 0.0]]), @"excitation: the level of `spectrum` at 20 Hz is 0: it must be a positive number");
     insta::assert_snapshot!(says(&[[10.0, f64::NAN], [20.0, 1.0]]), @"excitation: the level of `spectrum` at 10 Hz is NaN: it must be a positive number");
-    insta::assert_snapshot!(says(&[[10.0, 1.0], [15.0, 1.0], [15.0, 2.0], [20.0, 1.0]]), @"excitation: `spectrum` goes from 15 to 15 Hz: its frequencies must rise");
-    insta::assert_snapshot!(says(&[[10.0, 1.0], [f64::NAN, 1.0], [20.0, 1.0]]), @"excitation: `spectrum` goes from 10 to NaN Hz: its frequencies must rise");
-    insta::assert_snapshot!(says(&[[5.0, 1.0], [20.0, 1.0]]), @"excitation: `from_hz` is 10, and the breakpoint of `spectrum` there is at 5 Hz: they must be the same");
-    insta::assert_snapshot!(says(&[[10.0, 1.0], [19.0, 1.0]]), @"excitation: `to_hz` is 20, and the breakpoint of `spectrum` there is at 19 Hz: they must be the same");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [15.0, 1.0], [15.0, 2.0], [20.0, 1.0]]), @"excitation: `spectrum` goes from 15 to 15 Hz: its frequencies must increase");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [f64::NAN, 1.0], [20.0, 1.0]]), @"excitation: `spectrum` goes from 10 to NaN Hz: its frequencies must increase");
+    insta::assert_snapshot!(says(&[[5.0, 1.0], [20.0, 1.0]]), @"excitation: `from_hz` is 10, but the breakpoint of `spectrum` there is at 5 Hz: they must be equal");
+    insta::assert_snapshot!(says(&[[10.0, 1.0], [19.0, 1.0]]), @"excitation: `to_hz` is 20, but the breakpoint of `spectrum` there is at 19 Hz: they must be equal");
 }
 
 #[test]

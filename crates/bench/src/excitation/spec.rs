@@ -41,8 +41,8 @@ pub enum ExcitationError {
     Amplitude(&'static str),
     /// A step ends before its response can be read.
     #[error(
-        "excitation: a step of {dwell_s} s leaves no time to read its response after settling ({settle_s} s) and the \
-         ramps ({ramp_s} s): make the step longer or the others shorter", dwell_s = rounded(.dwell_s, 3), settle_s = short(.settle_s), ramp_s = short(.ramp_s))]
+        "excitation: a step of {dwell_s} s leaves no time to read the response after settling ({settle_s} s) and the \
+         ramps ({ramp_s} s): make the step longer, or settling and ramps shorter", dwell_s = rounded(.dwell_s, 3), settle_s = short(.settle_s), ramp_s = short(.ramp_s))]
     NoWindow {
         /// Length of the step, s.
         dwell_s: f64,
@@ -83,7 +83,7 @@ pub enum ExcitationError {
         level: f64,
     },
     /// The frequencies of the breakpoints do not increase.
-    #[error("excitation: `spectrum` goes from {before_hz} to {hz} Hz: its frequencies must rise", before_hz = short(.before_hz), hz = short(.hz))]
+    #[error("excitation: `spectrum` goes from {before_hz} to {hz} Hz: its frequencies must increase", before_hz = short(.before_hz), hz = short(.hz))]
     BreakpointOrder {
         /// Frequency of a breakpoint, Hz.
         before_hz: f64,
@@ -91,7 +91,7 @@ pub enum ExcitationError {
         hz: f64,
     },
     /// The spectrum does not end where its band ends.
-    #[error("excitation: `{name}` is {band_hz}, and the breakpoint of `spectrum` there is at {hz} Hz: they must be the same", band_hz = short(.band_hz), hz = short(.hz))]
+    #[error("excitation: `{name}` is {band_hz}, but the breakpoint of `spectrum` there is at {hz} Hz: they must be equal", band_hz = short(.band_hz), hz = short(.hz))]
     BreakpointEnd {
         /// Key of the end of the band.
         name: &'static str,
@@ -111,10 +111,12 @@ pub enum ExcitationError {
         most: u32,
     },
     /// The load file has not been read.
-    #[error("excitation: the load file was not read: it is read with a scenario file, from that file's folder")]
+    #[error(
+        "excitation: the load file was not read: it is read only with a scenario file, from that file's folder; read the scenario from a file"
+    )]
     FileNotRead,
     /// The load file has points closer than the samples, which would alias.
-    #[error("excitation: the load file has points {step_s} s apart, closer than samples ({period_s} s): filter and thin it out to the sample rate before", step_s = short(.step_s), period_s = short(.period_s))]
+    #[error("excitation: the load file has points {step_s} s apart, closer than the samples ({period_s} s): filter it and resample it at the sample rate first", step_s = short(.step_s), period_s = short(.period_s))]
     FileTooDense {
         /// Time between the two points, s.
         step_s: f64,
@@ -122,7 +124,7 @@ pub enum ExcitationError {
         period_s: f64,
     },
     /// A frequency is too high for the sample rate.
-    #[error("excitation: {frequency_hz} Hz is too high for {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
+    #[error("excitation: the frequency {frequency_hz} Hz is too high for the sample rate of {rate_hz} Hz: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
     AboveNyquist {
         /// Highest frequency of the excitation, Hz.
         frequency_hz: f64,
@@ -170,10 +172,10 @@ pub(crate) fn check_amplitude(amplitude: &Load) -> Result<(), ExcitationError> {
     }
     match (amplitude.has_force(), amplitude.has_torque()) {
         (true, true) => Err(ExcitationError::Amplitude(
-            "forces and torques at once: a command carries one kind; set one of them to 0",
+            "forces and torques are both given: a command carries only one kind; set the other to 0",
         )),
         (false, false) => Err(ExcitationError::Amplitude(
-            "the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`",
+            "the amplitude is 0: set `exciter_x`, `exciter_y` or `exciter_z`, or a torque such as `joint1`",
         )),
         _ => Ok(()),
     }

@@ -71,15 +71,15 @@ fn fit_finds_amplitude_and_phase_beside_another_mode() {
 #[test]
 fn says_why_an_excitation_can_t_be_played() {
     let says = |spec: ExcitationSpec, rate_hz| Profile::new(&spec, rate_hz).unwrap_err().to_string();
-    insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: 25 Hz is too high for 40 samples a second: it must be below half of that");
+    insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: the frequency 25 Hz is too high for the sample rate of 40 Hz: it must be below half of that");
     let short = Waveform::Dwell { frequency_hz: 20.0, duration_s: 1.0, settle_s: 0.8 };
-    insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1.000 s leaves no time to read its response after settling (0.8 s) and the ramps (0.5 s): make the step longer or the others shorter");
+    insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1.000 s leaves no time to read the response after settling (0.8 s) and the ramps (0.5 s): make the step longer, or settling and ramps shorter");
     let negative = Waveform::Dwell { frequency_hz: -20.0, duration_s: 1.0, settle_s: 0.0 };
     insta::assert_snapshot!(says(force(negative), 1000.0), @"excitation: `frequency_hz` is -20: it must be a positive number");
     let both = Load::planar([1.0, 0.0], [1.0, 0.0]);
-    insta::assert_snapshot!(says(ExcitationSpec { amplitude: both, ..force(STEPPED) }, 1000.0), @"excitation: forces and torques at once: a command carries one kind; set one of them to 0");
+    insta::assert_snapshot!(says(ExcitationSpec { amplitude: both, ..force(STEPPED) }, 1000.0), @"excitation: forces and torques are both given: a command carries only one kind; set the other to 0");
     let none = Load::default();
-    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`");
+    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y` or `exciter_z`, or a torque such as `joint1`");
 }
 
 #[test]
@@ -116,5 +116,5 @@ fn a_list_of_sines_is_played_in_its_order() {
     let refusal = |frequencies_hz| Profile::new(&list(frequencies_hz), 1000.0).unwrap_err().to_string();
     insta::assert_snapshot!(refusal(vec![]), @"excitation: `frequencies_hz` is 0: it must be from 1 to 100000");
     insta::assert_snapshot!(refusal(vec![20.0, -1.0]), @"excitation: `frequencies_hz` is -1: it must be a positive number");
-    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"excitation: 500 Hz is too high for 1000 samples a second: it must be below half of that");
+    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"excitation: the frequency 500 Hz is too high for the sample rate of 1000 Hz: it must be below half of that");
 }

@@ -31,7 +31,7 @@ use crate::rig::{Converter, RigSpec};
 /// Length of each end, in periods of the corner; the effects of the record's ends have then fallen to about
 /// 1e-5.
 const END_PERIODS: f64 = 4.0;
-/// Largest angle, rad. The iteration converges well below π/2.
+/// Largest angle of a vibration, rad. The iteration converges well below π/2.
 const LARGEST_RAD: f64 = 1.0;
 /// Change of an angle, rad, below which the iteration ends, at the latest after [`MOST_ROUNDS`], enough for a
 /// factor of 1/2.

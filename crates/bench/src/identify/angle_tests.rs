@@ -223,16 +223,16 @@ fn says_why_there_are_no_angles() {
         let settings = AngleSettings { from_hz, ..run.settings(Integration::Time) };
         run.angles(settings).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(says(&run, 0.0), @"the lower corner, 0 Hz, must be above 0 and below half the sample rate, 1000 Hz");
-    insta::assert_snapshot!(says(&run, f64::NAN), @"the lower corner, NaN Hz, must be above 0 and below half the sample rate, 1000 Hz");
-    insta::assert_snapshot!(says(&run, 5.0), @"the record has 1000 samples where 1800 are needed for angles from 5.000 Hz on: record for longer, or raise the lower corner");
-    insta::assert_snapshot!(says(&run, 1e-300), @"the record has 1000 samples where 9e303 are needed for angles from 0.000 Hz on: record for longer, or raise the lower corner");
+    insta::assert_snapshot!(says(&run, 0.0), @"the lower corner is 0 Hz: it must be above 0 and below half the sample rate, 1000 Hz");
+    insta::assert_snapshot!(says(&run, f64::NAN), @"the lower corner is NaN Hz: it must be above 0 and below half the sample rate, 1000 Hz");
+    insta::assert_snapshot!(says(&run, 5.0), @"the record has 1000 samples, but at least 1800 are needed for angles from 5.000 Hz on: record for longer, or raise the lower corner");
+    insta::assert_snapshot!(says(&run, 1e-300), @"the record has 1000 samples, but at least 9e303 are needed for angles from 0.000 Hz on: record for longer, or raise the lower corner");
     run.from_hz = 20.0;
     run.readings.iter_mut().for_each(|reading| reading[1] *= 1e6);
     let error = run.angles(run.settings(Integration::Frequency)).unwrap_err();
     assert!(matches!(error, IdentifyError::TooLarge { most_rad: 1.0, .. }), "{error}");
     let error = IdentifyError::TooLarge { angle_rad: 16.25, most_rad: 1.0 };
-    insta::assert_snapshot!(error, @"the displacements give angles of up to 16.250 rad, too large for a vibration of the arm (more than 1 rad): check the readings, or raise the lower corner");
+    insta::assert_snapshot!(error, @"the displacements give angles of up to 16.250 rad: a vibration of the arm must have at most 1 rad; check the readings, or raise the lower corner");
     run.readings[17][2] = f64::NAN;
-    insta::assert_snapshot!(says(&run, 20.0), @"reading 17, counted from 0, has an acceleration that is not a finite number");
+    insta::assert_snapshot!(says(&run, 20.0), @"reading 17, counted from 0, has an acceleration that is not a finite number: correct the record, or leave the reading out");
 }

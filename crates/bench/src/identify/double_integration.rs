@@ -35,10 +35,10 @@ pub(super) type Pair = Complex<f64>;
 /// Method of double integration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Integration {
-    /// In the frequency domain: the transform of the whole record, over −ω².
+    /// Integration in the frequency domain: the transform of the whole record, over −ω².
     #[default]
     Frequency,
-    /// In the time domain: a high-pass run forward and backward, and an integration of fourth order.
+    /// Integration in the time domain: a high-pass run forward and backward, and an integration of fourth order.
     Time,
 }
 

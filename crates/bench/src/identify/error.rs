@@ -9,7 +9,7 @@ use resonarm_numeric::number::{rounded, short};
 #[non_exhaustive]
 pub enum IdentifyError {
     /// The band is not within that of the record.
-    #[error("the band from {from_hz} to {to_hz} Hz must rise, from above 0 to below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), to_hz = short(.to_hz), rate_hz = short(.rate_hz))]
+    #[error("the band is from {from_hz} to {to_hz} Hz: it must rise, from above 0 to below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), to_hz = short(.to_hz), rate_hz = short(.rate_hz))]
     Band {
         /// Lowest frequency of the band, Hz.
         from_hz: f64,
@@ -19,7 +19,7 @@ pub enum IdentifyError {
         rate_hz: f64,
     },
     /// The record has too few samples for the request.
-    #[error("the record has {samples} samples where {least} are needed: record for longer")]
+    #[error("the record has {samples} samples, but at least {least} are needed: record for longer")]
     TooShort {
         /// Number of samples of the record.
         samples: usize,
@@ -28,7 +28,7 @@ pub enum IdentifyError {
     },
     /// The impedance head reads nothing but its own noise.
     #[error(
-        "the impedance head reads no force beyond its own noise ({noise_n} N): drive by a force where the head is, and by a larger one than that", noise_n = rounded(.noise_n, 3))]
+        "the impedance head reads no force beyond its own noise ({noise_n} N): expected an excitation by a force at the head; apply a larger one", noise_n = rounded(.noise_n, 3))]
     NoForce {
         /// Standard deviation of the head's noise, N.
         noise_n: f64,
@@ -51,7 +51,7 @@ pub enum IdentifyError {
     },
     /// Some readings are beyond the range of their sensor.
     #[error(
-        "{samples} samples have a reading beyond the range of its sensor: lower the force, or give the sensor more range"
+        "{samples} samples have a reading beyond the range of its sensor: reduce the force, or increase the sensor's range"
     )]
     Clipped {
         /// Number of samples with such a reading.
@@ -66,7 +66,7 @@ pub enum IdentifyError {
         samples: usize,
     },
     /// The lower corner of a double integration is not valid.
-    #[error("the lower corner, {from_hz} Hz, must be above 0 and below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), rate_hz = short(.rate_hz))]
+    #[error("the lower corner is {from_hz} Hz: it must be above 0 and below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), rate_hz = short(.rate_hz))]
     Corner {
         /// Corner that was given, Hz.
         from_hz: f64,
@@ -74,7 +74,7 @@ pub enum IdentifyError {
         rate_hz: f64,
     },
     /// The record ends before a double integration has settled.
-    #[error("the record has {samples} samples where {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
+    #[error("the record has {samples} samples, but at least {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
     NoMiddle {
         /// Number of samples of the record.
         samples: usize,
@@ -84,13 +84,15 @@ pub enum IdentifyError {
         from_hz: f64,
     },
     /// A reading is not a finite number.
-    #[error("reading {reading}, counted from 0, has an acceleration that is not a finite number")]
+    #[error(
+        "reading {reading}, counted from 0, has an acceleration that is not a finite number: correct the record, or leave the reading out"
+    )]
     NotFinite {
         /// Index of the reading, from 0.
         reading: usize,
     },
     /// The angles are too large for the inverse kinematics.
-    #[error("the displacements give angles of up to {angle_rad} rad, too large for a vibration of the arm (more than {most_rad} rad): check the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
+    #[error("the displacements give angles of up to {angle_rad} rad: a vibration of the arm must have at most {most_rad} rad; check the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
     TooLarge {
         /// The largest angle, rad.
         angle_rad: f64,

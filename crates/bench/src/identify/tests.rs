@@ -120,7 +120,7 @@ fn ideal_instruments_are_almost_exact() {
     }
 }
 
-/// Where the accelerometers are.
+/// Points of the accelerometers.
 const POINTS: [&str; CHANNELS] = ["joint2.x", "joint2.y", "tip.x", "tip.y"];
 
 /// The displacements of B and C in a mode of modal mass 1 kg, up to the sign, within a fraction of the largest.
@@ -203,10 +203,10 @@ fn says_why_a_record_can_t_be_identified() {
         record.and_then(|record| modes(&record, band)).unwrap_err().to_string()
     };
     let (spec, arm) = (spec(), arm(60.0));
-    insta::assert_snapshot!(error(recorded(&spec, &arm, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
+    insta::assert_snapshot!(error(recorded(&spec, &arm, force(0.0, 5.0), short), BAND), @"the record has 200 samples, but at least 256 are needed: record for longer");
     let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
     let torque = Load::torque_nm(5.0, 0.0);
-    insta::assert_snapshot!(error(recorded(&spec, &arm, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
+    insta::assert_snapshot!(error(recorded(&spec, &arm, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): expected an excitation by a force at the head; apply a larger one");
     let record = recorded(&spec, &arm, force(0.0, 5.0), random(10.0)).unwrap();
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");
     // Peaks of the random force are no modes.
@@ -214,7 +214,7 @@ fn says_why_a_record_can_t_be_identified() {
     assert!(between.modes.is_empty() && between.rejected.iter().all(|peak| peak.reason == Rejection::NoPole));
     let none = IdentifyError::NoResonance { from_hz: 30.0, to_hz: 36.0 };
     insta::assert_snapshot!(none, @"there is no resonance from 30 to 36 Hz: widen the band, or record for longer");
-    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
-    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band is from 30 to 600 Hz: it must rise, from above 0 to below half the sample rate, 1000 Hz");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples, but at least 32000 are needed: record for longer");
     insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment has 8 samples: it must have from 16 to as many as the record, 10000");
 }

@@ -27,7 +27,7 @@ pub(super) const fn retry_ns(time_base: TimeBase) -> u64 {
 /// The exciter's node of Resonarm's protocol, with a [`Controller`].
 pub type ExciterNode = node::ExciterNode<Carried>;
 
-/// How the work of a controller ended.
+/// Outcome of a controller's work.
 pub type ExciterOutcome = node::ExciterOutcome<Abort>;
 
 /// A controller inside the exciter's node, with the responses that it has read.

@@ -1,4 +1,4 @@
-//! What a user protocol lacks for Resonarm's controllers, and the consequence.
+//! Features that a user protocol lacks for Resonarm's controllers, and the consequences.
 
 use alloc::vec::Vec;
 use core::fmt;
@@ -13,8 +13,8 @@ use resonarm_protocol::Id;
 pub enum ExciterLack {
     /// Only an operator can arm the plant.
     #[error(
-        "[wire] `arm = \"operator\"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or \
-         `arm = \"zero-command\"`"
+        "[wire] `arm = \"operator\"`: no message arms the plant, so the emulated exciter can't arm it; give an \
+         event with `arm`, or `arm = \"zero-command\"`"
     )]
     Operator,
     /// No event arms a drive.
@@ -36,14 +36,14 @@ pub enum ExciterLack {
     },
     /// No readings come by themselves.
     #[error(
-        "[wire] has no readings that are sent again and again, so the emulated exciter has nothing to answer: give a \
+        "[wire] has no readings that are sent periodically, so the emulated exciter has nothing to answer: give a \
          [[wire.readings]] with `every`, `period_s` or `on = \"sync\"`"
     )]
     NoSamples,
     /// The controller needs readings that the protocol does not carry with every sample.
     #[error(
-        "the control is closed on {}, and no message of every sample says {}: give a [[wire.readings]] with `every = 1` and \
-         that `quantity`",
+        "the control needs {}, but no message of every sample carries {}: give a [[wire.readings]] with `every = 1` \
+         and that `quantity`",
         Names(needed), if needed.len() == 1 { "it" } else { "them" }
     )]
     Readings {
@@ -52,7 +52,7 @@ pub enum ExciterLack {
     },
     /// The controller needs readings, which CANopen drives do not have.
     #[error(
-        "the control is closed on {}, and CANopen drives say angles and torques alone: give an [excitation]",
+        "the control needs {}, but CANopen drives report only angles and torques: give an [excitation]",
         Names(needed)
     )]
     Drives {
@@ -61,38 +61,38 @@ pub enum ExciterLack {
     },
     /// The load has a part that the native protocol does not carry.
     #[error(
-        "the exciter's load has {part}, and Resonarm's protocol carries torque1_nm, torque2_nm, force_x_n and force_y_n \
-         alone: change the excitation, or map a protocol of your own by [wire]"
+        "the exciter's load has {part}, but Resonarm's protocol carries only torque1_nm, torque2_nm, force_x_n and \
+         force_y_n: change the excitation, or map a user protocol by [wire]"
     )]
     Native {
-        /// What can't be commanded, with its unit.
+        /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
     /// The load has a part that no drive exerts.
-    #[error("the exciter's load has {part}, and no drive of wire.drives exerts so much of it: change the excitation")]
+    #[error("the exciter's load has more {part} than any drive of wire.drives can exert: change the excitation")]
     Torque {
         /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
     /// The load has a part that no signal commands.
     #[error(
-        "the exciter's load has {part}, and no signal of [[wire.commands]] commands so much of it: map it there, or change the \
-         excitation"
+        "the exciter's load has more {part} than any signal of [[wire.commands]] can command: map it there, or \
+         change the excitation"
     )]
     Load {
         /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
     /// Signals that must be in one payload are multiplexed apart.
-    #[error("message 0x{:X}: its loads are multiplexed apart, and no payload has all of them: map them in one", id.raw())]
+    #[error("message 0x{:X}: its loads are multiplexed apart, so no payload has all of them: map them in one", id.raw())]
     Multiplexed {
         /// Identifier of the message.
         id: Id,
     },
     /// The signal of an event can't represent one of its values.
     #[error(
-        "message 0x{:X}: a signal in [[wire.events]] can't have {value}, one of its values: give one that it \
-         has, or widen it",
+        "message 0x{:X}: a signal in [[wire.events]] can't represent {value}, one of the values given for it: give \
+         one that it can represent, or widen the signal",
         id.raw()
     )]
     Value {
@@ -102,35 +102,35 @@ pub enum ExciterLack {
         value: f64,
     },
     /// Every value of an event's signal requests something, so there is none to rest on.
-    #[error("message 0x{:X}: every value of a signal in [[wire.events]] asks for something: leave at least one value out of `arm`, `disarm` and `reset`", id.raw())]
+    #[error("message 0x{:X}: every value of a signal in [[wire.events]] is a request: leave at least one value out of `arm`, `disarm` and `reset`", id.raw())]
     Rest {
         /// Identifier of the message.
         id: Id,
     },
 }
 
-/// What an exciter can't know with a protocol.
+/// Limitation of an exciter on a user protocol.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ExciterRemark {
     /// Readings that it does not receive.
-    #[error("no message with every answered sample says {}: what the exciter reads of it is no number", Names(unread))]
+    #[error("no message of every answered sample carries {}: the exciter reads NaN for it", Names(unread))]
     Unread {
         /// Indices of the readings in [`OUTPUTS`].
         unread: Vec<usize>,
     },
     /// Samples that it does not receive.
-    #[error("readings come every {every} samples: so often the exciter answers")]
+    #[error("readings are sent every {every} samples, so the exciter answers only that often")]
     Sparse {
         /// Number of samples from one reading to the next.
         every: u64,
     },
     /// The plant's state is not sent.
     #[error(
-        "no reading says the plant's `state`: it counts as armed once it was asked, and a fault of it shows as silence"
+        "no reading carries the plant's `state`: the exciter takes the plant as armed once it has requested it, and notices a fault only as silence"
     )]
     State,
     /// Readings have neither an index nor a counter.
-    #[error("readings have neither `sample` nor a counter: samples that were lost are not noticed")]
+    #[error("readings have neither `sample` nor a counter: the exciter does not notice lost samples")]
     Index,
 }
 

@@ -88,8 +88,8 @@ impl Guard {
         }
     }
 
-    /// Enters a fault. An acting load ramps to zero, or is dropped at once in a fault that leaves the exciter
-    /// without effect. Returns the emergency, or `None` if a fault is latched already.
+    /// Puts the node into the fault state. An acting load ramps to zero, or is dropped at once in a fault that leaves
+    /// the exciter without effect. Returns the emergency, or `None` if a fault is latched already.
     pub fn fault(&mut self, core: &mut NodeCore, code: EmergencyCode, detail: u16) -> Option<Emergency> {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         match code {

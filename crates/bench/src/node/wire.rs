@@ -12,12 +12,12 @@ use crate::control::Controller;
 use crate::rig::{Exciter, GateSpec};
 use resonarm_protocol::Id;
 
-/// When the commands of a user protocol are judged.
+/// Time at which the commands of a user protocol are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeBase {
-    /// At the deadline of each sample; each message, or drive, has its own timeout.
+    /// Commands are judged at the deadline of each sample; each message, or drive, has its own timeout.
     Clock,
-    /// When the last published sample has its answer; the timeout is that of the run.
+    /// Commands are judged when the last published sample has its answer; the timeout is that of the run.
     Lockstep,
 }
 

@@ -112,7 +112,7 @@ fn says_what_is_wrong_with_a_plant() {
     assert!(Plant::new(&PlantSpec { steps_per_sample: MOST_STEPS_PER_SAMPLE, ..spec() }, &preset(ANGLES_DEG)).is_ok());
     let lost = TestedAssembly { initial: vec![0.0, f64::NAN, 0.0, 1.0], ..preset(ANGLES_DEG) };
     insta::assert_snapshot!(Plant::new(&spec(), &lost).unwrap_err(), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give finite numbers, coordinates before rates");
-    insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");
+    insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"the integration rate is 0 Hz: it must be a positive number");
 }
 
 /// A shaker of the size of a modal exciter for some hundred newtons.

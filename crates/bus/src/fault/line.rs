@@ -29,7 +29,7 @@ pub(super) struct Line {
     held: BinaryHeap<Reverse<Held>>,
     /// Frames put so far: those due at the same time leave in this order.
     put: u64,
-    /// When the last frame that keeps its place is due, ns.
+    /// Time at which the last frame that keeps its place is due, ns.
     last_due_ns: u64,
     /// Frames lost because too many wait.
     pub dropped: u64,
@@ -73,10 +73,10 @@ impl Ord for Held {
 struct Fault {
     kind: FaultKind,
     span_ns: Range<u64>,
-    /// Of the frames that it concerns; all if there are none.
+    /// Identifiers of the frames that the fault concerns; if empty, it concerns all frames.
     ids: Vec<Id>,
     probability: f64,
-    /// How many frames it still strikes.
+    /// Number of frames that the fault still strikes.
     left: u64,
     delay_ns: u64,
     chance: Noise,
@@ -169,7 +169,7 @@ impl Line {
         }
     }
 
-    /// When the next frame comes out, ns.
+    /// Returns the time at which the next frame comes out, ns.
     pub fn next_due_ns(&self) -> Option<u64> {
         self.held.peek().map(|Reverse(held)| held.due_ns)
     }

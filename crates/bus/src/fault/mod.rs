@@ -25,14 +25,14 @@ use resonarm_realtime::Clock;
 
 /// Frames taken from the bus beneath in one go.
 const AT_ONCE: usize = 256;
-/// How long to wait before a full transmit queue beneath is tried again, ns.
+/// Time to wait before a full transmit queue beneath is tried again, ns.
 const RETRY_NS: u64 = 100_000;
 
 /// An end of a bus with faults. Without faults it is that end.
 pub struct Faulty<B, C> {
     bus: B,
     clock: C,
-    /// When it was opened: times count from here, ns.
+    /// Time at which the bus was opened, from which times count, ns.
     start_ns: u64,
     outgoing: Line,
     incoming: Line,
@@ -139,7 +139,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         Ok(())
     }
 
-    /// When something happens here by itself, ns since it was opened.
+    /// Returns the time at which something happens here by itself, ns since the bus was opened.
     fn next_ns(&self) -> u64 {
         let babble = self.babble.iter().map(|babble| babble.next_ns).min();
         [self.outgoing.next_due_ns(), self.incoming.next_due_ns(), babble]
@@ -283,11 +283,11 @@ impl<B: VirtualBus, C: Clock + Send> VirtualBus for Faulty<B, C> {
 /// A babbling node: a frame at `from`, and then at every period.
 struct Babble {
     ids: Vec<Id>,
-    /// How many frames are due so far.
+    /// Number of frames that have been due so far.
     turns: u64,
     rate_hz: f64,
     span_ns: Range<u64>,
-    /// When the next is due, ns; never, once it is over.
+    /// Time at which the next frame is due, ns; never, once the fault is over.
     next_ns: u64,
     content: Noise,
 }

@@ -38,7 +38,7 @@ impl From<FaultNode> for Node {
     }
 }
 
-/// Which way the frames of a fault go.
+/// Direction of the frames that a fault concerns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultDirection {
@@ -50,7 +50,7 @@ pub enum FaultDirection {
     Both,
 }
 
-/// What is wrong with an end of the bus.
+/// Kind of a fault at an end of the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
@@ -82,7 +82,7 @@ pub struct FaultSpec {
     pub node: FaultNode,
     /// Kind of fault that is injected.
     pub kind: FaultKind,
-    /// Which way the frames go, where the kind has a way; `None` is both.
+    /// Direction of the frames, for a kind that has one; `None` is both directions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<FaultDirection>,
     /// Begin, s since the node's bus was opened, not negative; in a free run of simulated time.
@@ -100,25 +100,25 @@ pub struct FaultSpec {
     /// The probability with which a frame has it, 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
-    /// How many frames have it: the first so many of each direction.
+    /// Number of frames that have the fault: the first so many of each direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u64>,
-    /// How much later a frame comes, s, at most 10.
+    /// Delay of a frame, s, at most 10.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay_s: Option<f64>,
-    /// How many frames a second a babbling node sends, at most 100000.
+    /// Frames that a babbling node sends per second, at most 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
 }
 
-/// Why a fault is refused.
+/// Errors of the description of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FaultError {
     /// A number is impossible.
     #[error("network.faults, number {number}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// Which fault, from 1 on.
+        /// Number of the fault in the scenario, from 1 on.
         number: usize,
         /// Key of the number in the scenario.
         name: &'static str,
@@ -130,7 +130,7 @@ pub enum FaultError {
     /// A fault does not say how much.
     #[error("network.faults, number {number}: `{key}` is missing: add it, or change `kind`")]
     KeyMissing {
-        /// Which fault, from 1 on.
+        /// Number of the fault in the scenario, from 1 on.
         number: usize,
         /// The key that is missing.
         key: &'static str,
@@ -138,21 +138,23 @@ pub enum FaultError {
     /// A fault states a key that its kind does not use.
     #[error("network.faults, number {number}: `{key}` does not apply to this kind of fault: leave it out")]
     KeyIdle {
-        /// Which fault, from 1 on.
+        /// Number of the fault in the scenario, from 1 on.
         number: usize,
         /// Key that does not apply.
         key: &'static str,
     },
     /// Probability and count together.
-    #[error("network.faults, number {number}: `probability` and `count` both say which frames have it: leave one out")]
+    #[error(
+        "network.faults, number {number}: `probability` and `count` are both given, and each selects the frames that have the fault: leave one out"
+    )]
     Both {
-        /// Which fault, from 1 on.
+        /// Number of the fault in the scenario, from 1 on.
         number: usize,
     },
     /// More faults than a network takes.
-    #[error("network.faults are {got}: at most {MOST_FAULTS} are taken")]
+    #[error("network.faults has {got} entries: it must have at most {MOST_FAULTS}")]
     TooMany {
-        /// How many there are.
+        /// Number of faults that the scenario gives.
         got: usize,
     },
 }
@@ -174,7 +176,7 @@ impl FaultSpec {
         [None, Some(FaultDirection::Both), Some(direction)].contains(&self.direction)
     }
 
-    /// When it begins and when it is over, ns.
+    /// Returns the times at which the fault begins and ends, ns.
     pub(super) fn span_ns(&self) -> core::ops::Range<u64> {
         nanoseconds(self.from_s)..self.to_s.map_or(u64::MAX, nanoseconds)
     }
@@ -196,9 +198,9 @@ impl FaultSpec {
         self.check_keys(number)?;
         let largest = |ids: &[u32]| ids.iter().copied().max().unwrap_or(0);
         let (standard, extended) = (largest(&self.ids), largest(&self.extended_ids));
-        let expected = "of 11 bits, at most 2047; identifiers of 29 bits belong in `extended_ids`";
+        let expected = "an identifier of 11 bits, at most 2047; put identifiers of 29 bits in `extended_ids`";
         value("ids", f64::from(standard), expected, standard <= ID_MAX)?;
-        let expected = "of 29 bits, at most 536870911";
+        let expected = "an identifier of 29 bits, at most 536870911";
         value("extended_ids", f64::from(extended), expected, extended <= EXTENDED_ID_MAX)?;
         let probability = self.probability.unwrap_or(1.0);
         value("probability", probability, "from 0 to 1", (0.0..=1.0).contains(&probability))?;

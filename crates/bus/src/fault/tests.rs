@@ -195,9 +195,9 @@ fn says_what_is_wrong_with_a_fault() {
     insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = -1"), @"network.faults, number 2: `from_s` is -1: it must be zero or a positive number");
     insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nto_s = 1"), @"network.faults, number 2: `to_s` is 1: it must be later than `from_s`");
     insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nprobability = 1.5"), @"network.faults, number 2: `probability` is 1.5: it must be from 0 to 1");
-    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nprobability = 0.5\ncount = 2"), @"network.faults, number 2: `probability` and `count` both say which frames have it: leave one out");
-    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nids = [2048]"), @"network.faults, number 2: `ids` is 2048: it must be of 11 bits, at most 2047; identifiers of 29 bits belong in `extended_ids`");
-    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nextended_ids = [0x2000_0000]"), @"network.faults, number 2: `extended_ids` is 536870912: it must be of 29 bits, at most 536870911");
+    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nprobability = 0.5\ncount = 2"), @"network.faults, number 2: `probability` and `count` are both given, and each selects the frames that have the fault: leave one out");
+    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nids = [2048]"), @"network.faults, number 2: `ids` is 2048: it must be an identifier of 11 bits, at most 2047; put identifiers of 29 bits in `extended_ids`");
+    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nextended_ids = [0x2000_0000]"), @"network.faults, number 2: `extended_ids` is 536870912: it must be an identifier of 29 bits, at most 536870911");
     insta::assert_snapshot!(says("kind = 'delay'\nfrom_s = 1"), @"network.faults, number 2: `delay_s` is missing: add it, or change `kind`");
     insta::assert_snapshot!(says("kind = 'jitter'\nfrom_s = 1\ndelay_s = 0"), @"network.faults, number 2: `delay_s` is 0: it must be a positive number of seconds, at most 10");
     insta::assert_snapshot!(says("kind = 'babble'\nfrom_s = 1"), @"network.faults, number 2: `rate_hz` is missing: add it, or change `kind`");
@@ -205,10 +205,10 @@ fn says_what_is_wrong_with_a_fault() {
     insta::assert_snapshot!(says("kind = 'bus_off'\nfrom_s = 1\ndirection = 'send'"), @"network.faults, number 2: `direction` does not apply to this kind of fault: leave it out");
     insta::assert_snapshot!(says("kind = 'link_down'\nfrom_s = 1\ncount = 1"), @"network.faults, number 2: `count` does not apply to this kind of fault: leave it out");
     let many = fault("kind = 'loss'\nfrom_s = 1").repeat(MOST_FAULTS + 1);
-    insta::assert_snapshot!(check(&faults(&many)).unwrap_err(), @"network.faults are 65: at most 64 are taken");
+    insta::assert_snapshot!(check(&faults(&many)).unwrap_err(), @"network.faults has 65 entries: it must have at most 64");
 }
 
-/// A user's protocol with identifiers of 29 bits could not be disturbed message by message.
+/// A user protocol with identifiers of 29 bits could not be disturbed message by message.
 #[test]
 fn a_fault_may_be_of_identifiers_of_29_bits() {
     let extended = |id: u32| Frame::classic(Id::Extended(id), &[1]).unwrap();

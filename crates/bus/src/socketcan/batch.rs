@@ -42,7 +42,7 @@ impl Slot {
         is_stamped: false,
     };
 
-    /// When the kernel saw it, ns of the UNIX epoch.
+    /// Returns the time at which the kernel saw the frame, ns of the UNIX epoch.
     pub fn timestamp_ns(&self) -> Option<u64> {
         let Stamps { level, kind, stamps: [[s, ns], ..], .. } = self.control;
         // A stamp that was not taken is left at zero.
@@ -52,7 +52,7 @@ impl Slot {
     }
 }
 
-/// What to do if there is no frame.
+/// Behaviour of a receiving call if there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum IfNone {
     /// Return at once, without sleeping.

@@ -19,7 +19,7 @@ const OVERFLOW: i32 = CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW;
 const WARNING: i32 = CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING;
 const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
 
-/// What the controller has reported by error frames.
+/// Events that the controller has reported by error frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ControllerReports {
     /// Number of errors of each kind.
@@ -41,7 +41,7 @@ impl ControllerReports {
 pub struct ErrorFrame {
     /// The classes of errors.
     class: u32,
-    /// What the controller reports of itself.
+    /// State and events that the controller reports.
     controller: i32,
 }
 
@@ -101,7 +101,7 @@ mod tests {
     use super::super::frame::KernelFrame;
     use super::*;
 
-    /// With the numbers of `linux/can/error.h`.
+    /// Makes an error frame with the numbers of `linux/can/error.h`.
     fn frame(class: u32, controller: u8) -> RawFrame {
         let mut data = [0; 64];
         data[1] = controller;

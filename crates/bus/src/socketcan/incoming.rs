@@ -6,7 +6,7 @@ use std::os::fd::BorrowedFd;
 
 use super::batch::{self, FRAMES, IfNone, Slot};
 
-/// How a receiving call ended.
+/// Result of a receiving call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Came {
     /// At least one frame was received.

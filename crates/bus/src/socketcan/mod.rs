@@ -55,13 +55,13 @@ const DROPS: usize = libc::SK_MEMINFO_DROPS as usize;
 /// The size of those counters up to that one, bytes.
 pub const MEMINFO_BYTES: usize = 4 * (DROPS + 1);
 
-/// For how long a receiving call sleeps if no frame comes (`SO_RCVTIMEO`). The kernel rounds it up to its timer ticks
+/// Time for which a receiving call sleeps if no frame comes (`SO_RCVTIMEO`). The kernel rounds it up to its timer ticks
 /// and adds up to one (`CONFIG_HZ`): 12 ms at most with ticks of 4 ms, 20 ms with the longest, of 10.
 const SLEEP: Duration = Duration::from_millis(5);
 /// The shortest wait that may sleep so.
 const SLEEP_FROM: Duration = Duration::from_millis(15);
 
-/// How to open a [`SocketCan`].
+/// Settings with which a [`SocketCan`] is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Memory for frames not yet received, in bytes (`SO_RCVBUF`). A frame takes about 400 of them.
@@ -369,7 +369,7 @@ fn grant_buffers(socket: &CanFdSocket, options: Options) -> Result<Options, Errn
 fn warn_if_less(interface: &str, which: &str, limit: &str, asked: usize, granted: usize) {
     if granted < asked {
         tracing::warn!(
-            "{interface}: {which} buffer of {granted} bytes instead of {asked}; `sudo sysctl net.core.{limit}={asked}` allows it"
+            "{interface}: got {which} buffer of {granted} bytes, expected {asked}; raise the limit with `sudo sysctl net.core.{limit}={asked}`"
         );
     }
 }

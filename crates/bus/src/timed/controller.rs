@@ -9,17 +9,18 @@ use crate::{Filter, Received, accepts};
 
 /// Frames not yet received that an end keeps.
 const INBOX: usize = 1024;
-/// How often 11 recessive bits must have been on the bus until a controller that is bus-off takes part again.
+/// Number of times that 11 recessive bits must have been on the bus until a controller that is bus-off takes part
+/// again.
 const RECOVERY: u64 = 128;
 
-/// What a controller may do on the bus (ISO 11898-1, fault confinement).
+/// State of a controller on the bus (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorState {
-    /// It takes part, and destroys a frame in which it sees an error.
+    /// The controller takes part, and destroys a frame in which it sees an error.
     Active,
-    /// It takes part, can't destroy the frames of others, and waits before it sends again.
+    /// The controller takes part, can't destroy the frames of others, and waits before it sends again.
     Passive,
-    /// It takes no part.
+    /// The controller takes no part.
     BusOff,
 }
 
@@ -74,7 +75,7 @@ impl ErrorCounters {
     }
 }
 
-/// What destroyed a frame.
+/// Cause that destroyed a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorCause {
     /// A bit was not what was sent.
@@ -83,7 +84,7 @@ pub enum ErrorCause {
     Acknowledgement,
 }
 
-/// What became of a frame, as one of the nodes sees it.
+/// Outcome of a frame, as one of the nodes sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The node's own frame was sent.
@@ -114,7 +115,7 @@ pub(super) struct Controller {
     pub recovery: Option<u64>,
     /// Whether this end is in use.
     pub is_open: bool,
-    /// What became of frames, if somebody fetches it.
+    /// Outcomes of frames, if somebody fetches them.
     pub outcomes: Option<Vec<Outcome>>,
 }
 

@@ -106,7 +106,7 @@ impl<C: Clock> TimedBus<C> {
         self.now().traffic
     }
 
-    /// What became of frames since the last call, as this end sees it; from the first call on.
+    /// Returns the outcomes of frames since the last call, as this end sees them; recorded from the first call on.
     pub fn take_outcomes(&mut self) -> Vec<Outcome> {
         self.now().controllers[self.node].outcomes.replace(Vec::new()).unwrap_or_default()
     }

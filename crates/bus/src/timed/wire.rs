@@ -18,7 +18,7 @@ const ERROR_DELIMITER: u64 = 8;
 const BEHIND_ACK: u64 = 7 + 1;
 /// Bits that a passive controller waits after it has sent.
 const SUSPENSION: u64 = 8;
-/// In an FD frame with BRS, the nominal bits behind the data phase, intermission included.
+/// Nominal bits behind the data phase of an FD frame with BRS, intermission included.
 const FD_TAIL: u64 = 2 + 7 + INTERMISSION;
 /// Recessive bits that count for the recovery from bus-off: ACK delimiter, end of frame and intermission, or idle time.
 const RECESSIVE: u64 = 11;
@@ -30,7 +30,7 @@ pub(super) struct Wire {
     chance: Noise,
     pub controllers: Vec<Controller>,
     sending: Option<Sending>,
-    /// From when on a frame may start, ns.
+    /// Time from which on a frame may start, ns.
     free_ns: u64,
     pub traffic: Traffic,
 }
@@ -51,7 +51,7 @@ struct Failure {
     /// The bit at which its sender sees the error.
     bit: u64,
     cause: ErrorCause,
-    /// How many bits later the other nodes do, if they do.
+    /// Number of bits after which the other nodes see the error, too, if they do.
     noticed_after: Option<u64>,
 }
 
@@ -79,7 +79,8 @@ impl Wire {
         }
     }
 
-    /// When the next event is, ns, with what has been queued up to `now_ns`: a frame that can start then does.
+    /// Returns the time of the next event, ns, with what has been queued up to `now_ns`: a frame that can start then
+    /// does.
     pub fn next_event_ns(&mut self, now_ns: u64) -> Option<u64> {
         self.advance(now_ns);
         while self.next_ns()? <= now_ns {
@@ -88,7 +89,7 @@ impl Wire {
         self.next_ns()
     }
 
-    /// When a frame ends or starts, or a controller has recovered.
+    /// Returns the time at which a frame ends or starts, or a controller has recovered.
     fn next_ns(&self) -> Option<u64> {
         let start_ns = self.contest().map(|(_, start_ns)| start_ns);
         match self.sending {
@@ -119,13 +120,14 @@ impl Wire {
         self.free_ns = self.free_ns.max(until_ns);
     }
 
-    /// When the next controller comes back from bus-off if the bus stays idle, ns.
+    /// Returns the time at which the next controller comes back from bus-off if the bus stays idle, ns.
     fn recovered_ns(&self) -> Option<u64> {
         let left = self.controllers.iter().filter_map(|controller| controller.recovery).min()?;
         Some(self.free_ns + left * self.time_ns(RECESSIVE))
     }
 
-    /// Which node wins the bus next, and when: of those that can start first, the one with the lowest identifier.
+    /// Returns the node that wins the bus next, and the time: of those that can start first, the one with the lowest
+    /// identifier.
     fn contest(&self) -> Option<(usize, u64)> {
         let ready = |controller: &Controller| {
             let (frame, since_ns) = controller.mailboxes.front()?;
@@ -176,7 +178,8 @@ impl Wire {
             .map(|(_, other)| other)
     }
 
-    /// How many bits after the sender of `frame` others see the error at `bit`: they have its error flag before them.
+    /// Returns how many bits after the sender of `frame` others see the error at `bit`: they have its error flag before
+    /// them.
     fn noticed_after(&self, by: usize, frame: &Frame, bit: u64) -> Option<u64> {
         let flag = match self.controllers[by].counters.state() {
             ErrorState::Active => Level::Dominant,

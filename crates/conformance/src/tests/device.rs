@@ -39,11 +39,11 @@ pub trait Device {
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame);
     fn tick(&mut self, now_ns: u64);
     fn poll_transmit(&mut self) -> Option<Frame>;
-    /// Its controller is bus-off.
+    /// Puts the node's controller into bus-off.
     fn lose_bus(&mut self, _now_ns: u64) {}
 }
 
-/// No node.
+/// A bus without a node.
 pub struct Nobody;
 
 impl Device for Nobody {
@@ -62,7 +62,7 @@ pub struct Virtual {
     frames: VecDeque<Frame>,
     /// The tester is held up at every so many calls.
     pub held_up_every: Option<u64>,
-    /// For how long, ns.
+    /// Time for which the tester is held up, ns.
     pub held_up_ns: u64,
     calls: u64,
     pub stops: Option<Stops>,
@@ -74,7 +74,7 @@ pub struct Virtual {
 }
 
 impl Virtual {
-    /// With frames that were sent earlier.
+    /// Makes a bus on which frames that were sent earlier wait.
     pub fn with_waiting(device: Box<dyn Device>, frames: impl IntoIterator<Item = Frame>) -> Virtual {
         Virtual { frames: frames.into_iter().collect(), ..Virtual::new(device) }
     }
@@ -175,7 +175,7 @@ pub struct PlantDevice {
     pub unarmed_load: Load,
     /// The next sample to be measured.
     pub sample: u64,
-    /// In lockstep: whether the sample measured last is to be answered.
+    /// Whether the sample measured last is to be answered, in lockstep.
     is_awaited: bool,
     pub counters: [u8; 16],
     /// Makes the frames that the node believes it heard.

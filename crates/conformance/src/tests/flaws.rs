@@ -17,7 +17,7 @@ use resonarm_protocol::{
 pub enum Flaw {
     /// Accepts frames with a wrong CRC.
     IgnoresCrc,
-    /// Accepts any counter.
+    /// The node accepts any counter.
     IgnoresCounters,
     /// Sends its state only when it changes.
     NoHeartbeats,
@@ -33,9 +33,9 @@ pub enum Flaw {
     Cuts,
     /// Accepts any change of the load.
     Jumps,
-    /// Accepts any travel.
+    /// The plant accepts any travel.
     Strays,
-    /// Its hello has another hash.
+    /// The hello has another hash.
     WrongHash,
     /// Accepts any hello, and one that was never sent.
     BelievesHellos,
@@ -57,7 +57,7 @@ pub enum Flaw {
     Dies,
     /// Ignores everything from a frame of another network until its second tick after it.
     Distracted,
-    /// Ignores commands and samples after it has refused 200.
+    /// Ignores commands and samples after it has rejected 200.
     Clogs,
     /// Swaps the indices of every two successive pairs of samples.
     SwapsPairs,
@@ -79,7 +79,7 @@ pub enum Flaw {
     Late(NodeState),
     /// Accepts the frames of any base.
     AnyBase,
-    /// Ignores a reset.
+    /// The plant ignores a reset.
     IgnoresReset,
     /// Counts the time in which it was stopped as time listened.
     CountsWallClock,
@@ -99,11 +99,11 @@ pub enum Flaw {
     Unscaled,
     /// Commands forces with their bytes in reverse order.
     Swapped,
-    /// Commands along y.
+    /// The exciter commands along y.
     OtherAxis,
     /// Commands the opposite of its sine.
     OppositeSign,
-    /// Its time base is fast by so many ppm.
+    /// The time base is fast by so many ppm.
     FastBy(u16),
     /// Clips its commands at so many newtons.
     ClipsAt(i16),
@@ -127,11 +127,11 @@ pub enum Flaw {
     OtherStart,
     /// The CRC of its frames has a wrong data id.
     OtherDataId,
-    /// In lockstep: continues without an answer.
+    /// The plant continues without an answer in lockstep.
     RunsOn,
-    /// In lockstep: accepts any command as the answer.
+    /// The plant accepts any command as the answer in lockstep.
     TakesOthers,
-    /// In lockstep: waits no longer than in real time.
+    /// The plant waits in lockstep no longer than in real time.
     Impatient,
 }
 
@@ -251,7 +251,7 @@ fn rebased(network: Network, frame: &Frame) -> Frame {
 }
 
 impl ReceiveState {
-    /// At the next tick.
+    /// Returns the state at the next tick.
     pub fn rested(self) -> ReceiveState {
         ReceiveState { distracted_ticks: self.distracted_ticks.saturating_sub(1), ..self }
     }

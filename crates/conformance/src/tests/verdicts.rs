@@ -85,7 +85,7 @@ fn a_node_that_forgets_the_limits_it_states_fails_the_case_for_it() {
     let network = Network::default().with_profile(Profile::Fd);
     let exciter = || Box::new(ExciterDevice::with(network, Some(Flaw::BeyondLimits))) as Box<dyn Device>;
     assert_eq!(failed(&findings(Node::Exciter, network, exciter)), ["exciter-own-limits"]);
-    // No force is given that it must refuse.
+    // No force is given that it must reject.
     let case = cases(Node::Plant, Mode::RealTime).find(|case| case.id == "plant-too-large").unwrap();
     let verdict = |flaw| {
         let mut wire = Virtual::new(Box::new(PlantDevice::with(network, flaw)));
@@ -117,8 +117,8 @@ fn no_case_passes_beside_a_frame_that_the_tester_rejected() {
     }
     // Its emergency and its last requests have other counters: they are lost to a plant.
     insta::assert_snapshot!(report(Flaw::JumpsInFault, "exciter-bus-off"), @r"
-    failed: 1 of its frames is refused (R-2.1): ExciterEmergency refused: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
-    ExciterEmergency refused: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    failed: 1 of its frames is rejected (R-2.1): ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
     ");
 }
 
@@ -220,10 +220,10 @@ fn the_reason_describes_the_flaw() {
     insta::assert_snapshot!(report(Flaw::IgnoresReset, "plant-reset"), @"failed: in fault it ignores the reset: no heartbeat pre-operational within 150 ms");
     insta::assert_snapshot!(report(Flaw::CountsWallClock, "plant-stopped"), @"failed: stopped for 400 ms it takes its own silence for its partner's: plant, code 1: no valid command in time, at sample 209");
     insta::assert_snapshot!(report(Flaw::NeverLeaves, "exciter-leaves"), @"failed: it is silent for 1000 ms, and did not say before that it leaves");
-    insta::assert_snapshot!(report(Flaw::WrongHash, "plant-hello"), @"failed: its hello doesn't fit this program's (another DBC): version 1.2, DBC hash 0x066601, profile classic, 1000 Hz, not version 1.2, DBC hash 0x066600, profile classic, 1000 Hz");
+    insta::assert_snapshot!(report(Flaw::WrongHash, "plant-hello"), @"failed: its hello is incompatible with this program's (another DBC): version 1.2, DBC hash 0x066601, profile classic, 1000 Hz, expected version 1.2, DBC hash 0x066600, profile classic, 1000 Hz");
     insta::assert_snapshot!(report(Flaw::NoLatch, "plant-states"), @"failed: in the state fault the request arm makes it pre-operational");
     insta::assert_snapshot!(report(Flaw::TakesOlder, "plant-older-command"), @"failed: it acts: the head reads -5.00 N at sample 260");
-    insta::assert_snapshot!(report(Flaw::BelievesHellos, "plant-arms-for-a-hello"), @"failed: it arms all the same: no hello seen");
+    insta::assert_snapshot!(report(Flaw::BelievesHellos, "plant-arms-for-a-hello"), @"failed: it arms in spite of the mismatch: no hello seen");
 }
 
 /// Only the machine's clock shows the delay, so the node fails at the third time.
@@ -251,44 +251,44 @@ fn an_exciter_whose_heartbeat_is_late_each_time_fails() {
 #[test]
 fn a_wrong_crc_is_shown_beside_the_right_one() {
     insta::assert_snapshot!(report(Flaw::OtherPolynomial, "plant-hello"), @r"
-    failed: its hello is wrong: PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
-    PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
-    ImpedanceHead refused: CRC 0x2E instead of 0xF0: 203#2E00000000000000, with the right CRC 203#F000000000000000 (996 times)
-    AccelerometerB refused: CRC 0x85 instead of 0xE9: 204#8510FF7F00000000, with the right CRC 204#E910FF7F00000000 (997 times)
-    AccelerometerC refused: CRC 0xDC instead of 0x3A: 205#DC00000000000000, with the right CRC 205#3A00000000000000 (997 times)
-    AccelerometerB refused: counter 4 after 9, a step of more than 4: 204#C014FF7F0000F202
-    AccelerometerC refused: counter 11 after 1, a step of more than 4: 205#650B000000001703
-    ImpedanceHead refused: counter 5 after 14, a step of more than 4: 203#C405000000009803
+    failed: its hello is wrong: PlantHello rejected: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
+    PlantHello rejected: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
+    ImpedanceHead rejected: CRC 0x2E instead of 0xF0: 203#2E00000000000000, with the right CRC 203#F000000000000000 (996 times)
+    AccelerometerB rejected: CRC 0x85 instead of 0xE9: 204#8510FF7F00000000, with the right CRC 204#E910FF7F00000000 (997 times)
+    AccelerometerC rejected: CRC 0xDC instead of 0x3A: 205#DC00000000000000, with the right CRC 205#3A00000000000000 (997 times)
+    AccelerometerB rejected: counter 4 after 9, a step of more than 4: 204#C014FF7F0000F202
+    AccelerometerC rejected: counter 11 after 1, a step of more than 4: 205#650B000000001703
+    ImpedanceHead rejected: counter 5 after 14, a step of more than 4: 203#C405000000009803
     ");
     insta::assert_snapshot!(report(Flaw::OtherStart, "exciter-hello"), @r"
-    failed: its hello is wrong: ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
-    ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    failed: its hello is wrong: ExciterHello rejected: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ExciterHello rejected: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ");
     insta::assert_snapshot!(report(Flaw::OtherDataId, "exciter-hello"), @r"
-    failed: its hello is wrong: ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
-    ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    failed: its hello is wrong: ExciterHello rejected: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ExciterHello rejected: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ");
     insta::assert_snapshot!(report(Flaw::OtherDataId, "plant-states"), @r"
-    inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
-    PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
-    ImpedanceHead refused: CRC 0xC1 instead of 0x9E: 203#C10A00000000581B, with the right CRC 203#9E0A00000000581B (2000 times)
-    AccelerometerB refused: CRC 0xD8 instead of 0x87: 204#D81AFF7F0000581B, with the right CRC 204#871AFF7F0000581B (2000 times)
-    AccelerometerC refused: CRC 0x0B instead of 0x54: 205#0B0A00000000581B, with the right CRC 205#540A00000000581B (2000 times)
+    inconclusive: no hello of a plant was received: check that it is on this bus, with this base, these node ids and this profile. Received instead: PlantHello rejected: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
+    PlantHello rejected: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
+    ImpedanceHead rejected: CRC 0xC1 instead of 0x9E: 203#C10A00000000581B, with the right CRC 203#9E0A00000000581B (2000 times)
+    AccelerometerB rejected: CRC 0xD8 instead of 0x87: 204#D81AFF7F0000581B, with the right CRC 204#871AFF7F0000581B (2000 times)
+    AccelerometerC rejected: CRC 0x0B instead of 0x54: 205#0B0A00000000581B, with the right CRC 205#540A00000000581B (2000 times)
     ");
 }
 
 #[test]
 fn a_sine_that_is_not_the_expected_one_is_explained() {
-    insta::assert_snapshot!(report(Flaw::Unscaled, "exciter-sine"), @"failed: it commands 0.4018 N, 0.0201 times the amplitude; expected are 20 N at 15 Hz along force_x_n. Is it sent without the factor of its counts?");
-    insta::assert_snapshot!(report(Flaw::Swapped, "exciter-sine"), @"failed: with the bytes of each value the other way round it commands 20.0012 N; expected are 20 N at 15 Hz along force_x_n. Is its byte order wrong?");
-    insta::assert_snapshot!(report(Flaw::ClipsAt(12), "exciter-sine"), @"failed: its commands are no sine: they are clipped at -12 and 12 N; expected are 20 N at 15 Hz along force_x_n");
-    insta::assert_snapshot!(report(Flaw::MostlyZero, "exciter-sine"), @"failed: its commands are no sine of this frequency: they are from -20 to 20 N, and the best sine leaves 6.1242 N rms of them; expected are 20 N at 15 Hz along force_x_n");
-    insta::assert_snapshot!(report(Flaw::FastBy(30_000), "exciter-sine"), @"failed: it commands 19.9998 N at 15.4500 Hz; expected are 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::Unscaled, "exciter-sine"), @"failed: it commands 0.4018 N, 0.0201 times the amplitude; expected 20 N at 15 Hz along force_x_n. Is it sent without the factor of its counts?");
+    insta::assert_snapshot!(report(Flaw::Swapped, "exciter-sine"), @"failed: with the bytes of each value the other way round it commands 20.0012 N; expected 20 N at 15 Hz along force_x_n. Is its byte order wrong?");
+    insta::assert_snapshot!(report(Flaw::ClipsAt(12), "exciter-sine"), @"failed: its commands are no sine: they are clipped at -12 and 12 N; expected 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::MostlyZero, "exciter-sine"), @"failed: its commands are no sine of this frequency: they are from -20 to 20 N, and the best sine leaves 6.1242 N rms of them; expected 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::FastBy(30_000), "exciter-sine"), @"failed: it commands 19.9998 N at 15.4500 Hz; expected 20 N at 15 Hz along force_x_n");
     insta::assert_snapshot!(report(Flaw::Skips(10), "exciter-answers"), @"failed: of 60 samples it leaves 6 without an answer within 150 ms, at a regular distance of 10 samples");
     insta::assert_snapshot!(report(Flaw::DeafToEmergencies, "exciter-plant-emergency"), @"failed: no heartbeat fault within 150 ms");
-    insta::assert_snapshot!(report(Flaw::AnswersRemote, "exciter-remote-frames"), @"failed: it answers remote frames: 363 ExciterHeartbeat came beside 30 remote frames of each message, and 3 without them");
+    insta::assert_snapshot!(report(Flaw::AnswersRemote, "exciter-remote-frames"), @"failed: it answers remote frames: 363 ExciterHeartbeat were received beside 30 remote frames of each message, and 3 without them");
     insta::assert_snapshot!(report(Flaw::FloodsHeartbeats, "exciter-heartbeats"), @"failed: 342 heartbeats, 1 of them of a new state, came in 1000 ms: at most 20 a second are allowed besides those of a new state");
-    insta::assert_snapshot!(report(Flaw::OtherAxis, "exciter-sine"), @"failed: it commands 20.0012 N along force_y_n; expected are 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::OtherAxis, "exciter-sine"), @"failed: it commands 20.0012 N along force_y_n; expected 20 N at 15 Hz along force_x_n");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;
 
-/// A case for a node on a user's own protocol.
+/// A case for a node on a user protocol.
 pub type WireCase = Case<WireScript>;
 
 /// The script of such a case.
@@ -75,7 +75,7 @@ const PLANT: [Row; 16] = [
     ("plant-stop", "a message that stops it", &["W-3.8"], Run(plant_cases::stop)),
 ];
 
-/// Of CANopen drives, beside those of every plant.
+/// Cases of CANopen drives, beside those of every plant.
 const DRIVES: [Row; 7] = [
     ("plant-objects", "objects as the scenario says", &["W-4.1"], Run(drive_cases::objects)),
     ("plant-aborts", "SDO transfers that are aborted", &["W-4.2"], Run(drive_cases::aborts)),
@@ -93,7 +93,7 @@ const LOCKSTEP_PLANT: [Row; 4] = [
     ("lockstep-plant-timeout", "silence of the controller", &["W-5.1"], Run(lockstep_cases::plant_timeout)),
 ];
 
-/// The cases for the node under test of a user's own protocol, in order; none for [`Mode::Free`], which has no bus.
+/// The cases for the node under test of a user protocol, in order; none for [`Mode::Free`], which has no bus.
 pub fn wire_cases(on: &UserWire) -> Vec<WireCase> {
     let drives: &[Row] = if on.kind == Kind::Cia402 { &DRIVES } else { &[] };
     let (rows, more): (&[Row], &[Row]) = match (on.mode, on.tested) {

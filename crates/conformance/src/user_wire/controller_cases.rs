@@ -15,12 +15,12 @@ use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::mapped::mapping::{Arming, Source};
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState, OperatorRequest, Refusal};
 
-/// How long commands are observed, ns, beyond the time for which they are valid.
+/// Time for which commands are observed, ns, beyond the time for which they are valid.
 const WATCH_NS: u64 = 1000 * MS;
 /// A load below this share of the exciter's limits counts as zero: a signal may have no value that is exactly zero.
 const NEARLY_ZERO: f64 = 1e-3;
-/// By when a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no time for it,
-/// so this is longer than any that does its work takes.
+/// Time within which a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no
+/// time for it, so this is longer than any that does its work takes.
 const REACTION_NS: u64 = GONE_NS;
 
 /// Waits for a controller to send something.
@@ -30,7 +30,7 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     }
     let came = t.monitor.in_words();
     inconclusive(format!(
-        "no controller came: is it on this bus, and started again after each case? Instead came: {came}"
+        "no frame of a controller was received: check that it is on this bus and restarted after each case. Received instead: {came}"
     ))
 }
 
@@ -52,7 +52,7 @@ pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// It arms the plant by what the mapping says.
+/// The controller arms the plant as the mapping says.
 pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     if t.on.arming() == Arming::Operator {
         return skipped("the plant is armed by its operator (arm = \"operator\")");
@@ -65,7 +65,7 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     failed(not_armed(t))
 }
 
-/// That the controller has not armed the plant, and what it does instead.
+/// Describes that the controller has not armed the plant, and what it does instead.
 fn not_armed(t: &Tester) -> String {
     let asks = |action| t.heard().iter().filter(|heard| heard.asks(action)).count();
     let (arm, reset) = (asks("arm"), asks("reset"));
@@ -153,7 +153,10 @@ pub(super) fn why(emergency: &Emergency) -> String {
     let refused = Refusal::ALL.into_iter().find(|refusal| *refusal as u16 == emergency.detail >> 8);
     match (emergency.code, refused) {
         (EmergencyCode::CommandTimeout, Some(refusal)) => {
-            format!("no command was taken in time, {} were refused, the last one as {refusal}", emergency.detail & 0xFF)
+            format!(
+                "no command was accepted in time, {} were rejected, the last one as {refusal}",
+                emergency.detail & 0xFF
+            )
         }
         (EmergencyCode::CommandTimeout, None) => String::from("no command came in time"),
         _ => emergency.to_string(),
@@ -174,7 +177,7 @@ fn gaps(heard: &[Heard], end_ns: u64) -> String {
     if texts.is_empty() { String::from("no frame with a load came") } else { texts }
 }
 
-/// Before it arms the plant it commands no load.
+/// The controller commands no load before it arms the plant.
 pub(super) fn before_arming(t: &mut Tester) -> Result<(), Stop> {
     match (t.on.kind, t.on.arming()) {
         (Kind::Odrive, _) => return skipped("an ODrive may be given its torque before the loop is closed"),
@@ -186,9 +189,9 @@ pub(super) fn before_arming(t: &mut Tester) -> Result<(), Stop> {
     let limits = t.plant()?.limits();
     let early = t.heard().iter().find(|heard| heard.state != NodeState::Operational && has_load(heard, limits));
     match early {
-        Some(heard) if heard.at_ns - start_ns < MARGIN_NS => {
-            inconclusive("a controller was at work already as the case began: is it started again after each case?")
-        }
+        Some(heard) if heard.at_ns - start_ns < MARGIN_NS => inconclusive(
+            "a controller was already at work when the case began: check that it is restarted after each case",
+        ),
         Some(heard) => failed(format!("{} before it has armed the plant", commanded(heard))),
         None => Ok(()),
     }
@@ -205,7 +208,7 @@ fn commanded(heard: &Heard) -> String {
     format!("{} commands {}", heard.message.message, parts.collect::<Vec<_>>().join(", "))
 }
 
-/// What it commands while the plant is armed acts: all conditions are fulfilled.
+/// The loads that the controller commands while the plant is armed act: all conditions are fulfilled.
 pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let (from, limits, patience_ns) = (t.mark(), t.plant()?.limits(), t.settings.patience_ns);
@@ -221,7 +224,7 @@ pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     let refused =
         refusals.iter().filter(|(_, count)| *count > 0).map(|(refusal, count)| format!("{count} as {refusal}"));
     let refused = refused.collect::<Vec<_>>().join(", ");
-    let refused = if refused.is_empty() { String::from("none was refused") } else { format!("refused: {refused}") };
+    let refused = if refused.is_empty() { String::from("none was rejected") } else { format!("rejected: {refused}") };
     let hint = match t.on.kind {
         Kind::Dbc => "are the values that `require` names sent?",
         Kind::Odrive => "is the controller mode that of torques, passed through?",
@@ -250,7 +253,7 @@ pub(super) fn limits(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The loads that the tester's plant refused because they are beyond its limits, in words; `None` if it refused none.
+/// The loads that the tester's plant rejected because they are beyond its limits, in words; `None` if it rejected none.
 pub(super) fn beyond_limits(plant: &PlantEnd, heard: &[Heard]) -> Option<String> {
     let (force_n, torque_nm) = plant.limits();
     let refused = match plant.node.refusals().count(Refusal::OutOfRange) {
@@ -276,7 +279,7 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
 fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     let Some(said_every_ns) = said_every(t, state) else {
         let state = in_words(state);
-        return skipped(format!("no reading that comes by itself twice a second says that the plant is {state}"));
+        return skipped(format!("no reading that is sent at least twice a second carries the plant's state {state}"));
     };
     let reacts_ns = REACTION_NS + said_every_ns;
     begin(t)?;
@@ -320,7 +323,7 @@ const fn in_words(state: NodeState) -> &'static str {
     }
 }
 
-/// How often a reading comes that distinguishes this state, or a fault, from operational, ns; `None`: none does.
+/// Returns the period of a reading that distinguishes this state, or a fault, from operational, ns; `None`: none does.
 fn said_every(t: &Tester, state: NodeState) -> Option<u64> {
     let distinguishes = |source: &Source| match source {
         Source::State([_, idle, armed, fault]) => {

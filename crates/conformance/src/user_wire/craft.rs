@@ -13,16 +13,16 @@ use resonarm_wire::layout::Number;
 /// Bytes of a target's frame that end before the target.
 const BEFORE_TARGET: usize = 3;
 
-/// What is wrong with a frame with loads.
+/// Damage of a frame with loads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Damage {
     /// A bit of its checksum.
     Checksum,
-    /// Its counter is that of the frame before.
+    /// The counter is that of the frame before.
     Repeated,
-    /// Its counter is one further than the most frames that may be lost.
+    /// The counter is one further than the most frames that may be lost.
     Jump,
-    /// It ends before a signal.
+    /// The frame ends before a signal.
     Short,
     /// A load is not a number.
     NotFinite,

@@ -23,7 +23,7 @@ const PROFILE: u32 = 402;
 /// An index that CiA 301 reserves, and the abort code of an object that does not exist.
 const NO_OBJECT: u16 = 0x0FFF;
 const ABORT_NO_OBJECT: u32 = 0x0602_0000;
-/// How often a drive is asked for its positions.
+/// Number of times that a drive is asked for its positions.
 const SYNCS: usize = 20;
 /// The longest heartbeat period that is watched, ns.
 const HEARTBEAT_MOST_NS: u64 = 5_000 * MS;
@@ -42,10 +42,13 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
         return Ok(());
     }
-    inconclusive(format!("no drive came: is it on this bus? Instead came: {}", t.monitor.in_words()))
+    inconclusive(format!(
+        "no frame of a drive was received: check that it is on this bus. Received instead: {}",
+        t.monitor.in_words()
+    ))
 }
 
-/// The drives of the wire: none of another protocol, which has none of these cases.
+/// The drives of the user protocol: none of a DBC, which has none of these cases.
 fn drives(t: &Tester) -> Vec<DriveSpec> {
     match &t.on.spec {
         WireSpec::Cia402(spec) => spec.drives.clone(),
@@ -57,7 +60,7 @@ fn send(t: &mut Tester, id: u16, data: &[u8]) -> Result<(), Stop> {
     let frame: Result<Frame, FrameError> = Frame::classic(Id::Standard(id), data);
     match frame {
         Ok(frame) => t.send(&frame),
-        Err(error) => inconclusive(format!("the tester can't say this: {error}")),
+        Err(error) => inconclusive(format!("the tester can't send this: {error}")),
     }
 }
 
@@ -136,7 +139,7 @@ pub(super) fn objects(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// What can't be read or written is aborted.
+/// The drive aborts transfers of objects that can't be read or written.
 pub(super) fn aborts(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     for DriveSpec { node_id, .. } in drives(t) {

@@ -1,4 +1,4 @@
-//! The tester's own end of the wire: the scenario's plant, or the emulated exciter with a constant load.
+//! The tester's own end of the bus: the scenario's plant, or the emulated exciter with a constant load.
 
 use alloc::boxed::Box;
 use alloc::string::ToString;
@@ -56,7 +56,7 @@ impl Controller for Constant {
     }
 }
 
-/// What the tester is on the wire.
+/// Node that the tester is on the bus.
 pub(super) enum End {
     /// The tester only listens.
     Listener,
@@ -70,10 +70,11 @@ pub(super) struct PlantEnd {
     plant: Plant,
     mode: Mode,
     period_ns: u64,
-    /// When the next sample is due at the earliest, ns: in lockstep, too, the plant is no faster than its rate.
+    /// Time at which the next sample is due at the earliest, ns: in lockstep, too, the plant is no faster than its
+    /// rate.
     due_ns: u64,
     has_begun: bool,
-    /// In lockstep: whether the sample published last is to be answered.
+    /// Whether the sample published last is to be answered, in lockstep.
     is_awaited: bool,
     /// Whether no sample is made.
     pub is_paused: bool,
@@ -107,7 +108,7 @@ impl PlantEnd {
         self.plant.exciter().limits()
     }
 
-    /// When there is work next, at the latest.
+    /// Returns the time of the next work, at the latest.
     pub fn next_ns(&self) -> u64 {
         match self.mode {
             _ if self.is_paused => self.node.next_deadline_ns(),

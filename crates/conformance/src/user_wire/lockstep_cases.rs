@@ -1,4 +1,4 @@
-//! Cases for both nodes in lockstep on a user's own protocol.
+//! Cases for both nodes in lockstep on a user protocol.
 
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -16,7 +16,8 @@ use resonarm_protocol::{EmergencyCode, Id};
 
 /// Samples that a controller has to answer.
 const SAMPLES: u64 = 50;
-/// For how long the tester, as a plant, keeps a controller waiting, ns: twice as long as a machine may stop a process.
+/// Time for which the tester, as a plant, keeps a controller waiting, ns: twice as long as a machine may stop a
+/// process.
 const PAUSE_NS: u64 = 2 * MARGIN_NS;
 
 /// Lets a controller answer so many samples more.
@@ -31,10 +32,10 @@ fn answers_more(t: &mut Tester, samples: u64) -> Result<(), Stop> {
             failed(format!("it answers sample {} twice", emergency.sample))
         }
         Some(emergency) if emergency.code == EmergencyCode::CommandTimeout => {
-            // The plant has waited since the answer that it refused.
+            // The plant has waited since the answer that it rejected.
             let since_ns = t.now_ns().saturating_sub(t.on.timing.command_timeout_ns + 2 * MARGIN_NS + t.held_up_ns);
             failed(match t.monitor.refused_since(since_ns) {
-                Some(refused) => format!("the answer to sample {} is refused: {refused}", emergency.sample),
+                Some(refused) => format!("the answer to sample {} is rejected: {refused}", emergency.sample),
                 None => format!("sample {} has no answer: {}", emergency.sample, why(&emergency)),
             })
         }
@@ -61,7 +62,7 @@ pub(super) fn controller_answers(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// How many answers have come from frame `from` on: of a message, or of each message with loads that which came most.
+/// Returns the number of answers from frame `from` on: of a message, or of the message with loads that came most often.
 fn most_answers(t: &Tester, from: usize) -> u64 {
     let by_sync = match &t.on.spec {
         WireSpec::Mapped(mapping) => mapping.lockstep == Lockstep::Sync,
@@ -121,7 +122,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     if !says_state(t) {
-        return skipped("no reading that comes by itself twice a second says that the plant is in fault");
+        return skipped("no reading that is sent at least twice a second carries the plant's fault");
     }
     arm(t)?;
     t.alter = Alter::Mute;

@@ -1,4 +1,4 @@
-//! Conformance to a user's own protocol: the cases of a scenario with `[wire]`.
+//! Conformance to a user protocol: the cases of a scenario with `[wire]`.
 //!
 //! What the node under test must do follows from the mapping alone. The tester's own end is the node that the program
 //! runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant under
@@ -54,7 +54,7 @@ const FREQUENT_NS: u64 = 500 * MS;
 /// Plus the node id: RPDO 1 of a drive.
 const COMMAND_BASE: u16 = 0x200;
 
-/// Which protocol of the user's it is.
+/// Kind of a user protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Messages of a DBC.
@@ -65,17 +65,16 @@ pub(super) enum Kind {
     Cia402,
 }
 
-/// Why no case can be run on a scenario's protocol.
+/// Reason why no case can be run on a scenario's protocol.
 #[derive(Debug, Error)]
 pub enum UserWireError {
     /// The scenario has no protocol of its own.
-    #[error("the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol")]
+    #[error(
+        "the scenario has no [wire], so it maps no user protocol: leave the scenario out to test on Resonarm's protocol"
+    )]
     NoWire,
     /// The scenario disturbs its network.
-    #[error(
-        "the scenario has [[network.faults]], and no case plays them: leave them out, a case damages the frames that it \
-         is about"
-    )]
+    #[error("the scenario has [[network.faults]], but the cases damage the frames themselves: leave them out")]
     Faults,
     /// The scenario can't be run.
     #[error(transparent)]
@@ -88,7 +87,7 @@ impl From<ScenarioError> for UserWireError {
     }
 }
 
-/// A user's own protocol, with what the tester's end needs.
+/// A user protocol, with what the tester's end needs.
 #[derive(Clone, Debug)]
 pub struct UserWire {
     scenario: Scenario,
@@ -142,7 +141,7 @@ impl UserWire {
         &self.scenario
     }
 
-    /// What a recording of the cases says of how they were run: with it the frames can be explained.
+    /// Describes, for a recording of the cases, how they were run: with it the frames can be explained.
     ///
     /// # Errors
     /// [`UserWireError`] if the scenario can't be written.
@@ -198,7 +197,7 @@ impl UserWire {
         }
     }
 
-    /// How often a message of the plant comes by itself, ns; `None` if it has to be asked for.
+    /// Returns the period at which a message of the plant comes by itself, ns; `None` if it has to be asked for.
     fn sent_every_ns(&self, message: &Outgoing) -> Option<u64> {
         match message.trigger {
             Trigger::Every(samples) => Some(samples.saturating_mul(self.period_ns())),
@@ -230,7 +229,7 @@ impl UserWire {
         first.unwrap_or(LoadInput::ForceX)
     }
 
-    /// For how long the loads of each message are valid, ns.
+    /// Returns how long the loads of each message are valid, ns.
     fn timeouts_ns(&self) -> Vec<u64> {
         match &self.spec {
             _ if self.mode == Mode::Lockstep => alloc::vec![self.timing.command_timeout_ns],
@@ -267,7 +266,7 @@ impl UserWire {
         spec
     }
 
-    /// Which node sends frames like this; `None`: the protocol has no such message.
+    /// Returns the node that sends frames like this; `None`: the protocol has no such message.
     fn sender(&self, frame: &Frame) -> Option<Node> {
         let WireSpec::Mapped(mapping) = &self.spec else { return sender_on_canopen(frame) };
         if mapping.incoming.iter().any(|message| message.id == frame.id()) {
@@ -291,7 +290,7 @@ impl UserWire {
     }
 }
 
-/// By the identifiers of CiA 301's predefined connections; a master may give a PDO another.
+/// Returns the sender by the identifiers of CiA 301's predefined connections; a master may give a PDO another.
 fn sender_on_canopen(frame: &Frame) -> Option<Node> {
     let Id::Standard(id) = frame.id() else { return None };
     Some(match id & 0x780 {
@@ -325,7 +324,7 @@ impl Subject for Tester<'_> {
     }
 }
 
-/// Runs a case of a user's own protocol, up to five times if a hold-up keeps it from a result or the node was slow.
+/// Runs a case of a user protocol, up to five times if a hold-up keeps it from a result or the node was slow.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.

@@ -1,4 +1,4 @@
-//! What is heard of the node under test: every frame explained, checked and counted.
+//! Monitor of the node under test: every frame explained, checked and counted.
 
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -18,7 +18,7 @@ use resonarm_wire::counter::CounterFault;
 /// A frame of the node under test.
 #[derive(Clone, Debug)]
 pub(super) struct Heard {
-    /// When it came, ns of the wire's clock.
+    /// Time at which the frame came, ns of the bus's clock.
     pub at_ns: u64,
     pub id: Id,
     pub message: DecodedMessage,
@@ -34,7 +34,7 @@ impl Heard {
     }
 
     fn meanings(&self) -> impl Iterator<Item = &Meaning> {
-        // A frame that its receiver refuses means nothing, whatever its bits would say.
+        // A frame that its receiver rejects means nothing, whatever its bits would say.
         let of_signals = self.message.signals.iter().flat_map(|signal| &signal.means);
         of_signals.chain(&self.message.means).filter(|_| self.is_taken())
     }
@@ -114,9 +114,9 @@ struct Steps {
     repeated: u32,
     /// The first wrong one, in words.
     text: String,
-    /// What neither lost frames nor a restart of the node explain.
+    /// Fault that neither lost frames nor a restart of the node explain.
     proof: Option<String>,
-    /// Frames that were refused for a counter after so many lost ones, without a restart of the node.
+    /// Frames that were rejected for a counter after so many lost ones, without a restart of the node.
     after_losses: Option<String>,
     /// The run to which the frame before belongs.
     run: Option<u64>,
@@ -129,13 +129,13 @@ pub(super) struct Monitor {
     steps: BTreeMap<String, Steps>,
     pub heard: Vec<Heard>,
     pub traffic: Traffic,
-    /// How often the tester's end has left the state operational. A controller under test begins anew at the earliest
-    /// then, and with it its counters.
+    /// Number of times that the tester's end has left the state operational. A controller under test begins anew at the
+    /// earliest then, and with it its counters.
     runs: u64,
     was_armed: bool,
 }
 
-/// What a frame on the bus is.
+/// Kind of a frame on the bus.
 pub(super) enum Seen {
     /// A frame of the node under test that belongs to the protocol.
     Tested,
@@ -145,7 +145,7 @@ pub(super) enum Seen {
     Other,
 }
 
-/// How often a counter may come again by chance: once for each start of a controller, and more is a habit.
+/// Number of times that a counter may be repeated by chance: once for each start of a controller, and more is a habit.
 const REPEATED: u32 = 3;
 
 impl Monitor {
@@ -261,7 +261,7 @@ impl Monitor {
         (self.steps.values().map(|steps| steps.frames).sum(), self.steps.len())
     }
 
-    /// What is wrong with the counters: more than single lost frames explain.
+    /// Describes what is wrong with the counters: more than single lost frames explain.
     pub fn counter_fault(&self) -> Option<String> {
         let proof = self.steps.values().find_map(|steps| steps.proof.clone());
         // A bus that works loses single frames. Repeats that chance does not explain, or more wrong steps than right
@@ -277,15 +277,15 @@ impl Monitor {
         })
     }
 
-    /// What was refused of the node's frames for another reason than the counter.
+    /// Describes the frames of the node that were rejected for another reason than the counter.
     pub fn refused(&self) -> Option<String> {
         let of_form = || self.traffic.user_refused.iter().filter(|refused| breaks_rules(&refused.fault));
         let first = of_form().next()?;
         let count: u64 = of_form().map(|refused| refused.count).sum();
-        Some(format!("{count} of its frames are refused: {first}"))
+        Some(format!("{count} of its frames are rejected: {first}"))
     }
 
-    /// The frames of the node that were refused, if there are any. Not counted are refused counters of a controller
+    /// The frames of the node that were rejected, if there are any. Not counted are rejected counters of a controller
     /// that has just been started: it begins with any.
     pub fn rejected(&self) -> Option<Rejected> {
         let is_refused = |steps: &Steps| steps.proof.is_some() || steps.repeated >= REPEATED;
@@ -293,7 +293,7 @@ impl Monitor {
             let (message, _) = self.steps.iter().find(|(_, steps)| is_refused(steps))?;
             let refused = self.traffic.user_refused.iter();
             let first = refused.into_iter().find(|r| r.message == *message && r.fault.kind() == "counter")?;
-            Some(format!("frames of it are refused: {first}"))
+            Some(format!("frames of it are rejected: {first}"))
         };
         if let Some(text) = self.refused().or_else(by_counter) {
             return Some(Rejected { text, may_be_lost: false });
@@ -302,7 +302,7 @@ impl Monitor {
         Some(Rejected { text, may_be_lost: true })
     }
 
-    /// The frame that was refused last since a time, and why.
+    /// The frame that was rejected last since a time, and why.
     pub fn refused_since(&self, since_ns: u64) -> Option<String> {
         // The list is in the order of time, so that the search from its end stops at the first older frame.
         let since = self.heard.iter().rev().take_while(|heard| heard.at_ns >= since_ns);
@@ -312,7 +312,7 @@ impl Monitor {
         })
     }
 
-    /// What came, in words.
+    /// Describes in words what was received.
     pub fn in_words(&self) -> String {
         let counted = |(message, count): (&String, &u64)| format!("{count} {message}");
         let taken: Vec<String> = self.traffic.user_taken.iter().map(counted).collect();

@@ -1,4 +1,4 @@
-//! Cases for a plant on a user's own protocol: the tester is the emulated exciter with a constant load.
+//! Cases for a plant on a user protocol: the tester is the emulated exciter with a constant load.
 
 use alloc::collections::BTreeMap;
 use alloc::format;
@@ -17,9 +17,9 @@ use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{Action, Incoming, LoadInput, Outgoing, Source, Trigger};
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Id};
 
-/// How long readings are counted, ns.
+/// Time for which readings are counted, ns.
 const WATCH_NS: u64 = 1500 * MS;
-/// By when a load that is let go is zero, ns: the ramp takes 50 ms, and other plants may take longer.
+/// Time within which a load that is let go is zero, ns: the ramp takes 50 ms, and other plants may take longer.
 const REST_NS: u64 = GONE_NS;
 /// The tolerance of a load that a plant says to act, as a share of that commanded; as in the cases of Resonarm's
 /// protocol.
@@ -37,7 +37,10 @@ pub(super) fn meet(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
         return Ok(());
     }
-    inconclusive(format!("no plant came: is it on this bus? Instead came: {}", t.monitor.in_words()))
+    inconclusive(format!(
+        "no frame of a plant was received: check that it is on this bus. Received instead: {}",
+        t.monitor.in_words()
+    ))
 }
 
 /// Arms the plant, with zero load.
@@ -108,7 +111,7 @@ pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
     inconclusive(format!("it doesn't stay armed while it is commanded{}", said(t.heard())))
 }
 
-/// What it said last of its state and of a fault.
+/// Returns what the plant reported last of its state and of a fault.
 fn said(heard: &[Heard]) -> String {
     let state = heard.iter().rev().find_map(Heard::says_state);
     let reason = heard.iter().rev().find_map(Heard::reason);
@@ -233,7 +236,10 @@ pub(super) fn requests(t: &mut Tester) -> Result<(), Stop> {
         }
     }
     if t.heard().is_empty() {
-        return inconclusive(format!("no plant came: is it on this bus? Instead came: {}", t.monitor.in_words()));
+        return inconclusive(format!(
+            "no frame of a plant was received: check that it is on this bus. Received instead: {}",
+            t.monitor.in_words()
+        ));
     }
     match silent.is_empty() {
         true => Ok(()),
@@ -241,10 +247,10 @@ pub(super) fn requests(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// It is armed by what the mapping says.
+/// The plant is armed by what the mapping says.
 pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     if !says_state(t) {
-        return skipped("no reading that comes by itself twice a second says the plant's state");
+        return skipped("no reading that is sent at least twice a second carries the plant's state");
     }
     meet(t)?;
     let start_ns = t.now_ns();
@@ -258,11 +264,11 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     failed(format!("asked to arm for {} it is not armed{}", ms(t.settings.patience_ns), said(t.heard())))
 }
 
-/// What is commanded acts, in both directions.
+/// The loads that are commanded act, in both directions.
 pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     let names = load_readings(t);
     if names.is_empty() {
-        return skipped("no reading that comes by itself twice a second says the load that acts");
+        return skipped("no reading that is sent at least twice a second carries the acting load");
     }
     drive(t)?;
     // Both signs, since a plant that takes the magnitude, or clips at zero, would pass with one.
@@ -284,7 +290,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     if !says_state(t) {
-        return skipped("no reading that comes by itself twice a second says that the plant is in fault");
+        return skipped("no reading that is sent at least twice a second carries the plant's fault");
     }
     drive(t)?;
     t.alter = Alter::Mute;
@@ -341,7 +347,7 @@ pub(super) fn rests(t: &mut Tester) -> Result<(), Stop> {
 /// Disarmed by what the mapping says, it is not armed, and no load acts.
 pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     if !says_state(t) && load_readings(t).is_empty() {
-        return skipped("no reading that comes by itself twice a second says the plant's state or the load that acts");
+        return skipped("no reading that is sent at least twice a second carries the plant's state or the acting load");
     }
     drive(t)?;
     let (now_ns, from) = (t.now_ns(), t.mark());
@@ -362,7 +368,7 @@ pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     let resets = t.on.mapping().is_none_or(|mapping| asks(&mapping.incoming, Action::Reset));
     if !resets || !says_state(t) {
-        return skipped("no message resets a fault, or no reading that comes by itself twice a second says one");
+        return skipped("no message resets a fault, or no reading that is sent at least twice a second carries one");
     }
     arm(t)?;
     t.alter = Alter::Mute;
@@ -392,7 +398,9 @@ fn asks(incoming: &[Incoming], wanted: Action) -> bool {
 pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
     let stops = t.on.mapping().is_some_and(|mapping| asks(&mapping.incoming, Action::Stop));
     if !stops || !says_state(t) {
-        return skipped("no message stops the plant, or no reading that comes by itself twice a second says a fault");
+        return skipped(
+            "no message stops the plant, or no reading that is sent at least twice a second carries a fault",
+        );
     }
     drive(t)?;
     let Some(frame) = t.sent.stop(t.on) else { return skipped("no frame can be made of what stops the plant") };
@@ -405,7 +413,7 @@ pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// The nominal load of a wire in words, for reports.
+/// The nominal load of a user protocol in words, for reports.
 pub(super) fn in_words(t: &Tester, load: f64) -> String {
     let of = match &t.on.spec {
         WireSpec::Mapped(_) => "says",

@@ -1,4 +1,4 @@
-//! What the readings of a plant say of its state and of its load, and how long that may be under way.
+//! Periods and delays of the readings in which a plant reports its state and its load.
 //!
 //! A plant says what it is in readings that come from time to time: whatever a case waits for is awaited for as long as
 //! that takes at the most.
@@ -13,10 +13,11 @@ use resonarm_bench::node::mapped::mapping::{LoadInput, Outgoing, Source, Value};
 use resonarm_bench::rig::MOST_JOINTS;
 use resonarm_bench::structure::{LOAD_NAMES, OUTPUTS};
 
-/// How often a CANopen drive says its statusword after power-on, ns.
+/// Period at which a CANopen drive reports its statusword after power-on, ns.
 const STATUSWORD_NS: u64 = 10 * MS;
 
-/// How often a reading comes that says this, ns: the shortest period of those that come by themselves, and often.
+/// Returns the period of a reading that reports this, ns: the shortest period of those that come by themselves, and
+/// often.
 pub(super) fn said_every_ns(on: &UserWire, says: impl Fn(&Source) -> bool) -> Option<u64> {
     let has = |message: &&Outgoing| message.signals.iter().any(|signal| says(&signal.source));
     on.frequent_readings().filter(has).filter_map(|message| on.sent_every_ns(message)).min()
@@ -36,29 +37,30 @@ pub(super) fn says_state(t: &Tester) -> bool {
     t.on.mapping().is_none() || said_every_ns(t.on, is_of_fault).is_some()
 }
 
-/// By when a plant has said what it is since its cause, ns: it may see the cause two samples later, a reading that
-/// comes this often follows, and a machine may hold it up.
+/// Returns the time within which a plant has reported its state, ns from the cause: it may see the cause two samples
+/// later, a reading that comes this often follows, and a machine may hold it up.
 fn within_ns(on: &UserWire, said_every_ns: Option<u64>) -> u64 {
     said_every_ns.unwrap_or(STATUSWORD_NS) + 4 * on.period_ns() + MARGIN_NS
 }
 
-/// By when a plant has said a fault, ns from its cause on; without a reading that does, by when it has said a load.
+/// Returns the time within which a plant has reported a fault, ns from its cause on; without a reading that does, that
+/// within which it has reported a load.
 pub(super) fn fault_within_ns(t: &Tester) -> u64 {
     within_ns(t.on, said_every_ns(t.on, is_of_fault).or_else(|| load_every_ns(t)))
 }
 
-/// By when a plant has said the state that it is in, ns from when it took it on.
+/// Returns the time within which a plant has reported the state that it is in, ns from when it entered it.
 pub(super) fn state_within_ns(t: &Tester) -> u64 {
     within_ns(t.on, said_every_ns(t.on, |source| matches!(source, Source::State(_))))
 }
 
-/// By when a plant has said a load, ns from when the tester has taken it on: the emulated exciter commands it in answer
-/// to a reading, and a later reading says it.
+/// Returns the time within which a plant has reported a load, ns from when the tester has accepted it: the emulated
+/// exciter commands it in answer to a reading, and a later reading says it.
 pub(super) fn load_within_ns(t: &Tester) -> u64 {
     100 * MS + 20 * t.on.period_ns() + 2 * load_every_ns(t).unwrap_or(0)
 }
 
-/// How often a reading comes that says the load of the cases, ns.
+/// Returns the period of a reading that reports the load of the cases, ns.
 fn load_every_ns(t: &Tester) -> Option<u64> {
     let values = load_values(t);
     said_every_ns(t.on, |source| matches!(source, Source::Value { value, .. } if values.iter().any(|v| v.1 == *value)))

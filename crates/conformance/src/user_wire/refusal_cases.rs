@@ -1,4 +1,4 @@
-//! Frames that a plant must refuse: what is wrong with them neither acts nor feeds the timeout.
+//! Frames that a plant must reject: what is wrong with them neither acts nor feeds the timeout.
 
 use alloc::format;
 
@@ -13,7 +13,7 @@ use resonarm_bench::node::mapped::mapping::LoadInput;
 /// A load that acts has at least this share of what was commanded.
 const ACTS: f64 = 0.5;
 
-/// Commands that are damaged in this way are refused.
+/// Commands that are damaged in this way are rejected.
 pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     if !damage.is_possible(t.on) {
         return skipped(match damage {
@@ -27,7 +27,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     let (names, has_state) = (load_readings(t), says_state(t));
     if names.is_empty() && !has_state {
-        return skipped("no reading that comes by itself twice a second says the plant's state or the load that acts");
+        return skipped("no reading that is sent at least twice a second carries the plant's state or the acting load");
     }
     drive(t)?;
     t.command(-load_of(t));
@@ -37,7 +37,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
     let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);
     if let Some(read) = acted {
-        return wrong(format!("it takes them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
+        return wrong(format!("it accepts them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
     }
     if is_said || !has_state {
         return Ok(());
@@ -49,17 +49,17 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     }
 }
 
-/// A load beyond the exciter's limits is refused: what was held stays, or the plant faults.
+/// A load beyond the exciter's limits is rejected: what was held stays, or the plant faults.
 pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n) = t.settings.beyond_n else {
-        return skipped("no load that it must refuse is given (--beyond-n)");
+        return skipped("no load that it must reject is given (--beyond-n)");
     };
     if matches!(t.on.input(), LoadInput::Torque(_)) {
         return skipped("the protocol commands torques, and --beyond-n is a force");
     }
     let names = load_readings(t);
     if names.is_empty() {
-        return skipped("no reading that comes by itself twice a second says the load that acts");
+        return skipped("no reading that is sent at least twice a second carries the acting load");
     }
     drive(t)?;
     if !t.can_command(-beyond_n) {

@@ -1,4 +1,4 @@
-//! What a user's own protocol demands of the nodes that speak it.
+//! Requirements of a user protocol on the nodes that speak it.
 
 use crate::requirements::{Check, Requirement};
 
@@ -52,7 +52,7 @@ pub const WIRE_REQUIREMENTS: [Requirement; 33] = [
     tested("W-3.7", "a fault is reset by the messages that do"),
     tested("W-3.8", "a message that stops makes it fault"),
     tested("W-3.9", "a frame with a wrong checksum, counter or length, or a load that is no number, has no effect"),
-    tested("W-3.10", "a load beyond the limits is refused"),
+    tested("W-3.10", "a load beyond the limits is rejected"),
     untested(
         "W-3.11",
         "loads before it is armed don't act (DBC)",

@@ -1,4 +1,4 @@
-//! The tester on a user's own protocol: its own end, what is altered of that end's frames, and what is heard.
+//! The tester on a user protocol: its own end, what is altered of that end's frames, and what is heard.
 
 use alloc::boxed::Box;
 use alloc::format;
@@ -21,16 +21,16 @@ use resonarm_protocol::{EmergencyCode, Frame, Node, NodeState};
 
 /// The tester looks at the bus at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
-/// For how long a plant under test, or a controller, is given time to come to rest after a case, ns.
+/// Time that a plant under test, or a controller, is given to come to rest after a case, ns.
 const RELEASE_NS: u64 = 300 * MS;
 
-/// What is altered of the frames of the tester's end.
+/// Alteration of the frames of the tester's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Alter {
     Nothing,
     /// No frame is sent.
     Mute,
-    /// Those with loads are damaged.
+    /// The frames with loads are damaged.
     Commands(Damage),
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Tester<'w> {
     /// The load of the emulated exciter, N or N·m.
     load: Arc<AtomicU64>,
     pub monitor: Monitor,
-    /// When a good frame with loads was sent last, ns.
+    /// Time at which a good frame with loads was sent last, ns.
     pub commanded_ns: u64,
     looked_at_ns: u64,
     /// The longest time between two looks beyond the planned one, ns.
@@ -94,7 +94,7 @@ impl<'w> Tester<'w> {
         &self.monitor.heard
     }
 
-    /// How many frames of it have been heard: where those that come from now on begin.
+    /// Returns the number of frames heard so far: the place where those that come from now on begin.
     pub fn mark(&self) -> usize {
         self.monitor.heard.len()
     }
@@ -117,7 +117,7 @@ impl<'w> Tester<'w> {
         self.load.store(load.to_bits(), Ordering::Relaxed);
     }
 
-    /// Whether the wire can command this load, N or N·m.
+    /// Whether the user protocol can command this load, N or N·m.
     pub fn can_command(&self, load: f64) -> bool {
         let load = self.on.input().load(load);
         matches!(&self.end, End::Exciter(node) if node.check_load(&load).is_ok())
@@ -219,7 +219,7 @@ impl<'w> Tester<'w> {
             Seen::Double(message) => {
                 let partner = name(self.on.tested.partner());
                 return inconclusive(format!(
-                    "another node sends {message}, as the tester does: is a {partner} still on this bus?"
+                    "another node sends {message}, as the tester does: check whether a {partner} is still on this bus"
                 ));
             }
             Seen::Tested => {}
@@ -238,7 +238,7 @@ impl<'w> Tester<'w> {
         Ok(self.wait_for(from, GONE_NS, |_| true)?.is_some())
     }
 
-    /// After a case: a controller hears of a fault of the plant, and a plant is disarmed.
+    /// Releases the node after a case: a controller hears of a fault of the plant, and a plant is disarmed.
     pub fn release(&mut self) -> Result<(), Stop> {
         self.alter = Alter::Nothing;
         let now_ns = self.now_ns();
@@ -253,7 +253,7 @@ impl<'w> Tester<'w> {
         self.run_ns(RELEASE_NS)
     }
 
-    /// The frames of the node under test that were refused: by their form, or by the tester's plant for a load beyond
+    /// The frames of the node under test that were rejected: by their form, or by the tester's plant for a load beyond
     /// its limits.
     pub fn rejected(&self) -> Option<Rejected> {
         self.monitor.rejected().or_else(|| {

@@ -1,5 +1,5 @@
-//! What the integrators know of a mechanical system: its rates of change, its linear part, a bound of its frequencies,
-//! its energy. Static, so that a step compiles to the code of the one system.
+//! Interface of a mechanical system to the integrators: its rates of change, its linear part, a bound of its
+//! frequencies, its energy. Static, so that a step compiles to the code of the one system.
 
 use core::array;
 
@@ -71,7 +71,7 @@ pub trait StageEquation<const N: usize> {
     fn rates(&self, motion: &Motion<Wide, N>) -> Rates<Wide, N>;
 }
 
-/// What is done with the equation of the stages; a trait, since a closure can't be generic.
+/// Solution of the equation of the stages; a trait, since a closure can't be generic.
 pub trait SolveStages<const N: usize> {
     /// Type of the solution.
     type Solution;
@@ -85,9 +85,9 @@ pub trait SolveStages<const N: usize> {
 /// Implementations compute without clock, allocation or randomness, with transcendental functions of `libm`, so that
 /// the same motions have the same bits on every machine.
 pub trait Dynamics<const N: usize> {
-    /// What acts on it from outside at an instant.
+    /// Load that acts on the system from outside at an instant.
     type Load: Copy;
-    /// Its state, with names of its own.
+    /// State of the system, with names of its own.
     type State: Copy + From<Motion<f64, N>> + Into<Motion<f64, N>>;
 
     /// The rates under a load.

@@ -35,7 +35,7 @@ pub(crate) struct Rk4Step {
 }
 
 impl Rk4Step {
-    /// For steps of `h_s`.
+    /// Makes the method for steps of `h_s`.
     pub fn new(h_s: f64) -> Rk4Step {
         Rk4Step {
             full: h_s,

@@ -97,7 +97,7 @@ impl fmt::Display for Scheme {
 
 /// No scheme has this name.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("there is no integration scheme `{got}`: the schemes are {known}")]
+#[error("there is no integration scheme `{got}`: expected one of {known}")]
 pub struct UnknownScheme {
     /// Name that was given.
     pub got: String,

@@ -34,7 +34,7 @@ use crate::real::Real;
 /// Up to this |α| the polynomials hold, rad.
 const LIMIT_RAD: f64 = 0.4;
 
-/// p and q.
+/// Coefficients of the polynomials p and q.
 const SINE: [f64; 5] = economised([6.0, 120.0, 5_040.0, 362_880.0, 39_916_800.0, 6_227_020_800.0]);
 const COSINE: [f64; 5] = economised([2.0, 24.0, 720.0, 40_320.0, 3_628_800.0, 479_001_600.0]);
 

@@ -57,9 +57,9 @@ pub struct Armature {
     pub coil: Coil,
 }
 
-/// What an armature does beside adding to the mass.
+/// Effect of an armature beside adding to the mass.
 pub(super) struct Push {
-    /// On the structure, along the armature, N.
+    /// Force on the structure, along the armature, N.
     pub force_n: f64,
     /// di/dt, A/s, where the current is a state; else zero.
     pub current_a_s: f64,
@@ -148,7 +148,7 @@ impl Armature {
         }
     }
 
-    /// Its motion at a position and velocity of the structure.
+    /// Returns the motion of the armature at a position and velocity of the structure.
     pub fn motion(&self, at: &Position<'_>, v: &[f64]) -> ArmatureMotion {
         let mut motion = ArmatureMotion::default();
         for (dof, share) in self.dofs() {
@@ -164,13 +164,13 @@ impl Armature {
         self.dofs().map(|(dof, share)| share * at.acceleration(dof, v, a)).sum()
     }
 
-    /// What the structure gets of the coil's force beside m s̈ of q̈, N.
+    /// Returns the part of the coil's force that acts on the structure beside m s̈ of q̈, N.
     pub(super) fn push_n(&self, coil_n: f64, motion: &ArmatureMotion) -> f64 {
         let ArmatureMotion { displacement_m, velocity_m_s, drift_m_s2 } = *motion;
         coil_n - self.mass_kg * drift_m_s2 - self.damping_n_s_m * velocity_m_s - self.stiffness_n_m * displacement_m
     }
 
-    /// What it does at a position and velocity of the structure, a current and a command.
+    /// Returns the effect of the armature at a position and velocity of the structure, a current and a command.
     pub(super) fn push(&self, at: &Position<'_>, v: &[f64], state_a: f64, blocked_n: f64) -> Push {
         let (coil, motion) = (&self.coil, self.motion(at, v));
         let current_a = coil.current_a(state_a, blocked_n, motion.velocity_m_s);

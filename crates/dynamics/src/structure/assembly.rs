@@ -165,7 +165,8 @@ impl Assembly {
         Ok(elements)
     }
 
-    /// From the smallest and largest ratio of the diagonals of K and M, since the modes are not known.
+    /// Makes the error of impossible frequencies from the smallest and largest ratio of the diagonals of K and M, since
+    /// the modes are not known.
     fn impossible_frequencies(&self) -> StructureError {
         let (linear, n) = (self.linear(), self.coordinates());
         let hz = |i: usize| libm::sqrt(linear.stiffness[i * n + i] / linear.mass[i * n + i]) / core::f64::consts::TAU;
@@ -209,8 +210,8 @@ impl Assembly {
         }
     }
 
-    /// How far the joints of a chain under gravity sag under its weight, from the relaxed springs to rest, rad; `None` of
-    /// a chain without gravity, and of modes.
+    /// Returns how far the joints of a chain under gravity sag under its weight, from the relaxed springs to rest, rad;
+    /// `None` of a chain without gravity, and of modes.
     pub fn sag_rad(&self) -> Option<&[f64]> {
         match (&self.body, &self.spec.body) {
             (Body::Chain(chain), BodySpec::Chain(spec)) if spec.gravity_m_s2 != 0.0 => Some(&chain.sag_rad[..chain.n]),
@@ -218,8 +219,8 @@ impl Assembly {
         }
     }
 
-    /// Where the points of a chain are at rest, under its weight, along x and y of the base frame, m; in the order of
-    /// [`Assembly::points`]. `None` of modes, which say nothing of places.
+    /// Returns the positions of the points of a chain at rest, under its weight, along x and y of the base frame, m; in
+    /// the order of [`Assembly::points`]. `None` of modes, which say nothing of places.
     pub fn rest_m(&self) -> Option<Vec<[f64; 2]>> {
         match &self.body {
             Body::Chain(chain) => Some((0..=chain.n).map(|links| chain.rest_m(links)).collect()),
@@ -278,7 +279,7 @@ impl Assembly {
         matches!(dof.0, At::Point { links: 0, .. } | At::Base(_))
     }
 
-    /// How far the base carries a degree of freedom when it moves by 1: 1 along its axis, else 0. The absolute
+    /// Returns how far the base carries a degree of freedom when it moves by 1: 1 along its axis, else 0. The absolute
     /// acceleration is the relative one and so many times the base's.
     pub fn carried(&self, dof: Dof, base: Dof) -> f64 {
         let axis = |shape: usize| match &self.body {

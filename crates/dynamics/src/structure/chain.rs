@@ -56,7 +56,7 @@ pub(super) struct Chain {
     /// θ₀, and θ₀ + δ.
     pub rest: PerLink<Angle<f64>>,
     pub moment_rest: PerLink<Angle<f64>>,
-    /// How far the joints sag under the weight, rad.
+    /// Sag of the joints under the weight, rad.
     pub sag_rad: PerLink,
 }
 
@@ -406,13 +406,13 @@ impl Chain {
         self.damping.iter().zip(v).map(|(damping, v)| damping * (v * v)).sum()
     }
 
-    /// Where the end of the first `links` links is at rest: Σ l (cos θ₀, sin θ₀), m.
+    /// Returns the position at rest of the end of the first `links` links: Σ l (cos θ₀, sin θ₀), m.
     pub fn rest_m(&self, links: usize) -> [f64; 2] {
         let ends = self.length_m.iter().zip(&self.rest).take(links);
         ends.fold([0.0; 2], |[x, y], (length, Angle { sine, cosine })| [x + length * cosine, y + length * sine])
     }
 
-    /// How far the point at the end of the first `links` links is from rest, m.
+    /// Returns the displacement from rest of the point at the end of the first `links` links, m.
     pub fn displacement_m(&self, turned: &Turned, links: usize, axis: Axis) -> f64 {
         let along = |i: usize| {
             let Angle { sine, cosine } = self.rest[i];
@@ -422,7 +422,8 @@ impl Chain {
         (0..links).map(along).sum()
     }
 
-    /// Its derivative, by each coordinate: Σ over the links from the joint out of l (−sin θ, cos θ), m.
+    /// Writes the derivative of this displacement by each coordinate: Σ over the links from the joint out of l (−sin θ,
+    /// cos θ), m.
     pub fn direction_m(&self, turned: &Turned, links: usize, axis: Axis, out: &mut [f64]) {
         for (i, entry) in out[..self.n].iter_mut().enumerate() {
             let turn = if axis == Axis::X { -turned.sine[i] } else { turned.cosine[i] };

@@ -5,7 +5,7 @@ use alloc::format;
 use super::error::StructureError;
 use super::spec::{ElementSpec, Law, Place, Side};
 
-/// What a value of a law must be.
+/// Range in which a value of a law must be.
 #[derive(Clone, Copy)]
 enum Range {
     Finite,

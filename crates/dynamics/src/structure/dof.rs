@@ -7,7 +7,7 @@ use super::spec::Axis;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dof(pub(super) At);
 
-/// What a [`Dof`] is.
+/// Kind of a [`Dof`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum At {
     /// The end of the first `links` links of a chain, along an axis.

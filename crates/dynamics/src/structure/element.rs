@@ -42,12 +42,12 @@ pub struct StateRate {
     pub by_state: f64,
 }
 
-/// How far an element is from leaving its branch.
+/// Distance of an element from leaving its branch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Margin {
     /// Negative beyond the branch.
     pub value: f64,
-    /// Its rate, where it goes with the displacement or the state; of one that goes with the velocity none.
+    /// Rate of the margin, where it goes with the displacement or the state; of one that goes with the velocity none.
     pub rate: Option<f64>,
     /// The branch that the element is on then.
     pub to: Branch,
@@ -73,7 +73,7 @@ impl Element {
         self.at
     }
 
-    /// Its other end; `None` is the ground.
+    /// Returns the other end; `None` is the ground.
     pub fn to(&self) -> Option<Dof> {
         self.to
     }
@@ -83,12 +83,12 @@ impl Element {
         self.state
     }
 
-    /// Its state among those of the assembly; 0 for a law without.
+    /// Returns the element's state among those of the assembly; 0 for a law without.
     pub(super) fn own(&self, states: &[f64]) -> f64 {
         self.state.map_or(0.0, |state| states[state])
     }
 
-    /// Its force at a displacement from rest, a velocity and a state (0 for a law without).
+    /// Returns the force at a displacement from rest, a velocity and a state (0 for a law without).
     pub fn force(&self, position: f64, velocity: f64, state: f64) -> Reaction {
         self.law.reaction(self.branch(position, velocity, state), position, velocity, state)
     }
@@ -269,7 +269,7 @@ impl Law {
         }
     }
 
-    /// What it adds to the linear structure at rest.
+    /// Returns what the law adds to the linear structure at rest.
     pub(super) fn at_rest(&self) -> Reaction {
         match *self {
             Law::Lugre { viscous, .. } => Reaction { by_velocity: viscous, ..Reaction::default() },
@@ -383,7 +383,7 @@ impl Law {
     }
 }
 
-/// How deep a contact is pressed, δ, negative where it is open, and its rate δ̇.
+/// Returns how deep a contact is pressed, δ, negative where it is open, and its rate δ̇.
 fn pressed(side: Side, position: f64, velocity: f64, gap: f64) -> (f64, f64) {
     (side.sign() * position - gap, side.sign() * velocity)
 }

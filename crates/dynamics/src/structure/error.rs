@@ -7,16 +7,16 @@ use thiserror::Error;
 
 use resonarm_numeric::number::short;
 
-/// Why a specification is not a structure, or a name not a place of it.
+/// Error of a specification that is not a structure, or of a name that is not a place of it.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StructureError {
     /// No parts of a kind, or too many.
-    #[error("{got} {what}: a structure has {least} to {most}")]
+    #[error("the structure has {got} {what}: it must have {least} to {most}")]
     Count {
         /// The parts: links, modes, shapes, elements.
         what: &'static str,
-        /// How many are given.
+        /// Number that is given.
         got: usize,
         /// Least number that is valid.
         least: usize,
@@ -32,7 +32,7 @@ pub enum StructureError {
         name: &'static str,
         /// Value that was given.
         got: f64,
-        /// What the value must be.
+        /// Description of the valid values.
         expected: &'static str,
     },
     /// A shape with a number too few or too many.
@@ -40,7 +40,7 @@ pub enum StructureError {
     Shape {
         /// Point and axis of the shape.
         name: String,
-        /// How many are given.
+        /// Number that is given.
         got: usize,
         /// The number of modes.
         expected: usize,
@@ -52,13 +52,13 @@ pub enum StructureError {
         got: String,
     },
     /// Two shapes of one point and axis.
-    #[error("there are two shapes `{name}`: a point has one for each axis")]
+    #[error("the shape `{name}` is given twice: a point must have one for each axis")]
     ShapeTwice {
         /// Point and axis of the shapes.
         name: String,
     },
     /// No place has this name.
-    #[error("there is no `{got}` in this structure: there are {known}")]
+    #[error("there is no `{got}` in this structure: expected one of {known}")]
     UnknownPlace {
         /// Name that was given.
         got: String,
@@ -66,7 +66,7 @@ pub enum StructureError {
         known: String,
     },
     /// No preset has this name.
-    #[error("there is no preset `{got}`: the presets are {known}")]
+    #[error("there is no preset `{got}`: expected one of {known}")]
     UnknownPreset {
         /// Name that was given.
         got: String,
@@ -78,7 +78,7 @@ pub enum StructureError {
     PresetText {
         /// The name of the preset.
         name: &'static str,
-        /// What is wrong with it.
+        /// Reason why the preset is invalid.
         reason: String,
     },
     /// Values count that the source of a chain does not state.
@@ -96,7 +96,7 @@ pub enum StructureError {
         about_joint_kg_m2: Option<f64>,
     },
     /// No parameter has this name.
-    #[error("there is no parameter `{got}` in this structure: there are {known}")]
+    #[error("there is no parameter `{got}` in this structure: expected one of {known}")]
     UnknownParameter {
         /// Name that was given.
         got: String,
@@ -112,7 +112,7 @@ pub enum StructureError {
         most: usize,
     },
     /// A joint of a structure without joints.
-    #[error("joint {got}: a structure of modes has no joints; name a point and an axis")]
+    #[error("there is no joint {got}: a structure of modes has no joints; name a point and an axis")]
     NoJoints {
         /// The joint that was given, counted from 1.
         got: usize,
@@ -144,7 +144,9 @@ pub enum StructureError {
         at: String,
     },
     /// Two contacts that meet at one place.
-    #[error("elements {first} and {second} are both contacts at `{at}` on the same side: make one of them")]
+    #[error(
+        "elements {first} and {second} are both contacts at `{at}` on the same side: combine them into one element"
+    )]
     Overlap {
         /// Number of the first element, from 1.
         first: usize,
@@ -163,8 +165,8 @@ pub enum StructureError {
     },
     /// A natural frequency vanishes or overflows, or the modes can't be computed.
     #[error(
-        "the structure's natural frequencies come out as {lowest_hz:.1e} to {highest_hz:.1e} Hz: they must be positive and finite; \
-         stiffnesses and inertias are out of proportion"
+        "the structure's natural frequencies are computed as {lowest_hz:.1e} to {highest_hz:.1e} Hz: they must be \
+         positive and finite; check the proportion of stiffnesses and inertias"
     )]
     Frequencies {
         /// Estimate of the lowest frequency, Hz.
@@ -174,7 +176,7 @@ pub enum StructureError {
     },
 }
 
-/// What to know of the moment of inertia that is missing.
+/// Explains the moment of inertia that is missing.
 fn about_joint(link: u8, about_joint_kg_m2: &Option<f64>) -> String {
     about_joint_kg_m2.as_ref().map_or(String::new(), |inertia| {
         format!(

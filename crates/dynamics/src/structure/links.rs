@@ -40,7 +40,7 @@ pub(super) struct Links<const N: usize> {
     fastest_rad_s: f64,
 }
 
-/// What moves with the links: smooth elements, and the armature of a shaker, a mass and an element.
+/// Devices that move with the links: smooth elements, and the armature of a shaker, a mass and an element.
 #[derive(Clone, Debug, PartialEq)]
 struct Smooth<const N: usize> {
     elements: Vec<SmoothElement<N>>,
@@ -120,7 +120,7 @@ struct Kernel<T, const N: usize> {
     damping: [T; N],
     weight_nm: [T; N],
     rest: [Angle<T>; N],
-    /// Of the moments, and whether these are the same angles.
+    /// Angles at rest of the moments, and whether these are the same angles.
     moment_rest: [Angle<T>; N],
     is_straight: bool,
 }
@@ -375,7 +375,7 @@ impl<const N: usize> Links<N> {
         self.kernel.solved(at, armature.as_ref(), &torque, [0.0; N])
     }
 
-    /// What degrees of freedom do at a motion under a load.
+    /// Reads the kinematics of degrees of freedom at a motion under a load.
     pub fn read(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>, dofs: &[Dof], out: &mut [Kinematics]) {
         let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
         let acceleration = kernel.rates_at(&at, motion, load, &self.smooth).acceleration;
@@ -461,8 +461,9 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         self.kernel.rates_anywhere(motion, load, &self.smooth)
     }
 
-    /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l
-    /// (F_x cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ to ∂r/∂q̇.
+    /// Computes the Jacobian from the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the
+    /// ends of the links adds l (F_x cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ
+    /// to ∂r/∂q̇.
     fn jacobian(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Jacobian<N> {
         let acceleration = Dynamics::rates(self, motion, load).acceleration;
         let [mut by_position, mut by_velocity, mut mass] = [[0.0; MOST_LINKS * MOST_LINKS]; 3];

@@ -171,7 +171,7 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
     (s[p * n + q], s[q * n + p]) = (0.0, 0.0);
 }
 
-/// The damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C + Ω²) u = 0 with C = ΦᵀDΦ.
+/// Adds the damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C + Ω²) u = 0 with C = ΦᵀDΦ.
 fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
     let n = modes.len();
     let along = |mode: &StructureMode, k: usize| -> f64 {

@@ -35,11 +35,11 @@ pub enum LinkField {
     Mass,
     /// The distance of its centre of mass from its joint, m.
     CentreOfMass,
-    /// How far its centre of mass is off the line between its joints, m.
+    /// Distance of the link's centre of mass from the line between its joints, m.
     CentreOfMassOff,
-    /// Its moment of inertia about the centre of mass, kg·m².
+    /// Moment of inertia of the link about the centre of mass, kg·m².
     Inertia,
-    /// Its angle against the link before, degrees.
+    /// Angle of the link against the one before, degrees.
     Angle,
     /// The stiffness of its joint, N·m/rad.
     Stiffness,
@@ -50,18 +50,18 @@ pub enum LinkField {
 /// A value of a mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModeField {
-    /// Its natural frequency, Hz.
+    /// Natural frequency of the mode, Hz.
     Frequency,
-    /// Its damping ratio, dimensionless.
+    /// Damping ratio of the mode, dimensionless.
     DampingRatio,
 }
 
 /// A value of an element's law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ElementField {
-    /// Its place among the law's values.
+    /// Index of the value among the law's values.
     index: u8,
-    /// Its key in a scenario.
+    /// Key of the value in a scenario.
     key: &'static str,
     unit: &'static str,
 }
@@ -186,7 +186,7 @@ impl Parameter {
         (1..=MOST_LINKS).contains(&usize::from(link)).then_some(Parameter::Link(link, field))
     }
 
-    /// Its value in a specification; none if the specification has no such parameter.
+    /// Returns the parameter's value in a specification; none if the specification has no such parameter.
     fn of(self, spec: &mut StructureSpec) -> Option<&mut f64> {
         let part = |number: u8| usize::from(number).wrapping_sub(1);
         match (self, &mut spec.body) {

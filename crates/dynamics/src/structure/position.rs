@@ -8,7 +8,8 @@ use super::element::Element;
 use super::modal::Modal;
 use super::spec::Axis;
 
-/// What a degree of freedom does at an instant: displacement from rest, velocity, acceleration; m and s, or rad and s.
+/// Kinematics of a degree of freedom at an instant: displacement from rest, velocity, acceleration; m and s, or rad and
+/// s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Kinematics {
     /// x, m or rad.

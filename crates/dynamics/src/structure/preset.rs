@@ -22,7 +22,7 @@ pub enum Preset {
     Irb1600Fitted,
 }
 
-/// What the TOML file of a preset contains.
+/// Content of the TOML file of a preset.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PresetFile {

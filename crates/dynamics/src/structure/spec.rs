@@ -1,4 +1,4 @@
-//! What a structure is made of, as a scenario says it; [`Assembly::new`](super::Assembly::new) checks it.
+//! Specification of a structure, as a scenario has it; [`Assembly::new`](super::Assembly::new) checks it.
 
 use alloc::format;
 use alloc::string::String;
@@ -19,7 +19,8 @@ pub struct Link {
     pub mass_kg: f64,
     /// Distance lc of the centre of mass from its joint along the link, m; negative behind the joint.
     pub centre_of_mass_m: f64,
-    /// How far the centre of mass is off the line from the joint to the link's end, e, m, to the left as seen along it.
+    /// Distance of the centre of mass from the line from the joint to the link's end, e, m, to the left as seen along
+    /// it.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub centre_of_mass_off_m: f64,
     /// Moment of inertia I about the centre of mass, kg·m², positive.
@@ -92,7 +93,7 @@ impl Axis {
     /// All axes, x first.
     pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 
-    /// Its name: `x`, `y`, `z`.
+    /// Returns the name of the axis: `x`, `y`, `z`.
     pub const fn name(self) -> &'static str {
         match self {
             Axis::X => "x",
@@ -111,7 +112,7 @@ impl fmt::Display for Axis {
 /// The point of modal structures that is their base, which may move along an axis: see [`ShapeSpec`].
 pub const BASE: &str = "base";
 
-/// How far every mode moves a point along an axis.
+/// Mode shape of a point: how far every mode moves it along an axis.
 ///
 /// Of the point [`BASE`] it is how the modes are excited by a motion of the base, which all other points share: the
 /// displacements of the structure count from the base.
@@ -137,7 +138,7 @@ pub struct ModalSpec {
     pub shapes: Vec<ShapeSpec>,
 }
 
-/// What vibrates: a chain of links, or modes.
+/// Body that vibrates: a chain of links, or modes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BodySpec {
     /// A planar chain of links with compliant joints.
@@ -146,7 +147,7 @@ pub enum BodySpec {
     Modal(ModalSpec),
 }
 
-/// Which way along its axis a contact is.
+/// Side along its axis on which a contact is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
@@ -167,7 +168,7 @@ impl Side {
     }
 }
 
-/// How the force f of an element follows from its displacement x from rest, its velocity v and its state z.
+/// Law by which the force f of an element follows from its displacement x from rest, its velocity v and its state z.
 ///
 /// Units are N and m of an element along an axis, N·m and rad of one at a joint. f opposes the motion: it acts on the
 /// structure as −f.
@@ -252,7 +253,8 @@ pub enum Law {
 }
 
 impl Law {
-    /// Its name: `cubic`, `gap`, `kelvin-voigt`, `hunt-crossley`, `friction`, `lugre`, `linear`, `tanh`.
+    /// Returns the name of the law: `cubic`, `gap`, `kelvin-voigt`, `hunt-crossley`, `friction`, `lugre`, `linear`,
+    /// `tanh`.
     pub const fn name(&self) -> &'static str {
         match self {
             Law::Cubic { .. } => "cubic",
@@ -277,22 +279,22 @@ impl Law {
     }
 }
 
-/// Where an element acts.
+/// Place at which an element acts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// At a point, along an axis.
+    /// The element acts at a point, along an axis.
     Dof {
         /// Name of the point, one of [`Assembly::points`](super::Assembly::points).
         point: String,
         /// Axis along which it acts.
         axis: Axis,
     },
-    /// At a joint of a chain, about it; joint 1 is at the base.
+    /// The element acts at a joint of a chain, about it; joint 1 is at the base.
     Joint(usize),
 }
 
 impl Place {
-    /// In words: `tip.x`, `joint 2`.
+    /// Returns the name of the place in words: `tip.x`, `joint 2`.
     pub(super) fn name(&self) -> String {
         match self {
             Place::Dof { point, axis } => format!("{point}.{axis}"),
@@ -304,15 +306,15 @@ impl Place {
 /// A point element: a force law between two places, or between a place and the ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElementSpec {
-    /// Where it acts; its displacement is that of this place less that of the other.
+    /// Place where the element acts; its displacement is that of this place less that of the other.
     pub at: Place,
-    /// Its other end, of the same kind; `None` is the ground.
+    /// Place of the other end, of the same kind; `None` is the ground.
     pub to: Option<Place>,
     /// Law of its force.
     pub law: Law,
 }
 
-/// What a structure is made of: its body and its elements.
+/// Specification of a structure: its body and its elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructureSpec {
     /// Body that the elements act on.

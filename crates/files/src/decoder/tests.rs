@@ -138,10 +138,10 @@ fn a_frame_of_another_form_is_refused() {
         other => panic!("{frame}: {other:?}"),
     };
     let mut mapped = decoder();
-    let fd = "it is a CAN FD frame, and the message is a classic CAN frame";
+    let fd = "it is a CAN FD frame, but the message is a classic CAN frame";
     assert_eq!(why(&mut mapped, "100##1E8030100"), fd);
     assert_eq!(why(&mut mapped, "200##1010000803F00"), fd);
-    assert_eq!(why(&mut mapped, "100#E803010000"), "it has 5 bytes, and the message has 4");
+    assert_eq!(why(&mut mapped, "100#E803010000"), "it has 5 bytes, but the message has 4");
     let text = "wire = { preset = 'cia402', drives = [{ node_id = 1, joint = 1, rated_torque_nm = 1.0, \
         encoder_counts_per_turn = 4096 }] }";
     let mut drives = Decoder::of_scenario(&Scenario::parse(text, "test").unwrap()).unwrap().unwrap();

@@ -37,7 +37,7 @@ pub unsafe extern "C" fn fmi3GetBinary(
     }
 }
 
-/// Sets bytes. They are read at once: no pointer of the importer is kept.
+/// Sets the bytes of binary variables. They are read at once: no pointer of the importer is kept.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetBinary(
     instance: *mut c_void,

@@ -130,7 +130,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
 /// Calls that change the state of an instance and take nothing else.
 macro_rules! states {
     ($($name:ident does $method:ident;)*) => {$(
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(instance: *mut c_void) -> c_int {
             // SAFETY: as the standard states.

@@ -50,7 +50,7 @@ impl Log {
     }
 }
 
-/// What `fmi3Instance` points at.
+/// Data that an `fmi3Instance` points at.
 struct Handle {
     instance: Instance,
     log: Log,
@@ -79,10 +79,11 @@ unsafe fn on(instance: *mut c_void, call: &'static str, work: impl FnOnce(&mut H
     status
 }
 
-/// What a panic said.
+/// Returns the message of a panic.
 fn reason(panic: &(dyn core::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_string());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| String::from("a panic without words"))
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| String::from("a panic without a message"))
 }
 
 /// The elements at `pointer`.

@@ -8,7 +8,7 @@ use crate::Fault;
 /// Getters and setters of types that no variable has: fine for no variable.
 macro_rules! no_variables {
     ($($name:ident)*) => {$(
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(
             instance: *mut c_void,
@@ -38,7 +38,7 @@ no_variables! {
 /// arguments are not read.
 macro_rules! not_offered {
     ($($name:ident($($argument:ty),*): $why:literal;)*) => {$(
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(instance: *mut c_void $(, _: $argument)*) -> c_int {
             // SAFETY: as the standard states.
@@ -65,16 +65,16 @@ not_offered! {
     fmi3SetIntervalFraction(P, N, P, P): "no clock has an interval that is set";
     fmi3SetShiftDecimal(P, N, P): "no clock has a shift";
     fmi3SetShiftFraction(P, N, P, P): "no clock has a shift";
-    fmi3EnterContinuousTimeMode(): "the FMU is one for co-simulation alone";
-    fmi3CompletedIntegratorStep(bool, P, P): "the FMU is one for co-simulation alone";
-    fmi3SetTime(f64): "the FMU is one for co-simulation alone";
-    fmi3SetContinuousStates(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetContinuousStateDerivatives(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetEventIndicators(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetContinuousStates(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetNominalsOfContinuousStates(P, N): "the FMU is one for co-simulation alone";
-    fmi3GetNumberOfEventIndicators(P): "the FMU is one for co-simulation alone";
-    fmi3GetNumberOfContinuousStates(P): "the FMU is one for co-simulation alone";
+    fmi3EnterContinuousTimeMode(): "the FMU supports co-simulation only";
+    fmi3CompletedIntegratorStep(bool, P, P): "the FMU supports co-simulation only";
+    fmi3SetTime(f64): "the FMU supports co-simulation only";
+    fmi3SetContinuousStates(P, N): "the FMU supports co-simulation only";
+    fmi3GetContinuousStateDerivatives(P, N): "the FMU supports co-simulation only";
+    fmi3GetEventIndicators(P, N): "the FMU supports co-simulation only";
+    fmi3GetContinuousStates(P, N): "the FMU supports co-simulation only";
+    fmi3GetNominalsOfContinuousStates(P, N): "the FMU supports co-simulation only";
+    fmi3GetNumberOfEventIndicators(P): "the FMU supports co-simulation only";
+    fmi3GetNumberOfContinuousStates(P): "the FMU supports co-simulation only";
     fmi3GetOutputDerivatives(P, N, P, P, N): "maxOutputDerivativeOrder is 0";
-    fmi3ActivateModelPartition(u32, f64): "the FMU is one for co-simulation alone";
+    fmi3ActivateModelPartition(u32, f64): "the FMU supports co-simulation only";
 }

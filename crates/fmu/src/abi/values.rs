@@ -15,7 +15,7 @@ fn same_length(call: &'static str, references: usize, values: usize) -> Result<(
 /// The functions of a type that is a number: its getter, its setter, its type in C and the method and variant here.
 macro_rules! numbers {
     ($($get:ident, $set:ident: $type:ty, $method:ident, $variant:ident, $to:expr, $from:expr;)*) => {$(
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $get(
             instance: *mut c_void,
@@ -38,7 +38,7 @@ macro_rules! numbers {
             }
         }
 
-        /// As the standard states.
+        /// Behaves as the FMI standard states.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $set(
             instance: *mut c_void,

@@ -59,11 +59,11 @@ impl fmt::Display for State {
 /// A value of a variable, of the types that are numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
-    /// Of the type Float64.
+    /// A value of the type Float64.
     Float64(f64),
-    /// Of the type UInt64.
+    /// A value of the type UInt64.
     UInt64(u64),
-    /// Of the type Boolean.
+    /// A value of the type Boolean.
     Boolean(bool),
 }
 
@@ -174,7 +174,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Enters event mode.
+    /// Enters the event mode of FMI.
     ///
     /// # Errors
     /// [`Fault::WrongState`], also if the importer said that it does not use it.
@@ -185,7 +185,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Enters step mode.
+    /// Enters the step mode of FMI.
     ///
     /// # Errors
     /// [`Fault::WrongState`].
@@ -261,7 +261,7 @@ impl Instance {
         Ok(event)
     }
 
-    /// Where the simulation is, s.
+    /// Returns the time of the simulation, s.
     pub fn time_s(&self) -> f64 {
         self.time_s
     }
@@ -290,7 +290,7 @@ impl Instance {
     /// [`Fault::Saved`] of another FMU, [`Fault::Recorded`] if a recording has already what came behind it.
     pub fn restore(&mut self, saved: &SavedInstance) -> Result<(), Fault> {
         if saved.token != self.token {
-            let reason = "its instantiation token is another one";
+            let reason = "its instantiation token is that of another FMU";
             return Err(Fault::Saved { call: "fmi3SetFMUState", reason });
         }
         // The model is built from the parameters, so other ones need another model.

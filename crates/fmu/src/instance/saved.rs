@@ -9,7 +9,7 @@ use resonarm_bench::structure::{LOADS, OUTPUTS};
 
 use super::{SavedInstance, State};
 
-/// What a state begins with: the name and version of the format.
+/// First bytes of a saved state: the name and version of the format.
 const MAGIC: [u8; 8] = *b"rsnfmu\0\x03";
 const CALL: &str = "fmi3DeserializeFMUState";
 
@@ -55,12 +55,12 @@ pub(crate) fn read(
 ) -> Result<SavedInstance, Fault> {
     let mut rest = Rest { bytes };
     if rest.take::<8>()? != MAGIC {
-        return Err(refused("it does not begin as one, or is of another version"));
+        return Err(refused("it does not begin as a state, or is of another version"));
     }
     if rest.text()? != token {
-        return Err(refused("its instantiation token is another one"));
+        return Err(refused("its instantiation token is that of another FMU"));
     }
-    let state = State::of(rest.byte()?).ok_or_else(|| refused("its state of FMI is none"))?;
+    let state = State::of(rest.byte()?).ok_or_else(|| refused("its FMI state is unknown"))?;
     let [start_s, time_s] = rest.numbers()?;
     let inputs = rest.numbers::<{ LOADS.len() }>()?;
     let count = rest.length()?;
@@ -79,15 +79,15 @@ pub(crate) fn read(
     }
     let (others, clipped) = (rest.length()?, u32::from_le_bytes(rest.take()?));
     let mut more = [0.0; MOST_MORE];
-    let more = more.get_mut(..others).ok_or_else(|| refused("it has more readings than a rig"))?;
+    let more = more.get_mut(..others).ok_or_else(|| refused("it has more readings than a rig can have"))?;
     for value in more.iter_mut() {
         [*value] = rest.numbers()?;
     }
-    let more = Readings::new(more, clipped).ok_or_else(|| refused("a mark belongs to no reading"))?;
+    let more = Readings::new(more, clipped).ok_or_else(|| refused("a clipping mark belongs to no reading"))?;
     let count = rest.length()?;
     // Checked before the numbers are read: a damaged count can't ask for more than there are bytes.
     if rest.bytes.len() != count.saturating_mul(8) {
-        return Err(refused("it ends before its last number, or behind it"));
+        return Err(refused("it ends before its last number, or after it"));
     }
     let numbers = rest.list(count)?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
@@ -105,7 +105,7 @@ fn refused(reason: &'static str) -> Fault {
     Fault::Saved { call: CALL, reason }
 }
 
-/// What is left to read.
+/// Bytes that are left to read.
 struct Rest<'a> {
     bytes: &'a [u8],
 }

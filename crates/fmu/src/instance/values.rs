@@ -20,7 +20,7 @@ impl Instance {
         self.variables.get(reference as usize).ok_or(Fault::UnknownReference { call, got: reference, most })
     }
 
-    /// Why a variable is none of the type that `call` is for, which no variable has.
+    /// Returns the error for a variable that does not have the type that `call` is for, which no variable has.
     pub fn refused_type(&self, call: &'static str, reference: u32) -> Fault {
         match self.any_variable(call, reference) {
             Ok(variable) => Fault::WrongType { call, name: variable.name.clone(), is: variable.kind.name() },
@@ -138,14 +138,14 @@ impl Instance {
         Ok(())
     }
 
-    /// When a countdown clock ticks next.
+    /// Returns the interval until a countdown clock ticks next.
     ///
     /// # Errors
     /// As [`Instance::clock`]; [`Fault::NotOffered`] of another clock.
     pub fn interval(&mut self, call: &'static str, reference: u32) -> Result<Interval, Fault> {
         let Variable { source, causality, .. } = self.variable(call, reference, Kind::Clock)?;
         let (Source::TxClock(index), Causality::Input) = (*source, *causality) else {
-            return Err(Fault::NotOffered { call, why: "the clock is no countdown clock" });
+            return Err(Fault::NotOffered { call, why: "the clock is not a countdown clock" });
         };
         self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
         let is_event = self.state == State::Event;
@@ -167,7 +167,7 @@ impl Instance {
         match causality {
             Causality::Input if ALIVE.contains(&self.state) => Ok(*source),
             Causality::Parameter if BEFORE.contains(&self.state) => Ok(*source),
-            Causality::Input => refused("inputs are set until the simulation ends"),
+            Causality::Input => refused("inputs can be set until the simulation ends"),
             Causality::Parameter => refused("parameters are fixed once initialization mode is left"),
             Causality::Output | Causality::Independent => refused("it is calculated"),
         }

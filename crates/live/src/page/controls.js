@@ -97,7 +97,7 @@ export class Controls {
     const wanted = Object.fromEntries(numbers);
     this.ask({ set: wanted });
     this.asked = wanted;
-    this.answer(`asked for ${this.words(wanted)}`);
+    this.answer(`requested: ${this.words(wanted)}`);
   }
 
   // The exciter's set-point, for all viewers. A form that has not been edited shows it, too.
@@ -121,7 +121,7 @@ export class Controls {
 
   // The exciter did not accept the set-point that was requested.
   notTaken() {
-    if (this.asked !== null) this.refused(`the exciter did not take ${this.words(this.asked)}`);
+    if (this.asked !== null) this.refused(`the exciter did not accept ${this.words(this.asked)}`);
   }
 
   refused(why) {

@@ -269,7 +269,7 @@ function settle([, high], largest) {
   return [-next, next];
 }
 
-// Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles. A cross marks
+// Responses over the computed branch: stable responses as a line, unstable ones dashed, folds as circles. A cross marks
 // responses computed from clipped readings.
 export class ResponsePlot {
   constructor(canvas, reading) {
@@ -293,7 +293,7 @@ export class ResponsePlot {
     const all = [...lines, ...read];
     this.places = [];
     if (all.length === 0) {
-      words(context, "no response has been read", width, height);
+      words(context, "no response has been measured yet", width, height);
       return;
     }
     const spread = range(all.map((point) => point[0]), 0.02, [0, 1]);

@@ -13,8 +13,8 @@ const [B_X, C_X] = [6, 8];
 const ROWS_WEIGHED = 100;
 // With more points only those of the rig have their names.
 const POINTS_NAMED = 12;
-const PLACELESS = "nothing says where its points are: a scenario places them in [structure.points]";
-const FOREIGN = "a structure that a program makes, or an FMU, is not drawn";
+const PLACELESS = "the positions of its points are unknown: give them in [structure.points] of the scenario";
+const FOREIGN = "a program's own structure, or an FMU, is not drawn";
 
 export class StructureView {
   constructor(about, canvas, scaleText, note) {
@@ -88,7 +88,7 @@ export class StructureView {
   }
 
   scale(isUnknown, toScale) {
-    if (isUnknown) return "at rest: an exciter knows no coordinates";
+    if (isUnknown) return "at rest: an exciter does not know the coordinates";
     return toScale ? "to scale" : `vibration ×${this.factor.toLocaleString("en")}`;
   }
 

@@ -77,7 +77,7 @@ fn every_scenario_has_an_assembly_whose_parameters_can_be_set() {
 
 #[test]
 fn what_makes_no_preset_is_said() {
-    insta::assert_snapshot!(says("[structure]\npreset = 'irb'"), @"structure: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(says("[structure]\npreset = 'irb'"), @"structure: there is no preset `irb`: expected one of irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(says("[structure]\nangles_deg = [1, 2, 3]"), @"structure.angles_deg has 3 numbers: give 2, one for each link of irb1600-fitted");
     insta::assert_snapshot!(says("[structure]\nangles_deg = [0, 400]"), @"structure: link 2: `angle_deg` is 400: it must be a number from -360 to 360 degrees");
     insta::assert_snapshot!(says("[structure]\ngravity_m_s2 = 9.81"), @"structure: gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.mass_kg, link1.centre_of_mass_m, link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
@@ -136,9 +136,9 @@ fn what_makes_no_structure_is_said() {
 
 #[test]
 fn what_makes_no_element_is_said() {
-    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: there are mid.x, tip.x");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: expected one of mid.x, tip.x");
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip\"\nstiffness3_n_m3 = 1"), @r#"structure: `tip` names no place: write point and axis, as in "tip.x""#);
-    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: joint 1: a structure of modes has no joints; name a point and an axis");
+    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: there is no joint 1: a structure of modes has no joints; name a point and an axis");
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip.x\"\nstiffness3_nm_rad3 = 1"), @"structure.elements, number 1: `stiffness3_nm_rad3` has the unit of a joint, and the element is at an axis: give `stiffness3_n_m3`");
     insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m");
     insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");

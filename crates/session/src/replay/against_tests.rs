@@ -141,7 +141,7 @@ fn a_controller_that_ends_early_or_late_is_reported() {
 fn a_controller_that_faults_is_reported() {
     // It expects other samples a second than the plant says hello with.
     let (compared, _) = tested(&format!("{SCENARIO}\n[simulation]\nrate_hz = 500.0"), EXACT);
-    insta::assert_snapshot!(said(&compared), @"0: the controller faults: exciter, code 5: the partner does not fit (another sample rate), at sample 0; the recorded one continues with: arm");
+    insta::assert_snapshot!(said(&compared), @"0: the controller faults: exciter, code 5: the partner is incompatible (another sample rate), at sample 0; the recorded one continues with: arm");
 }
 
 /// A bus on which all that a controller ever says is there at once.

@@ -19,7 +19,7 @@ pub(super) struct RefusedFrame {
 }
 
 impl RefusedFrame {
-    /// The frame and why it was refused, on the protocol of this scenario.
+    /// The frame and why it was rejected, on the protocol of this scenario.
     pub fn in_words(&self, scenario: &Scenario) -> String {
         let RefusedFrame { sample, frame } = self;
         let reason = reason(scenario, frame).unwrap_or_else(|| {
@@ -42,7 +42,7 @@ fn reason(scenario: &Scenario, frame: &Frame) -> Option<String> {
     }
 }
 
-/// A command that was refused for its load, with the limit.
+/// A command that was rejected for its load, with the limit.
 pub(super) fn refused_command(refused: &RefusedLoad, plant: &Plant) -> String {
     let RefusedLoad { sample, load, refusal } = refused;
     let ((force_n, torque_nm), gate) = (plant.exciter().limits(), plant.gate());

@@ -101,7 +101,7 @@ pub struct PlantReport {
     /// The first command that was refused for its load, with the limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_refused_command: Option<String>,
-    /// The first frame that was refused for its checks, with the reason.
+    /// The first frame that was rejected for its checks, with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_refused_frame: Option<String>,
     /// The recording, if there is one.
@@ -171,9 +171,9 @@ pub struct ExciterReport {
     pub bus_loss: Option<BusLoss>,
     /// What the controller did that is the cause of a fault, where it is known.
     pub cause: Option<String>,
-    /// The first frame that was refused for its checks, with the reason.
+    /// The first frame that was rejected for its checks, with the reason.
     pub first_refused_frame: Option<String>,
-    /// The first refused frame, before it is put in words.
+    /// The first rejected frame, before it is put in words.
     pub(super) first_refused: Option<RefusedFrame>,
     /// The load by which the controller answered last, and the sample.
     pub(super) last_answer: Option<(u64, Load)>,
@@ -221,7 +221,7 @@ impl ExciterReport {
         let mut causes: Vec<String> = self.cause.iter().cloned().collect();
         let is_of_partner = matches!(fault.code, EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout);
         if let Some(first) = self.first_refused_frame.as_ref().filter(|_| is_of_partner) {
-            causes.push(format!("{} frames were refused, the first of them {first}", self.bus.refused));
+            causes.push(format!("{} frames were rejected, the first of them {first}", self.bus.refused));
         }
         if !causes.is_empty() {
             // Causes stand before the remedy, which ends the sentence.
@@ -360,7 +360,7 @@ fn text_of_fault(
         (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => remedy(said),
         _ => match cause {
             Some(FaultCause::Unheeded(Unheeded { frames: 1.., .. })) => {
-                "correct what the controller sends: `resonarm protocol decode` says of each frame why it is refused"
+                "correct what the controller sends: `resonarm protocol decode` says of each frame why it is rejected"
             }
             Some(FaultCause::Unheeded(_)) => "let the controller send that message before its commands",
             Some(FaultCause::Stop(_)) | None => remedy(emergency),
@@ -456,7 +456,7 @@ pub struct BusCounts {
     /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
     /// time.
     pub dropped: u64,
-    /// Frames of the protocol that were refused: for their format, length or values, and where the protocol protects
+    /// Frames of the protocol that were rejected: for their format, length or values, and where the protocol protects
     /// them for their checksum or counter.
     pub refused: u64,
     /// Those of them that came under identifiers which only this node sends: another network has the same base.

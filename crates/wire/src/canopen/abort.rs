@@ -10,7 +10,7 @@ pub enum Abort {
     #[error("the toggle bit has not changed")]
     Toggle = 0x0503_0000,
     /// The command is unknown, or no transfer precedes it.
-    #[error("the command is unknown or out of place")]
+    #[error("the command is unknown or not allowed now")]
     Command = 0x0504_0001,
     /// A read of a write-only entry.
     #[error("the object is write-only")]

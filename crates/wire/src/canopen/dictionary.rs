@@ -310,7 +310,7 @@ impl Dictionary {
         Dictionary::default()
     }
 
-    /// Adds an object. It replaces the object of the same index, if there is one.
+    /// Adds an object to the dictionary. It replaces the object of the same index, if there is one.
     pub fn add(&mut self, object: Object) {
         match self.objects.binary_search_by_key(&object.index, |other| other.index) {
             Ok(place) => self.objects[place] = object,

@@ -3,7 +3,7 @@
 /// The state of a node's communication (CiA 301, section 7.3.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NmtState {
-    /// Before the boot-up message.
+    /// The node has not sent its boot-up message yet.
     Initialising,
     /// SDOs are served, PDOs are not.
     PreOperational,

@@ -33,7 +33,7 @@ pub trait Device {
     fn epoch(&self) -> u32;
 }
 
-/// What the server made of a frame.
+/// Effect of a frame on the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handled {
     /// The frame is not for this node.
@@ -343,7 +343,7 @@ impl Server {
 
     /// Handles a master's write: the dictionary judges it, then the rules for PDO parameters, then the device.
     fn write(&mut self, address: Address, bytes: &[u8], device: &mut impl Device) -> Result<(), Abort> {
-        // Everything that can refuse the value comes before it is stored, and the device, which may act on it, last.
+        // Everything that can reject the value comes before it is stored, and the device, which may act on it, last.
         let value = self.dictionary.judge(address, bytes)?;
         pdo::check(&self.dictionary, address, value)?;
         check_history(address, value)?;

@@ -39,7 +39,7 @@ pub enum ChecksumError {
         width: u8,
     },
     /// The signal has another width than the checksum.
-    #[error("its signal has {got} bits, and the checksum {expected}")]
+    #[error("its signal has {got} bits, but the checksum needs {expected}")]
     PlaceBits {
         /// Width of the signal, bits.
         got: u8,
@@ -47,19 +47,19 @@ pub enum ChecksumError {
         expected: u8,
     },
     /// The signal is a floating-point number.
-    #[error("its signal is a floating-point number: a checksum is an integer")]
+    #[error("its signal is a floating-point number: it must be an integer")]
     Float,
     /// The payload can't have the byte that is left out.
-    #[error("byte {got} is left out, and a payload has at most {PAYLOAD_MAX_BYTES}, counted from 0")]
+    #[error("byte {got} is to be left out, but a payload has at most {PAYLOAD_MAX_BYTES} bytes, counted from 0")]
     LeftOut {
         /// Index of the byte, from 0.
         got: usize,
     },
     /// A table is empty.
-    #[error("a table without values")]
+    #[error("its table is empty: it must have at least one value")]
     EmptyTable,
     /// An identifier or length enters with too few or too many bytes.
-    #[error("{what} of {got} bytes: 1 to {most} do")]
+    #[error("{what} has {got} bytes: it must have 1 to {most}")]
     PartBytes {
         /// Part that is meant, in words.
         what: &'static str,
@@ -74,7 +74,7 @@ pub enum ChecksumError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ChecksumFault {
     /// The payload ends before the checksum, or before a signal that it depends on.
-    #[error("the payload has {got} bytes, and its checksum needs {needed}")]
+    #[error("the payload has {got} bytes, but its checksum needs {needed}")]
     Short {
         /// Length of the payload, bytes.
         got: usize,
@@ -129,7 +129,7 @@ pub enum Part {
     },
 }
 
-/// How the bytes that belong only to the checksum enter it. In a byte that it shares, its own bits are zero.
+/// Treatment of the bytes that belong only to the checksum. In a byte that the checksum shares, its own bits are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Own {
     /// They are left out.

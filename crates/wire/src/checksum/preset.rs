@@ -80,7 +80,7 @@ pub enum DataId {
 
 /// Error: a name that belongs to no preset.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("there is no checksum {name:?}: there are {}", Preset::names())]
+#[error("there is no checksum {name:?}: expected one of {}", Preset::names())]
 pub struct UnknownPreset {
     /// Name that was given.
     pub name: String,
@@ -98,7 +98,7 @@ pub enum PresetError {
         source: ChecksumError,
     },
     /// The checksum does not begin at a byte boundary, or has the wrong byte order.
-    #[error("{preset}: its checksum lies at {got}: at this byte it has to be {expected}")]
+    #[error("{preset}: its checksum is at {got}: at this byte the profile expects {expected}")]
     Place {
         /// Preset that was requested.
         preset: Preset,
@@ -109,7 +109,7 @@ pub enum PresetError {
     },
     /// A number of the profile would lie outside the payload.
     #[error(
-        "{preset} has its {what} {at:+} bytes from the checksum, which is outside of the {payload_bytes} bytes here"
+        "{preset} has its {what} {at:+} bytes from the checksum, which is outside of the payload of {payload_bytes} bytes"
     )]
     Outside {
         /// Preset that was requested.
@@ -122,13 +122,13 @@ pub enum PresetError {
         payload_bytes: usize,
     },
     /// The profile needs a counter.
-    #[error("{preset} needs the message's counter")]
+    #[error("{preset} needs a counter, but the message has none: give its signal as `counter`")]
     NoCounter {
         /// Preset that was requested.
         preset: Preset,
     },
     /// The counter is not where the profile requires it.
-    #[error("{preset}: its counter lies at {got}, and the profile has it at {expected}")]
+    #[error("{preset}: its counter is at {got}: the profile expects it at {expected}")]
     CounterPlace {
         /// Preset that was requested.
         preset: Preset,
@@ -138,7 +138,7 @@ pub enum PresetError {
         expected: Layout,
     },
     /// The counter has the wrong width.
-    #[error("{preset}: its counter has {got} bits, and the profile's {expected}")]
+    #[error("{preset}: its counter has {got} bits: the profile expects {expected}")]
     CounterBits {
         /// Preset that was requested.
         preset: Preset,
@@ -148,7 +148,7 @@ pub enum PresetError {
         expected: u8,
     },
     /// The preset needs another kind of data id.
-    #[error("{preset} takes {expected}")]
+    #[error("{preset} expects {expected}")]
     DataIdKind {
         /// Preset that was requested.
         preset: Preset,
@@ -156,7 +156,7 @@ pub enum PresetError {
         expected: &'static str,
     },
     /// The data id is too large.
-    #[error("{preset}: data id {got:#x} is beyond {most:#x}")]
+    #[error("{preset}: data id {got:#x} is too large: it must be at most {most:#x}")]
     DataId {
         /// Preset that was requested.
         preset: Preset,

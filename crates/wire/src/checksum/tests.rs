@@ -92,7 +92,7 @@ fn presets_come_back_from_their_names() {
         assert_eq!(preset.name().parse(), Ok(preset));
     }
     let unknown = "autosar-p3".parse::<Preset>().unwrap_err().to_string();
-    assert!(unknown.starts_with(r#"there is no checksum "autosar-p3": there are autosar-p1, autosar-p1-alternating"#));
+    assert!(unknown.starts_with(r#"there is no checksum "autosar-p3": expected one of autosar-p1, autosar-p1-alternating"#));
 }
 
 #[test]
@@ -104,34 +104,37 @@ fn refuses_what_the_profile_does_not_have() {
     for (got, expected) in [
         (
             refused(Preset::AutosarP5, intel(8, 8), None, one(), 8),
-            "autosar-p5: its signal has 8 bits, and the checksum 16",
+            "autosar-p5: its signal has 8 bits, but the checksum needs 16",
         ),
         (
             refused(Preset::AutosarP5, motorola(7, 16), None, one(), 8),
-            "autosar-p5: its checksum lies at 7|16@0+: at this byte it has to be 0|16@1+",
+            "autosar-p5: its checksum is at 7|16@0+: at this byte the profile expects 0|16@1+",
         ),
         (
             refused(Preset::AutosarP2, intel(0, 8), Some(intel(12, 4)), DataId::ByCounter([0; 16]), 8),
-            "autosar-p2: its counter lies at 12|4@1+, and the profile has it at 8|4@1+",
+            "autosar-p2: its counter is at 12|4@1+: the profile expects it at 8|4@1+",
         ),
         (
             refused(Preset::AutosarP2, intel(0, 8), None, DataId::ByCounter([0; 16]), 8),
-            "autosar-p2 needs the message's counter",
+            "autosar-p2 needs a counter, but the message has none: give its signal as `counter`",
         ),
-        (refused(Preset::AutosarP2, intel(0, 8), None, one(), 8), "autosar-p2 takes 16 data ids, one for each counter"),
-        (refused(Preset::AutosarP1, intel(0, 8), None, DataId::None, 8), "autosar-p1 takes one data id"),
-        (refused(Preset::Sum, intel(0, 8), None, one(), 8), "sum takes no data id"),
+        (
+            refused(Preset::AutosarP2, intel(0, 8), None, one(), 8),
+            "autosar-p2 expects 16 data ids, one for each counter",
+        ),
+        (refused(Preset::AutosarP1, intel(0, 8), None, DataId::None, 8), "autosar-p1 expects one data id"),
+        (refused(Preset::Sum, intel(0, 8), None, one(), 8), "sum expects no data id"),
         (
             refused(Preset::AutosarP1Low, intel(0, 8), None, DataId::One(0x100), 8),
-            "autosar-p1-low: data id 0x100 is beyond 0xff",
+            "autosar-p1-low: data id 0x100 is too large: it must be at most 0xff",
         ),
         (
             refused(Preset::AutosarP1, intel(0, 8), Some(intel(8, 8)), one(), 8),
-            "autosar-p1: its counter has 8 bits, and the profile's 4",
+            "autosar-p1: its counter has 8 bits: the profile expects 4",
         ),
         (
             refused(Preset::AutosarP4, motorola(7, 32), None, one(), 16),
-            "autosar-p4 has its length -8 bytes from the checksum, which is outside of the 16 bytes here",
+            "autosar-p4 has its length -8 bytes from the checksum, which is outside of the payload of 16 bytes",
         ),
     ] {
         assert_eq!(got, expected);

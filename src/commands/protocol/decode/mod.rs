@@ -31,7 +31,7 @@ use wire::WireFrames;
 /// management, PDOs by the mapping that the frames set, SDOs with the reason of an abort, control- and statusword in
 /// words. With --dbc signals have values, and nothing but the length is checked. What is wrong with a DBC is a warning,
 /// in the JSON as well; an integer of more than 53 bits has its raw number beside its rounded value. The exit code is 1
-/// if a frame is refused or too short.
+/// if a frame is rejected or too short.
 #[derive(Debug, Args)]
 pub(super) struct Decode {
     /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump`, with or
@@ -69,7 +69,7 @@ trait Explains {
     fn text(&mut self, line: &LogLine) -> String;
     /// The number of frames so far.
     fn frames(&self) -> u64;
-    /// Whether none is refused or too short.
+    /// Whether none is rejected or too short.
     fn is_clean(&self) -> bool;
     /// The number of frames of each verdict.
     fn counts(&self) -> Value;

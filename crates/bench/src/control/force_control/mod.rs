@@ -106,16 +106,16 @@ pub enum ForceControlError {
     },
     /// The amplitude is a torque, which the impedance head does not measure.
     #[error(
-        "control: force control is closed on the impedance head, which reads no torque: give `exciter_x` or `exciter_y`"
+        "control: force control uses the impedance head, which measures no torque: give `exciter_x` or `exciter_y`"
     )]
     Torque,
     /// The profile does not consist of single frequencies.
     #[error(
-        "control: force control sets the amplitude of the force at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`"
+        "control: force control sets the amplitude of the force at one frequency after the other: set `waveform` to `dwell`, `stepped-sine` or `sine-list`"
     )]
     NotADwell,
     /// The sample rate is too low for the highest frequency.
-    #[error("control: {rate_hz} samples a second are too few for force control at {frequency_hz:.2} Hz: at least {:.0} are needed", Orders::SAMPLES_A_PERIOD * frequency_hz)]
+    #[error("control: the sample rate of {rate_hz} Hz is too low for force control at {frequency_hz:.2} Hz: it must be at least {:.0} Hz", Orders::SAMPLES_A_PERIOD * frequency_hz)]
     Rate {
         /// The sample rate, Hz.
         rate_hz: f64,

@@ -46,7 +46,7 @@ fn arm() -> TestedAssembly {
     tests::preset(ANGLES_DEG)
 }
 
-/// As the controller knows it, with the armature of the shaker on it.
+/// Returns the structure as the controller knows it, with the armature of the shaker on it.
 fn known(tested: &TestedAssembly) -> Modelled<'_> {
     Modelled::new(tested, &plant_spec(Amplifier::Current).rig).unwrap()
 }
@@ -209,10 +209,10 @@ fn names_what_is_wrong_with_impossible_settings() {
         ForceControl::new(spec, known(&arm()), sampling(rate_hz), 600.0).unwrap_err().to_string()
     };
     let torque = ForceControlSpec { amplitude: Load::torque_nm(1.0, 0.0), ..stepped(1.0, 2.0) };
-    insta::assert_snapshot!(says(&torque, 1000.0), @"control: force control is closed on the impedance head, which reads no torque: give `exciter_x` or `exciter_y`");
+    insta::assert_snapshot!(says(&torque, 1000.0), @"control: force control uses the impedance head, which measures no torque: give `exciter_x` or `exciter_y`");
     let impulse =
         ForceControlSpec { profile: Waveform::Impulse { pulse_s: 0.01, duration_s: 1.0 }, ..stepped(1.0, 2.0) };
-    insta::assert_snapshot!(says(&impulse, 1000.0), @"control: force control sets the amplitude of the force at one frequency after the other: take `dwell`, `stepped-sine` or `sine-list`");
-    insta::assert_snapshot!(says(&stepped(1.0, 2.0), 200.0), @"control: 200 samples a second are too few for force control at 23.50 Hz: at least 282 are needed");
-    insta::assert_snapshot!(says(&stepped(0.0, 2.0), 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`");
+    insta::assert_snapshot!(says(&impulse, 1000.0), @"control: force control sets the amplitude of the force at one frequency after the other: set `waveform` to `dwell`, `stepped-sine` or `sine-list`");
+    insta::assert_snapshot!(says(&stepped(1.0, 2.0), 200.0), @"control: the sample rate of 200 Hz is too low for force control at 23.50 Hz: it must be at least 282 Hz");
+    insta::assert_snapshot!(says(&stepped(0.0, 2.0), 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y` or `exciter_z`, or a torque such as `joint1`");
 }

@@ -176,7 +176,7 @@ impl PhaseWalk {
         // Changing an amplitude takes load beyond that of the steady response, so the whole of the exciter
         // can't be used up.
         if limit.is_nan() || limit <= load {
-            let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
+            let expected = "below the exciter's limit: the controller needs a reserve to change the amplitude";
             return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
         }
         let share = of.high_frequency_force_share();

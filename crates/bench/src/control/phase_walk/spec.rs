@@ -95,7 +95,7 @@ pub enum PhaseWalkError {
     NoSuchMode(#[from] NoSuchMode),
     /// Harmonics are to be cancelled, and the load is a torque.
     #[error(
-        "control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces"
+        "control: `cancel_harmonics` uses the impedance head, which measures no torque: leave it out, or give forces"
     )]
     NoForce,
     /// The load does not drive the mode.
@@ -106,7 +106,7 @@ pub enum PhaseWalkError {
     },
     /// The sample rate is too low for the mode.
     #[error(
-        "control: {rate_hz} samples a second are too few for a mode at {frequency_hz:.2} Hz: at least {} are needed",
+        "control: the sample rate of {rate_hz} Hz is too low for a mode at {frequency_hz:.2} Hz: it must be at least {} Hz",
         libm::ceil(SAMPLES_A_PERIOD * .frequency_hz), rate_hz = short(.rate_hz)
     )]
     Rate {
@@ -130,7 +130,7 @@ pub enum PhaseWalkError {
     },
     /// The control loop is unstable at every gain that was tried.
     #[error(
-        "control: no gain makes the loop stable on mode {mode}{}; choose another direction of the load or a higher rate",
+        "control: no gain stabilises the control loop on mode {mode}{}; choose another direction of the load or a higher rate",
         .other_hz.map_or(String::new(), |hz| format!(" in this pose: the other mode, at {hz:.2} Hz, takes part"))
     )]
     Unstable {

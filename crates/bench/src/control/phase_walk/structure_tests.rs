@@ -216,7 +216,7 @@ fn a_mode_that_is_not_there_is_refused() {
             .unwrap_err()
             .to_string()
     };
-    insta::assert_snapshot!(refused(&modal(&[20.0]), 2), @"control: mode 2: modes are numbered from 1 to 1");
+    insta::assert_snapshot!(refused(&modal(&[20.0]), 2), @"control: there is no mode 2: the structure has modes 1 to 1");
     let y = Load::force_n(0.0, 20.0);
     let one = modal(&[20.0]);
     let off = PhaseWalk::new(spec(y, 1), Modelled::new(&one, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap_err();

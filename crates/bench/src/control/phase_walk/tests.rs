@@ -13,7 +13,7 @@ fn arm(beta2_deg: f64) -> TestedAssembly {
     tests::preset([0.0, beta2_deg])
 }
 
-/// As the controller knows it, under an ideal exciter.
+/// Returns the structure as the controller knows it, under an ideal exciter.
 fn known(tested: &TestedAssembly) -> Modelled<'_> {
     Modelled::new(tested, &RigSpec::default()).unwrap()
 }
@@ -153,9 +153,9 @@ fn rejects_impossible_walks() {
     insta::assert_snapshot!(says(PhaseWalkSpec { from_lag_deg: 0.0, ..spec }, 1000.0, 1600.0), @"control: `from_lag_deg` is 0: it must be above 0 and below 180");
     insta::assert_snapshot!(says(PhaseWalkSpec { to_lag_deg: 5.0, ..spec }, 1000.0, 1600.0), @"control: `to_lag_deg` is 5: it must be above `from_lag_deg` and below 180");
     insta::assert_snapshot!(says(PhaseWalkSpec { from_part: 0.0, ..spec }, 1000.0, 1600.0), @"control: `from_part` is 0: it must be above 0 and at most 1");
-    insta::assert_snapshot!(says(torque(0.0), 1000.0, 1600.0), @"control.amplitude: excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `exciter_z`, or a torque, as `joint1`");
-    insta::assert_snapshot!(says(spec, 1000.0, 20.0), @"control: `amplitude` is 20: it must be below what the exciter has: the loop needs some of it to change the amplitude");
-    insta::assert_snapshot!(says(spec, 200.0, 1600.0), @"control: 200 samples a second are too few for a mode at 22.16 Hz: at least 244 are needed");
+    insta::assert_snapshot!(says(torque(0.0), 1000.0, 1600.0), @"control.amplitude: excitation: the amplitude is 0: set `exciter_x`, `exciter_y` or `exciter_z`, or a torque such as `joint1`");
+    insta::assert_snapshot!(says(spec, 1000.0, 20.0), @"control: `amplitude` is 20: it must be below the exciter's limit: the controller needs a reserve to change the amplitude");
+    insta::assert_snapshot!(says(spec, 200.0, 1600.0), @"control: the sample rate of 200 Hz is too low for a mode at 22.16 Hz: it must be at least 244 Hz");
 }
 
 #[test]
@@ -191,9 +191,9 @@ fn says_why_it_gives_up() {
     ];
     let texts: Vec<String> = aborts.iter().map(ToString::to_string).collect();
     insta::assert_snapshot!(texts.join("\n"), @"
-    the accelerometer at B was clipped at 22.1317 Hz: drive less, or give it more range (`rig.sensors.b.range_m_s2`; the classic profile carries 1638 m/s²)
-    the loop asks for 612.3 N at 22.1317 Hz, the exciter has 600 N: drive less, or raise the limit if the exciter has more
-    3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the arm is not the one that the scenario describes
-    no response of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load
+    the accelerometer at B was clipped at 22.1317 Hz: reduce the excitation, or increase its range (`rig.sensors.b.range_m_s2`; the classic profile carries 1638 m/s²)
+    the controller asks for 612.3 N at 22.1317 Hz, beyond the exciter's limit of 600 N: reduce the excitation, or raise the limit if the exciter allows it
+    3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the structure differs from the one in the scenario; check both
+    the points found so far predict no response with a lag of 10.0° at this load: its frequency would be 31.500 Hz and its amplitude 0.700 m, but a phase walk stays within a tenth of the mode's frequency; choose lags nearer to 90°, or another load
     ");
 }

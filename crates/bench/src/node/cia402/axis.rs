@@ -163,7 +163,7 @@ impl Axis {
         }
     }
 
-    /// Enters a fault. Its reaction lasts until [`Axis::end_reaction`].
+    /// Puts the axis into the fault state. Its reaction lasts until [`Axis::end_reaction`].
     pub fn fail(&mut self, code: EmergencyCode) {
         self.fault = Some(code);
         self.begin_epoch();

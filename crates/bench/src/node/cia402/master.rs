@@ -108,7 +108,7 @@ pub struct Cia402Exciter {
     work: Work<Carried>,
     time_base: TimeBase,
     queue: VecDeque<Message>,
-    /// In real time: the time of the next SYNC; the next field is the period, ns of the clock.
+    /// Time of the next SYNC in real time; the next field is the period, ns of the clock.
     sync_at_ns: u64,
     sync_period_ns: u64,
     /// Number of SYNCs since the last answered sample.
@@ -148,7 +148,7 @@ impl Cia402Exciter {
         })
     }
 
-    /// Queues a frame. A frame that already waits is sent with the newest target.
+    /// Queues a frame for sending. A frame that already waits is sent with the newest target.
     fn push(&mut self, message: Message) {
         if self.queue.contains(&message) {
             self.core.counts.unsent += 1;

@@ -131,7 +131,7 @@ pub struct Cia402Node {
     guard: Guard,
     /// Time of the last call that stated one, ns.
     now_ns: u64,
-    /// In lockstep: whether the last published sample has its answer.
+    /// Whether the last published sample has its answer, in lockstep.
     is_synced: bool,
     /// Load from the sample before to the last published one.
     held: Load,

@@ -21,21 +21,21 @@ pub struct Mapping {
     pub incoming: Vec<Incoming>,
     /// Messages that the plant sends, in the order of sending.
     pub outgoing: Vec<Outgoing>,
-    /// How the plant is armed.
+    /// Way in which the plant is armed.
     pub arming: Arming,
     /// Frames that answer a sample in lockstep.
     pub lockstep: Lockstep,
 }
 
-/// How a plant is armed.
+/// Way in which a plant is armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arming {
-    /// By a message with [`Action::Arm`].
+    /// The plant is armed by a message with [`Action::Arm`].
     Message,
-    /// By the operator at the plant.
+    /// The plant is armed by the operator at the plant.
     Operator,
-    /// By its first commands, if their load is below a hundredth of the exciter's limits; once, and never after
-    /// a fault.
+    /// The plant is armed by its first commands, if their load is below a hundredth of the exciter's limits; once, and
+    /// never after a fault.
     ZeroCommand,
 }
 
@@ -157,7 +157,7 @@ pub struct CommandSignal {
     pub scale: f64,
     /// Load at the value 0, N or N·m.
     pub offset: f64,
-    /// Where the load acts.
+    /// Place where the load acts.
     pub input: LoadInput,
 }
 
@@ -228,10 +228,10 @@ pub struct EventSignal {
 /// Frames in which a value makes its request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Counts {
-    /// When the signal changes to it, or is received for the first time; for signals that are sent
+    /// The value counts when the signal changes to it, or is received for the first time; for signals that are sent
     /// continuously.
     OnChange,
-    /// In every frame; for messages that are sent once.
+    /// The value counts in every frame; for messages that are sent once.
     InEveryFrame,
 }
 
@@ -261,7 +261,7 @@ pub struct Outgoing {
     pub protection: Protection,
     /// Index of the drive whose state it reports.
     pub drive: usize,
-    /// When the message is sent.
+    /// Trigger by which the message is sent.
     pub trigger: Trigger,
     /// Whether it is also sent on request: by a remote frame, or a frame without data.
     pub is_on_request: bool,
@@ -276,16 +276,16 @@ impl Outgoing {
     }
 }
 
-/// When a message is sent.
+/// Trigger by which a message is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
-    /// After this number of samples, at least 1.
+    /// The message is sent after this number of samples, at least 1.
     Every(u64),
-    /// After this time, ns of the clock.
+    /// The message is sent after this time, ns of the clock.
     Period(u64),
-    /// At each message marked as [`Incoming::is_sync`].
+    /// The message is sent at each message marked as [`Incoming::is_sync`].
     Sync,
-    /// On request and at no other time.
+    /// The message is sent on request and at no other time.
     Request,
 }
 

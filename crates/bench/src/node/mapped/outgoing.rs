@@ -33,7 +33,7 @@ impl Sender {
         self.waits
     }
 
-    /// Queues a frame. Returns `false` if one waited already, which is then sent with newer values.
+    /// Queues a frame for sending. Returns `false` if one waited already, which is then sent with newer values.
     pub fn queue(&mut self) -> bool {
         !core::mem::replace(&mut self.waits, true)
     }

@@ -54,7 +54,7 @@ fn fd_length(length: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ProtectionFault {
     /// The frame has another format than the message.
-    #[error("it is a {}, and the message is a {}", format_name(*got), format_name(*expected))]
+    #[error("it is a {}, but the message is a {}", format_name(*got), format_name(*expected))]
     Format {
         /// Format of the frame.
         got: FrameFormat,
@@ -62,7 +62,7 @@ pub enum ProtectionFault {
         expected: FrameFormat,
     },
     /// The payload is longer than the message.
-    #[error("it has {got} bytes, and the message has {most}")]
+    #[error("it has {got} bytes, but the message has {most}")]
     Long {
         /// Length of the payload, bytes.
         got: usize,
@@ -82,7 +82,7 @@ pub enum ProtectionFault {
     #[error(transparent)]
     Counter(#[from] CounterFault),
     /// More consecutive frames were lost than are allowed.
-    #[error("{frames} frames were lost before it, and {most} may be")]
+    #[error("{frames} frames were lost before it, but at most {most} may be")]
     Lost {
         /// Number of lost frames according to the counter.
         frames: u64,

@@ -45,7 +45,7 @@ enum Protocol {
 const ALL: [Protocol; 5] =
     [Protocol::Native, Protocol::Mapped, Protocol::MappedSync, Protocol::ODrive, Protocol::CanOpen];
 
-/// What is known of a command that was sent.
+/// State of a command that was sent.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     /// Whether it has the form of its message, and the plant was armed when it had been received.
@@ -68,9 +68,9 @@ struct Plant {
     held: i64,
     native: Transmitter,
     alive: u64,
-    /// By their numbers.
+    /// Commands by their numbers.
     commands: Vec<Option<Command>>,
-    /// Of RPDO 2: how often it was set up, its object, and whether it is enabled.
+    /// State of RPDO 2: how often it was set up, its object, and whether it is enabled.
     setups: u32,
     mapped: u16,
     is_enabled: bool,
@@ -356,7 +356,7 @@ impl Plant {
         frames.iter().for_each(|_| self.node.frame_sent());
     }
 
-    /// What answers a sample, where something does: SYNC.
+    /// Sends SYNC where it answers a sample.
     fn sync(&mut self) {
         if matches!(self.protocol, Protocol::MappedSync | Protocol::CanOpen) {
             self.send(0x80, &[]);
@@ -513,7 +513,7 @@ fn a_fresh_command_acts() {
     }
 }
 
-/// Of a PDO that is disabled, nothing that waits acts.
+/// Nothing that waits acts on a PDO that is disabled.
 #[test]
 fn a_pdo_that_was_disabled_since_never_acts() {
     let mut plant = Plant::new(Protocol::CanOpen);
@@ -652,7 +652,7 @@ fn of_hostile_frames_none_acts_that_is_not_fresh() {
     }
 }
 
-/// Three hundred refused frames before and behind an arm hide neither it nor its end.
+/// Three hundred rejected frames before and behind an arm hide neither it nor its end.
 #[test]
 fn rejected_frames_hide_no_transition() {
     for protocol in ALL {
@@ -712,18 +712,21 @@ fn a_timeout_names_what_was_refused() {
     plant.arm();
     let short = Frame::classic(Id::Standard(0x201), &[0x0F, 0x00, 0xC8]).unwrap();
     let said = cause(plant, &short);
-    assert_eq!(said, "20 frames were refused, the first of them 201#0F00C8: RPDO 1 has 4 bytes, and this frame fewer");
+    assert_eq!(
+        said,
+        "20 frames were rejected, the first of them 201#0F00C8: RPDO 1 needs 4 bytes, but the frame has fewer"
+    );
     let mut plant = Plant::new(Protocol::ODrive);
     plant.send(0x07, &[8, 0, 0, 0, 0, 0, 0, 0]);
     let torque = plant.command(1);
     let said = cause(plant, &torque);
-    assert_eq!(said, "20 commands came before Set_Controller_Mode had a required value, and were refused");
+    assert_eq!(said, "20 commands came before Set_Controller_Mode had a required value, and were rejected");
     let mut plant = Plant::new(Protocol::Mapped);
     plant.arm();
     let other = Frame::classic(Id::Standard(0x100), &[0; 8]).unwrap();
     assert_eq!(
         cause(plant, &other),
-        "20 frames were refused, the first of them 100#0000000000000000: Drive: its checksum is wrong"
+        "20 frames were rejected, the first of them 100#0000000000000000: Drive: its checksum is wrong"
     );
 }
 

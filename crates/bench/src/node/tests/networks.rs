@@ -245,7 +245,7 @@ fn a_load_without_a_field_is_refused_and_no_part_of_it_acts() {
     let timing = Timing::real_time(RATE_HZ);
     let mut exciter = carry(Network::default(), RATE_HZ, timing, Box::new(ThirdJoint));
     let lack = exciter.check_load(&Load::at_joint(2, 5.0)).unwrap_err();
-    insta::assert_snapshot!(lack, @"the exciter's load has torque3_nm, and Resonarm's protocol carries torque1_nm, torque2_nm, force_x_n and force_y_n alone: change the excitation, or map a protocol of your own by [wire]");
+    insta::assert_snapshot!(lack, @"the exciter's load has torque3_nm, but Resonarm's protocol carries only torque1_nm, torque2_nm, force_x_n and force_y_n: change the excitation, or map a user protocol by [wire]");
     assert_eq!(exciter.check_load(&Load::planar([1.0, 2.0], [3.0, 4.0])), Ok(()));
     exciter.start(0);
     let mut bench = Bench { exciter: Some(exciter), ..Bench::with(timing, 0.5) };

@@ -35,7 +35,7 @@ fn a_plant_that_faults_with_its_exciter_has_the_exciter_s_reason() {
     assert_eq!(bench.plant.fault_reason(), None);
 }
 
-/// Plant and exciter in lockstep, where the plant refuses the commands as too large; with the timeouts of both, ns. And
+/// Plant and exciter in lockstep, where the plant rejects the commands as too large; with the timeouts of both, ns. And
 /// the plant's events.
 fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterNode, Vec<NodeEvent>) {
     let weak = Exciter::Ideal(ExciterSpec { force_limit_n: 1.0, ..ExciterSpec::default() });

@@ -8,7 +8,7 @@ use resonarm_bench::rig::Load;
 use resonarm_bench::rig::{Converter, Exciter, GateSpec, Measurement, Reading};
 use resonarm_bench::structure::States;
 
-/// How long a controller is away before it is started, and started again, ns.
+/// Time for which a controller is away before it is started, and started again, ns.
 const AWAY_NS: u64 = 200_000_000;
 /// The period of a device's samples, ns.
 const PERIOD_NS: u64 = 5_000_000;
@@ -19,13 +19,13 @@ const PERIOD_NS: u64 = 5_000_000;
 pub struct Flaw {
     pub hears: fn(&UserWire, &mut Context, Frame) -> Vec<Frame>,
     pub sends: fn(&UserWire, &mut Context, Frame) -> Vec<Frame>,
-    /// What a plant holds of a load.
+    /// Load that a plant holds for a commanded one.
     pub holds: fn(Load) -> Load,
-    /// What the scenario of the device has in place of that of the tester.
+    /// Changes the scenario of the device against that of the tester.
     pub spec: fn(&mut WireSpec),
 }
 
-/// What a flaw knows.
+/// State that a flaw may use.
 #[derive(Default)]
 pub struct Context {
     pub now_ns: u64,

@@ -138,12 +138,12 @@ fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
 #[test]
 fn a_scenario_that_has_no_cases_is_refused_in_words() {
     let refused = |scenario: Scenario| UserWire::new(scenario, Node::Plant, Mode::RealTime).unwrap_err().to_string();
-    insta::assert_snapshot!(refused(Scenario::default()), @"the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol");
+    insta::assert_snapshot!(refused(Scenario::default()), @"the scenario has no [wire], so it maps no user protocol: leave the scenario out to test on Resonarm's protocol");
     let mut by_operator = On::Dbc.scenario();
     let wire = by_operator.wire.as_mut().unwrap();
     wire.events.clear();
     wire.arm = Some(resonarm_scenario::wire::ArmSpec::Operator);
-    insta::assert_snapshot!(refused(by_operator), @r#"[wire] `arm = "operator"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or `arm = "zero-command"`"#);
+    insta::assert_snapshot!(refused(by_operator), @r#"[wire] `arm = "operator"`: no message arms the plant, so the emulated exciter can't arm it; give an event with `arm`, or `arm = "zero-command"`"#);
 }
 
 /// The protocol of the DBC with loads, enable and the head's force alone.
@@ -177,8 +177,8 @@ fn what_a_protocol_does_not_have_is_skipped_with_the_reason() {
     exciter-in-time
     exciter-acts
     exciter-limits
-    exciter-plant-faults: no reading that comes by itself twice a second says that the plant is in fault
-    exciter-plant-disarmed: no reading that comes by itself twice a second says that the plant is disarmed
+    exciter-plant-faults: no reading that is sent at least twice a second carries the plant's fault
+    exciter-plant-disarmed: no reading that is sent at least twice a second carries the plant's state disarmed
     ");
     let wire = bare(Node::Plant);
     let found = findings(&wire, || Box::new(PlantDevice::new(wire.clone(), NONE)));
@@ -187,7 +187,7 @@ fn what_a_protocol_does_not_have_is_skipped_with_the_reason() {
     plant-requests: no reading is sent on request
     plant-frames
     plant-counters: no message of the plant has a counter
-    plant-arms: no reading that comes by itself twice a second says the plant's state
+    plant-arms: no reading that is sent at least twice a second carries the plant's state
     plant-commands-act
     plant-wrong-checksum: not every message with loads has a checksum
     plant-repeated-counter: not every message with loads has a counter
@@ -195,9 +195,9 @@ fn what_a_protocol_does_not_have_is_skipped_with_the_reason() {
     plant-length
     plant-not-finite
     plant-too-large
-    plant-command-timeout: no reading that comes by itself twice a second says that the plant is in fault
+    plant-command-timeout: no reading that is sent at least twice a second carries the plant's fault
     plant-disarm
-    plant-reset: no message resets a fault, or no reading that comes by itself twice a second says one
-    plant-stop: no message stops the plant, or no reading that comes by itself twice a second says a fault
+    plant-reset: no message resets a fault, or no reading that is sent at least twice a second carries one
+    plant-stop: no message stops the plant, or no reading that is sent at least twice a second carries a fault
     ");
 }

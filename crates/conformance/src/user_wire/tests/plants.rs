@@ -155,7 +155,7 @@ fn a_plant_of_a_dbc_that_takes_what_it_must_not_fails_the_cases_for_it() {
     assert_eq!(cuts, ["plant-too-large"]);
 }
 
-/// As `redone`, of a frame that has its length.
+/// Does as `redone`, for a frame that has its length.
 fn redone_if_whole(on: &UserWire, frame: &Frame, change: impl FnOnce(&mut [u8])) -> Frame {
     if frame.data().len() == 8 { redone(on, frame, change) } else { *frame }
 }

@@ -41,14 +41,14 @@ impl<D: Dynamics<N>, const S: usize, const N: usize> SolveStages<N> for Iteratio
     }
 }
 
-/// How the states of an iteration are computed.
+/// Way in which the states of an iteration are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MadeOf {
     /// The state at the start of the step.
     Start,
-    /// From the previous slopes, by rounded matrices.
+    /// The states follow from the previous slopes, by rounded matrices.
     Rounded,
-    /// From the previous slopes, by matrices of 79 bits: the last iteration.
+    /// The states follow from the previous slopes, by matrices of 79 bits: the last iteration.
     Whole,
 }
 

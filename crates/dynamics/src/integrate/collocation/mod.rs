@@ -101,8 +101,9 @@ impl<const S: usize, const N: usize> Step<S, N> {
 /// A matrix of 2N rows and N columns, by columns; or one in each lane.
 type Columns<T, const N: usize> = [Motion<T, N>; N];
 
-/// Such a matrix with entries of 79 bits: each is the sum of its first 26 bits and the next 53. If the first part had
-/// all 53 bits of `f64`, rounding its product would swallow the second part, the same way in every step.
+/// Matrix of 2N rows and N columns with entries of 79 bits: each is the sum of its first 26 bits and the next 53. If
+/// the first part had all 53 bits of `f64`, rounding its product would swallow the second part, the same way in every
+/// step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Matrix<T, const N: usize> {
     high: Columns<T, N>,

@@ -36,8 +36,8 @@ pub(super) fn solve<D: Dynamics<N>, const S: usize, const N: usize>(
     Err(IntegrateError::NoConvergence { t_s, iterations: MOST_ITERATIONS, correction })
 }
 
-/// One iteration. Returns the correction relative to the largest acceleration and the work of load and dampers over the
-/// step, J; `None` if the matrix is singular.
+/// Makes one iteration. Returns the correction relative to the largest acceleration and the work of load and dampers
+/// over the step, J; `None` if the matrix is singular.
 fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
     stages: &Stages<D, S, N>,
     slopes: &mut Slopes<S, N>,

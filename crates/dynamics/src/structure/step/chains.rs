@@ -20,13 +20,13 @@ use crate::structure::spec::Axis;
 pub(super) struct Stepped<const N: usize> {
     pub links: Links<N>,
     integrator: Integrator<N>,
-    /// Where each load acts: its number, and a degree of freedom with its share.
+    /// Places where the loads act: the number of the load, and a degree of freedom with its share.
     drive: Vec<(usize, Dof, f64)>,
     pub motion: Motion<f64, N>,
     driver: Option<Driver>,
 }
 
-/// What drives a chain.
+/// Drive of a chain.
 #[derive(Clone, Debug)]
 pub(super) enum Drive<'a> {
     /// A load along each of some degrees of freedom.
@@ -115,14 +115,14 @@ impl<const N: usize> Stepped<N> {
     }
 }
 
-/// How loads vary over a step.
+/// Course of the loads over a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Course<'a> {
     /// Constant, multiplied by this factor.
     Held(f64),
-    /// As a step's load does.
+    /// The loads vary as a step's load does.
     Step(&'a StepLoad<'a>),
-    /// By the force of a coil, N.
+    /// The load is the force of a coil, N.
     Coil { current: Current, force_factor_n_a: f64, start_s: f64, step_s: f64 },
 }
 

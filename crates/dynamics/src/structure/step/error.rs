@@ -5,19 +5,19 @@ use thiserror::Error;
 use crate::integrate::{IntegrateError, Scheme};
 use resonarm_numeric::number::short;
 
-/// Why a structure can't be stepped, or make a step.
+/// Error of a structure that can't be stepped, or can't make a step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StepError {
     /// The rate is not a positive number.
-    #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
+    #[error("the integration rate is {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
         /// Rate that was given, Hz.
         got_hz: f64,
     },
-    /// At this rate the scheme is unstable, or makes less than one step a period.
+    /// The scheme is unstable at this rate, or makes less than one step a period.
     #[error(
-        "scheme {scheme} can't carry this structure at {got_hz} Hz: its fastest mode needs at least {needed_hz} Hz",
+        "scheme {scheme} is too coarse for this structure at {got_hz} Hz: its fastest mode needs a rate of at least {needed_hz} Hz",
         got_hz = short(.got_hz), needed_hz = short(.needed_hz)
     )]
     RateTooLow {
@@ -30,8 +30,8 @@ pub enum StepError {
     },
     /// The elements, as stiff or as fast as they are where the step starts, need more parts of it than are made.
     #[error(
-        "the step at t = {t_s} s needs more than {most} parts for the stiffness of the elements: raise the integration rate to at \
-         least {needed_hz} Hz, or look for an element that is out of proportion",
+        "the step at t = {t_s} s needs more than {most} parts for the stiffness of the elements: raise the \
+         integration rate to at least {needed_hz} Hz, or check for an element that is far too stiff",
         t_s = short(.t_s), needed_hz = short(.needed_hz)
     )]
     TooStiff {
@@ -44,8 +44,8 @@ pub enum StepError {
     },
     /// The current of a shaker's coil follows the voltage too fast.
     #[error(
-        "the current of the shaker's coil follows the voltage too fast for the step: `inductance_h` is {got_h}, and must be at \
-         least {least_h}, or 0 for a current that follows at once", got_h = short(.got_h), least_h = short(.least_h)
+        "the current of the shaker's coil follows the voltage too fast for the step: `inductance_h` is {got_h}; it \
+         must be at least {least_h}, or 0 for a current that follows at once", got_h = short(.got_h), least_h = short(.least_h)
     )]
     Coil {
         /// The given inductance, H.
@@ -54,14 +54,14 @@ pub enum StepError {
         least_h: f64,
     },
     /// A load that varies over a step, on a shaker.
-    #[error("a shaker's command is held over a step: give a held load")]
+    #[error("the shaker's command varies within the step: expected a load that is held over the step")]
     NotHeld,
     /// The integrator can't make the step.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
     /// The new state is infinite or not a number.
     #[error(
-        "the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the structure can bear",
+        "the state at t = {t_s} s is not finite: raise the rate, or check for a load that is too large for the structure",
         t_s = short(.t_s)
     )]
     NotFinite {
@@ -69,7 +69,7 @@ pub enum StepError {
         t_s: f64,
     },
     /// Another number of loads than the drive has degrees of freedom.
-    #[error("{got} loads: the drive has {expected} degrees of freedom")]
+    #[error("got {got} loads: expected {expected}, one for each degree of freedom of the drive")]
     Loads {
         /// Number of loads given.
         got: usize,
@@ -77,9 +77,7 @@ pub enum StepError {
         expected: usize,
     },
     /// Numbers that are not a saved state of this structure.
-    #[error(
-        "a saved state of {got} finite numbers: the structure has {states}, or {all} with the branches of its elements"
-    )]
+    #[error("the saved state has {got} finite numbers: expected {states}, or {all} with the branches of the elements")]
     Saved {
         /// Numbers given, up to the first that is not finite.
         got: usize,

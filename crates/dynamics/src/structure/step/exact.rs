@@ -54,7 +54,7 @@ struct Flow {
 const TERMS: u32 = 14;
 /// The largest ωk, Ωk and σk of a part for the series.
 const MOST_TURN: f64 = 0.25;
-/// From the longest finite step to such a part it takes fewer.
+/// Most halvings of a step: from the longest finite step to such a part it takes fewer.
 const MOST_HALVINGS: u32 = 2048;
 
 /// A and Ȧ of the module's head.
@@ -174,7 +174,8 @@ pub(super) fn engine(modal: &Modal, assembly: &Assembly, drive: &[Dof], rate_hz:
 }
 
 impl Exact {
-    /// What a sine with these peaks of the forces adds to the position and the rate of each mode in a step from a time.
+    /// Computes what a sine with these peaks of the forces adds to the position and the rate of each mode in a step
+    /// from a time.
     fn sine(&mut self, peaks: &[f64; MOST_MODES], omega_rad_s: f64, t_s: f64) -> [[f64; 2]; MOST_MODES] {
         // The NaN before the first sine is unequal to every Ω.
         if self.driven_rad_s != omega_rad_s {

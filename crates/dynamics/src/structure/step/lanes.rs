@@ -32,7 +32,7 @@ pub struct SineSteps<'a> {
     pub amplitude: &'a [f64],
     /// sin(Ωt) at the [`STAGE_TIMES`] of each step.
     pub sines: &'a [[f64; STAGES]],
-    /// How many times all the steps are taken, the sines being those of a whole number of periods.
+    /// Number of times that all the steps are taken, the sines being those of a whole number of periods.
     pub times: u32,
 }
 

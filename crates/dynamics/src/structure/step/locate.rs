@@ -1,4 +1,4 @@
-//! Where a margin becomes negative inside a part of a step.
+//! Search for the time at which a margin becomes negative inside a part of a step.
 
 /// The most trials: the bracket shrinks by more than half in every three, so that it then is rounding.
 const MOST_TRIALS: u32 = 160;

@@ -35,7 +35,7 @@ use super::element::Branch;
 use super::position::Kinematics;
 use crate::integrate::Scheme;
 
-/// What makes the steps of a structure.
+/// Engine that makes the steps of a structure.
 trait Engine: fmt::Debug + Send + Sync {
     /// State at the end of the last step.
     fn state(&self) -> StateRef<'_>;
@@ -91,7 +91,7 @@ impl StepLoad<'_> {
         }
     }
 
-    /// What the numbers are to be multiplied by at a time.
+    /// Returns the factor by which the numbers are multiplied at a time.
     fn factor(&self, t_s: f64) -> f64 {
         match self {
             StepLoad::Held(_) => 1.0,
@@ -211,13 +211,13 @@ impl Stepper {
         Some(armature.motion(&self.assembly.at(self.position()), self.velocity()))
     }
 
-    /// How many times an element switched its branch.
+    /// Returns how often an element switched its branch.
     pub fn events(&self) -> u64 {
         self.engine.counters()[0]
     }
 
-    /// How many steps met more switches than are located: the rest of such a step goes on in explicit steps with the
-    /// branches that hold where each starts, so that its error is of first order.
+    /// Returns how many steps met more switches than are located: the rest of such a step goes on in explicit steps
+    /// with the branches that hold where each starts, so that its error is of first order.
     pub fn fallbacks(&self) -> u64 {
         self.engine.counters()[1]
     }
@@ -305,12 +305,12 @@ impl Stepper {
         if load.len() == self.loads { Ok(()) } else { Err(StepError::Loads { got: load.len(), expected: self.loads }) }
     }
 
-    /// How many numbers are states: coordinates, rates, the current of a shaker's coil, states of elements.
+    /// Returns the number of states: coordinates, rates, the current of a shaker's coil, states of elements.
     pub fn states(&self) -> usize {
         2 * self.assembly.coordinates() + self.engine.state().coil.len() + self.assembly.element_states()
     }
 
-    /// How many numbers [`Stepper::save`] writes: the states, and the branch of every element, 1, 0 or −1.
+    /// Returns how many numbers [`Stepper::save`] writes: the states, and the branch of every element, 1, 0 or −1.
     pub fn saved_len(&self) -> usize {
         self.states() + self.engine.state().branches.len()
     }

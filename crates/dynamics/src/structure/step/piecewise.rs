@@ -62,7 +62,7 @@ struct Slope {
     current_a_s: f64,
 }
 
-/// Where a part of a step starts.
+/// State at which a part of a step starts.
 #[derive(Clone, Copy, Debug)]
 struct Start {
     state: State,
@@ -261,8 +261,8 @@ impl Piecewise {
         least
     }
 
-    /// When in a part of `h_s` a margin that is not negative at its ends may be: the first of the lows of the margins'
-    /// cubics through both ends.
+    /// Returns a time in a part of `h_s` at which a margin that is not negative at its ends may be: the first of the
+    /// lows of the margins' cubics through both ends.
     fn dip_s(&self, start: &State, end: &State, h_s: f64) -> Option<f64> {
         let ([at_start, at_end], mut first) = ([start, end].map(|state| self.at(state)), None::<f64>);
         for (i, element) in self.assembly.elements().iter().enumerate() {
@@ -309,7 +309,7 @@ impl Piecewise {
         elements.filter(|(_, element)| matches!(element.law, Law::HuntCrossley { .. })).any(opens)
     }
 
-    /// In how many parts the next `h_s` are made from a state.
+    /// Returns the number of parts in which the next `h_s` are made from a state.
     fn parts(&self, t_s: f64, h_s: f64, state: &State) -> Result<u32, StepError> {
         // Within a part an element may be pressed further, and be stiffer, than where the part starts.
         let reach_s = (PHASE_RAD / libm::sqrt(self.fastest_squared)).min(h_s);
@@ -438,8 +438,9 @@ fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, of)| *sum += weight * of);
 }
 
-/// When a margin that falls at the start and rises at the end of `h_s` is least, if that is not clearly positive. With
-/// the share s of h, m from its ends and slopes d is the cubic of C. Hermite, whose slope is A s² + B s + C,
+/// Returns the time at which a margin that falls at the start and rises at the end of `h_s` is least, if that is not
+/// clearly positive. With the share s of h, m from its ends and slopes d is the cubic of C. Hermite, whose slope is A
+/// s² + B s + C,
 ///
 /// ```text
 /// A = 6 (m₀ − m₁) + 3h (d₀ + d₁)     B = −6 (m₀ − m₁) − 4h d₀ − 2h d₁     C = h d₀

@@ -219,7 +219,7 @@ fn points_move_as_they_say() {
     }
 }
 
-/// What load and weight put in is in motion, springs and elements, or was lost.
+/// The energy that load and weight put in is in motion, springs and elements, or was lost.
 #[test]
 fn energy_of_a_chain_with_smooth_elements_is_balanced() {
     let assembly = hard_chain();

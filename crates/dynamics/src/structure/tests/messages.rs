@@ -1,4 +1,4 @@
-//! What is refused, and in which words.
+//! Errors of structures, in words.
 
 use insta::assert_snapshot;
 
@@ -18,10 +18,10 @@ fn chain_refused(change: impl Fn(&mut ChainSpec)) -> String {
 #[test]
 fn impossible_chains_are_refused() {
     let of_link = |change: fn(&mut Link)| chain_refused(|chain| change(&mut chain.links[1]));
-    assert_snapshot!(chain_refused(|chain| chain.links.clear()), @"0 links: a structure has 1 to 8");
+    assert_snapshot!(chain_refused(|chain| chain.links.clear()), @"the structure has 0 links: it must have 1 to 8");
     assert_snapshot!(
         chain_refused(|chain| chain.links = vec![chain.links[0]; 9]),
-        @"9 links: a structure has 1 to 8"
+        @"the structure has 9 links: it must have 1 to 8"
     );
     assert_snapshot!(
         of_link(|link| link.mass_kg = 0.0),
@@ -60,7 +60,7 @@ fn impossible_chains_are_refused() {
     );
     assert_snapshot!(
         of_link(|link| link.stiffness_nm_rad = 1e-320),
-        @"the structure's natural frequencies come out as 5.3e-162 to 3.8e1 Hz: they must be positive and finite; stiffnesses and inertias are out of proportion"
+        @"the structure's natural frequencies are computed as 5.3e-162 to 3.8e1 Hz: they must be positive and finite; check the proportion of stiffnesses and inertias"
     );
 }
 
@@ -71,8 +71,8 @@ fn impossible_modes_are_refused() {
         change(&mut modal);
         Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements: vec![] }).unwrap_err().to_string()
     };
-    assert_snapshot!(refused(|modal| modal.modes.clear()), @"0 modes: a structure has 1 to 32");
-    assert_snapshot!(refused(|modal| modal.shapes.clear()), @"0 shapes: a structure has 1 to 256");
+    assert_snapshot!(refused(|modal| modal.modes.clear()), @"the structure has 0 modes: it must have 1 to 32");
+    assert_snapshot!(refused(|modal| modal.shapes.clear()), @"the structure has 0 shapes: it must have 1 to 256");
     assert_snapshot!(
         refused(|modal| modal.modes[1].frequency_hz = -0.1),
         @"mode 2: `frequency_hz` is -0.1: it must be a number from 0"
@@ -91,7 +91,7 @@ fn impossible_modes_are_refused() {
     );
     assert_snapshot!(
         refused(|modal| modal.shapes[1].point = "tip".into()),
-        @"there are two shapes `tip.x`: a point has one for each axis"
+        @"the shape `tip.x` is given twice: a point must have one for each axis"
     );
     assert_snapshot!(
         refused(|modal| modal.shapes[1].point = "a.b".into()),
@@ -113,11 +113,11 @@ fn impossible_places_are_refused() {
     let between = |at, to| ElementSpec { at, to: Some(to), law: SPRING };
     assert_snapshot!(
         chain(vec![grounded(along("tip", Axis::Z), SPRING)]),
-        @"there is no `tip.z` in this structure: there are joint2.x, joint2.y, joint3.x, joint3.y, tip.x, tip.y, joint1, joint2, joint3"
+        @"there is no `tip.z` in this structure: expected one of joint2.x, joint2.y, joint3.x, joint3.y, tip.x, tip.y, joint1, joint2, joint3"
     );
     assert_snapshot!(
         modal(vec![grounded(along("end", Axis::X), SPRING)]),
-        @"there is no `end.x` in this structure: there are tip.x, mid.x"
+        @"there is no `end.x` in this structure: expected one of tip.x, mid.x"
     );
     assert_snapshot!(
         chain(vec![grounded(Place::Joint(4), SPRING)]),
@@ -125,7 +125,7 @@ fn impossible_places_are_refused() {
     );
     assert_snapshot!(
         modal(vec![grounded(Place::Joint(1), SPRING)]),
-        @"joint 1: a structure of modes has no joints; name a point and an axis"
+        @"there is no joint 1: a structure of modes has no joints; name a point and an axis"
     );
     assert_snapshot!(
         chain(vec![grounded(along("joint1", Axis::X), SPRING)]),
@@ -143,11 +143,11 @@ fn impossible_places_are_refused() {
     let tip = || along("tip", Axis::X);
     assert_snapshot!(
         modal(vec![grounded(tip(), SPRING), grounded(tip(), contact), grounded(tip(), GAP)]),
-        @"elements 2 and 3 are both contacts at `tip.x` on the same side: make one of them"
+        @"elements 2 and 3 are both contacts at `tip.x` on the same side: combine them into one element"
     );
     assert_snapshot!(
         modal(vec![grounded(tip(), SPRING); 17]),
-        @"17 elements: a structure has 0 to 16"
+        @"the structure has 17 elements: it must have 0 to 16"
     );
 }
 
@@ -187,25 +187,25 @@ fn impossible_steps_are_refused() {
         |assembly: &Assembly, scheme, rate_hz| Stepper::new(assembly, &[], scheme, rate_hz).unwrap_err().to_string();
     assert_snapshot!(
         refused(&chain, Scheme::Rk4, 0.0),
-        @"integration rate 0 Hz: it must be a positive number"
+        @"the integration rate is 0 Hz: it must be a positive number"
     );
     assert_snapshot!(
         refused(&chain, Scheme::Rk4, 50.0),
-        @"scheme rk4 can't carry this structure at 50 Hz: its fastest mode needs at least 116 Hz"
+        @"scheme rk4 is too coarse for this structure at 50 Hz: its fastest mode needs a rate of at least 116 Hz"
     );
     let stiff = two_modes(vec![grounded(along("tip", Axis::X), Law::Gap { stiffness: 1e13, gap: 0.001 })]);
     assert_snapshot!(
         refused(&stiff, Scheme::Rk4, 1000.0),
-        @"the step at t = 0 s needs more than 256 parts for the stiffness of the elements: raise the integration rate to at least 19778 Hz, or look for an element that is out of proportion"
+        @"the step at t = 0 s needs more than 256 parts for the stiffness of the elements: raise the integration rate to at least 19778 Hz, or check for an element that is far too stiff"
     );
     let mut stepper = Stepper::new(&chain, &[], Scheme::Exponential8, 1000.0).unwrap();
     assert_snapshot!(
         stepper.advance(0.0, &[1.0]).unwrap_err(),
-        @"1 loads: the drive has 0 degrees of freedom"
+        @"got 1 loads: expected 0, one for each degree of freedom of the drive"
     );
     assert_snapshot!(
         stepper.restore(&[0.0, f64::NAN]).unwrap_err(),
-        @"a saved state of 1 finite numbers: the structure has 6, or 6 with the branches of its elements"
+        @"the saved state has 1 finite numbers: expected 6, or 6 with the branches of the elements"
     );
 }
 

@@ -1,4 +1,4 @@
-//! Modes in time.
+//! Responses of modes in time, against closed forms.
 
 use core::f64::consts::TAU;
 
@@ -128,7 +128,7 @@ fn a_slow_mode_keeps_its_digits_in_short_steps_under_a_sine() {
     assert!((velocity / (0.5 * drive * 1e-12 / 2.0) - 1.0).abs() < 1e-10, "{velocity}");
 }
 
-/// Of LuGre's friction the viscous part damps the linear structure, as tanh's slope does, and as a linear damper.
+/// The viscous part of LuGre's friction damps the linear structure, as tanh's slope does, and as a linear damper.
 #[test]
 fn dampers_in_friction_damp_the_linear_structure() {
     let lugre = Law::Lugre {

@@ -44,5 +44,5 @@ fn parameters_of_modes_and_elements() {
     assert_eq!((gap.unit(), structure.value(gap)), ("m", Ok(1e-3)));
     assert_eq!(structure.with(gap, 2e-3).unwrap().value(gap), Ok(2e-3));
     insta::assert_snapshot!(structure.with(gap, -1.0).unwrap_err(), @"element 1, kelvin-voigt: `gap` is -1: it must be zero or a positive number");
-    insta::assert_snapshot!(two_modes(vec![]).value(gap).unwrap_err(), @"there is no parameter `element1.gap_m` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, mode2.frequency_hz, mode2.damping_ratio");
+    insta::assert_snapshot!(two_modes(vec![]).value(gap).unwrap_err(), @"there is no parameter `element1.gap_m` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, mode2.frequency_hz, mode2.damping_ratio");
 }

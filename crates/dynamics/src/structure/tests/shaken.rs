@@ -208,10 +208,10 @@ fn says_what_a_shaker_cannot_be() {
     let says = |inductance_h: f64| {
         Stepper::shaken(&of, &armature(&of, [1.0, 0.0], voltage(inductance_h)), Scheme::default(), 2000.0).unwrap_err()
     };
-    insta::assert_snapshot!(says(1e-6), @"the current of the shaker's coil follows the voltage too fast for the step: `inductance_h` is 1e-6, and must be at least 7.8125e-6, or 0 for a current that follows at once");
+    insta::assert_snapshot!(says(1e-6), @"the current of the shaker's coil follows the voltage too fast for the step: `inductance_h` is 1e-6; it must be at least 7.8125e-6, or 0 for a current that follows at once");
     let mut stepper = stepper(&of, &armature(&of, [1.0, 0.0], voltage(0.0)), 2000.0);
     let sine = StepLoad::Sine { amplitude: &[1.0], omega_rad_s: 100.0 };
-    insta::assert_snapshot!(stepper.advance_under(0.0, &sine).unwrap_err(), @"a shaker's command is held over a step: give a held load");
+    insta::assert_snapshot!(stepper.advance_under(0.0, &sine).unwrap_err(), @"the shaker's command varies within the step: expected a load that is held over the step");
     let stiff = Armature { stiffness_n_m: 1e15, ..armature(&of, [1.0, 0.0], voltage(0.0)) };
     assert!(matches!(Stepper::shaken(&of, &stiff, Scheme::default(), 2000.0), Err(StepError::TooStiff { .. })));
 }

@@ -144,7 +144,7 @@ impl Halves {
         assembly.loss_w(v) + assembly.element_loss_w(q, v, stepper.element_states())
     }
 
-    /// How many elements hold energy: it changes where a contact that no longer pushes opens, too.
+    /// Returns how many elements hold energy: it changes where a contact that no longer pushes opens, too.
     fn strained(&self, level: usize) -> usize {
         let stepper = &self.steppers[level];
         let (assembly, q, z) = (stepper.assembly(), stepper.position(), stepper.element_states());
@@ -179,8 +179,8 @@ impl Halves {
     }
 }
 
-/// What the force puts in is in the motion and the elements, or was lost: of each kind of element alone, and all at
-/// once.
+/// The energy that the force puts in is in the motion and the elements, or was lost: of each kind of element alone, and
+/// all at once.
 #[test]
 fn energy_is_balanced() {
     let at = |law: Law| grounded(along("tip", Axis::X), law);

@@ -48,8 +48,8 @@ const APART: f64 = 1e-6;
 
 /// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible,
 /// resulting in a slope of the characteristics in the resonance zones" (Section 4), "within the resonant zones there
-/// are instability areas" (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable motions
-/// share a frequency, with the folds between which the branch runs back.
+/// are instability areas" (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable
+/// periodic responses share a frequency, with the folds between which the branch runs back.
 pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
     let poses = &survey.settings.figure4.beta2_deg;
     survey.over_torques(0, |driven| {

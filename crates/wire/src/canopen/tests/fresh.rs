@@ -1,4 +1,4 @@
-//! What waits acts only while it is fresh, and what is asked for is not forgotten.
+//! PDO data that wait act only while they are fresh, and no request is forgotten.
 
 use super::*;
 

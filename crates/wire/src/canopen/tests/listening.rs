@@ -1,4 +1,4 @@
-//! What a listener makes of the frames between a master and the node.
+//! Interpretation of the frames between a master and the node by a listener.
 
 use super::*;
 use crate::canopen::listen::{Content, Heard, Listener, Malformed, Part, Sdo};
@@ -14,7 +14,7 @@ impl Bus {
         Bus { master: Master::new(), listener: Listener::new(NODE, dictionary()) }
     }
 
-    /// What is heard of a frame to the node, and of the frames that it sends then.
+    /// Returns what is heard of a frame to the node, and of the frames that the node sends in answer.
     fn send(&mut self, id: u16, data: &[u8]) -> Vec<Heard> {
         let frame = Frame::classic(Id::Standard(id), data).unwrap();
         self.master.send(id, data);
@@ -146,7 +146,7 @@ fn frames_that_break_the_rules_differ_from_foreign_ones() {
     }
 }
 
-/// SplitMix64.
+/// SplitMix64, a generator of random numbers.
 struct Random(u64);
 
 impl Random {

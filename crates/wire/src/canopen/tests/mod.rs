@@ -40,7 +40,7 @@ struct Master {
 }
 
 const NODE: u8 = 5;
-/// How long PDO data may wait for SYNC.
+/// Time for which PDO data may wait for SYNC.
 const WAIT_LIMIT_NS: u64 = 1_000_000_000;
 
 fn dictionary() -> Dictionary {
@@ -113,7 +113,7 @@ impl Master {
         frames[0].data().try_into().unwrap()
     }
 
-    /// Writes expedited.
+    /// Writes an object by an expedited transfer.
     fn write(&mut self, index: u16, subindex: u8, bytes: &[u8]) -> Result<(), u32> {
         let [low, high] = index.to_le_bytes();
         let mut request = [0x23 | ((4 - bytes.len()) as u8) << 2, low, high, subindex, 0, 0, 0, 0];
@@ -121,7 +121,7 @@ impl Master {
         outcome(self.sdo(request), 0x60).map(drop)
     }
 
-    /// Reads expedited.
+    /// Reads an object by an expedited transfer.
     fn read(&mut self, index: u16, subindex: u8) -> Result<u32, u32> {
         let [low, high] = index.to_le_bytes();
         let answer = self.sdo([0x40, low, high, subindex, 0, 0, 0, 0]);

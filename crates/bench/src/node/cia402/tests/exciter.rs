@@ -102,7 +102,7 @@ impl Pair {
     }
 }
 
-/// From the first torque on.
+/// Returns the torques from the first one on.
 fn played(torques_nm: &[[f64; 2]]) -> &[[f64; 2]] {
     let first = torques_nm.iter().position(|torque_nm| torque_nm[0] != 0.0).unwrap();
     &torques_nm[first..]
@@ -174,12 +174,12 @@ fn what_drives_can_not_do_is_refused() {
     let one = master(1, TimeBase::Clock, 9).unwrap();
     let says = |master: &Cia402Exciter, load| format!("{}", master.check_load(&load).unwrap_err());
     assert_eq!(both.check_load(&Load::torque_nm(100.0, -100.0)), Ok(()));
-    insta::assert_snapshot!(says(&one, Load::torque_nm(1.0, 1.0)), @"the exciter's load has torque2_nm, and no drive of wire.drives exerts so much of it: change the excitation");
-    insta::assert_snapshot!(says(&both, Load::torque_nm(3300.0, 0.0)), @"the exciter's load has torque1_nm, and no drive of wire.drives exerts so much of it: change the excitation");
-    insta::assert_snapshot!(says(&both, Load::force_n(1.0, 0.0)), @"the exciter's load has force_x_n, and no drive of wire.drives exerts so much of it: change the excitation");
+    insta::assert_snapshot!(says(&one, Load::torque_nm(1.0, 1.0)), @"the exciter's load has more torque2_nm than any drive of wire.drives can exert: change the excitation");
+    insta::assert_snapshot!(says(&both, Load::torque_nm(3300.0, 0.0)), @"the exciter's load has more torque1_nm than any drive of wire.drives can exert: change the excitation");
+    insta::assert_snapshot!(says(&both, Load::force_n(1.0, 0.0)), @"the exciter's load has more force_x_n than any drive of wire.drives can exert: change the excitation");
     let needs = [false, false, true, true, false, false];
     let controller = Box::new(Steps { samples: 9, needs });
     let rate = (RATE_HZ, TimeBase::Clock);
     let lack = Cia402Exciter::new(&spec(2), rate, Timing::real_time(RATE_HZ), controller).unwrap_err();
-    insta::assert_snapshot!(lack, @"the control is closed on acceleration_b_x_m_s2, acceleration_b_y_m_s2, and CANopen drives say angles and torques alone: give an [excitation]");
+    insta::assert_snapshot!(lack, @"the control needs acceleration_b_x_m_s2, acceleration_b_y_m_s2, but CANopen drives report only angles and torques: give an [excitation]");
 }

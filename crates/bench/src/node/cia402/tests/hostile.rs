@@ -5,7 +5,7 @@ use super::*;
 struct Random(u64);
 
 impl Random {
-    /// SplitMix64.
+    /// Returns the next number of SplitMix64, a generator of random numbers.
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);

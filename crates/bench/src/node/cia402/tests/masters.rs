@@ -1,4 +1,4 @@
-//! What masters do: the order of ros2_canopen's driver, mappings of their own.
+//! Behaviour of masters: the order of ros2_canopen's driver, mappings of their own.
 
 use super::*;
 

@@ -71,7 +71,7 @@ impl Bench {
         bench
     }
 
-    /// As the loop in real time: what came acts, the plant advances, the next sample is published.
+    /// Makes a tick as the loop in real time does: what came acts, the plant advances, the next sample is published.
     fn tick(&mut self) {
         self.now_ns += TICK_NS;
         self.node.handle_deadline(self.now_ns);
@@ -119,7 +119,7 @@ impl Bench {
         self.frames().iter().map(alloc::string::ToString::to_string).collect()
     }
 
-    /// Writes expedited; the abort code if it is refused.
+    /// Writes expedited; the abort code if it is rejected.
     fn write(&mut self, node: u8, index: u16, bytes: &[u8]) -> Result<(), u32> {
         let [low, high] = index.to_le_bytes();
         let mut request = [0x23 | ((4 - bytes.len()) as u8) << 2, low, high, 0, 0, 0, 0, 0];

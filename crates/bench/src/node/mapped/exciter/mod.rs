@@ -33,9 +33,9 @@ use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeSt
 /// more than the number of frames that may be under way.
 const UNARMED: u32 = 4;
 
-/// On a bus in lockstep: the silence before a sample that marks it as the first one of an armed plant, ns. A
-/// plant that is not armed repeats its readings every 50 ms, and one that is armed is silent for 500 ms before
-/// its first sample; a busy machine may stop either node for 150 ms.
+/// Silence before a sample that marks it as the first one of an armed plant, on a bus in lockstep, ns. A plant that is
+/// not armed repeats its readings every 50 ms, and one that is armed is silent for 500 ms before its first sample; a
+/// busy machine may stop either node for 150 ms.
 const GAP_NS: u64 = 250_000_000;
 /// Time for which a sample must be the last one before it counts as the first of an armed plant, ns, where no
 /// such silence precedes it: some plants send nothing before they are armed, and some are not silent
@@ -167,7 +167,7 @@ impl MappedExciter {
         self.listeners.iter().any(|listener| listener.is_of_sample && listener.says(place))
     }
 
-    /// Queues a page. A page that already waits is sent with the newest load.
+    /// Queues a page for sending. A page that already waits is sent with the newest load.
     fn push(&mut self, page: usize, ask: Ask) {
         if self.queue.contains(&(page, ask)) {
             self.core.counts.unsent += 1;

@@ -61,7 +61,7 @@ struct Pair {
     exciter: MappedExciter,
     now_ns: u64,
     sample: u64,
-    /// What becomes of the frames of the plant.
+    /// Changes the frames of the plant on their way; `None` loses a frame.
     damage: fn(u64, Frame) -> Option<Frame>,
     frames: u64,
     /// The frames of the plant.
@@ -141,7 +141,7 @@ impl Pair {
         (0..count).map(|_| self.tick()).collect()
     }
 
-    /// What the exciter got and gave.
+    /// Returns the measurements that the exciter received and the loads that it gave.
     fn answers(&mut self) -> Vec<(Measurement, Load)> {
         core::iter::from_fn(|| self.exciter.carried_mut().poll_answer()).collect()
     }
@@ -159,7 +159,7 @@ impl Pair {
     }
 }
 
-/// Forces in counts.
+/// Returns the forces in counts.
 fn counts(forces: &[f64]) -> Vec<i64> {
     forces.iter().map(|force| libm::round(force / COUNT_N) as i64).collect()
 }

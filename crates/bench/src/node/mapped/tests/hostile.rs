@@ -59,7 +59,7 @@ fn a_million_hostile_frames_command_nothing_wrong() {
         }
     }
     let refused = rig.node.frames().refused;
-    assert!(refused > 500_000, "{refused} of a million were refused");
+    assert!(refused > 500_000, "{refused} of a million were rejected");
     assert!(rig.node.refusals().total() > 0);
 }
 

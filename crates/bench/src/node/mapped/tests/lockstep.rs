@@ -1,4 +1,4 @@
-//! Which frames answer a sample.
+//! Frames that answer a sample.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! What a mapped node sends, and when.
+//! Messages that a mapped node sends, and their times.
 
 use super::*;
 
