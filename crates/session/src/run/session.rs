@@ -431,7 +431,7 @@ impl Session {
         signals: &Signals,
         mut on_event: impl FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
-        let mut exciter = self.exciter_node(self.scenario.rig.converter)?;
+        let mut exciter = self.exciter_in_loop(self.scenario.rig.converter)?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let clock = VirtualClock::default();
@@ -446,6 +446,7 @@ impl Session {
             pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
             ending: self.ending,
             arming_ns: if self.network == Network::Ideal && self.wire.is_none() { 0 } else { ARMING_NS },
+            hands_over: self.hands_over(),
             signals,
             watched,
             responses: Vec::new(),

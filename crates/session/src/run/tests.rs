@@ -22,6 +22,7 @@ mod lost_bus;
 mod mistakes;
 mod network;
 mod not_begun;
+mod other_loads;
 mod watched;
 
 use jammed_bus::JammedBus;
