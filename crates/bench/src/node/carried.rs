@@ -1,12 +1,13 @@
 //! A controller inside the exciter's node, which answers the samples that the node receives.
 
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::{TimeBase, sample};
-use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
+use crate::control::{Abort, Answer, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint};
 use crate::rig::{Load, Measurement, Readings};
 
 /// Largest number of responses that wait to be fetched.
@@ -83,7 +84,7 @@ impl Carried {
 
 impl Carried {
     /// Returns the readings that the controller needs.
-    pub(super) fn needs(&self) -> [bool; Measurement::CHANNELS] {
+    pub(super) fn needs(&self) -> Vec<NeededReading> {
         self.controller.needs()
     }
 

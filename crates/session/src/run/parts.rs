@@ -40,6 +40,7 @@ impl Session {
     /// this converter.
     pub(super) fn exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
         let node = self.unchecked_exciter_node(converter)?;
+        node.check_readings()?;
         if let Some(amplitude) = self.commanded_amplitude() {
             node.check_load(amplitude)?;
         }

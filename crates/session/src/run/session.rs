@@ -246,10 +246,11 @@ impl Session {
 
     /// The same, for a plant whose instruments have this converter. A controller of the caller's own knows its plant.
     pub(super) fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, RunError> {
-        match &self.controller {
-            Some(make) => Ok(self.scenario.limited(make.0())),
-            None => Ok(self.scenario.controller_reading(converter)?),
-        }
+        let controller = match &self.controller {
+            Some(make) => make.0(),
+            None => self.scenario.unlimited_controller(converter)?,
+        };
+        Ok(self.scenario.limited(controller, self.plant.structure().outputs()))
     }
 
     /// Whether the controller is one of the caller's own, in place of the scenario's.

@@ -23,6 +23,7 @@ mod mistakes;
 mod network;
 mod not_begun;
 mod other_loads;
+mod other_sensors;
 mod watched;
 
 use jammed_bus::JammedBus;
