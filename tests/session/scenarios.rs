@@ -109,7 +109,7 @@ const GATE: &str = "force_rate_limit_n_per_s = 1, torque_rate_limit_nm_per_s = 1
 const NETWORK_FAULT: &str = "node = 'plant'\nkind = 'loss'\ndirection = 'both'\nfrom_s = 1\nto_s = 2\nids = [1]\nextended_ids = [1]\n\
     probability = 1\ncount = 1\ndelay_s = 1\nrate_hz = 1";
 const LIMITS: &str = "force_n = 1\ntorque_nm = 1\nacceleration_m_s2 = 1\ndistortion = 1\nclipped_samples = 1\n\
-    stuck_samples = 2\nstuck_above_n = 1\nstuck_above_nm = 1";
+    stuck_samples = 2\nstuck_above_n = 1\nstuck_above_nm = 1\nsensors.m3 = 1";
 
 fn rig() -> RigSpec {
     let instruments = format!(

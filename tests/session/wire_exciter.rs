@@ -269,7 +269,7 @@ fn what_the_wire_lacks_is_refused_before_anything_is_written() {
         profile = { waveform = 'dwell', frequency_hz = 14.0, duration_s = 2.0, settle_s = 1.4 }\n",
     );
     blind.wire.as_mut().unwrap().readings[1].every = Some(5);
-    insta::assert_snapshot!(said(blind), @"the control needs head_force_x_n, head_force_y_n, but no message of every sample carries them: give a [[wire.readings]] with `every = 1` and that `quantity`");
+    insta::assert_snapshot!(said(blind), @"the controller reads head_force_x_n, head_force_y_n, but no message of every sample carries them: give a [[wire.readings]] with `every = 1` and that `quantity`");
     let cia402 = format!("{}\n{DWELL}", include_str!("../../examples/canopen/drives.toml"));
     insta::assert_snapshot!(said(scenario(&cia402)), @"the exciter's load has more force_y_n than any drive of wire.drives can exert: change the excitation");
 }

@@ -3,7 +3,7 @@
 
 use super::{Scenario, ScenarioError};
 use resonarm_bench::control::LimitsSpec;
-use resonarm_bench::rig::Load;
+use resonarm_bench::rig::{InstrumentName, Load};
 use resonarm_protocol::scaling::{ACCELERATION, FORCE};
 
 /// Largest count of consecutive samples that `clipped_samples` and `stuck_samples` may ask for.
@@ -14,6 +14,7 @@ pub(super) fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     let Some(limits) = &scenario.limits else { return Ok(()) };
     check_numbers(limits)?;
     check_instruments(limits, scenario)?;
+    check_sensors(limits, scenario)?;
     let spec = scenario.excitation.as_ref().map(|spec| &spec.amplitude);
     // A scenario has one amplitude, either that of its excitation or that of its control. `Scenario::check`
     // rejects both together after this check, so which of the two is taken here does not matter.
@@ -61,6 +62,43 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
     let expected =
         "below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read";
     refuse_unless("limits.acceleration_m_s2", limits.acceleration_m_s2, expected, |got| got < range_m_s2)
+}
+
+/// Rejects limits of sensors that the rig does not have, or that would never be exceeded.
+fn check_sensors(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), ScenarioError> {
+    let rig = &scenario.rig;
+    for (&sensor, &got) in &limits.sensors {
+        let wrong = |expected| Err(ScenarioError::SensorLimit { sensor, got, expected });
+        if sensor == InstrumentName::HEAD {
+            return wrong("left out: the impedance head has `limits.force_n`");
+        }
+        let Some((_, spec)) = rig.instruments().find(|(name, _)| *name == sensor) else {
+            let names = rig.instruments().map(|(name, _)| name.to_string()).filter(|name| name != "head");
+            return Err(ScenarioError::NoSuchSensor { sensor, known: names.collect::<Vec<_>>().join(", ") });
+        };
+        if !(got.is_finite() && got > 0.0) {
+            return wrong("a positive number");
+        }
+        let is_on_protocol = matches!(sensor, InstrumentName::B | InstrumentName::C);
+        let most_on_protocol =
+            if is_on_protocol { ACCELERATION.limit(scenario.network.profile) } else { f64::INFINITY };
+        if got >= spec.largest_reading().min(most_on_protocol) {
+            return wrong(
+                "below the range of the sensor, and for b and c of the wire (1638.35 in the classic profile), or it is \
+                 never read",
+            );
+        }
+        // The loop of a free run hands over the readings of one sample at a time.
+        if !is_on_protocol && scenario.wire.is_none() && scenario.network.samples_per_frame != 1 {
+            return Err(ScenarioError::Value {
+                name: "network.samples_per_frame",
+                got: scenario.network.samples_per_frame.into(),
+                expected: "1 with a limit in [limits.sensors] on a sensor other than b and c: their readings go beside \
+                           the frames, one sample at a time",
+            });
+        }
+    }
+    Ok(())
 }
 
 fn check_load(limits: &LimitsSpec, amplitude: &Load, is_controlled: bool) -> Result<(), ScenarioError> {
@@ -122,6 +160,15 @@ mod tests {
                 insta::assert_snapshot!(says("distortion = 0.1", rest), @"limits.distortion is 0.1: it must be left out: the harmonics of the force are watched of a [control] with forces only");
             }
         }
+        let m3 = "[rig.sensors.m3]\nat = 'tip.x'\nrange_m_s2 = 100\n[rig.sensors.enc]\nat = 'joint1'\n";
+        insta::assert_snapshot!(says("sensors.m4 = 20", m3), @"limits.sensors.m4: there is no such sensor: [rig.sensors] has b, c, enc, m3");
+        insta::assert_snapshot!(says("sensors.m4 = 20", ""), @"limits.sensors.m4: there is no such sensor: [rig.sensors] has b, c");
+        insta::assert_snapshot!(says("sensors.head = 20", m3), @"limits.sensors.head is 20: it must be left out: the impedance head has `limits.force_n`");
+        insta::assert_snapshot!(says("sensors.m3 = 0", m3), @"limits.sensors.m3 is 0: it must be a positive number");
+        insta::assert_snapshot!(says("sensors.m3 = 100", m3), @"limits.sensors.m3 is 100: it must be below the range of the sensor, and for b and c of the wire (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("sensors.b = 1639", "[rig.sensors.b]\nrange_m_s2 = 5000"), @"limits.sensors.b is 1639: it must be below the range of the sensor, and for b and c of the wire (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("sensors.enc = 0.1", &format!("{m3}[network]\nprofile = 'fd'\nsamples_per_frame = 2")), @"network.samples_per_frame is 2: it must be 1 with a limit in [limits.sensors] on a sensor other than b and c: their readings go beside the frames, one sample at a time");
+        read(&format!("[limits.sensors]\nb = 40\nm3 = 99\nenc = 0.5\n{m3}")).unwrap();
         let every = "force_n = 40\nacceleration_m_s2 = 900\nclipped_samples = 1\nstuck_samples = 2\nstuck_above_n = 19";
         read(&format!("[limits]\n{every}\n{forces}")).unwrap();
     }

@@ -9,6 +9,7 @@ use crate::toml_error::TomlError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
 use resonarm_bench::plant::PlantSpecError;
+use resonarm_bench::rig::InstrumentName;
 use resonarm_bus::fault::FaultError;
 use resonarm_numeric::number::short;
 use resonarm_protocol::NetworkError;
@@ -165,6 +166,24 @@ pub enum ScenarioError {
         got: f64,
         /// Valid values, in words.
         expected: &'static str,
+    },
+    /// The limit of a sensor is outside its valid range.
+    #[error("limits.sensors.{sensor} is {got}: it must be {expected}", got = short(.got))]
+    SensorLimit {
+        /// Name of the sensor.
+        sensor: InstrumentName,
+        /// Limit that was given, in the unit of the sensor.
+        got: f64,
+        /// Valid values, in words.
+        expected: &'static str,
+    },
+    /// A limit is on a sensor that the scenario does not have.
+    #[error("limits.sensors.{sensor}: there is no such sensor: [rig.sensors] has {known}")]
+    NoSuchSensor {
+        /// Name that was given.
+        sensor: InstrumentName,
+        /// Names of the sensors.
+        known: String,
     },
     /// The run has more samples than can be counted.
     #[error(

@@ -32,10 +32,12 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::toml_error::TomlError;
+use crate::wire::Quantities;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
 use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, Load, RigSpec, Sampling};
+use resonarm_bench::structure::{Channel, OUTPUTS};
 use resonarm_dynamics::integrate::Scheme;
 
 /// Largest number of samples of a run that has an end: 31 years at 1 kHz.
@@ -408,19 +410,31 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::controller`].
     pub fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, ScenarioError> {
-        self.check()?;
-        Ok(self.limited(self.unlimited_controller(converter)?))
+        let controller = self.unlimited_controller(converter)?;
+        // What the sensors read depends on the structure, which takes longer to make than most controllers.
+        let limits_sensors = self.limits.as_ref().is_some_and(|limits| !limits.sensors.is_empty());
+        let outputs =
+            if limits_sensors { Quantities::of_scenario(self)?.readings().to_vec() } else { OUTPUTS.to_vec() };
+        Ok(self.limited(controller, &outputs))
     }
 
-    /// Wraps a controller with the scenario's limits, if it states some.
-    pub fn limited(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
-        match self.limits {
-            Some(limits) => Box::new(Limited::new(controller, limits, self.simulation.rate_hz)),
+    /// Wraps a controller with the scenario's limits, if it states some, for a plant whose structure has these outputs.
+    pub fn limited(&self, controller: Box<dyn Controller>, outputs: &[Channel]) -> Box<dyn Controller> {
+        match &self.limits {
+            Some(limits) => {
+                let plant = (&self.rig, outputs);
+                Box::new(Limited::new(controller, limits.clone(), plant, self.simulation.rate_hz))
+            }
             None => controller,
         }
     }
 
-    fn unlimited_controller(&self, converter: Converter) -> Result<Box<dyn Controller>, ScenarioError> {
+    /// Returns the same controller as [`Scenario::controller_reading`] without the limits.
+    ///
+    /// # Errors
+    /// As [`Scenario::controller`].
+    pub fn unlimited_controller(&self, converter: Converter) -> Result<Box<dyn Controller>, ScenarioError> {
+        self.check()?;
         let sampling = Sampling { converter, ..self.sampling() };
         match &self.control {
             None => Ok(Box::new(OpenLoop::new(self.profile()?, converter))),

@@ -1,8 +1,70 @@
 //! Reasons for which a controller aborts.
 
+use core::fmt;
+
 use thiserror::Error;
 
+use crate::rig::InstrumentName;
+use crate::structure::Axis;
 use resonarm_numeric::number::{rounded, short};
+
+/// Axis of an instrument, as messages name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InstrumentAxis {
+    /// Name of the instrument.
+    pub instrument: InstrumentName,
+    /// Axis of the base frame.
+    pub axis: Axis,
+    /// Unit of its readings.
+    pub unit: &'static str,
+}
+
+impl InstrumentAxis {
+    /// Returns the axis in words that follow those of a reading.
+    fn along(&self) -> &'static str {
+        match self.axis {
+            Axis::X => " along x",
+            Axis::Y => " along y",
+            Axis::Z => " along z",
+            Axis::AboutZ => " about z",
+            Axis::Scalar => "",
+        }
+    }
+}
+
+/// The instrument without the axis.
+impl fmt::Display for InstrumentAxis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.instrument {
+            InstrumentName::HEAD => f.write_str("the impedance head"),
+            InstrumentName::B => f.write_str("the accelerometer at B"),
+            InstrumentName::C => f.write_str("the accelerometer at C"),
+            name => write!(f, "sensor {name}"),
+        }
+    }
+}
+
+/// Limit of a reading in `[limits]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReadingLimit {
+    /// That of the force in the impedance head.
+    Force,
+    /// That of the accelerometers B and C.
+    Acceleration,
+    /// That of the sensor with this name.
+    Sensor(InstrumentName),
+}
+
+/// Its key in a scenario.
+impl fmt::Display for ReadingLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ReadingLimit::Force => f.write_str("limits.force_n"),
+            ReadingLimit::Acceleration => f.write_str("limits.acceleration_m_s2"),
+            ReadingLimit::Sensor(name) => write!(f, "limits.sensors.{name}"),
+        }
+    }
+}
 
 /// Reason why a controller aborts; the plant is then disarmed.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -74,22 +136,19 @@ pub enum Abort {
     },
     /// A reading exceeds a limit of the scenario.
     #[error(
-        "limits.{key}: {who} reads {got} {unit} along {axis} after {} s, beyond the limit of {limit} {unit}: reduce \
-         the excitation, check the sensor if the reading is implausible, or raise the limit", rounded(.time_s, 3), got = short(.got), limit = short(.limit)
+        "{key}: {axis} reads {got} {unit}{along} after {} s, beyond the limit of {limit} {unit}: reduce the excitation, check \
+         the sensor if the reading is implausible, or raise the limit", rounded(.time_s, 3), unit = .axis.unit, along = .axis.along(),
+        got = short(.got), limit = short(.limit)
     )]
     Reading {
-        /// Key of the limit in `[limits]`.
-        key: &'static str,
-        /// Instrument of the reading, in words.
-        who: &'static str,
+        /// The limit that it exceeds.
+        key: ReadingLimit,
+        /// Axis that reads it.
+        axis: InstrumentAxis,
         /// Value of the reading.
         got: f64,
-        /// Limit of the scenario.
+        /// Limit of the scenario, in the same unit.
         limit: f64,
-        /// Unit of both numbers.
-        unit: &'static str,
-        /// Axis of the base frame, x or y.
-        axis: &'static str,
         /// Time after the first answered sample, s.
         time_s: f64,
     },
@@ -112,14 +171,13 @@ pub enum Abort {
     },
     /// An axis stays clipped for too long.
     #[error(
-        "limits.clipped_samples: {who} is clipped along {axis} for {samples} {} in a row, up to {} s: reduce the excitation, or increase \
-         its range (`{range_key}`)", if *samples == 1 { "sample" } else { "samples" }, rounded(.time_s, 3)
+        "limits.clipped_samples: {axis} is clipped{along} for {samples} {} in a row, up to {} s: reduce the excitation, or increase \
+         its range (`{section}.{range_key}`)", if *samples == 1 { "sample" } else { "samples" }, rounded(.time_s, 3),
+        along = .axis.along(), section = .axis.instrument.section()
     )]
     StaysClipped {
-        /// Instrument of the axis, in words.
-        who: &'static str,
-        /// Axis of the base frame, x or y.
-        axis: &'static str,
+        /// Axis that is clipped.
+        axis: InstrumentAxis,
         /// Number of clipped samples in a row.
         samples: u32,
         /// Key of the instrument's range.
@@ -129,18 +187,15 @@ pub enum Abort {
     },
     /// An axis repeats its reading under load: the sensor is stuck or has dropped out.
     #[error(
-        "limits.stuck_samples: {who} reads exactly {value} {unit} along {axis} for {samples} samples under load, up \
-         to {} s: check sensor and cable, or raise the number of samples if the axis has nothing to measure", rounded(.time_s, 3), value = short(.value)
+        "limits.stuck_samples: {axis} reads exactly {value} {unit}{along} for {samples} samples under load, up to {} s: check \
+         sensor and cable, or raise the number of samples if the axis has nothing to measure", rounded(.time_s, 3), value = short(.value),
+        unit = .axis.unit, along = .axis.along()
     )]
     Stuck {
-        /// Instrument of the axis, in words.
-        who: &'static str,
+        /// Axis that repeats its reading.
+        axis: InstrumentAxis,
         /// Reading that is repeated.
         value: f64,
-        /// The unit of the reading.
-        unit: &'static str,
-        /// Axis of the base frame, x or y.
-        axis: &'static str,
         /// Number of equal samples in a row.
         samples: u32,
         /// Time after the first answered sample, s.

@@ -1,17 +1,19 @@
 //! Limits that end a run in good order: the plant is disarmed, whatever state the controller is in.
 
 use alloc::boxed::Box;
+use alloc::collections::BTreeMap;
+use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
-use crate::rig::Load;
-use crate::rig::Measurement;
-
-const CHANNELS: usize = Measurement::CHANNELS;
+use super::{
+    Abort, Answer, Controller, InstrumentAxis, Length, LoadKind, NeededReading, ReadingLimit, ResponsePoint, SetPoint,
+};
+use crate::rig::{InstrumentName, Load, Measurement, RigSpec};
+use crate::structure::{Channel, Point};
 
 /// Limits as a scenario states them. Limits that are not stated are not checked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsSpec {
     /// Largest force along an axis, as the controller commands it and as the impedance head reads it, N, positive.
@@ -40,26 +42,54 @@ pub struct LimitsSpec {
     /// Commanded torque, N·m, above which a sample counts as under load; `None` is 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stuck_above_nm: Option<f64>,
+    /// Largest magnitudes that sensors read along each of their axes, by name, in the unit of each sensor, positive. For
+    /// B and C they replace `acceleration_m_s2`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub sensors: BTreeMap<InstrumentName, f64>,
 }
 
-/// Words for the axes: instrument, direction, unit, and key of the range.
-const AXES: [[&str; 4]; CHANNELS] = [
-    ["the impedance head", "x", "N", "rig.head.range_n"],
-    ["the impedance head", "y", "N", "rig.head.range_n"],
-    ["the accelerometer at B", "x", "m/s\u{b2}", "rig.sensors.b.range_m_s2"],
-    ["the accelerometer at B", "y", "m/s\u{b2}", "rig.sensors.b.range_m_s2"],
-    ["the accelerometer at C", "x", "m/s\u{b2}", "rig.sensors.c.range_m_s2"],
-    ["the accelerometer at C", "y", "m/s\u{b2}", "rig.sensors.c.range_m_s2"],
-];
-
-/// Recent history of one axis.
-#[derive(Clone, Copy, Debug, Default)]
+/// An axis that is watched, with its recent history.
+#[derive(Clone, Copy, Debug)]
 struct Watched {
+    reading: NeededReading,
+    axis: InstrumentAxis,
+    /// Key of the instrument's range.
+    range_key: &'static str,
+    limit: Option<(ReadingLimit, f64)>,
     /// Last reading; the next field is the number of samples under load that repeat it.
     last: Option<f64>,
     same: u32,
     /// Number of clipped samples in a row.
     clipped: u32,
+}
+
+impl Watched {
+    /// Returns the axis of a channel of the plant, if it is watched: those of head, B and C are, and those of a sensor
+    /// that has a limit of its own.
+    fn new(spec: &LimitsSpec, rig: &RigSpec, (place, channel): (usize, &Channel)) -> Option<Watched> {
+        let instrument = match (channel.point, place) {
+            (Point::Sensor { name, .. }, _) => name,
+            (_, 0 | 1) => InstrumentName::HEAD,
+            (_, 2 | 3) => InstrumentName::B,
+            _ => InstrumentName::C,
+        };
+        let (_, sensor) = rig.instruments().find(|(name, _)| *name == instrument)?;
+        let of_sensor = spec.sensors.get(&instrument).map(|limit| (ReadingLimit::Sensor(instrument), *limit));
+        let limit = match instrument {
+            InstrumentName::HEAD => spec.force_n.map(|limit| (ReadingLimit::Force, limit)),
+            InstrumentName::B | InstrumentName::C => {
+                of_sensor.or(spec.acceleration_m_s2.map(|limit| (ReadingLimit::Acceleration, limit)))
+            }
+            _ => Some(of_sensor?),
+        };
+        let axis = InstrumentAxis { instrument, axis: channel.axis, unit: channel.quantity.unit() };
+        let (reading, range_key) = (NeededReading { place, name: channel.name }, sensor.range_key());
+        Some(Watched { reading, axis, range_key, limit, last: None, same: 0, clipped: 0 })
+    }
+
+    fn forget(&mut self) {
+        (self.last, self.same, self.clipped) = (None, 0, 0);
+    }
 }
 
 /// A controller with limits, which aborts in place of the inner controller when one is exceeded.
@@ -71,7 +101,8 @@ pub struct Limited {
     inner: Box<dyn Controller>,
     spec: LimitsSpec,
     rate_hz: f64,
-    axes: [Watched; CHANNELS],
+    /// Watched axes, in the order of the plant's channels.
+    axes: Vec<Watched>,
     held: Load,
     /// Time of the last answered sample, s.
     time_s: f64,
@@ -80,10 +111,16 @@ pub struct Limited {
 }
 
 impl Limited {
-    /// Returns `inner` with the limits of `spec`, at `rate_hz` samples per second.
-    pub fn new(inner: Box<dyn Controller>, spec: LimitsSpec, rate_hz: f64) -> Limited {
-        let (axes, held) = ([Watched::default(); CHANNELS], Load::default());
-        Limited { inner, spec, rate_hz, axes, held, time_s: 0.0, response: None, abort: None }
+    /// Returns `inner` with the limits of `spec`, for a plant with these instruments and outputs, as
+    /// [`Structure::outputs`](crate::structure::Structure::outputs) has them, at `rate_hz` samples per second.
+    pub fn new(
+        inner: Box<dyn Controller>,
+        spec: LimitsSpec,
+        (rig, outputs): (&RigSpec, &[Channel]),
+        rate_hz: f64,
+    ) -> Limited {
+        let axes = outputs.iter().enumerate().filter_map(|output| Watched::new(&spec, rig, output)).collect();
+        Limited { inner, spec, rate_hz, axes, held: Load::default(), time_s: 0.0, response: None, abort: None }
     }
 
     /// Returns whether the acting load is large enough for every axis to move.
@@ -95,11 +132,12 @@ impl Limited {
     /// Checks the axes of a sample and returns the first violation.
     fn judge_readings(&mut self, sample: &Measurement) -> Option<Abort> {
         let (is_loaded, time_s) = (self.is_loaded(), self.time_s);
-        let LimitsSpec { force_n, acceleration_m_s2, clipped_samples, stuck_samples, .. } = self.spec;
-        for (index, reading) in sample.readings().iter().enumerate() {
+        let LimitsSpec { clipped_samples, stuck_samples, .. } = self.spec;
+        for watched in &mut self.axes {
             // The axes are judged in the order of the channels, and the first violation is reported: the report
             // is the same whatever else is wrong.
-            let ([who, axis, unit, range_key], watched) = (AXES[index], &mut self.axes[index]);
+            let Some(reading) = sample.reading(watched.reading.place) else { continue };
+            let Watched { axis, range_key, .. } = *watched;
             // A clipped reading repeats by nature, and counts as clipped and not as stuck.
             let is_new = reading.clipped || watched.last != Some(reading.value);
             watched.last = Some(reading.value);
@@ -107,15 +145,14 @@ impl Limited {
             // defect.
             watched.same = if is_new { 0 } else { watched.same } + u32::from(is_loaded && !reading.clipped);
             watched.clipped = if reading.clipped { watched.clipped + 1 } else { 0 };
-            let (key, limit) = if index < 2 { ("force_n", force_n) } else { ("acceleration_m_s2", acceleration_m_s2) };
-            if let Some(limit) = limit.filter(|limit| reading.value.abs() > *limit) {
-                return Some(Abort::Reading { key, who, got: reading.value, limit, unit, axis, time_s });
+            if let Some((key, limit)) = watched.limit.filter(|(_, limit)| reading.value.abs() > *limit) {
+                return Some(Abort::Reading { key, axis, got: reading.value, limit, time_s });
             }
             if let Some(samples) = clipped_samples.filter(|limit| watched.clipped >= *limit) {
-                return Some(Abort::StaysClipped { who, axis, samples, range_key, time_s });
+                return Some(Abort::StaysClipped { axis, samples, range_key, time_s });
             }
             if let Some(samples) = stuck_samples.filter(|limit| watched.same >= *limit) {
-                return Some(Abort::Stuck { who, value: reading.value, unit, axis, samples, time_s });
+                return Some(Abort::Stuck { axis, value: reading.value, samples, time_s });
             }
         }
         None
@@ -154,13 +191,22 @@ impl Controller for Limited {
         self.inner.load_kind()
     }
 
-    fn needs(&self) -> [bool; CHANNELS] {
-        self.inner.needs()
+    /// A limit of its own is stated for the sensor, so that a run that can't keep it is refused. The limits for all
+    /// accelerometers or axes hold for those that the protocol carries.
+    fn needs(&self) -> Vec<NeededReading> {
+        let mut needs = self.inner.needs();
+        let limited = self.axes.iter().filter(|axis| matches!(axis.limit, Some((ReadingLimit::Sensor(_), _))));
+        for Watched { reading, .. } in limited {
+            if !needs.contains(reading) {
+                needs.push(*reading);
+            }
+        }
+        needs
     }
 
     fn restart(&mut self) {
         self.inner.restart();
-        self.axes = [Watched::default(); CHANNELS];
+        self.axes.iter_mut().for_each(Watched::forget);
         (self.held, self.response, self.abort) = (Load::default(), None, None);
     }
 
@@ -202,7 +248,8 @@ impl Controller for Limited {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::Reading;
+    use crate::rig::{MOST_MORE, Measured, Reading, Readings, SensorSpec};
+    use crate::structure::{Axis, OUTPUTS, sensor_channels};
 
     /// Always holds the same force.
     #[derive(Debug)]
@@ -247,8 +294,8 @@ mod tests {
         (0..100).find(|n| matches!(limited.answer(&sample(*n, c_x)), Answer::Aborted(_)))
     }
 
-    fn limited(spec: LimitsSpec, force_n: f64) -> Limited {
-        Limited::new(Box::new(Constant(force_n)), spec, 1000.0)
+    fn limited(spec: &LimitsSpec, force_n: f64) -> Limited {
+        Limited::new(Box::new(Constant(force_n)), spec.clone(), (&RigSpec::default(), &OUTPUTS), 1000.0)
     }
 
     const STILL: Reading = Reading { value: 7.0, clipped: false };
@@ -256,18 +303,18 @@ mod tests {
     #[test]
     fn an_axis_that_repeats_its_reading_under_load_is_stuck() {
         let spec = LimitsSpec { stuck_samples: Some(10), stuck_above_n: Some(5.0), ..LimitsSpec::default() };
-        assert_eq!(gives_up(&mut limited(spec, 6.0), STILL), Some(10));
-        assert_eq!(gives_up(&mut limited(spec, -6.0), STILL), Some(10));
-        assert_eq!(gives_up(&mut limited(spec, 5.0), STILL), None);
-        assert_eq!(gives_up(&mut limited(spec, 6.0), Reading { clipped: true, ..STILL }), None);
-        assert_eq!(gives_up(&mut limited(LimitsSpec::default(), 6.0), STILL), None);
+        assert_eq!(gives_up(&mut limited(&spec, 6.0), STILL), Some(10));
+        assert_eq!(gives_up(&mut limited(&spec, -6.0), STILL), Some(10));
+        assert_eq!(gives_up(&mut limited(&spec, 5.0), STILL), None);
+        assert_eq!(gives_up(&mut limited(&spec, 6.0), Reading { clipped: true, ..STILL }), None);
+        assert_eq!(gives_up(&mut limited(&LimitsSpec::default(), 6.0), STILL), None);
     }
 
     /// An abort persists until a restart, which forgets what was before.
     #[test]
     fn a_restart_forgets() {
         let spec = LimitsSpec { stuck_samples: Some(10), clipped_samples: Some(3), ..LimitsSpec::default() };
-        let mut limited = limited(spec, 6.0);
+        let mut limited = limited(&spec, 6.0);
         assert_eq!(gives_up(&mut limited, STILL), Some(10));
         assert_eq!(gives_up(&mut limited, STILL), Some(0));
         limited.restart();
@@ -279,8 +326,108 @@ mod tests {
     #[test]
     fn a_command_beyond_the_limit_is_not_given() {
         let spec = LimitsSpec { force_n: Some(200.0), ..LimitsSpec::default() };
-        let first = |force_n| limited(spec, force_n).answer(&sample(0, STILL));
+        let first = |force_n| limited(&spec, force_n).answer(&sample(0, STILL));
         assert_eq!(first(-200.0), Answer::Hold(Load::force_n(-200.0, 0.0)));
         assert!(matches!(first(-200.1), Answer::Aborted(Abort::Command { key: "force_n", got: 200.1, .. })));
+    }
+
+    /// A rig with the accelerometer m3 along y and z, the accelerometer m4 along x, and the encoder e of a joint.
+    fn rig() -> (RigSpec, Vec<Channel>) {
+        let named = |name: &str| InstrumentName::new(name).unwrap();
+        let mut rig = RigSpec::default();
+        let mut outputs = OUTPUTS.to_vec();
+        for (name, measures, axes) in [
+            ("e", Measured::Angle, &[Axis::AboutZ][..]),
+            ("m3", Measured::Acceleration, &[Axis::Y, Axis::Z]),
+            ("m4", Measured::Acceleration, &[Axis::X]),
+        ] {
+            rig.sensors.more.insert(named(name), SensorSpec::of(measures));
+            let before = outputs.len() - OUTPUTS.len();
+            outputs.extend(sensor_channels(named(name), measures, axes, 1, before));
+        }
+        (rig, outputs)
+    }
+
+    /// The reason to abort at samples with these readings of m3 along z and of e, the other axes moving.
+    fn of_sensors(limits: &str, samples: u64, m3_z: Reading, e_rad: f64) -> Option<Abort> {
+        let (rig, outputs) = rig();
+        let spec = toml::from_str(limits).unwrap();
+        let mut limited = Limited::new(Box::new(Constant(6.0)), spec, (&rig, &outputs), 1000.0);
+        (0..samples).find_map(|n| {
+            let moving = 1e-3 * n as f64;
+            let more =
+                Readings::new(&[e_rad + 1e-6 * n as f64, moving, m3_z.value, moving], u32::from(m3_z.clipped) << 2);
+            let sample = Measurement { more: more.unwrap(), ..sample(n, Reading { value: moving, clipped: false }) };
+            match limited.answer(&sample) {
+                Answer::Aborted(abort) => Some(abort),
+                _ => None,
+            }
+        })
+    }
+
+    #[test]
+    fn a_sensor_has_the_limit_of_its_name_in_its_unit() {
+        let still = Reading { value: -70.0, clipped: false };
+        let says = |limits: &str, e_rad| {
+            of_sensors(limits, 30, still, e_rad).map_or(String::new(), |abort| format!("{abort}"))
+        };
+        insta::assert_snapshot!(says("sensors.m3 = 65", 0.0), @"limits.sensors.m3: sensor m3 reads -70 m/s² along z after 0.000 s, beyond the limit of 65 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+        insta::assert_snapshot!(says("sensors.e = 0.5", 0.6), @"limits.sensors.e: sensor e reads 0.6 rad about z after 0.000 s, beyond the limit of 0.5 rad: drive less, fix the sensor if that can't be, or raise the limit");
+        // Each limit is that of one sensor, and that of acceleration those of B and C.
+        assert_eq!(says("acceleration_m_s2 = 65\nsensors.e = 0.5", 0.4), "");
+        assert_eq!(says("sensors = { m3 = 75, m4 = 65 }", 0.6), "");
+    }
+
+    #[test]
+    fn a_limit_of_b_or_c_replaces_that_of_all_accelerations() {
+        let beyond = |limits: &str| {
+            let spec: LimitsSpec = toml::from_str(limits).unwrap();
+            let mut limited = limited(&spec, 1.0);
+            (0..40).find_map(|n| match limited.answer(&sample(n, STILL)) {
+                Answer::Aborted(abort) => Some((n, format!("{abort}"))),
+                _ => None,
+            })
+        };
+        // B reads n + 2.5 along y, and C 7 along x and n along y.
+        let (n, reason) = beyond("acceleration_m_s2 = 20").unwrap();
+        insta::assert_snapshot!(format!("{n}: {reason}"), @"18: limits.acceleration_m_s2: the accelerometer at B reads 20.5 m/s² along y after 0.018 s, beyond the limit of 20 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+        let (n, reason) = beyond("acceleration_m_s2 = 20\nsensors.b = 30").unwrap();
+        insta::assert_snapshot!(format!("{n}: {reason}"), @"21: limits.acceleration_m_s2: the accelerometer at C reads 21 m/s² along y after 0.021 s, beyond the limit of 20 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+        let (n, reason) = beyond("acceleration_m_s2 = 20\nsensors.c = 5").unwrap();
+        insta::assert_snapshot!(format!("{n}: {reason}"), @"0: limits.sensors.c: the accelerometer at C reads 7 m/s² along x after 0.000 s, beyond the limit of 5 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+    }
+
+    #[test]
+    fn a_sensor_with_a_limit_is_watched_for_clipped_and_equal_readings() {
+        let axis = |clipped| Reading { value: 7.0, clipped };
+        let says = |limits: &str, clipped| {
+            of_sensors(limits, 30, axis(clipped), 0.0).map_or(String::new(), |abort| format!("{abort}"))
+        };
+        insta::assert_snapshot!(says("clipped_samples = 4\nsensors.m3 = 50", true), @"limits.clipped_samples: sensor m3 is clipped along z for 4 samples in a row, up to 0.003 s: drive less, or give it more range (`rig.sensors.m3.range_m_s2`)");
+        insta::assert_snapshot!(says("stuck_samples = 9\nsensors.m3 = 50", false), @"limits.stuck_samples: sensor m3 says 7 m/s² along z and does not move for 9 samples under load, up to 0.009 s: fix sensor or cable, or state more samples if the axis has nothing to read");
+        assert_eq!((says("clipped_samples = 4", true), says("stuck_samples = 9", false)), Default::default());
+    }
+
+    /// What a run must give it: what its own limits are of, once, and what the inner controller needs.
+    #[test]
+    fn it_needs_the_sensors_that_have_limits_of_their_own() {
+        let (rig, outputs) = rig();
+        let needs = |limits: &str| {
+            let spec = toml::from_str(limits).unwrap();
+            let limited = Limited::new(Box::new(Constant(6.0)), spec, (&rig, &outputs), 1000.0);
+            limited.needs().iter().map(|needed| (needed.place, needed.name.as_str().to_owned())).collect::<Vec<_>>()
+        };
+        assert_eq!(needs("acceleration_m_s2 = 20\nforce_n = 10\nclipped_samples = 3"), []);
+        let named = |place, name: &str| (place, name.to_owned());
+        assert_eq!(
+            needs("sensors = { c = 20, m3 = 20 }"),
+            [
+                named(4, "acceleration_c_x_m_s2"),
+                named(5, "acceleration_c_y_m_s2"),
+                named(7, "acceleration_m3_y_m_s2"),
+                named(8, "acceleration_m3_z_m_s2"),
+            ]
+        );
+        assert!(outputs.len() - OUTPUTS.len() <= MOST_MORE);
     }
 }

@@ -22,9 +22,10 @@ mod set_point;
 mod spec;
 mod steered;
 
+use alloc::vec::Vec;
 use core::fmt::Debug;
 
-pub use abort::Abort;
+pub use abort::{Abort, InstrumentAxis, ReadingLimit};
 pub use cancellation::{CancelHarmonics, CancelHarmonicsError};
 pub use force_control::{ForceControl, ForceControlError, ForceControlSpec};
 pub use fourier_filter::FourierFilter;
@@ -37,8 +38,8 @@ pub use set_point::SetPoint;
 pub use spec::{ControlError, ControlSpec};
 pub use steered::Steered;
 
-use crate::rig::Load;
-use crate::rig::Measurement;
+use crate::rig::{Load, Measurement};
+use crate::structure::{ChannelName, OUTPUTS};
 
 /// Kind of load that a controller commands. A command of the protocol carries one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +61,23 @@ pub enum Length {
     Unknown,
 }
 
+/// Reading that a controller needs with every sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NeededReading {
+    /// Index of the reading, as [`Measurement::reading`] takes it.
+    pub place: usize,
+    /// Name of its channel.
+    pub name: ChannelName,
+}
+
+impl NeededReading {
+    /// Returns the marked readings of head, B and C, in the order of [`OUTPUTS`].
+    pub fn marked(needs: [bool; Measurement::CHANNELS]) -> Vec<NeededReading> {
+        let all = OUTPUTS.iter().enumerate().map(|(place, channel)| NeededReading { place, name: channel.name });
+        all.filter(|reading| needs[reading.place]).collect()
+    }
+}
+
 /// Answer of a controller to a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
@@ -79,10 +97,11 @@ pub trait Controller: Debug + Send {
     /// Returns the kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
     fn load_kind(&self) -> LoadKind;
 
-    /// Returns which readings its feedback needs, in the order of [`OUTPUTS`](crate::structure::OUTPUTS). A
-    /// reading that the protocol does not carry is NaN in the samples.
-    fn needs(&self) -> [bool; Measurement::CHANNELS] {
-        [false; Measurement::CHANNELS]
+    /// Returns the readings without which it can't work. A run whose protocol does not carry one of them with every
+    /// sample is refused. Of the others, those of head, B and C that the protocol does not carry are NaN in the
+    /// samples.
+    fn needs(&self) -> Vec<NeededReading> {
+        Vec::new()
     }
 
     /// Restarts the work at sample 0.

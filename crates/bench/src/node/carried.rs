@@ -1,14 +1,14 @@
 //! A controller inside the exciter's node, which answers the samples that the node receives.
 
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::{TimeBase, sample};
-use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
-use crate::rig::Load;
-use crate::rig::Measurement;
+use crate::control::{Abort, Answer, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint};
+use crate::rig::{Load, Measurement, Readings};
 
 /// Largest number of responses that wait to be fetched.
 const RESPONSES: usize = 16;
@@ -38,11 +38,20 @@ pub struct Carried {
     answers: Queue<(Measurement, Load), ANSWERS>,
     /// Sample that was last answered by a load, and that load.
     last_answer: Option<(u64, Load)>,
+    /// Readings that the protocol does not carry, if the loop that runs both nodes hands them over.
+    handed_over: Option<Readings>,
 }
 
 impl Carried {
     pub(super) fn new(controller: Box<dyn Controller>) -> Carried {
-        Carried { controller, responses: Queue::new(), answers: Queue::new(), last_answer: None }
+        Carried { controller, responses: Queue::new(), answers: Queue::new(), last_answer: None, handed_over: None }
+    }
+
+    /// Hands over the readings of the next sample that Resonarm's protocol does not carry. It states that plant and
+    /// controller are in one loop, which also takes the parts of a load that the protocol does not carry from
+    /// [`Carried::last_answer`] to the plant. Without it the node faults at such a load.
+    pub fn hand_over(&mut self, more: Readings) {
+        self.handed_over = Some(more);
     }
 
     /// Returns the next response that has been read.
@@ -75,7 +84,7 @@ impl Carried {
 
 impl Carried {
     /// Returns the readings that the controller needs.
-    pub(super) fn needs(&self) -> [bool; Measurement::CHANNELS] {
+    pub(super) fn needs(&self) -> Vec<NeededReading> {
         self.controller.needs()
     }
 
@@ -108,10 +117,12 @@ impl Answering for Carried {
     }
 
     fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
-        let answer = self.answer_sample(&sample::from_values(sample, values));
+        let more = self.handed_over.unwrap_or_default();
+        let answer = self.answer_sample(&Measurement { more, ..sample::from_values(sample, values) });
         match (answer, self.controller.load_kind()) {
-            // The protocol has no field for a part of this load. The node sends no command that is not a number.
-            (Answer::Hold(load), _) if !load.is_native() => {
+            // The protocol has no field for a part of this load, and nothing else takes it to the plant. The node sends
+            // no command that is not a number.
+            (Answer::Hold(load), _) if self.handed_over.is_none() && !load.is_native() => {
                 node::Answer::HoldForce { force_x_n: f64::NAN, force_y_n: f64::NAN }
             }
             (Answer::Hold(load), LoadKind::Force) => {

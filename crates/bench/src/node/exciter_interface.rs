@@ -6,8 +6,9 @@ use core::fmt;
 use resonarm_protocol::node::{FrameCounts, NodeCore, NodeEvent, Work};
 use resonarm_protocol::{Emergency, Frame, NodeState};
 
+use super::exciter_lack::names;
 use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark};
-use crate::rig::Load;
+use crate::rig::{Load, Measurement};
 use crate::structure::{LOADS, LoadSet};
 
 /// The exciter's node with its controller: frames and time go in, frames and events come out. It allocates
@@ -103,6 +104,15 @@ pub trait ExciterInterface: fmt::Debug + Send {
         }
     }
 
+    /// Checks that the protocol carries every reading that the controller needs. A node of a user protocol is built only
+    /// if it does.
+    ///
+    /// # Errors
+    /// [`ExciterLack::NativeReadings`] names those that it does not carry.
+    fn check_readings(&self) -> Result<(), ExciterLack> {
+        Ok(())
+    }
+
     /// Returns what the exciter can't know with this protocol.
     fn remarks(&self) -> Vec<ExciterRemark> {
         Vec::new()
@@ -166,6 +176,12 @@ impl ExciterInterface for ExciterNode {
 
     fn waiting(&self) -> usize {
         ExciterNode::waiting(self)
+    }
+
+    fn check_readings(&self) -> Result<(), ExciterLack> {
+        let needs = self.carried().needs().into_iter();
+        let needed: Vec<_> = needs.filter(|needed| needed.place >= Measurement::CHANNELS).collect();
+        if needed.is_empty() { Ok(()) } else { Err(ExciterLack::NativeReadings { needed: names(&needed) }) }
     }
 
     fn start(&mut self, now_ns: u64) {

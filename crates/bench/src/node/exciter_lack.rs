@@ -5,7 +5,8 @@ use core::fmt;
 
 use thiserror::Error;
 
-use crate::structure::{ChannelName, OUTPUTS};
+use crate::control::NeededReading;
+use crate::structure::ChannelName;
 use resonarm_protocol::Id;
 
 /// Reason why no exciter of Resonarm can drive a plant by a protocol.
@@ -42,22 +43,33 @@ pub enum ExciterLack {
     NoSamples,
     /// The controller needs readings that the protocol does not carry with every sample.
     #[error(
-        "the control needs {}, but no message of every sample carries {}: give a [[wire.readings]] with `every = 1` \
+        "the controller reads {}, but no message of every sample carries {}: give a [[wire.readings]] with `every = 1` \
          and that `quantity`",
         Names(needed), if needed.len() == 1 { "it" } else { "them" }
     )]
     Readings {
-        /// Indices of the readings in [`OUTPUTS`].
-        needed: Vec<usize>,
+        /// Names of the readings.
+        needed: Vec<ChannelName>,
+    },
+    /// The controller needs readings that the native protocol does not carry.
+    #[error(
+        "the controller reads {}, and Resonarm's protocol carries the impedance head, b and c alone: leave the limit in \
+         [limits.sensors] out, or map a protocol of your own by [wire]",
+        Names(needed)
+    )]
+    NativeReadings {
+        /// Names of the readings.
+        needed: Vec<ChannelName>,
     },
     /// The controller needs readings, which CANopen drives do not have.
     #[error(
-        "the control needs {}, but CANopen drives report only angles and torques: give an [excitation]",
+        "the controller reads {}, but CANopen drives report only angles and torques: give an [excitation], without \
+         [limits.sensors]",
         Names(needed)
     )]
     Drives {
-        /// Indices of the readings in [`OUTPUTS`].
-        needed: Vec<usize>,
+        /// Names of the readings.
+        needed: Vec<ChannelName>,
     },
     /// The load has a part that the native protocol does not carry.
     #[error(
@@ -115,8 +127,8 @@ pub enum ExciterRemark {
     /// Readings that it does not receive.
     #[error("no message of every answered sample carries {}: the exciter reads NaN for it", Names(unread))]
     Unread {
-        /// Indices of the readings in [`OUTPUTS`].
-        unread: Vec<usize>,
+        /// Names of the readings.
+        unread: Vec<ChannelName>,
     },
     /// Samples that it does not receive.
     #[error("readings are sent every {every} samples, so the exciter answers only that often")]
@@ -134,15 +146,19 @@ pub enum ExciterRemark {
     Index,
 }
 
-/// Names of outputs by their indices, for messages.
-struct Names<'a>(&'a [usize]);
+/// Returns the names of readings.
+pub(super) fn names(readings: &[NeededReading]) -> Vec<ChannelName> {
+    readings.iter().map(|reading| reading.name).collect()
+}
+
+/// List of names, for messages.
+struct Names<'a>(&'a [ChannelName]);
 
 impl fmt::Display for Names<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names = self.0.iter().filter_map(|place| OUTPUTS.get(*place)).map(|channel| channel.name);
-        for (number, name) in names.enumerate() {
+        for (number, name) in self.0.iter().enumerate() {
             f.write_str(if number == 0 { "" } else { ", " })?;
-            f.write_str(&name)?;
+            f.write_str(name)?;
         }
         Ok(())
     }

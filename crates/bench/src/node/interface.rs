@@ -126,6 +126,10 @@ pub trait PlantInterface: fmt::Debug + Send {
     /// command taken does.
     fn load(&mut self) -> Load;
 
+    /// Hands over the load that the exciter in the same loop commands with its next frame. Its parts that the protocol
+    /// does not carry act together with those in the frame. A protocol that carries every load ignores it.
+    fn hand_over(&mut self, _load: &Load) {}
+
     /// Enters a fault from outside: the simulation failed, its shaker tripped, or ticks were missed. The load
     /// ramps to zero; if the simulation can't continue or the exciter is off, it is dropped at once.
     fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16);

@@ -36,6 +36,8 @@ pub struct PlantNode {
     exciter_fault: Option<Emergency>,
     /// Fault of the exciter that caused the node's last fault, if any.
     reason: Option<Emergency>,
+    /// Load of the exciter in the same loop, for the parts that no frame carries; 0 on a bus.
+    handed_over: Load,
 }
 
 impl PlantNode {
@@ -56,6 +58,7 @@ impl PlantNode {
             is_leaving: false,
             exciter_fault: None,
             reason: None,
+            handed_over: Load::default(),
         }
     }
 
@@ -170,14 +173,25 @@ impl PlantNode {
     ///
     /// Beyond the travel limit an operational plant faults: it would otherwise be driven on once it swings
     /// back.
-    fn take(&mut self, now_ns: u64, index: u16, load: Load) {
+    fn take(&mut self, now_ns: u64, index: u16, carried: &Load) {
         self.echoed = Some(index);
+        let load = self.completed(carried);
         let state = self.state();
         match self.guard.take(&mut self.link.core, state, index, load) {
             Ok(()) => self.guard.heeded(),
             Err(Refusal::Travel) => self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16),
             Err(_) => {}
         }
+    }
+
+    /// Returns the load of a command with the parts that no frame carries. The parts in the frame are copied and not
+    /// added, since a sum would lose the sign of a zero, and a free run would differ from one in lockstep.
+    fn completed(&self, carried: &Load) -> Load {
+        let mut load = self.handed_over;
+        let [torque1_nm, torque2_nm, x_n, y_n] = carried.native_parts();
+        (load.torque_nm[0], load.torque_nm[1]) = (torque1_nm, torque2_nm);
+        (load.force_n.x, load.force_n.y) = (x_n, y_n);
+        load
     }
 
     /// Publishes one sample per frame, or two: then the one with an even index is sent with the next.
@@ -269,8 +283,8 @@ impl PlantInterface for PlantNode {
         };
         match message {
             Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.execute(now_ns, request),
-            Message::Force(c) => self.take(now_ns, c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
-            Message::Torque(c) => self.take(now_ns, c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
+            Message::Force(c) => self.take(now_ns, c.sample, &Load::force_n(c.force_x_n, c.force_y_n)),
+            Message::Torque(c) => self.take(now_ns, c.sample, &Load::torque_nm(c.torque1_nm, c.torque2_nm)),
             Message::ExciterHello(hello) => self.meet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
             Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
@@ -329,6 +343,10 @@ impl PlantInterface for PlantNode {
 
     fn load(&mut self) -> Load {
         self.guard.load()
+    }
+
+    fn hand_over(&mut self, load: &Load) {
+        self.handed_over = *load;
     }
 
     fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {

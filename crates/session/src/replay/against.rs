@@ -24,6 +24,7 @@ use super::responses::command;
 use crate::run::Signals;
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::rig::Load;
+use resonarm_bench::structure::{LOADS, LoadSet};
 use resonarm_bus::{Bus, Sent};
 use resonarm_files::recording::{Direction, FrameRecord, Recording};
 use resonarm_realtime::Clock;
@@ -151,8 +152,9 @@ impl fmt::Display for DifferenceKind {
 /// Sends the plant's recorded frames to the controller on the bus, and compares what it answers.
 ///
 /// # Errors
-/// [`ReplayError::AgainstDrives`] if the recording is of CANopen drives, [`ReplayError::NoController`] if none is heard, [`ReplayError::Empty`] if the recording has no commands, and
-/// [`ReplayError`] if the speed is impossible, or recording or bus fail.
+/// [`ReplayError::AgainstDrives`] if the recording is of CANopen drives, [`ReplayError::AgainstLoad`] if its load is one
+/// that no frame carries, [`ReplayError::NoController`] if no controller is heard, [`ReplayError::Empty`] if the recording
+/// has no commands, and [`ReplayError`] if the speed is impossible, or recording or bus fail.
 pub fn play_against<C: Clock>(
     recording: &Recording,
     bus: &mut dyn Bus,
@@ -169,6 +171,9 @@ pub fn play_against<C: Clock>(
         let mut test = Test { bus, clock, regression, signals, live, compared };
         let mut recorded = wire::Recorded::new(&mapping);
         return test.run(recording, |test, record| wire::expect(test, &mut recorded, record));
+    }
+    if let Some((place, _)) = scenario.amplitude().and_then(|amplitude| LoadSet::NATIVE.lacks(amplitude)) {
+        return Err(ReplayError::AgainstLoad { part: LOADS[place].name });
     }
     let network = scenario.network()?;
     let mut test = Test { bus, clock, regression, signals, live: Live::new(network), compared };

@@ -6,6 +6,7 @@ use super::player::SPEEDS;
 use resonarm_bench::node::ExciterLack;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bench::rig::Load;
+use resonarm_bench::structure::ChannelName;
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
 use resonarm_numeric::number::short;
@@ -38,6 +39,15 @@ pub enum ReplayError {
          `resonarm diff`"
     )]
     AgainstDrives,
+    /// A free run has handed the plant a load that no frame carries.
+    #[error(
+        "the recorded run has the load {part}, which a free run hands to the plant and no frame carries: a controller on a bus can't \
+         command it, and --against can't compare it; record a run with a protocol of your own that carries it ([wire])"
+    )]
+    AgainstLoad {
+        /// Part of the load.
+        part: ChannelName,
+    },
     /// Nobody is there to be tested.
     #[error("no controller was heard on the bus within {} s (--patience-s)", short(.waited_s))]
     NoController {

@@ -8,8 +8,7 @@ use super::round_trip::RoundTrips;
 use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
 use resonarm_bench::node::{NodeEvent, PlantInterface, PublishedSample};
 use resonarm_bench::plant::{Plant, PlantError};
-use resonarm_bench::rig::Load;
-use resonarm_bench::rig::Measurement;
+use resonarm_bench::rig::{Load, Measurement, Readings};
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
@@ -46,6 +45,8 @@ pub(super) struct Bench<'a> {
     start: Option<Measurement>,
     /// The load from the sample before to this one.
     held: Load,
+    /// Readings of the last sample that the protocol does not carry.
+    more: Readings,
 }
 
 impl<'a> Bench<'a> {
@@ -74,6 +75,7 @@ impl<'a> Bench<'a> {
             samples: 0,
             start: None,
             held: Load::default(),
+            more: Readings::NONE,
         }
     }
 
@@ -96,6 +98,7 @@ impl<'a> Bench<'a> {
             samples: self.samples,
             start: self.start,
             held: self.held,
+            more: self.more,
         }
     }
 
@@ -363,6 +366,7 @@ impl<'a> Bench<'a> {
             return start;
         }
         let measurement = self.plant.measure();
+        self.more = measurement.more;
         self.samples += 1;
         self.record(&Record::Sample(sample_record(&measurement)));
         measurement
@@ -380,6 +384,16 @@ impl<'a> Bench<'a> {
     fn publish(&mut self, measurement: &Measurement) -> Result<(), RunError> {
         let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
         Ok(self.node.publish(&PublishedSample { measurement, states, travel_m })?)
+    }
+
+    /// The readings of the last sample that the protocol does not carry, for the exciter in the same loop.
+    pub fn more_readings(&self) -> Readings {
+        self.more
+    }
+
+    /// Hands over the load that the exciter in the same loop commands with its next frame.
+    pub fn hand_over(&mut self, load: &Load) {
+        self.node.hand_over(load);
     }
 
     /// Advances to the next sample with the command that is held now, and records the state before. If the simulation

@@ -30,6 +30,8 @@ pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub ending: Ending,
     /// By when the plant must be armed, ns.
     pub arming_ns: u64,
+    /// Whether plant and exciter hand each other the readings and loads that the protocol does not carry.
+    pub hands_over: bool,
     pub signals: &'r Signals,
     pub watched: Option<Watched>,
     pub responses: Vec<ResponsePoint>,
@@ -137,8 +139,15 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             // A frame may be answered at the same instant, so both ends are served until neither moves one.
             let before = self.moved();
             self.bench.transmit(now_ns, self.near)?;
+            // On this bus a frame is there at once, so that what is handed over belongs to the frames of this turn.
+            if self.hands_over {
+                self.exciter.carried_mut().hand_over(self.bench.more_readings());
+            }
             if let Err(error) = self.answer(now_ns) {
                 self.lose_bus(now_ns, error)?;
+            }
+            if let Some((_, load)) = self.exciter.carried().last_answer().filter(|_| self.hands_over) {
+                self.bench.hand_over(&load);
             }
             self.bench.receive(now_ns, self.near)?;
             self.bench.handle_deadline(now_ns);

@@ -6,12 +6,13 @@ use super::session::{Network, RecordTo};
 use super::{End, Mode, RunError, RunEvent, Session};
 use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase, WireSpec};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::Converter;
+use resonarm_bench::rig::{Converter, Load, Readings};
 use resonarm_bus::{Bus, Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
 use resonarm_protocol::{FrameFormat, Id, Node, Profile};
 use resonarm_realtime::SystemClock;
+use resonarm_scenario::ScenarioError;
 
 /// Records on their way to the writer: at 1 kHz about four seconds of everything.
 const RECORDS_CAPACITY: usize = 1 << 15;
@@ -35,9 +36,44 @@ impl Session {
         })
     }
 
-    /// The exciter's node, of the scenario's own protocol or of Resonarm's, for a plant whose instruments have this
-    /// converter.
+    /// The exciter's node on a bus, of the scenario's own protocol or of Resonarm's, for a plant whose instruments have
+    /// this converter.
     pub(super) fn exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
+        let node = self.unchecked_exciter_node(converter)?;
+        node.check_readings()?;
+        if let Some(amplitude) = self.commanded_amplitude() {
+            node.check_load(amplitude)?;
+        }
+        Ok(node)
+    }
+
+    /// The exciter's node in one loop with the plant. The loop hands over what Resonarm's protocol does not carry, so
+    /// that the structure alone says which readings and loads there are.
+    pub(super) fn exciter_in_loop(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
+        if !self.hands_over() {
+            return self.exciter_node(converter);
+        }
+        let mut node = self.unchecked_exciter_node(converter)?;
+        node.carried_mut().hand_over(Readings::NONE);
+        match self.commanded_amplitude().and_then(|amplitude| self.plant.inputs().lacks(amplitude)) {
+            Some((place, got)) => Err(ScenarioError::IdleLoad { name: Load::NAMES[place], got }.into()),
+            None => Ok(node),
+        }
+    }
+
+    /// Whether the loop of a free run hands over the readings and loads that Resonarm's protocol does not carry. A bus
+    /// with a bit rate or with faults is there to show what a real bus does, so that nothing passes by it. A scenario's
+    /// own protocol carries what it maps.
+    pub(super) fn hands_over(&self) -> bool {
+        self.mode == Mode::Free && self.network == Network::Ideal && self.wire.is_none()
+    }
+
+    /// The amplitude of the scenario's load, unless a controller of the caller's own commands.
+    fn commanded_amplitude(&self) -> Option<&Load> {
+        self.scenario.amplitude().filter(|_| !self.has_own_controller())
+    }
+
+    fn unchecked_exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let controller = self.controller_reading(converter)?;
         let mut node = match &self.wire {
@@ -46,9 +82,6 @@ impl Session {
         };
         if self.wire.is_some() && self.mode == Mode::Lockstep {
             node.expect_unarmed_readings();
-        }
-        if let Some(amplitude) = self.scenario.amplitude().filter(|_| !self.has_own_controller()) {
-            node.check_load(amplitude)?;
         }
         Ok(node)
     }
@@ -72,7 +105,7 @@ impl Session {
     /// # Errors
     /// [`RunError::WireLacks`] if it can't drive the plant by it.
     pub fn exciter_remarks(&self) -> Result<Vec<ExciterRemark>, RunError> {
-        Ok(self.exciter_node(self.scenario.partner_converter())?.remarks())
+        Ok(self.exciter_in_loop(self.scenario.partner_converter())?.remarks())
     }
 
     /// When the commands of the scenario's own protocol are judged. A free run on which every frame is there at once is

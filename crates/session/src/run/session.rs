@@ -246,10 +246,11 @@ impl Session {
 
     /// The same, for a plant whose instruments have this converter. A controller of the caller's own knows its plant.
     pub(super) fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, RunError> {
-        match &self.controller {
-            Some(make) => Ok(self.scenario.limited(make.0())),
-            None => Ok(self.scenario.controller_reading(converter)?),
-        }
+        let controller = match &self.controller {
+            Some(make) => make.0(),
+            None => self.scenario.unlimited_controller(converter)?,
+        };
+        Ok(self.scenario.limited(controller, self.plant.structure().outputs()))
     }
 
     /// Whether the controller is one of the caller's own, in place of the scenario's.
@@ -431,7 +432,7 @@ impl Session {
         signals: &Signals,
         mut on_event: impl FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
-        let mut exciter = self.exciter_node(self.scenario.rig.converter)?;
+        let mut exciter = self.exciter_in_loop(self.scenario.rig.converter)?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let clock = VirtualClock::default();
@@ -446,6 +447,7 @@ impl Session {
             pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
             ending: self.ending,
             arming_ns: if self.network == Network::Ideal && self.wire.is_none() { 0 } else { ARMING_NS },
+            hands_over: self.hands_over(),
             signals,
             watched,
             responses: Vec::new(),

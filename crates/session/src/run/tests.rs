@@ -22,6 +22,8 @@ mod lost_bus;
 mod mistakes;
 mod network;
 mod not_begun;
+mod other_loads;
+mod other_sensors;
 mod watched;
 
 use jammed_bus::JammedBus;

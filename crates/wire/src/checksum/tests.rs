@@ -92,7 +92,9 @@ fn presets_come_back_from_their_names() {
         assert_eq!(preset.name().parse(), Ok(preset));
     }
     let unknown = "autosar-p3".parse::<Preset>().unwrap_err().to_string();
-    assert!(unknown.starts_with(r#"there is no checksum "autosar-p3": expected one of autosar-p1, autosar-p1-alternating"#));
+    assert!(
+        unknown.starts_with(r#"there is no checksum "autosar-p3": expected one of autosar-p1, autosar-p1-alternating"#)
+    );
 }
 
 #[test]

@@ -36,7 +36,9 @@ use thiserror::Error;
 use crate::control::cancellation::Cancellation;
 use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
-use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, ResponsePoint};
+use crate::control::{
+    Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, NeededReading, ResponsePoint,
+};
 use crate::excitation::{ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
 use crate::rig::{Load, Measurement, Sampling};
 use resonarm_numeric::number::short;
@@ -402,9 +404,9 @@ impl Controller for ForceControl {
 
     /// The driving point is needed, as its acceleration shows whether a response has settled. B is needed only
     /// for a notch.
-    fn needs(&self) -> [bool; Measurement::CHANNELS] {
+    fn needs(&self) -> Vec<NeededReading> {
         let b = self.notches_m_s2[0].is_some();
-        [true, true, b, b, true, true]
+        NeededReading::marked([true, true, b, b, true, true])
     }
 
     fn restart(&mut self) {

@@ -41,7 +41,10 @@ use self::reading::{Found, Reader};
 use self::spec::BAND;
 use super::cancellation::Cancellation;
 use super::fourier_filter::{real_product, unit, wrapped};
-use super::{Abort, Answer, Controller, FourierFilter, Length, LoadKind, ModeModel, Modelled, ResponsePoint, SeenMode};
+use super::{
+    Abort, Answer, Controller, FourierFilter, Length, LoadKind, ModeModel, Modelled, NeededReading, ResponsePoint,
+    SeenMode,
+};
 use crate::excitation::Phasor;
 use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
@@ -451,10 +454,10 @@ impl Controller for PhaseWalk {
     }
 
     /// The accelerometer of the followed displacement is needed and, for forces, the head for the acting force.
-    fn needs(&self) -> [bool; Measurement::CHANNELS] {
+    fn needs(&self) -> Vec<NeededReading> {
         let head = self.load_kind() == LoadKind::Force;
         let [b, c] = self.model.followed.takes();
-        [head, head, b, b, c, c]
+        NeededReading::marked([head, head, b, b, c, c])
     }
 
     fn restart(&mut self) {

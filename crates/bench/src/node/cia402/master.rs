@@ -21,13 +21,14 @@ use alloc::vec::Vec;
 use super::error_code;
 use super::spec::{Cia402Spec, DriveSpec, TORQUE_MODE};
 use crate::control::{Answer, Controller};
+use crate::node::exciter_lack::names;
 use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
     retry_ns,
 };
 use crate::rig::Load;
 use crate::rig::{Measurement, Reading, Readings};
-use crate::structure::LOADS;
+use crate::structure::{LOADS, OUTPUTS};
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id};
 use resonarm_wire::canopen::cia402::DriveState;
@@ -131,9 +132,8 @@ impl Cia402Exciter {
         let slaves: Vec<Slave> = spec.drives.iter().map(slave).collect();
         let work = Work::new(Carried::new(controller), &timing, retry_ns(time_base));
         let needs = work.controller.needs();
-        let needed: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| needs[*place]).collect();
-        if !needed.is_empty() {
-            return Err(ExciterLack::Drives { needed });
+        if !needs.is_empty() {
+            return Err(ExciterLack::Drives { needed: names(&needs) });
         }
         Ok(Cia402Exciter {
             // Room for a start, a mode and every controlword of each drive, and SYNC.
@@ -394,7 +394,7 @@ impl ExciterInterface for Cia402Exciter {
     }
 
     fn remarks(&self) -> Vec<ExciterRemark> {
-        alloc::vec![ExciterRemark::Unread { unread: (0..Measurement::CHANNELS).collect() }]
+        alloc::vec![ExciterRemark::Unread { unread: OUTPUTS.iter().map(|channel| channel.name).collect() }]
     }
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::format;
 
 use super::*;
-use crate::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
+use crate::control::{Answer, Controller, Length, LoadKind, NeededReading, ResponsePoint};
 use crate::node::tests::check_that_rejected_frames_hide_no_transition;
 use crate::node::{ExciterInterface, ExciterLack, ExciterOutcome};
 use resonarm_protocol::Node;
@@ -21,8 +21,8 @@ impl Controller for Steps {
         LoadKind::Torque
     }
 
-    fn needs(&self) -> [bool; 6] {
-        self.needs
+    fn needs(&self) -> Vec<NeededReading> {
+        NeededReading::marked(self.needs)
     }
 
     fn restart(&mut self) {}
@@ -181,5 +181,5 @@ fn what_drives_can_not_do_is_refused() {
     let controller = Box::new(Steps { samples: 9, needs });
     let rate = (RATE_HZ, TimeBase::Clock);
     let lack = Cia402Exciter::new(&spec(2), rate, Timing::real_time(RATE_HZ), controller).unwrap_err();
-    insta::assert_snapshot!(lack, @"the control needs acceleration_b_x_m_s2, acceleration_b_y_m_s2, but CANopen drives report only angles and torques: give an [excitation]");
+    insta::assert_snapshot!(lack, @"the controller reads acceleration_b_x_m_s2, acceleration_b_y_m_s2, but CANopen drives report only angles and torques: give an [excitation], without [limits.sensors]");
 }

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use crate::node::FrameCheck;
 use crate::node::mapped::mapping::{Mapping, Outgoing, ProtectionCheck, Said, Source, Trigger, Value};
-use crate::rig::Measurement;
+use crate::rig::{MOST_CHANNELS, Measurement};
 use resonarm_protocol::{EmergencyCode, Frame, Id, NodeState};
 use resonarm_wire::counter::Step;
 
@@ -34,7 +34,7 @@ pub(super) struct Listener {
     /// Whether its part of the next sample has come.
     pub has_come: bool,
     /// Readings of the last frame that were clipped, one bit each.
-    pub clipped: u8,
+    pub clipped: u32,
 }
 
 /// Content of a frame.
@@ -118,7 +118,7 @@ impl Listener {
     ///
     /// # Errors
     /// The check that failed: the frame must not be used.
-    pub fn hear(&mut self, frame: &Frame, readings: &mut [f64; Measurement::CHANNELS]) -> Result<Heard, FrameCheck> {
+    pub fn hear(&mut self, frame: &Frame, readings: &mut [f64; MOST_CHANNELS]) -> Result<Heard, FrameCheck> {
         let step = self.check.step(frame)?;
         let payload = frame.data();
         // All signals are read before any of them takes effect, so that a frame is used as a whole or not at
@@ -165,7 +165,7 @@ impl Listener {
 }
 
 /// Writes a reading that a signal carries. Returns the bit of its index if it was clipped.
-fn write(said: Option<Said>, readings: &mut [f64; Measurement::CHANNELS]) -> u8 {
+fn write(said: Option<Said>, readings: &mut [f64; MOST_CHANNELS]) -> u32 {
     let (place, is_clipped) = match said {
         Some(Said::Value { place, value, is_at_end }) => {
             readings.get_mut(place).into_iter().for_each(|reading| *reading = value);
@@ -174,7 +174,7 @@ fn write(said: Option<Said>, readings: &mut [f64; Measurement::CHANNELS]) -> u8 
         Some(Said::Clipped { place, is_clipped }) => (place, is_clipped),
         None => return 0,
     };
-    u8::from(is_clipped).checked_shl(place as u32).unwrap_or(0)
+    u32::from(is_clipped).checked_shl(place as u32).unwrap_or(0)
 }
 
 /// Returns the state with this number; if two states share it, the first in the order below.

@@ -19,13 +19,13 @@ use self::listener::{Heard, Listener, Reason};
 use self::page::{Ask, Page};
 use self::samples::Samples;
 use super::mapping::{Arming, Lockstep, Mapping};
-use crate::control::{Answer, Controller};
+use crate::control::{Answer, Controller, NeededReading};
+use crate::node::exciter_lack::names;
 use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameFault, TimeBase, Timing, retry_ns,
 };
 use crate::rig::Load;
-use crate::rig::Measurement;
-use crate::structure::{ChannelName, LOADS};
+use crate::structure::{ChannelName, LOADS, OUTPUTS};
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
 
@@ -112,16 +112,18 @@ impl MappedExciter {
         let period_ns = 1_000_000_000 / u64::from(rate_hz.max(1));
         let lockstep = (time_base == TimeBase::Lockstep).then_some(mapping.lockstep);
         let comes_on_sync = lockstep != Some(Lockstep::Sync) && listener::come_on_sync(mapping, &listeners);
+        let controller = Carried::new(controller);
+        let channels = controller.needs().iter().map(|needed| needed.place + 1).max().unwrap_or(0);
         let exciter = MappedExciter {
             queue: VecDeque::with_capacity(8 * pages.len()),
             counters: vec![0; mapping.incoming.len()],
             drives: drives(mapping, &listeners),
-            samples: Samples::new(&listeners, every),
+            samples: Samples::new(&listeners, every, channels),
             pages,
             listeners,
             lockstep,
             core: NodeCore::new(&timing),
-            work: Work::new(Carried::new(controller), &timing, retry_ns(time_base)),
+            work: Work::new(controller, &timing, retry_ns(time_base)),
             load: Load::default(),
             unarmed: 0,
             expects_unarmed_readings: false,
@@ -156,10 +158,10 @@ impl MappedExciter {
                 return Err(ExciterLack::Disarming { drive: *number });
             }
         }
-        let needs = self.work.controller.needs();
-        let is_lacking = |place: &usize| needs[*place] && (self.samples.every > 1 || !self.reads(*place));
-        let needed: Vec<usize> = (0..Measurement::CHANNELS).filter(is_lacking).collect();
-        if needed.is_empty() { Ok(()) } else { Err(ExciterLack::Readings { needed }) }
+        let needs = self.work.controller.needs().into_iter();
+        let is_lacking = |needed: &NeededReading| self.samples.every > 1 || !self.reads(needed.place);
+        let needed: Vec<_> = needs.filter(is_lacking).collect();
+        if needed.is_empty() { Ok(()) } else { Err(ExciterLack::Readings { needed: names(&needed) }) }
     }
 
     /// Returns whether every sample has this reading.
@@ -450,7 +452,8 @@ impl ExciterInterface for MappedExciter {
     }
 
     fn remarks(&self) -> Vec<ExciterRemark> {
-        let unread: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| !self.reads(*place)).collect();
+        let unread = OUTPUTS.iter().enumerate().filter(|(place, _)| !self.reads(*place));
+        let unread: Vec<_> = unread.map(|(_, channel)| channel.name).collect();
         let every = self.samples.every;
         let remarks = [
             (!unread.is_empty()).then_some(ExciterRemark::Unread { unread }),

@@ -15,7 +15,7 @@ use crate::node::mapped::mapping::*;
 use crate::node::mapped::tests::*;
 use crate::node::tests::check_that_rejected_frames_hide_no_transition;
 use crate::node::{ExciterRemark, FrameCheck, FrameFault, NodeEvent, PlantInterface, PublishedSample, Refusals};
-use crate::rig::{GateSpec, Reading};
+use crate::rig::{GateSpec, Measurement, Reading};
 use crate::structure::States;
 use resonarm_protocol::{Frame, FrameFormat, Id, Node, OperatorRequest, Refusal};
 
@@ -31,8 +31,8 @@ impl Controller for Steps {
         LoadKind::Force
     }
 
-    fn needs(&self) -> [bool; 6] {
-        self.needs
+    fn needs(&self) -> Vec<NeededReading> {
+        NeededReading::marked(self.needs)
     }
 
     fn restart(&mut self) {}

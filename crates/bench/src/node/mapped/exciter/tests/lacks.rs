@@ -27,9 +27,9 @@ fn what_it_can_t_do_without_is_named_with_the_key_to_add() {
     let asked = vec![Outgoing { trigger: Trigger::Request, ..meas() }];
     insta::assert_snapshot!(lack(&Mapping { outgoing: asked, ..of_message(|_| {}) }, nothing), @r#"[wire] has no readings that are sent periodically, so the emulated exciter has nothing to answer: give a [[wire.readings]] with `every`, `period_s` or `on = "sync"`"#);
     let whole = of_message(|_| {});
-    insta::assert_snapshot!(lack(&whole, [true, true, false, false, true, false]), @"the control needs head_force_x_n, head_force_y_n, but no message of every sample carries them: give a [[wire.readings]] with `every = 1` and that `quantity`");
+    insta::assert_snapshot!(lack(&whole, [true, true, false, false, true, false]), @"the controller reads head_force_x_n, head_force_y_n, but no message of every sample carries them: give a [[wire.readings]] with `every = 1` and that `quantity`");
     let sparse = vec![Outgoing { trigger: Trigger::Every(2), ..meas() }];
-    insta::assert_snapshot!(lack(&Mapping { outgoing: sparse, ..whole.clone() }, [false, false, false, false, true, false]), @"the control needs acceleration_c_x_m_s2, but no message of every sample carries it: give a [[wire.readings]] with `every = 1` and that `quantity`");
+    insta::assert_snapshot!(lack(&Mapping { outgoing: sparse, ..whole.clone() }, [false, false, false, false, true, false]), @"the controller reads acceleration_c_x_m_s2, but no message of every sample carries it: give a [[wire.readings]] with `every = 1` and that `quantity`");
     let restless = of_message(|message| {
         let one = signal(16, 1, Number::Unsigned, 1.0);
         let event = EventSignal { signal: Some(one), ..message.events[0].clone() };
