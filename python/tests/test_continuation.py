@@ -118,7 +118,7 @@ def test_invalid_arguments_are_value_errors(options, message):
 @pytest.mark.parametrize(
     ("call", "kind", "message"),
     [
-        (lambda: ARM.continuation("frequency", 0, 23, drive={"joint1": 1}), ValueError, "both ends must be numbers"),
+        (lambda: ARM.continuation("frequency", 0, 23, drive={"joint1": 1}), ValueError, "two different numbers"),
         (lambda: ARM.continuation("freq", 21, 23, drive={"joint1": 1}, frequency_hz=2), ValueError, "parameter freq: "),
         (
             lambda: ARM.continuation("amplitude", 0, 9, drive="joint1"),

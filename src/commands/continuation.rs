@@ -338,7 +338,7 @@ impl Continue {
             let [from, to] = [from, to].map(|value| rounded(value, 7));
             text += &format!(
                 "{kind} between {from} and {to} {unit}, not located: \
-                 try smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
+                 use smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
             );
         }
         for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read) {

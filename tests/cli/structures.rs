@@ -570,7 +570,7 @@ fn analyses_of_structures_refuse_in_words() {
         let command: Vec<&str> = command.into_iter().chain(more.split_whitespace()).collect();
         complaint(folder.path(), 2, &command).trim().trim_start_matches("resonarm: ").to_owned()
     };
-    insta::assert_snapshot!(refused(""), @"along the backbone: element 1, friction, acts at infinitesimal amplitude, and a backbone begins as a linear mode; leave the element out, or give a contact a gap");
+    insta::assert_snapshot!(refused(""), @"along the backbone: element 1, friction, acts at infinitesimal amplitude, but a backbone must begin as a linear mode; leave the element out, or give a contact a gap");
     insta::assert_snapshot!(refused("--undamped"), @"element 1, friction, dissipates energy, so the undamped structure is not defined: leave the element out");
 }
 
@@ -659,9 +659,9 @@ fn a_free_structure_through_the_commands() {
         let all: Vec<&str> = arguments.split(' ').chain(["--scenario", "free.toml"]).collect();
         complaint(folder.path(), code, &all)
     };
-    insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and the damping that it has on its soft supports");
-    insta::assert_snapshot!(refused(2, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
-    insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
+    insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz, so no response settles; give the mode the frequency and the damping that it has on its soft supports");
+    insta::assert_snapshot!(refused(2, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so it has no resonance: choose another mode");
+    insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so nothing holds the structure; start above 0 Hz");
     insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance");
 }
 

@@ -136,8 +136,8 @@ fn bad_input_has_exit_code_2() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
-    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=23 --to-hz=23"), @"resonarm: a sweep from 23 to 23: both ends must be numbers, and different");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=1"), @"resonarm: the number of points of the sweep is 1: it must be from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=23 --to-hz=23"), @"resonarm: the sweep goes from 23 to 23: its ends must be two different numbers");
     insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
     insta::assert_snapshot!(sweep("--drive=joint1=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
     insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: give 4, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
@@ -149,13 +149,13 @@ fn bad_input_has_exit_code_2() {
     insta::assert_snapshot!(says("poincare --drive=joint1=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --drive=joint1=60 --from=1 --to=2"), @"resonarm: the amplitude is what varies: give --drive joint1 without one");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from-hz=1 --to-hz=2"), @"resonarm: --from-hz is not for --parameter amplitude: its interval is --from a --to b");
-    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=4000000000"), @"resonarm: the number of points of the sweep is 4000000000: it must be from 2, one at each end, to 1000000");
     insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=NaN --to-hz=21"), @r"
     error: invalid value 'NaN' for '--from-hz <F>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the response is quasi-static");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: at an excitation frequency of 1e-6 Hz, a period would take 9.2e8 steps, more than 1000000; choose at least 9.21e-4 Hz, where the response is quasi-static");
     insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
     insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --points=3"), @r"
     error: the following required arguments were not provided:
@@ -170,7 +170,7 @@ fn bad_input_has_exit_code_2() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from=2 --to=2"), @"resonarm: a sweep from 2 to 2: both ends must be numbers, and different");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from=2 --to=2"), @"resonarm: the sweep goes from 2 to 2: its ends must be two different numbers");
     insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --drive=joint1=60"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
 }
 

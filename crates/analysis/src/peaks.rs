@@ -55,10 +55,10 @@ fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     1.0 - before.max(after) / height
 }
 
-/// The top of the curve through three points whose middle one is the highest: both coordinates are quadratic in the
-/// number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The continuation takes steps of almost equal
-/// length; lengths in this plane would not do, since a leaning peak returns through the frequencies at which it rose.
-/// The top is above the middle point by an eighth of the larger fall to its neighbours at most.
+/// Returns the top of the curve through three points whose middle one is the highest: both coordinates are quadratic in
+/// the number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The continuation takes steps of almost
+/// equal length; lengths in this plane would not do, since a leaning peak returns through the frequencies at which it
+/// rose. The top is above the middle point by an eighth of the larger fall to its neighbours at most.
 fn vertex([before, middle, after]: [(f64, f64); 3]) -> [f64; 2] {
     let quadratic = |of: fn(&(f64, f64)) -> f64| {
         let [low, centre, high] = [&before, &middle, &after].map(of);

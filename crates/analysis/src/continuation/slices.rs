@@ -50,7 +50,7 @@ impl Slices {
         z
     }
 
-    /// The point a + fraction · (b − a), with the tangent of a.
+    /// Returns the point a + fraction · (b − a), with the tangent of a.
     pub fn mix(&self, [a, b]: [&Point; 2], fraction: f64) -> Point {
         let between = |a: f64, b: f64| a + fraction * (b - a);
         Point {
@@ -94,9 +94,9 @@ impl Slices {
         })
     }
 
-    /// The same; if the plane passes so near a crossing of branches that rounding keeps Newton's method from
-    /// converging, the point in the plane halfway from there to the farther of a and b. For searches for a crossing,
-    /// which can continue from any point between.
+    /// As [`Slices::solve`]; if the plane passes so near a crossing of branches that rounding keeps Newton's method
+    /// from converging, returns the point in the plane halfway from there to the farther of a and b. For searches for a
+    /// crossing, which can continue from any point between.
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method finds neither.

@@ -44,7 +44,7 @@ impl Quantity {
     }
 }
 
-/// A text is not the name of a quantity.
+/// Error of a text that is not the name of a quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no quantity `{got}`: it must be one of {known}", known = Quantity::ALL.map(Quantity::name).join(", "))]
 pub struct UnknownQuantity {
