@@ -128,7 +128,7 @@ fn bad_input_is_refused_with_the_accepted_values() {
     let unknown = changed("height_m = -0.2", "hight_m = -0.2", "fig7");
     assert!(unknown.starts_with("resonarm: changed.toml: TOML parse error"), "{unknown}");
     assert_snapshot!(unknown.lines().last().unwrap(), @"Did you mean `height_m`?");
-    assert_snapshot!(changed("height_m = -0.2", "height_m = -0.5", "fig7"), @"resonarm: at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of -0.5 m: bring line.height_m nearer to 0, or bend the arm less");
+    assert_snapshot!(changed("height_m = -0.2", "height_m = -0.5", "fig7"), @"resonarm: at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of -0.5 m: bring line.height_m closer to 0, or bend the arm less");
     let folder = tempfile::tempdir().unwrap();
     assert_snapshot!(complaint(folder.path(), &["fig3"]), @"resonarm: figures need a folder: --out DIR");
     assert_snapshot!(complaint(folder.path(), &["fig3", "--settings", "none.toml", "--out", "out"]), @"resonarm: can't read the settings none.toml: No such file or directory (os error 2)");

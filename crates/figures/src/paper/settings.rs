@@ -46,7 +46,7 @@ pub struct PerPreset<T> {
 }
 
 impl<T> PerPreset<T> {
-    /// The value for a preset.
+    /// Returns the value for a preset.
     pub const fn of(&self, preset: Preset) -> &T {
         match preset {
             Preset::Irb1600Fitted => &self.fitted,
@@ -151,7 +151,7 @@ pub struct Scan {
     pub strong_torque_nm: Vec<f64>,
 }
 
-/// Why settings can't be used.
+/// Error of invalid settings.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SettingsError {
@@ -163,7 +163,7 @@ pub enum SettingsError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The text is no settings file.
+    /// The text is not a settings file.
     #[error(transparent)]
     Parse(#[from] TomlError),
     /// A number is impossible.
@@ -199,7 +199,7 @@ pub enum SettingsError {
     /// The tip can't reach the line.
     #[error(
         "at β2 = {beta2_deg}° the tip is {reach_m} m from joint 1 and can't be on the line at a height of {height_m} m: bring \
-         line.height_m nearer to 0, or bend the arm less",
+         line.height_m closer to 0, or bend the arm less",
         beta2_deg = short(.beta2_deg), reach_m = rounded(.reach_m, 3), height_m = short(.height_m)
     )]
     Line {
@@ -238,7 +238,7 @@ impl Settings {
     /// Reads settings from their text; `origin` is its name in messages. Every key is required.
     ///
     /// # Errors
-    /// [`SettingsError`] names the key that is unknown, missing or impossible.
+    /// [`SettingsError`] with the key that is unknown, missing or impossible.
     pub fn parse(text: &str, origin: &str) -> Result<Settings, SettingsError> {
         let settings: Settings = toml::from_str(text).map_err(|error| TomlError::new(origin, &error))?;
         settings.check()?;

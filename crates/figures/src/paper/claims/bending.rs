@@ -21,7 +21,7 @@ fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn
     })
 }
 
-/// The backbones at these poses in words and numbers.
+/// Returns the backbones at these poses in words and numbers.
 fn listed(survey: &Survey<'_>, driven: Driven, mode: usize, poses: &[f64]) -> (String, Vec<super::Number>) {
     let (mut words, mut numbers) = (Vec::new(), Vec::new());
     for beta2_deg in poses {

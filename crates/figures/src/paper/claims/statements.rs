@@ -70,7 +70,7 @@ pub(super) const STATEMENTS: [Statement; 30] = [
         "direction-matters",
         "4, 6, Fig. 4",
         "In the resonance zones the amplitude depends on the direction of the sweep.",
-        "in each zone, at one pose of Fig. 4 at least, two stable motions share a frequency, with folds between them",
+        "in each zone, at one pose of Fig. 4 at least, two stable periodic responses share a frequency, with folds between them",
         false,
         torque::direction_matters
     ),
@@ -141,7 +141,7 @@ pub(super) const STATEMENTS: [Statement; 30] = [
     statement!(
         "amplitude-sets-the-branch",
         "4, 6, Fig. 5",
-        "At 22.5 Hz the arm has several motions depending on the forcing amplitude, with bifurcations that depend on the pose.",
+        "At 22.5 Hz the arm has several periodic responses depending on the forcing amplitude, with bifurcations that depend on the pose.",
         "two poses near resonance at least have folds, at different torques",
         false,
         torque::folds_over_the_torque

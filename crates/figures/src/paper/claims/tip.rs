@@ -8,7 +8,7 @@ use resonarm_analysis::Bending;
 /// "Significantly greater", and "so small" in comparison: at least twice.
 const SIGNIFICANT: f64 = 2.0;
 
-/// The peak of a link (0 or 1) in one zone over that in the other.
+/// Returns the peak of a link (0 or 1) in one zone over that in the other.
 fn peak_ratio(survey: &Survey<'_>, driven: Driven, beta2_deg: f64, link: usize, zones: [usize; 2]) -> Seen<f64> {
     let peak = |mode| Seen::Ok(survey.zone(driven, beta2_deg, mode)?.peak(link)?.amplitude_rad);
     Ok(peak(zones[0])? / peak(zones[1])?)
