@@ -108,10 +108,10 @@ class Result:
         refused = ", ".join(f"{count} {reason}" for reason, count in self.plant["refused"].items() if count)
         if refused:
             first = self.plant.get("first_refused_command")
-            lines.append(f"commands were refused: {refused}" + (f"; the first of them is {first}" if first else ""))
+            lines.append(f"commands were rejected: {refused}" + (f"; the first of them is {first}" if first else ""))
         for end, report in (("plant", self.plant), ("exciter", self.exciter)):
             if first := report.get("first_refused_frame"):
-                lines.append(f"frames that the {end} refused: {report['bus']['refused']}; the first of them is {first}")
+                lines.append(f"frames that the {end} rejected: {report['bus']['refused']}; the first of them is {first}")
         return lines
 
     def _fault_sample(self) -> int:
@@ -206,7 +206,7 @@ class Result:
         events = self.recording.events
         named = events["sample"][np.isin(events["name"], names)]
         parts = [f"{count} {reason}" for reason, count in refused.items()]
-        what = [f"commands were refused: {', '.join(parts)}"] if parts else []
+        what = [f"commands were rejected: {', '.join(parts)}"] if parts else []
         if invalid:
             what.append("1 frame was invalid" if invalid == 1 else f"{invalid} frames were invalid")
         self.fail("; ".join(what), "force_x_n", int(named[0]) if len(named) else 0)

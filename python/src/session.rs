@@ -165,7 +165,7 @@ impl How {
             // Each step of it takes the interpreter's lock and may wait for other threads, so no deadline can be
             // kept.
             Some(_) if mode == Mode::RealTime => {
-                let message = "a structure in Python steps in simulated time alone: take the mode free or lockstep";
+                let message = "a structure in Python steps only in simulated time; use the mode free or lockstep";
                 return Err(errors::value(message));
             }
             Some(parts) => {

@@ -323,7 +323,7 @@ try:
     required = resonarm.run(scenario, "real-time", rt="require", **options).plant["thread"]
     assert (required["priority"], required["shortfalls"], thread["shortfalls"]) == (80, [], []), required
 except PermissionError as error:
-    assert thread["shortfalls"] and "the thread of the run must be a real-time thread, and has " in str(error), error
+    assert thread["shortfalls"] and "the run needs a real-time thread, but has " in str(error), error
 """
 
 

@@ -176,7 +176,7 @@ CASES = [
     (lambda run: run(structure=own(step=None)), TypeError, "step is None: it must be a function"),
     (lambda run: run(structure=own(initial=[0.0])), ValueError, "initial has 1 numbers: give the modal and"),
     (lambda run: run(structure=own(coordinates="x")), ValueError, "must be one of angles, displacements, modal"),
-    (lambda run: run("real-time", structure=own()), ValueError, "take the mode free or lockstep"),
+    (lambda run: run("real-time", structure=own()), ValueError, "use the mode free or lockstep"),
     (lambda run: run(structure=resonarm.Modal(MODES)), TypeError, "scenario.replace(structure=chain.section)"),
     (
         lambda run: run(sections={"structure": resonarm.Modal(MODES).section}, structure=own()),

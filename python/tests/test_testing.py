@@ -201,7 +201,7 @@ def test_a_refused_command_is_found_at_its_sample(bench):
     result = bench.run(controller)
     with pytest.raises(AssertionError) as raised:
         result.assert_no_refused_command()
-    assert "commands were refused: 1 out_of_range" in str(raised.value)
+    assert "commands were rejected: 1 out_of_range" in str(raised.value)
     assert "\n> sample    120 " in str(raised.value)
 
 
@@ -314,5 +314,5 @@ def test_a_failure_names_the_first_refused_command_and_frame(bench):
     with bench.wrong_crc(ids=[0x201], direction="receive", count=1), pytest.raises(AssertionError) as raised:
         bench.run(lambda measured: (1.0 if measured.sample < 100 else 310.0, 0.0)).assert_completed()
     said = str(raised.value)
-    assert re.search(r"commands were refused: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
+    assert re.search(r"commands were rejected: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
     assert "frames that the plant refused: 1; the first of them is 201#" in said

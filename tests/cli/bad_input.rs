@@ -43,11 +43,11 @@ fn faults_that_a_bus_cannot_simulate() {
         complaint(folder.path(), 2, &[command, &["--scenario", "scenario.toml"]].concat())
     };
     let errors = "network = { bit_rate_hz = 1_000_000, bit_error_rate = 1e-6 }";
-    assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode lockstep has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
-    assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode real-time has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
+    assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6, but the bus of the mode lockstep can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
+    assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6, but the bus of the mode real-time can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
     let timed = "network = { bit_rate_hz = 1_000_000 }\n\
                  control = { law = 'phase-walk', amplitude = { exciter_x = 14.0 } }";
-    assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000: in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or take the mode free or lockstep");
+    assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000, but in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or use the mode free or lockstep");
 }
 
 #[test]
@@ -113,9 +113,9 @@ fn scenarios_beyond_the_limits() {
     let run = ["run", "--mode", "free", "--duration-s", "1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 are simulated; leave it out for a run until it is stopped");
     let run = ["run", "--mode", "free", "--speed", "-1e300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is -1e300: it must be a number of simulated seconds a second, or 0 for as fast as it goes");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is -1e300: it must be a positive number of simulated seconds a second, or 0 for as fast as possible");
     let run = ["run", "--mode", "free", "--speed", "1e-300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, and at most half of `network.lockstep_timeout_s` (1 s) is possible, or each end takes the other for lost; the speed must be at least 2.0e-3");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, but may take at most half of `network.lockstep_timeout_s` (1 s), or each end considers the other lost; the speed must be at least 2.0e-3");
     let run = ["run", "--bus", "memory", "--patience-s", "-1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
     assert_snapshot!(complaint(here(), 2, &["backbone", "--to=-1e300"]), @"resonarm: --to is -1e300: it must be a positive number");
@@ -154,7 +154,7 @@ fn invalid_buses() {
     assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
     assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
-    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus: plant and exciter run in one loop; take the mode lockstep");
+    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus, since plant and exciter run in one loop; use the mode lockstep");
     assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"
     error: invalid value 'free' for '--mode <MODE>'
       [possible values: real-time, lockstep]

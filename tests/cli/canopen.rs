@@ -202,8 +202,8 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
             }
         }
     }
-    assert_snapshot!(complaint(folder, 2, &["compare", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings, by which responses are read: `import` names those that its wire does not carry");
-    assert_snapshot!(complaint(folder, 2, &["identify", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings: `import` names those that its wire does not carry");
+    assert_snapshot!(complaint(folder, 2, &["compare", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings, so no responses can be read: the user protocol does not carry all of them, and `import` lists the missing ones");
+    assert_snapshot!(complaint(folder, 2, &["identify", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings: the user protocol does not carry all of them, and `import` lists the missing ones");
 }
 
 #[test]

@@ -89,7 +89,7 @@ fn a_missing_mode_is_listed() {
     let missing = found["missing"].as_array().unwrap();
     assert_eq!(missing.iter().map(|mode| &mode["mode"]).collect::<Vec<_>>(), [1, 2]);
     let said = resonarm(folder, &["identify", "braked.mcap"]);
-    assert!(said.stderr.contains("mode 1, at 22.16 Hz by the scenario, is missing: "), "{}", said.stderr);
+    assert!(said.stderr.contains("mode 1, at 22.16 Hz in the scenario, was not found: "), "{}", said.stderr);
     assert!(!said.stderr.contains("images"), "{}", said.stderr);
     let said = resonarm(folder, &["identify", "instant.mcap"]);
     assert!(said.stderr.contains("rig.converter is `instant`: the head reads images"), "{}", said.stderr);

@@ -79,8 +79,8 @@ fn the_refusal_to_simulate_again_says_what_is_missing() {
     {
         assert_eq!(resonarm(folder.path(), arguments).code, 0);
     }
-    assert_snapshot!(complaint(folder.path(), 2, &["resim", "a.mcap"]), @"resonarm: the recording was imported from run.log and holds frames alone: to be simulated again a run needs its states and loads (/plant/steps) and its scenario; `replay` takes it");
-    assert_snapshot!(complaint(folder.path(), 2, &["resim", "b.mcap"]), @"resonarm: the recording was imported from run.log and holds frames alone: to be simulated again a run needs its states and loads (/plant/steps); `replay` takes it");
+    assert_snapshot!(complaint(folder.path(), 2, &["resim", "a.mcap"]), @"resonarm: the recording was imported from run.log and holds only frames; a re-simulation needs the states and loads of the run (/plant/steps) and its scenario; use `replay` to play the frames");
+    assert_snapshot!(complaint(folder.path(), 2, &["resim", "b.mcap"]), @"resonarm: the recording was imported from run.log and holds only frames; a re-simulation needs the states and loads of the run (/plant/steps); use `replay` to play the frames");
 }
 
 #[test]

@@ -86,9 +86,9 @@ fn missing_required_privileges_end_the_run() {
         complaint(here(), 3, &["latency", "--turn-s", "0.05", "--turns", "1", "--rt", "require", "--core", "1023"]);
     // Cores vary with the machine, privileges with the user.
     let core = said.find("no core 1023: ").unwrap();
-    assert!(said.starts_with("resonarm: the thread of the run must be a real-time thread, and has "), "{said}");
+    assert!(said.starts_with("resonarm: the run needs a real-time thread, but has "), "{said}");
     assert!(said[core..].contains("to fix: choose a core that this process may use: ["), "{said}");
-    assert!(said.trim_end().ends_with("; without it: --rt auto"), "{said}");
+    assert!(said.trim_end().ends_with("; to run without it, use --rt auto"), "{said}");
 }
 
 #[test]

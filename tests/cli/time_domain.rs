@@ -76,7 +76,7 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
 
     let other = into(&stopped, &[&SWEEP[..1], &["--angles-deg=0,90"], &SWEEP[2..]].concat()).output().unwrap();
     assert_eq!(other.status.code(), Some(2));
-    let had = "sweep.partial.jsonl was begun with configuration.structure.angles_deg = [0.0,60.0], and this command has [0.0,90.0]";
+    let had = "sweep.partial.jsonl was started with configuration.structure.angles_deg = [0.0,60.0], but this command has [0.0,90.0]";
     assert!(errors(&other).contains(had), "{}", errors(&other));
 
     let resumed = into(&stopped, &SWEEP).output().unwrap();

@@ -405,7 +405,7 @@ fn readings_that_the_wire_does_not_carry_are_named() {
         document(folder, 0, &["import", "less.log", "less.mcap", "--scenario", "less.toml", "--overwrite", "--json"]);
     assert_eq!(found["wire"]["samples"], 0);
     assert_eq!(found["wire"]["missing_readings"][0]["channel"], "head_force_x_n");
-    assert_snapshot!(complaint(folder, 2, &["identify", "less.mcap"]), @"resonarm: the recording was imported from less.log and has no readings: `import` names those that its wire does not carry");
+    assert_snapshot!(complaint(folder, 2, &["identify", "less.mcap"]), @"resonarm: the recording was imported from less.log and has no readings: the user protocol does not carry all of them, and `import` lists the missing ones");
 }
 
 #[test]

@@ -93,7 +93,7 @@ REFUSED = {
     ("frf",): "an FMU is stepped and read",
     FOLLOW: "an FMU is stepped and read",
     ("demo",): "an FMU is stepped and read",
-    ("run", "--bus", "vcan9"): "take the mode free or lockstep",
+    ("run", "--bus", "vcan9"): "use the mode free or lockstep",
     ("fmu", "--out", "again.fmu"): "`kind` is fmu: it is one already",
 }
 

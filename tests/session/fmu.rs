@@ -264,7 +264,7 @@ fn an_fmu_that_does_not_repeat_itself_is_not_simulated_again() {
     let (report, path) = recorded(scenario(3, parameters), Mode::Free, "random.mcap");
     assert!(report.plant.error.is_none());
     let error = resimulate(&allowed(&path)).unwrap_err();
-    insta::assert_snapshot!(error, @"the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample 21, so that its run can't be simulated again");
+    insta::assert_snapshot!(error, @"the FMU is not deterministic: two simulations from its start under the recorded loads differ from each other at sample 21, so the run can't be re-simulated");
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn a_part_of_its_run_is_not_simulated_again() {
     let (whole, part) = (Recording::open(&path).unwrap(), FOLDER.path().join("part.mcap"));
     cut::cut(&whole, 100..=200, &part, Existing::Overwrite).unwrap();
     let error = resimulate(&allowed(&part)).unwrap_err();
-    insta::assert_snapshot!(error, @"the recording begins at sample 100, and its structure is an FMU, which can be simulated again from its start alone: take the whole recording");
+    insta::assert_snapshot!(error, @"the recording begins at sample 100, but its structure is an FMU, which can be simulated only from its start; use the whole recording");
 }
 
 /// Why a session of a scenario can't begin; the folder is left out.
@@ -284,7 +284,7 @@ fn refused(scenario: Scenario, mode: Mode) -> String {
 
 #[test]
 fn what_can_not_be_is_refused_before_the_run() {
-    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: take the mode free or lockstep");
+    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: use the mode free or lockstep");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { fault = 8 }"), Mode::Free), @"mass3.fmu: fmi3EnterInitializationMode returned Error");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { masse = 8 }"), Mode::Free), @"mass3.fmu: structure.parameters: the FMU has no variable `masse`, did you mean `mass`?");
     let mut other = scenario(3, "");

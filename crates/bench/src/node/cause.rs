@@ -105,9 +105,9 @@ impl fmt::Display for Unheeded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Unheeded { frames, first, early, condition } = self;
         match (frames, first) {
-            (1, Some(RefusedFrame { frame, why })) => write!(f, "1 frame was refused, {frame}: {why}")?,
+            (1, Some(RefusedFrame { frame, why })) => write!(f, "1 frame was rejected, {frame}: {why}")?,
             (_, Some(RefusedFrame { frame, why })) => {
-                write!(f, "{frames} frames were refused, the first of them {frame}: {why}")?;
+                write!(f, "{frames} frames were rejected, the first of them {frame}: {why}")?;
             }
             (_, None) => {}
         }
@@ -116,7 +116,7 @@ impl fmt::Display for Unheeded {
             let (commands, were) = if *early == 1 { ("command", "was") } else { ("commands", "were") };
             write!(
                 f,
-                "{separator}{early} {commands} came before {condition} had a required value, and {were} refused"
+                "{separator}{early} {commands} came before {condition} had a required value, and {were} rejected"
             )?;
         }
         Ok(())

@@ -279,7 +279,7 @@ pub enum StructureSectionError {
     OfFmu,
     /// An FMU can't run in real time, since nothing bounds the time of its steps.
     #[error(
-        "structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: take the mode free or lockstep"
+        "structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: use the mode free or lockstep"
     )]
     FmuInRealTime,
     /// The FMU can't be the structure under test.

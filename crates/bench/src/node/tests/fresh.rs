@@ -712,18 +712,18 @@ fn a_timeout_names_what_was_refused() {
     plant.arm();
     let short = Frame::classic(Id::Standard(0x201), &[0x0F, 0x00, 0xC8]).unwrap();
     let said = cause(plant, &short);
-    assert_eq!(said, "20 frames were refused, the first of them 201#0F00C8: RPDO 1 has 4 bytes, and this frame fewer");
+    assert_eq!(said, "20 frames were rejected, the first of them 201#0F00C8: RPDO 1 has 4 bytes, and this frame fewer");
     let mut plant = Plant::new(Protocol::ODrive);
     plant.send(0x07, &[8, 0, 0, 0, 0, 0, 0, 0]);
     let torque = plant.command(1);
     let said = cause(plant, &torque);
-    assert_eq!(said, "20 commands came before Set_Controller_Mode had a required value, and were refused");
+    assert_eq!(said, "20 commands came before Set_Controller_Mode had a required value, and were rejected");
     let mut plant = Plant::new(Protocol::Mapped);
     plant.arm();
     let other = Frame::classic(Id::Standard(0x100), &[0; 8]).unwrap();
     assert_eq!(
         cause(plant, &other),
-        "20 frames were refused, the first of them 100#0000000000000000: Drive: its checksum is wrong"
+        "20 frames were rejected, the first of them 100#0000000000000000: Drive: its checksum is wrong"
     );
 }
 
