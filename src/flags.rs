@@ -29,7 +29,7 @@ where
 {
     PossibleValuesParser::new(wanted.map(&name)).try_map(move |text| {
         let found = wanted.into_iter().find(|one| name(*one) == text);
-        found.ok_or_else(|| format!("it is one of {}", wanted.map(&name).join(", ")))
+        found.ok_or_else(|| format!("it must be one of {}", wanted.map(&name).join(", ")))
     })
 }
 

@@ -106,7 +106,7 @@ impl RealTime {
                 (options.thread, options.on_shortfall) = (Some(whole), OnShortfall::Refuse);
             }
             (Some(other), _) => {
-                return Err(errors::value(format!("rt is `{other}`: it is one of auto, require, off")));
+                return Err(errors::value(format!("rt is `{other}`: it must be one of auto, require, off")));
             }
         }
         Ok(())

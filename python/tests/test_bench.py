@@ -92,7 +92,7 @@ def test_recordings_are_read_in_parts():
         some = recording.read(part, 100, 199)
         np.testing.assert_array_equal(some, whole[(whole["sample"] >= 100) & (whole["sample"] <= 199)])
     assert not len(recording.read("ticks")), "in real time alone"
-    with pytest.raises(ValueError, match="it is one of states, samples"):
+    with pytest.raises(ValueError, match="it must be one of states, samples"):
         recording.read("wheels")
 
 
@@ -351,7 +351,7 @@ def test_a_missing_core_is_logged(bench_scenario, caplog):
         ("real-time", {"spin_s": 0.0}, "spin_s is 0: it is auto, off, or a time in seconds, above 0 and 1 at most"),
         ("real-time", {"spin_s": math.nan}, "spin_s is NaN: it is auto, off, or a time in seconds"),
         ("real-time", {"spin_s": 0.251e-3}, "spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs"),
-        ("real-time", {"rt": "maybe"}, "rt is `maybe`: it is one of auto, require, off"),
+        ("real-time", {"rt": "maybe"}, "rt is `maybe`: it must be one of auto, require, off"),
         ("lockstep", {"priority": 10}, "priority is for the mode real-time, and the mode is lockstep: leave it out"),
         ("lockstep", {"cores_awake": True}, "cores_awake is for the mode real-time, and the mode is lockstep"),
         ("free", {"spin_s": "off"}, "spin_s is for the mode real-time, and the mode is free: leave it out"),

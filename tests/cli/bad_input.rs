@@ -189,7 +189,7 @@ fn invalid_words() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--overrun", "ignore"]), @r"
-    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it is one of slip, continue, fault, stop
+    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it must be one of slip, continue, fault, stop
 
     For more information, try '--help'.
     ");

@@ -51,7 +51,7 @@ fn frames_of_drives_are_explained() {
     080#  SYNC (sync)
     183#37120AF401  TPDO 1 of node 3 Statusword=4663 "0x1237: operation enabled, voltage, remote, follows the target" Modes of operation display=10 "cyclic synchronous torque" Torque actual value=500 ‰ (torque1_nm=50)
     283#0F000000F6FFFFFF  TPDO 2 of node 3 Position actual value=15 counts (alpha1_rad=8.98816868e-7) Velocity actual value=-10 counts/s (alpha1_dot_rad_s=-5.99211245e-7)
-    083#5082110A00340000  EMCY of node 3 code=33360 "0x8250: RPDO timeout: no target was taken in time" register=17 "generic, communication" detail=10 sample=52
+    083#5082110A00340000  EMCY of node 3 code=33360 "0x8250: RPDO timeout: no target was accepted in time" register=17 "generic, communication" detail=10 sample=52
     183#R5  TPDO 1 of node 3 requested
     204#8000FFFF  RPDO 1 of node 4 Controlword=128 "0x0080: fault reset" Target torque=-1 ‰ (load torque2_nm=-0.025)
     17 frames: 16 taken, 0 refused, 1 requests, 0 of none of the drives
@@ -95,8 +95,8 @@ fn frames_that_break_the_rules_of_canopen_are_refused() {
     let frames = "203#0F 283#01020304 603#40 583#C200000000000000 603#2300300111223344 703#06 000#0300 083#00 \
         603#R8 205#00 604#4008100000000000 584#4108100010000000 604#6000000000000000 584#005265736F6E6172";
     assert_snapshot!(decoded(folder.path(), 1, frames), @r#"
-    203#0F  RPDO 1 of node 3 refused: its 1 bytes end before Controlword
-    283#01020304  TPDO 2 of node 3 refused: its 4 bytes end before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
+    203#0F  RPDO 1 of node 3 refused: the payload of 1 bytes ends before Controlword
+    283#01020304  TPDO 2 of node 3 refused: the payload of 4 bytes ends before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
     603#40  SDO request to node 3 refused: it has 1 bytes: expected 8
     583#C200000000000000  SDO answer of node 3 refused: 0xc2 is not a command of an expedited or segmented transfer
     603#2300300111223344  SDO request to node 3 (write 3000:01 unknown object) bytes=4 "11 22 33 44"
@@ -227,5 +227,5 @@ fn what_a_log_of_drives_lacks_is_named() {
     let by_sync = ["import", "one.log", "two.mcap", "--by-sync"];
     assert!(complaint(folder, 2, &by_sync).contains("--scenario"));
     fs::write(folder.join("plain.toml"), "").unwrap();
-    assert_snapshot!(complaint(folder, 2, &[&by_sync[..], &["--scenario", "plain.toml"]].concat()), @r#"resonarm: SYNC counts the samples of CANopen drives alone: give a scenario that has [wire] with `preset = "cia402"`"#);
+    assert_snapshot!(complaint(folder, 2, &[&by_sync[..], &["--scenario", "plain.toml"]].concat()), @r#"resonarm: SYNC can count only samples of CANopen drives; use a scenario that has [wire] with `preset = "cia402"`"#);
 }

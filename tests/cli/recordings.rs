@@ -140,7 +140,7 @@ fn a_full_disk_is_reported_and_existing_files_are_kept() {
     let said = String::from_utf8(run.stderr).unwrap();
     assert_eq!(run.status.code(), Some(1), "{said}");
     let cause = "can't write recording `full.mcap`: File too large";
-    assert!(said.contains(&format!("ERROR the recording has failed: {cause}")), "{said}");
+    assert!(said.contains(&format!("ERROR the recording failed: {cause}")), "{said}");
     assert!(said.contains(&format!("resonarm: the recording lacks the end of the run: {cause}")), "{said}");
     // The run continued to its end, and the records flushed before can be read.
     let done = String::from_utf8(run.stdout).unwrap();

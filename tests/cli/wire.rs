@@ -108,7 +108,7 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     200#03E80000F8300FA0  Accelerations BX=0.5 g (acceleration_b_x_m_s2=4.903325) BY=0 g (acceleration_b_y_m_s2=0) CX=-1 g (acceleration_c_x_m_s2=-9.80665) CY=2 g (acceleration_c_y_m_s2=19.6133)
     300#0A19  Cooling Speed=1000 1/min Temperature=25 °C
     300#0A  Cooling Speed=1000 1/min; 1 of 2 bytes, beyond them Temperature
-    200#00010002  Accelerations refused: its 4 bytes end before CX; BX=0.0005 g (acceleration_b_x_m_s2=0.004903325) BY=0.001 g (acceleration_b_y_m_s2=0.00980665); 4 of 8 bytes, beyond them CX, CY
+    200#00010002  Accelerations refused: the payload of 4 bytes ends before CX; BX=0.0005 g (acceleration_b_x_m_s2=0.004903325) BY=0.001 g (acceleration_b_y_m_s2=0.00980665); 4 of 8 bytes, beyond them CX, CY
     201#R8  Head requested by a remote frame, which the plant does not answer
     123#00  of no message in the DBC
     13 frames: 5 taken, 4 refused, 1 of messages that are not mapped, 1 too short, 1 requests, 1 of no message; 2 lost before them
@@ -195,7 +195,7 @@ fn a_frame_that_ends_before_its_first_signal_is_explained() {
     let folder = bench();
     let said = resonarm(folder.path(), &["protocol", "decode", "--scenario", "bench.toml", "200#00"]);
     let explained = said.stdout.lines().next().unwrap_or_default();
-    assert_snapshot!(explained, @"200#00  Accelerations refused: its 1 bytes end before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
+    assert_snapshot!(explained, @"200#00  Accelerations refused: the payload of 1 bytes ends before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
 }
 
 #[test]
@@ -382,7 +382,7 @@ fn what_a_log_lacks_is_a_gap() {
     left out of Head: 1, for a wrong checksum, counter or length, or a value that is no number
     left out since they repeat a sample or are late: 1; lost, by the counters: 14
     ");
-    assert_snapshot!(complaint(folder, 2, &["identify", "bench.mcap"]), @"resonarm: recording `bench.mcap` is not continuous in topic `/plant/samples`: sample 101 follows where sample 100 should (4 such gaps in all); the run lost records, or the file was recovered from a damaged one");
+    assert_snapshot!(complaint(folder, 2, &["identify", "bench.mcap"]), @"resonarm: recording `bench.mcap` is not continuous in topic `/plant/samples`: expected sample 100, got sample 101 (4 such gaps in all); the run lost records, or the file was recovered from a damaged one");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! A file that is whole under its name, or not there.
+//! Writes a file so that it is either complete under its name, or absent.
 
 use std::fs::{self, File, FileType, OpenOptions, Permissions};
 use std::io::{self, Write};
@@ -7,23 +7,23 @@ use std::path::{Path, PathBuf};
 
 use crate::recording::Existing;
 
-/// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and what was there before as it was.
+/// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and an existing file unchanged.
 pub(crate) struct Staged {
     target: PathBuf,
     existing: Existing,
-    /// Its name in the same folder until then; `None` if it has its own from the start.
+    /// Its temporary name in the same folder; `None` if it has its own from the start.
     temporary: Option<PathBuf>,
-    /// What was created under its own name.
+    /// Metadata of the file that was created under its own name.
     created: Option<fs::Metadata>,
     published: bool,
 }
 
 impl Staged {
-    /// Begins a file that will be `path`, and gives it opened. With [`Existing::Overwrite`] a file that is there stays
-    /// as it is until it is replaced; the new one has its mode and its owner.
+    /// Begins a file that will be `path`, and returns it opened. With [`Existing::Overwrite`] an existing file stays
+    /// unchanged until it is replaced; the new one has its mode and its owner.
     ///
     /// # Errors
-    /// What the system says; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].
+    /// The error of the operating system; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].
     pub fn create(path: &Path, existing: Existing) -> io::Result<(Staged, File)> {
         let mut replaced = None;
         let target = match (existing, fs::metadata(path)) {
@@ -45,10 +45,10 @@ impl Staged {
         let mut open = OpenOptions::new();
         open.write(true).create_new(true);
         if replaced.is_some() {
-            // Nobody else reads it before it has the mode of the file that it replaces.
+            // No other user can read it before it has the mode of the file that it replaces.
             open.mode(0o600);
         }
-        // One that a killed process has left may have the same number.
+        // A file that a killed process has left may have the same number.
         for number in 0.. {
             let temporary = target.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()));
             match open.open(&temporary) {
@@ -65,7 +65,7 @@ impl Staged {
         unreachable!("some number is free")
     }
 
-    /// As [`Staged::create`], of a file that grows under its name where nothing is there, and of pipes and devices.
+    /// As [`Staged::create`], for a file that grows under its name where no file exists, and for pipes and devices.
     ///
     /// # Errors
     /// As [`Staged::create`].
@@ -81,10 +81,11 @@ impl Staged {
         Ok((Staged { target: path.to_path_buf(), existing, temporary: None, created, published: false }, file))
     }
 
-    /// Gives the file its name, once. What must be whole after a crash of the machine must have been synchronised.
+    /// Gives the file its name, once. Content that must survive a crash of the machine must have been synchronised.
     ///
     /// # Errors
-    /// What the system says; [`io::ErrorKind::AlreadyExists`] if the name was taken meanwhile and must not be.
+    /// The error of the operating system; [`io::ErrorKind::AlreadyExists`] if the name was taken meanwhile and must not
+    /// be.
     pub fn publish(&mut self) -> io::Result<()> {
         if self.published {
             return Ok(());
@@ -112,19 +113,19 @@ impl Drop for Staged {
             return;
         }
         let _gone = self.temporary.as_ref().map(fs::remove_file);
-        // Somebody else's under the same name stays.
+        // Never deletes a file that this process did not create.
         if self.created.as_ref().is_some_and(|ours| is_at(ours, &self.target)) {
             let _gone = fs::remove_file(&self.target);
         }
     }
 }
 
-/// Writes a file under another name in its folder, and gives it its own when it is whole: an existing file is replaced
-/// at once. Pipes and devices are written to. The bytes are not synchronised: if the machine itself fails within the
-/// next seconds, they may be lost.
+/// Writes a file under another name in its folder, and gives it its own when it is complete: an existing file is
+/// replaced at once. Pipes and devices are written to. The bytes are not synchronised: if the machine itself fails
+/// within the next seconds, they may be lost.
 ///
 /// # Errors
-/// What the system says; an existing file stays as it was.
+/// The error of the operating system; an existing file stays unchanged.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
         return fs::write(path, bytes);
@@ -141,7 +142,7 @@ fn take_mode_and_owner(file: &File, replaced: &fs::Metadata) -> io::Result<()> {
     if (new.uid(), new.gid()) != (user, group) {
         fchown(file, Some(user), Some(group)).map_err(|error| {
             let what = format!(
-                "it belongs to user {user} and group {group}, and a new file can't ({error}): name another file, or remove \
+                "it belongs to user {user} and group {group}, but a new file can't ({error}); name another file, or remove \
                  it first"
             );
             io::Error::new(error.kind(), what)
@@ -152,10 +153,10 @@ fn take_mode_and_owner(file: &File, replaced: &fs::Metadata) -> io::Result<()> {
 }
 
 /// Opens a named pipe for writing, which waits for its reader, and keeps it open. `None` for anything else, also for a
-/// file that is not there. Who writes to the pipe while the returned file is open does not wait any more.
+/// missing file. Other writers to the pipe do not wait while the returned file is open.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the operating system.
 pub fn wait_for_reader(path: &Path) -> io::Result<Option<File>> {
     match fs::metadata(path) {
         Ok(found) if found.file_type().is_fifo() => OpenOptions::new().write(true).open(path).map(Some),
@@ -176,7 +177,7 @@ fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether both paths lead to one file, be it by links: by its device and inode.
+/// Whether both paths lead to one file, also by links: by its device and inode.
 pub fn same_file(one: &Path, other: &Path) -> bool {
     fs::metadata(one).is_ok_and(|one| is_at(&one, other))
 }
@@ -186,7 +187,7 @@ pub(crate) fn is_at(file: &fs::Metadata, path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| (found.dev(), found.ino()) == (file.dev(), file.ino()))
 }
 
-/// Names the kind of a file, with its article, for messages.
+/// Returns the name of a kind of file, with its article, for messages.
 pub(crate) fn file_kind(kind: FileType) -> &'static str {
     match kind {
         kind if kind.is_dir() => "a folder",
@@ -202,7 +203,7 @@ pub(crate) fn file_kind(kind: FileType) -> &'static str {
 mod tests {
     use super::*;
 
-    /// What is in the folder, by name.
+    /// Returns the names in the folder, sorted.
     fn names(folder: &Path) -> Vec<String> {
         let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<_> = names.collect();

@@ -25,7 +25,7 @@ pub(super) struct Date {
 }
 
 impl Date {
-    /// The date `unix_ms` milliseconds after the UNIX epoch.
+    /// Returns the date `unix_ms` milliseconds after the UNIX epoch.
     ///
     /// Years are counted from 1 March, so that the leap day is the last of a year, in eras of 400 years
     /// (H. Hinnant, "chrono-Compatible low-level date algorithms", 2013, `civil_from_days`).
@@ -54,13 +54,13 @@ impl Date {
         }
     }
 
-    /// Nanoseconds of the UNIX epoch; `None` if there is no such date, or they don't fit 64 bits (before 1970 and
-    /// from 2554 on).
+    /// Returns nanoseconds of the UNIX epoch; `None` if there is no such date, or they don't fit 64 bits (before 1970
+    /// and from 2554 on).
     pub fn unix_ns(&self) -> Option<u64> {
         self.unix_ms()?.checked_mul(1_000_000)
     }
 
-    /// Milliseconds of the UNIX epoch; `None` before it, or if there is no such date.
+    /// Returns milliseconds of the UNIX epoch; `None` before it, or if there is no such date.
     fn unix_ms(&self) -> Option<u64> {
         // The comparison below rejects days that a month does not have.
         let is_there = self.year < 10_000 && self.month < 13 && self.day < 32 && self.hour < 24;
@@ -80,7 +80,8 @@ impl Date {
         (found == *self).then_some(unix_ms)
     }
 
-    /// Nanoseconds of the UNIX epoch of `2015-07-10 06:17:32.249713`, with any number of digits behind the point.
+    /// Returns nanoseconds of the UNIX epoch of `2015-07-10 06:17:32.249713`, with any number of digits behind the
+    /// point.
     pub fn unix_ns_from_iso(text: &str) -> Option<u64> {
         let (day, time) = text.split_once(' ')?;
         let (time, fraction) = time.split_once('.').unwrap_or((time, ""));
@@ -94,15 +95,15 @@ impl Date {
         date.unix_ns()?.checked_add(super::candump::nanoseconds(&format!("0.{fraction}"))?)
     }
 
-    /// In the form of ASC: `Sat Sep 30 15:06:13.191 2017`.
+    /// Formats the date as in ASC: `Sat Sep 30 15:06:13.191 2017`.
     pub fn asc(&self) -> String {
         let Date { year, month, day, weekday, hour, minute, second, millisecond } = *self;
         let (weekday, month) = (DAYS[weekday as usize % 7], MONTHS[(month as usize - 1) % 12]);
         format!("{weekday} {month} {day:02} {hour:02}:{minute:02}:{second:02}.{millisecond:03} {year}")
     }
 
-    /// From the form of ASC: `Sat Sep 30 15:06:13.191 2017`, with optional milliseconds, or with 12-hour time,
-    /// `Sat Sep 30 03:06:13.191 pm 2017`; the month in English or German.
+    /// Parses a date of ASC: `Sat Sep 30 15:06:13.191 2017`, with optional milliseconds, or with 12-hour time, `Sat Sep
+    /// 30 03:06:13.191 pm 2017`; the month in English or German.
     pub fn from_asc(text: &str) -> Option<Date> {
         let words: Vec<&str> = text.split_whitespace().collect();
         let (month, day, time, half, year) = match words[..] {
