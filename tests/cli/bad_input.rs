@@ -111,7 +111,7 @@ fn scenarios_beyond_the_limits() {
     }
     assert_snapshot!(scenario("structure.angles_deg = [1e300, 60]\nexcitation = { amplitude = { exciter_x = 1 }, profile = { waveform = 'swept-sine', from_hz = 1, to_hz = 2, duration_s = 1 } }"), @"resonarm: structure: link 1: `angle_deg` is 1e300: it must be a number from -360 to 360 degrees");
     let run = ["run", "--mode", "free", "--duration-s", "1e300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 are simulated; leave it out for a run until it is stopped");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 can be simulated; leave it out for a run without end");
     let run = ["run", "--mode", "free", "--speed", "-1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is -1e300: it must be a positive number of simulated seconds a second, or 0 for as fast as possible");
     let run = ["run", "--mode", "free", "--speed", "1e-300"];

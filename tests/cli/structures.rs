@@ -315,7 +315,7 @@ fn the_modes_of_an_arm_are_a_structure() {
     insta::assert_snapshot!(says(&["structure"]).trim(), @"resonarm: give --scenario FILE, or --from-modes FILE");
     let hardening = example("hardening.toml");
     let refused = says(&["structure", "--from-modes", &hardening]).replace(&hardening, "hardening.toml");
-    insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements, 1, and modes are of its linear part: leave them out, and add them to the modes");
+    insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements (1), but only its linear part has modes; leave them out, and add them to the modal structure");
 }
 
 /// An oscillator that hardens so that its resonance folds over, from 10.88 to 11.28 Hz at 5 N, in `osc.toml`.

@@ -89,9 +89,9 @@ fn the_fmu_that_a_recording_names_is_not_loaded() {
         let error = error.to_string().replace(&hash, "HASH").replace(&FOLDER.path().display().to_string(), "FOLDER");
         assert_eq!(
             error,
-            "the recording was made with the FMU FOLDER/mass3.fmu, SHA-256 HASH: nothing that a recording names is loaded, \
-             since an FMU is code that runs with your rights; if you trust it, name its file by --fmu FILE (in Python \
-             fmu=FILE), whose SHA-256 is compared"
+            "the recording was made with the FMU FOLDER/mass3.fmu, SHA-256 HASH: it is not loaded from the path in the \
+             recording, since an FMU is code that runs with your rights; if you trust it, name its file with --fmu FILE (in \
+             Python fmu=FILE), whose SHA-256 is compared"
         );
     }
     assert!(recording.scenario().unwrap().plant().is_err());
@@ -294,10 +294,10 @@ fn what_can_not_be_is_refused_before_the_run() {
     insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");
     let mut shaken = scenario(3, "");
     shaken.rig = Scenario::parse(SHAKER, "rig").unwrap().rig;
-    insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");
+    insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, since its armature moves with it: leave it out; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");
     let missing = Scenario::parse("structure = { kind = 'fmu' }", "test").unwrap();
     insta::assert_snapshot!(refused(missing, Mode::Free), @"structure: `file` is missing: name the FMU's file");
     let idle = Scenario::parse("structure = { kind = 'modal', inputs = { 'tip.x' = 'F' } }", "test").unwrap();
-    insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` is of a structure of kind `fmu`: leave it out");
-    insta::assert_snapshot!(scenario(3, "").under_test().unwrap_err(), @"structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are computed of equations, which it does not show");
+    insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` applies only to a structure of kind `fmu`: leave it out");
+    insta::assert_snapshot!(scenario(3, "").under_test().unwrap_err(), @"structure: `kind` is fmu: modes, responses and branches need the equations of a structure, which an FMU does not provide; use it in runs in the modes free and lockstep");
 }

@@ -115,5 +115,5 @@ fn what_a_bus_can_not_be_made_to_do_is_refused() {
     insta::assert_snapshot!(says(Mode::RealTime), @"network.bit_error_rate is 1e-6, but the bus of the mode real-time can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
     insta::assert_snapshot!(says(Mode::Lockstep), @"network.bit_error_rate is 1e-6, but the bus of the mode lockstep can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
     scenario.simulation.rate_hz = 3900.0;
-    insta::assert_snapshot!(Session::new(scenario, Mode::Free, Options::default()).unwrap_err(), @"simulation.rate_hz is 3900: with heartbeats that is up to 2408322 bit/s, 133.0 % of what network.bit_rate_hz, 1000000, and data_bit_rate_hz, 2000000, carry; lower the rate to 2931, or raise network.data_bit_rate_hz to 2880858");
+    insta::assert_snapshot!(Session::new(scenario, Mode::Free, Options::default()).unwrap_err(), @"simulation.rate_hz is 3900: frames and heartbeats take up to 2408322 bit/s, 133.0 % of network.bit_rate_hz, 1000000, and data_bit_rate_hz, 2000000; lower the rate to 2931, or raise network.data_bit_rate_hz to 2880858");
 }

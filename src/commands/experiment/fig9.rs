@@ -34,7 +34,7 @@ pub(crate) struct Fig9 {
     /// Force in the first zone, N.
     #[arg(long, value_name = "N", default_value_t = 100.0)]
     first_force_n: f64,
-    /// Force in the second zone, N: above about 16 N accelerations exceed the range of the wire, 1638 m/s².
+    /// Force in the second zone, N: above about 16 N accelerations exceed the range of the protocol, 1638 m/s².
     #[arg(long, value_name = "N", default_value_t = 15.0)]
     second_force_n: f64,
     /// Lowest frequency, Hz. The zones meet halfway between the natural frequencies.
