@@ -58,7 +58,7 @@ impl Cells {
         let mut text = String::new();
         if self.undecided > 0 {
             text += &format!(
-                "undecided: {} states come to none of these within {time_constants} time constants (try more \
+                "undecided: {} states reach none of these within {time_constants} time constants (try more \
                  --time-constants)\n",
                 self.undecided
             );
@@ -108,7 +108,7 @@ impl Cells {
         }
         // Drawn last, over the tiles. The other coordinates of an orbit are usually not those of the plane of the
         // grid, so that its mark is a projection and may lie in a tile of another colour.
-        let sections = Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections);
+        let sections = Series::markers("stable responses, projected", Color::Black, Marker::Diamond, sections);
         let panel = panel.with(sections.marked(8.0, false));
         Figure::new("Basins of attraction: where each initial state ends").with(panel)
     }

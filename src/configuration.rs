@@ -81,7 +81,7 @@ pub(crate) fn initial(given: Option<&[f64]>, tested: &TestedAssembly) -> Result<
     let (initial, needed) = (given.unwrap_or(&tested.initial), 2 * tested.assembly.coordinates());
     if initial.len() != needed {
         let known = state_names(&tested.assembly).join(", ");
-        return Err(Failure::usage(format!("--initial has {} numbers: give {needed}, {known}", initial.len())));
+        return Err(Failure::usage(format!("--initial has {} numbers, expected {needed}: {known}", initial.len())));
     }
     Ok(initial.to_vec())
 }

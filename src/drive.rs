@@ -40,7 +40,7 @@ impl FromStr for LoadFlag {
             return Ok(LoadFlag { name: text.to_owned(), amplitude: None });
         };
         match numbers::finite(amplitude)? {
-            0.0 => Err(String::from("the amplitude is 0: it must be another number")),
+            0.0 => Err(String::from("the amplitude must be a number other than 0")),
             amplitude => Ok(LoadFlag { name: name.to_owned(), amplitude: Some(amplitude) }),
         }
     }
@@ -90,9 +90,9 @@ impl DriveFlags {
     pub fn direction(&self, assembly: &Assembly) -> Result<Drive, Failure> {
         self.check_given(assembly)?;
         match &self.loads[..] {
-            [LoadFlag { name, amplitude: Some(_) }] => {
-                Err(Failure::usage(format!("the amplitude is what varies: give --drive {name} without one")))
-            }
+            [LoadFlag { name, amplitude: Some(_) }] => Err(Failure::usage(format!(
+                "the amplitude is the quantity that varies: give --drive {name} without one"
+            ))),
             [_] => self.resolved(assembly),
             _ => self.drive(assembly),
         }
@@ -163,7 +163,7 @@ impl Drive {
             let dof = dof("drive", name, assembly)?;
             match &load.unit {
                 Some(unit) if unit != dof.load_unit() => {
-                    Err(Failure::usage(format!("the drive at {name} is in {unit}: give it in {}", dof.load_unit())))
+                    Err(Failure::usage(format!("the load at {name} is in {unit}, expected {}", dof.load_unit())))
                 }
                 _ => Ok(Load { at: ReadAt { dof, name: name.clone() }, amplitude: load.amplitude }),
             }

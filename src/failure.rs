@@ -96,7 +96,7 @@ pub(crate) enum Failure {
     Study(#[from] StudyError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
-    #[error("{} already exists: name another place, or allow overwriting it (--overwrite)", path.display())]
+    #[error("{} already exists: choose another place, or allow overwriting it (--overwrite)", path.display())]
     Exists { path: PathBuf },
     #[error("{} can't be written over itself, since this command reads it: name another file for the result", path.display())]
     SameFile { path: PathBuf },

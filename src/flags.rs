@@ -134,7 +134,7 @@ impl ThreadFlags {
         let cores_awake = self.cores_awake;
         let setup = ThreadSetup { priority: Some(priority), core: self.core, cores_awake, ..ThreadSetup::default() };
         let left_out =
-            |asked: &str| Err(Failure::usage(format!("{asked} asks for what --rt off leaves out: give one of them")));
+            |asked: &str| Err(Failure::usage(format!("{asked} and --rt off exclude each other: give one of them")));
         match (self.rt, self.core) {
             (RealTimeThread::Off, Some(core)) => left_out(&format!("--core {core}")),
             (RealTimeThread::Off, None) if cores_awake => left_out("--cores-awake"),
@@ -168,7 +168,7 @@ impl StructureFlags {
             let kind = scenario.structure.kind;
             if kind != StructureKind::Preset {
                 return Err(Failure::usage(format!(
-                    "--preset {preset} is a structure of its own, and the scenario's [structure] is of the kind {}: leave it out",
+                    "--preset {preset} is a structure of its own, but the scenario's [structure] is of the kind {}: leave --preset out",
                     kind.name()
                 )));
             }
@@ -195,14 +195,14 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
         StructureKind::Chain => section.links.iter_mut().map(|link| &mut link.angle_deg).collect(),
         StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
             return Err(Failure::usage(format!(
-                "--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind {}: leave it out",
+                "--angles-deg turns the links of a chain, but the scenario's [structure] is of the kind {}: leave --angles-deg out",
                 section.kind.name()
             )));
         }
     };
     if angles.len() != angles_deg.len() {
         return Err(Failure::usage(format!(
-            "--angles-deg has {} numbers: give {}, one for each link",
+            "--angles-deg has {} numbers, expected {}, one for each link",
             angles_deg.len(),
             angles.len()
         )));

@@ -145,9 +145,7 @@ mod serving {
     }
 
     fn missing() -> Failure {
-        Failure::usage(
-            "--live: this program was built without it: build one by `cargo build --release --features live`",
-        )
+        Failure::usage("--live is not in this build: build the program by `cargo build --release --features live`")
     }
 }
 
@@ -264,8 +262,8 @@ mod serving {
         let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
             let port = address.port();
             format!(
-                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: anyone who reaches it may look, and anyone who \
-                 reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: \
+                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: anyone who reaches it can watch, and anyone who \
+                 reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: \
                  `ssh -L {port}:127.0.0.1:{port} HOST`"
             )
         });
@@ -304,7 +302,7 @@ mod serving {
             let said = |address: &str| announcement("http://x/#t", address.parse().unwrap(), false);
             insta::assert_snapshot!(said("0.0.0.0:8080").join("\n"), @"
             live view    http://x/#t (to look only: leave out what follows #)
-            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: anyone who reaches it may look, and anyone who reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
+            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: anyone who reaches it can watch, and anyone who reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
             ");
             for near in ["127.0.0.1:1", "127.8.0.1:1", "[::1]:1", "[::ffff:127.0.0.1]:1"] {
                 assert_eq!(said(near), ["live view    http://x/#t (to look only: leave out what follows #)"], "{near}");

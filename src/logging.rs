@@ -43,7 +43,7 @@ fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
     for directive in directives.split(',').map(str::trim).filter(|directive| !directive.is_empty()) {
         let asked: Targets = directive.parse().map_err(|error| {
             Failure::usage(format!(
-                "{VARIABLE}: `{directive}`: {error}; it is a level (off, error, warn, info, debug, trace) or target=level, \
+                "{VARIABLE}: `{directive}`: {error}; expected a level (off, error, warn, info, debug, trace) or target=level, \
                  as `debug` or `resonarm_bus=trace`"
             ))
         })?;
@@ -87,6 +87,6 @@ mod tests {
     #[test]
     fn an_invalid_directive_is_reported() {
         let complaint = filter(LevelFilter::WARN, "info,resonarm_bus=loud").unwrap_err();
-        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm_bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; it is a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm_bus=trace`"#);
+        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm_bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; expected a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm_bus=trace`"#);
     }
 }

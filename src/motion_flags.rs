@@ -121,7 +121,7 @@ pub(crate) fn or_empty(value: Option<impl ToString>) -> String {
 pub(crate) fn periods(periods: &[Option<u32>], time_constants: f64) -> String {
     let longer = periods.iter().flatten().filter(|period| **period > 1).count();
     let unsettled = periods.iter().filter(|period| period.is_none()).count();
-    let mut text = format!("{} motions", periods.len());
+    let mut text = format!("{} responses", periods.len());
     if longer > 0 {
         text += &format!(", {longer} of them of a longer period than the excitation");
     }

@@ -45,7 +45,7 @@ pub(crate) fn read_at(at: &[String], driven: &[ReadAt], assembly: &Assembly) -> 
     if let Some(ReadAt { name, .. }) = read.iter().find(|at| at.dof.is_base()) {
         let points = assembly.points().join(", ");
         return Err(Failure::usage(format!(
-            "{name} is the base, from which displacements count: name by --at where the motion is read, on one of the points {points}"
+            "{name} is the base, from which displacements count: choose by --at where the response is read, at one of the points {points}"
         )));
     }
     Ok(read)

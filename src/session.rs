@@ -43,7 +43,7 @@ impl RecordFlags {
 /// Converts the value of a flag in seconds.
 pub(crate) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
-        Failure::usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
+        Failure::usage(format!("{flag} is {}: {error}; expected a time in seconds, 0 or more", short(&given_s)))
     })
 }
 
@@ -90,7 +90,7 @@ impl EventLog {
             RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
             RunEvent::Faulted { fault, partner: None } => in_words(fault),
             RunEvent::Faulted { fault, partner: Some(partner) } => {
-                format!("{}; the exciter said: {}", in_words(fault), in_words(partner))
+                format!("{}; the exciter reported: {}", in_words(fault), in_words(partner))
             }
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
             RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {
@@ -132,7 +132,7 @@ pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
 /// The counts of a node's frames.
 pub(crate) fn frames_text(bus: &BusCounts) -> String {
     let BusCounts { received, sent, dropped, refused, other_sender, malformed, overwritten, limited_values, .. } = bus;
-    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} refused");
+    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} rejected");
     if *other_sender > 0 {
         text += &format!(" ({other_sender} of another network under this node's identifiers)");
     }
@@ -190,7 +190,7 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
     text += &format!("frames       {}\n", frames_text(&report.bus));
     let errors = &report.bus.errors;
     let counts = counted(&[
-        ("faults on the wire", errors.protocol),
+        ("faults on the bus", errors.protocol),
         ("not acknowledged", errors.no_ack),
         ("overflows", errors.overflow),
         ("error-warning", errors.warning),
@@ -210,9 +210,9 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
         ("rate of change", refused.rate_of_change),
         ("travel", refused.travel),
     ]);
-    reasons.iter().for_each(|reasons| text.push_str(&format!("refused      commands: {reasons}\n")));
+    reasons.iter().for_each(|reasons| text.push_str(&format!("rejected     commands: {reasons}\n")));
     for (kind, first) in [("command", &report.first_refused_command), ("frame", &report.first_refused_frame)] {
-        first.iter().for_each(|first| text.push_str(&format!("             the first refused {kind} is {first}\n")));
+        first.iter().for_each(|first| text.push_str(&format!("             the first rejected {kind} is {first}\n")));
     }
     if let Some(summary) = &report.recording {
         let lost: u64 = summary.lost.values().sum();
@@ -232,7 +232,7 @@ pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (report.fault_text(), report.outcome) {
         (Some(text), _) => text,
         (None, PlantOutcome::NotArmed) => String::from(
-            "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
+            "no controller armed the plant, so nothing was simulated or played: start one on the same bus, as `resonarm exciter` with the \
              same mode and scenario; --patience-s says how long to wait",
         ),
         (None, _) => return None,
@@ -261,7 +261,7 @@ mod tests {
         let (ours, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
         let said = |event| log.words(&event).unwrap();
         insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: None }), @"fault 4 (partner fault) at sample 300");
-        insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter reported: fault 2 (sensor timeout) at sample 300");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: waiting for a while in case it comes back");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: waiting for a while in case it comes back");
         insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: Id::Standard(0x203) }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id), or end the other program that sends this plant's messages");
@@ -270,10 +270,10 @@ mod tests {
     #[test]
     fn frames_of_another_network_are_in_the_summary() {
         let bus = BusCounts { received: 30, sent: 40, refused: 7, ..BusCounts::default() };
-        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused");
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 rejected");
         assert_eq!(other_sender_warning(&bus), None);
         let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };
-        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under this node's identifiers), 1 malformed");
+        insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 rejected (5 of another network under this node's identifiers), 1 malformed");
         insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network arrived under identifiers that only this node sends: two networks have the same base; give each a different one (network.base_id), or end the other program that sends this plant's messages");
     }
 

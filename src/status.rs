@@ -32,7 +32,7 @@ impl StatusFlag {
         let every = self.status_s.map(|given_s| seconds("--status-s", given_s)).transpose()?;
         match (self.status_s, every) {
             (Some(given_s), Some(Duration::ZERO)) => {
-                Err(Failure::value("--status-s", given_s, "it is the time from line to line in seconds, above 0"))
+                Err(Failure::value("--status-s", given_s, "it must be above 0: the time from line to line in seconds"))
             }
             (_, every) => Ok(every),
         }

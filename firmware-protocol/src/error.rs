@@ -187,7 +187,7 @@ impl DecodeError {
 
 impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} refused: ", self.kind())?;
+        write!(f, "{} rejected: ", self.kind())?;
         match *self {
             DecodeError::Format { got: FrameFormat::Remote, .. } => f.write_str("a remote frame carries no data"),
             DecodeError::Format { got: FrameFormat::Fd { .. }, .. } => {
@@ -288,20 +288,20 @@ mod tests {
             (0x204, classic, &[0, 0, 0, 0, 0, 0x80, 0, 0]),
             (0x701, classic, &[0x42]),
         ]), @r"
-        ForceCommand refused: a remote frame carries no data
-        ForceCommand refused: a CAN FD frame where a classical one belongs
-        ImpedanceHead refused: 7 bytes long instead of 8
-        ExciterHeartbeat refused: 2 bytes long instead of 1
-        ForceCommand refused: CRC 0x01 instead of 0x81
+        ForceCommand rejected: a remote frame carries no data
+        ForceCommand rejected: a CAN FD frame where a classical one belongs
+        ImpedanceHead rejected: 7 bytes long instead of 8
+        ExciterHeartbeat rejected: 2 bytes long instead of 1
+        ForceCommand rejected: CRC 0x01 instead of 0x81
         taken
-        ForceCommand refused: counter 4 again
-        ForceCommand refused: counter 3 after 4, a step of more than 4
-        ForceCommand refused: counter 15 is not in 0 to 14
-        ForceCommand refused: byte 1 has reserved bits set (0x10)
-        OperatorCommand refused: byte 6 has reserved bits set (0x09)
-        OperatorCommand refused: request has no value 7
-        AccelerometerB refused: acceleration_y_m_s2 is not available
-        PlantHeartbeat refused: state has no value 66
+        ForceCommand rejected: counter 4 again
+        ForceCommand rejected: counter 3 after 4, a step of more than 4
+        ForceCommand rejected: counter 15 is not in 0 to 14
+        ForceCommand rejected: byte 1 has reserved bits set (0x10)
+        OperatorCommand rejected: byte 6 has reserved bits set (0x09)
+        OperatorCommand rejected: request has no value 7
+        AccelerometerB rejected: acceleration_y_m_s2 is not available
+        PlantHeartbeat rejected: state has no value 66
         ");
     }
 }

@@ -39,7 +39,9 @@ def direction(given: Drive | str, frequency_hz: float) -> Parts:
         return [(given, 1.0)], 1.0, frequency_hz
     amplitudes = checked(given)
     if len(amplitudes) == 1 and next(iter(amplitudes.values())) != 1:
-        raise ValueError(f"the amplitude is what varies: give drive={next(iter(amplitudes))!r} without one")
+        raise ValueError(
+            f"the amplitude is the quantity that varies: give drive={next(iter(amplitudes))!r} without one"
+        )
     return parts(amplitudes, frequency_hz)
 
 

@@ -69,7 +69,7 @@ class Basins:
         ax = _extras.axes(ax)
         for k in sorted({int(k) for k in np.unique(self.motion)}):
             color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
-            name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches motion {k}")
+            name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches response {k}")
             cells = np.ma.masked_where(self.motion != k, np.ones(self.motion.shape))
             colors = _extras.require("matplotlib.colors", "plot").ListedColormap([color])
             # Cells that touch, whatever the size of the figure.
@@ -78,7 +78,7 @@ class Basins:
         index = [self.known.index(name) for name in self.coordinates]
         for number, motion in enumerate(self.motions):
             at = motion.section[:, index]
-            label = None if number else "stable motions"
+            label = None if number else "stable responses"
             ax.plot(at[:, 0], at[:, 1], "D", color="black", markerfacecolor="white", label=label)
         ax.set_xlabel(self.coordinates[0])
         ax.set_ylabel(self.coordinates[1])
@@ -102,7 +102,7 @@ class Grid:
         for name in self.coordinates:
             if name not in self.known:
                 known = ", ".join(self.known)
-                raise ValueError(f"there is no coordinate `{name}`: the coordinates are {known}")
+                raise ValueError(f"unknown coordinate `{name}`: the coordinates are {known}")
         if self.coordinates[0] == self.coordinates[1]:
             raise ValueError(f"coordinates has {self.coordinates[0]} twice: give two")
         for count in self.points:
@@ -110,7 +110,7 @@ class Grid:
                 raise ValueError(f"points has {count}: it must be from 2 to {MOST_POINTS}")
         for start, stop in zip(self.start, self.stop, strict=True):
             if not (math.isfinite(start) and math.isfinite(stop) and start != stop):
-                raise ValueError(f"the grid goes from {start:g} to {stop:g}: both must be numbers, and different")
+                raise ValueError(f"invalid grid from {start:g} to {stop:g}: the ends must be two different numbers")
 
     def axis(self, index: int) -> NDArray[np.float64]:
         """The values of a coordinate, equal to those of the command line to the last bit."""
@@ -130,7 +130,7 @@ class Grid:
 def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
     """Two values of an argument."""
     if len(values) != 2:
-        raise ValueError(f"{name} has {len(values)} values: it needs two, X,Y")
+        raise ValueError(f"{name} has {len(values)} values, expected two: X,Y")
     return (values[0], values[1])
 
 
@@ -213,7 +213,7 @@ def basins(
     motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
     if not motions:
         raise _resonarm.ResonarmError(
-            f"no stable motion is known at {frequency_hz:g} Hz: no state can be said to reach one"
+            f"no stable periodic response is known at {frequency_hz:g} Hz, so no state can be assigned to one"
         )
     reach = tuple(attractors.reach(known.index(name)) for name in two)
     last = reach if stop is None else pair("stop", stop)

@@ -174,7 +174,7 @@ def continuation(
     """
     if parameter == "frequency":
         if frequency_hz is not None:
-            raise ValueError("frequency_hz is for runs in another parameter: leave it out")
+            raise ValueError("frequency_hz is for runs in another parameter: leave --frequency-hz out")
         hz = start
     else:
         hz = _drive.frequency(frequency_hz)

@@ -95,7 +95,7 @@ impl RealTime {
         let default = ThreadSetup::default();
         let whole = ThreadSetup { priority: priority.or(default.priority), lock_memory: true, ..given };
         let left_out =
-            |asked: &str| Err(errors::value(format!("{asked} asks for what rt off leaves out: give one of them")));
+            |asked: &str| Err(errors::value(format!("{asked} and rt off exclude each other: give one of them")));
         match (rt.as_deref(), core) {
             (None, _) if priority.is_some() || core.is_some() || cores_awake => options.thread = Some(given),
             (Some("off"), Some(core)) => return left_out(&format!("core {core}")),
@@ -114,8 +114,9 @@ impl RealTime {
 }
 
 fn patience(given_s: f64) -> PyResult<Duration> {
-    Duration::try_from_secs_f64(given_s)
-        .map_err(|error| errors::value(format!("patience_s is {given_s}: {error}; it is a time in seconds, 0 or more")))
+    Duration::try_from_secs_f64(given_s).map_err(|error| {
+        errors::value(format!("patience_s is {given_s}: {error}; expected a time in seconds, 0 or more"))
+    })
 }
 
 fn fifo_priority(given: i64) -> PyResult<FifoPriority> {

@@ -183,7 +183,7 @@ def test_a_remote_frame_has_the_verdict_of_the_program(profile):
         assert (ours.verdict, ours.message, ours.reason) == expected
         assert (ours.sender != "") == (ours.message != "") and ours.signals == {}
     assert {frame["verdict"] for frame in said} == {"refused", "foreign"} and decoder.lost == 0
-    assert {frame.get("reason", "").partition(" refused: ")[2] for frame in said} == {
+    assert {frame.get("reason", "").partition(" rejected: ")[2] for frame in said} == {
         "",
         "a remote frame carries no data",
         "the network's profile has no such message",

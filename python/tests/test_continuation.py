@@ -128,7 +128,7 @@ def test_invalid_arguments_are_value_errors(options, message):
         (
             lambda: ARM.continuation("amplitude", 0, 9, drive={"joint1": 60}, frequency_hz=9),
             ValueError,
-            "the amplitude is what varies: give drive='joint1' without one",
+            "the amplitude is the quantity that varies: give drive='joint1' without one",
         ),
         (
             lambda: ARM.continuation("frequency", 1, 2, drive="joint1"),

@@ -93,9 +93,9 @@ ONE = {"drive": {"joint1": 1.0}}
     [
         (lambda arm: arm.basins(-1.0, **ONE), "frequency_hz is -1: it must be a positive number"),
         (lambda arm: arm.basins(22.0, **ONE, points=(1, 5)), "points has 1: it must be from 2 to 1000"),
-        (lambda arm: arm.basins(22.0, **ONE, points=(5,)), "points has 1 values: it needs two, X,Y"),
-        (lambda arm: arm.basins(22.0, **ONE, start=(1, 1), stop=(1, 2)), "the grid goes from 1 to 1"),
-        (lambda arm: arm.basins(22.0, **ONE, coordinates=("a", "b")), "there is no coordinate `a`: the coord"),
+        (lambda arm: arm.basins(22.0, **ONE, points=(5,)), "points has 1 values, expected two: X,Y"),
+        (lambda arm: arm.basins(22.0, **ONE, start=(1, 1), stop=(1, 2)), "invalid grid from 1 to 1"),
+        (lambda arm: arm.basins(22.0, **ONE, coordinates=("a", "b")), "unknown coordinate `a`: the coord"),
         (lambda arm: arm.basins(22.0, **ONE, coordinates=["alpha1_rad"] * 2), "has alpha1_rad twice"),
         (lambda arm: arm.basins(22.0, **ONE, points=(2, 2), time_constants=0.0), "time_constants is 0"),
         (lambda arm: arm.ensemble([(0, 0, 0)], 1, frequency_hz=1.0, **ONE), "initial has the shape (1, 3)"),

@@ -45,7 +45,7 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
     assert [mesh.get_array().count() for mesh in ax.collections] == counts
     assert [len(line.get_xdata()) for line in ax.lines] == [0, 0, 1, 1]
     names = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert names == ["reaches motion 1", "reaches motion 2", "stable motions"]
+    assert names == ["reaches response 1", "reaches response 2", "stable responses"]
     assert ax.get_xlabel() == "q1_m_sqrt_kg"
 
 

@@ -315,4 +315,4 @@ def test_a_failure_names_the_first_refused_command_and_frame(bench):
         bench.run(lambda measured: (1.0 if measured.sample < 100 else 310.0, 0.0)).assert_completed()
     said = str(raised.value)
     assert re.search(r"commands were rejected: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
-    assert "frames that the plant refused: 1; the first of them is 201#" in said
+    assert "frames that the plant rejected: 1; the first of them is 201#" in said

@@ -179,10 +179,10 @@ impl Backbone {
             let or = if self.undamped {
                 String::new()
             } else {
-                format!(", or at which load, by --drive {}=A", drive.loads[0].at.name)
+                format!(", or the load at which it ends, by --drive {}=A", drive.loads[0].at.name)
             };
             return Err(Failure::usage(format!(
-                "say where the curve ends: at which displacement of {name}, {}, by --to X{or}",
+                "the end of the curve is missing: give the displacement of {name} at which it ends, in {}, by --to X{or}",
                 read[0].unit()
             )));
         }

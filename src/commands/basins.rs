@@ -83,12 +83,15 @@ impl Basins {
         let (over, names) = self.over(assembly)?;
         let (motions, early) = stable_motions(&forced, &dofs(&read), self.frequency_hz, &|| false)?;
         if let Some(early) = early {
-            tracing::warn!("stable motions beyond are not known: {}", early.reason);
+            tracing::warn!(
+                "the branch ended early, so stable periodic responses beyond its end are unknown: {}",
+                early.reason
+            );
         }
         // A negative verdict, not an error: the branch may have no stable orbit at this frequency.
         if motions.is_empty() {
             let hz = short(&self.frequency_hz);
-            tracing::error!("no stable motion is known at {hz} Hz: no state can be said to reach one");
+            tracing::error!("no stable periodic response is known at {hz} Hz, so no state can be assigned to one");
             return Ok(Verdict::Negative);
         }
         let far = over.map(|index| reach(&motions, index, self.frequency_hz));
@@ -131,9 +134,7 @@ impl Basins {
             let number = |name: &String| {
                 let refusal = || {
                     let known = known.join(", ");
-                    Failure::usage(format!(
-                        "--coordinates: there is no coordinate `{name}`: the coordinates are {known}"
-                    ))
+                    Failure::usage(format!("--coordinates: unknown coordinate `{name}`: the coordinates are {known}"))
                 };
                 known.iter().position(|known| known == name.as_str()).ok_or_else(refusal)
             };
@@ -167,7 +168,7 @@ impl Basins {
         for (k, motion) in motions.iter().enumerate() {
             let period = if motion.period == 1 { String::new() } else { format!(", {} periods", motion.period) };
             text += &format!(
-                "motion {}: largest {}{period}; reached by {} of {all} states\n",
+                "response {}: largest {}{period}; reached by {} of {all} states\n",
                 k + 1,
                 words(&motion.readings, read),
                 document.cells.reaching(k)
@@ -198,7 +199,7 @@ impl Document {
     ) -> Figure {
         let labelled = |(k, motion): (usize, &StableMotion)| {
             let (at, largest) = (&read[0], motion.readings[0].largest);
-            format!("reaches motion {}: {} to {largest:.2e} {}", k + 1, at.name, at.unit())
+            format!("reaches response {}: {} to {largest:.2e} {}", k + 1, at.name, at.unit())
         };
         let labels = motions.iter().enumerate().map(labelled).collect();
         let [x, y] = grid.coordinates;

@@ -211,7 +211,9 @@ impl Continue {
         };
         let frequency_hz = match (coordinate, self.frequency_hz) {
             (Coordinate::FrequencyHz, Some(_)) => {
-                return Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"));
+                return Err(Failure::usage(
+                    "--frequency-hz is for runs in another parameter: leave --frequency-hz out",
+                ));
             }
             (Coordinate::FrequencyHz, None) => None,
             (Coordinate::Amplitude | Coordinate::Parameter(_), _) => Some(self.positive_frequency_hz()?),
@@ -319,7 +321,7 @@ impl Continue {
         let unit = unit(walk.coordinate, &walk.drive);
         let mut text = if self.no_stability {
             format!(
-                "{} motions, in {wall_s:.3} s\nstability not computed: bifurcations other than folds are not found\n",
+                "{} responses, in {wall_s:.3} s\nstability not computed: bifurcations other than folds are not found\n",
                 branch.orbits.len()
             )
         } else {
@@ -344,7 +346,7 @@ impl Continue {
         for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read) {
             let end = if is_at_end(branch, orbit) { ", an end of the branch" } else { "" };
             let readings = words(&orbit.readings, read);
-            text += &format!("largest motion of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
+            text += &format!("largest response of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
         }
         for (k, branch) in (1..).zip(&found.doubled) {
             text += &format!("doubled branch {k}: {}\n", counted(branch));
@@ -360,13 +362,13 @@ impl Continue {
 /// The number of motions, and how many of them are unstable.
 fn counted(branch: &Branch) -> String {
     let unstable = branch.orbits.iter().filter(|orbit| orbit.is_stable() == Some(false)).count();
-    format!("{} motions, {unstable} of them unstable", branch.orbits.len())
+    format!("{} responses, {unstable} of them unstable", branch.orbits.len())
 }
 
 impl Walk {
     /// The largest displacement over what varies; unstable motions dashed, bifurcations as marks.
     fn figure(&self, conditions: Subtitle, branches: &[&Branch]) -> Figure {
-        let figure = Figure::new("Periodic motions").subtitle(conditions);
+        let figure = Figure::new("Periodic responses").subtitle(conditions);
         let title = title(self.coordinate, &self.drive);
         of_each(figure, &title, &self.read, |panel, index| with_branches(panel, branches, index))
     }

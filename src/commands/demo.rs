@@ -184,7 +184,7 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
     let others: String = modes.iter().skip(1).map(|mode| format!(", {:.2} Hz", mode.frequency_hz)).collect();
     let pace = match (mode, speed.times()) {
         (Mode::RealTime, _) => String::from("in real time"),
-        (_, 0.0) => String::from("in lockstep, as fast as it goes"),
+        (_, 0.0) => String::from("in lockstep, as fast as possible"),
         (_, times) => format!("in lockstep at {times} times the speed of the clock"),
     };
     let (amplitude, unit) = (control.amplitude(), control.amplitude().unit());

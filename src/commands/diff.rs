@@ -71,7 +71,7 @@ impl Diff {
             let range = if (self.range.from_s, self.range.to_s) == (None, None) { "" } else { " in this range" };
             let parts = parts.join(", ");
             return Err(Failure::usage(format!(
-                "nothing to compare: neither recording has {parts}{range}; --parts names others, of {}",
+                "nothing to compare: neither recording has {parts}{range}; choose others by --parts, of {}",
                 PARTS.map(RecordingPart::name).join(", ")
             )));
         }
@@ -100,7 +100,7 @@ fn part_text(part: &PartDifference) -> String {
     let mut text = format!("{part}: {compared} compared");
     for (count, place) in [(only_in_a, "A"), (only_in_b, "B")] {
         if *count > 0 {
-            text += &format!(", {count} in {place} alone");
+            text += &format!(", {count} only in {place}");
         }
     }
     text += &match first_difference {

@@ -144,7 +144,7 @@ impl Exciter {
             let readings =
                 if report.responses.is_empty() { String::new() } else { format!("readings are {readings}\n") };
             let refused = report.first_refused_frame.as_ref();
-            let refused = refused.map_or(String::new(), |first| format!("the first refused frame is {first}\n"));
+            let refused = refused.map_or(String::new(), |first| format!("the first rejected frame is {first}\n"));
             format!(
                 "{outcome} after {samples_played} samples, {missed_samples} missed; frames: {frames}\n{refused}{readings}"
             ) + &responses::table(&report.responses)

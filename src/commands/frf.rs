@@ -105,7 +105,9 @@ impl Frf {
         if is_still && self.plot.is_some() {
             let at: Vec<_> = document.responses.iter().map(|curve| curve.at.as_str()).collect();
             let (drive, at) = (&drive.name, at.join(", "));
-            return Err(Failure::usage(format!("there is nothing to plot: a load at {drive} moves nothing at {at}")));
+            return Err(Failure::usage(format!(
+                "there is nothing to plot: a load at {drive} causes no response at {at}; choose another place by --at"
+            )));
         }
         let conditions = captions::structure(&scenario, &tested, &[]);
         let drawn = || (self.figure(conditions, &document, (assembly, &linear, &drive)), table(&document));
@@ -129,7 +131,7 @@ impl Frf {
         let (from, to) = (self.from_hz, self.to_hz);
         if !(from >= 0.0 && to > from && to <= HIGHEST_HZ) {
             return Err(Failure::usage(format!(
-                "--from-hz {} --to-hz {}: the frequencies must rise from 0 or above, to {HIGHEST_HZ:e} at most",
+                "--from-hz {} --to-hz {}: the frequencies must rise, and be from 0 to {HIGHEST_HZ:e}",
                 short(&from),
                 short(&to)
             )));

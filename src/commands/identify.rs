@@ -176,7 +176,7 @@ impl Identify {
         let document = self.compute(&recording, &scenario, tested.as_ref())?;
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
-                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise: the structure did not vibrate linearly, so lower the force, or the instruments are almost without noise",
+                "{:.3} Hz: the residual of the fit is {:.1} times the instruments' noise: either the structure did not vibrate linearly (lower the force), or the instruments have almost no noise",
                 found.pole_frequency_hz,
                 found.residual
             );

@@ -97,12 +97,12 @@ pub(crate) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
 /// Warns of anything that makes the angles doubtful.
 fn warn(scenario: &Scenario, found: &RecordedAngles) {
     if has_faulty_accelerometer(scenario) {
-        tracing::warn!("an accelerometer had a fault in this run: the angles are those of its readings");
+        tracing::warn!("an accelerometer had a fault in this run, so the angles from its readings may be wrong");
     }
     if let Some(over_displacement) = found.contradiction() {
         tracing::warn!(
-            "the points move along the links by {over_displacement:.3} of what they move across, which no angles explain: \
-             an accelerometer has a fault, another sensitivity than stated or a filter"
+            "the points move along the links {over_displacement:.3} times as far as across them, which no angles explain: \
+             an accelerometer may have a fault, a filter, or another sensitivity than stated"
         );
     }
 }

@@ -75,7 +75,7 @@ impl Import {
                     "{log}: `import` does not read {ending}: convert it by `python -m can.logconvert {log} NEW.blf` and \
                      import that, or call `resonarm.import_log` of the Python package"
                 ),
-                None => format!("{log}: the ending does not say the format: give it by --from, one of {names}"),
+                None => format!("{log}: the ending of the name does not state the format: give it by --from, one of {names}"),
             })
         })
     }
@@ -112,7 +112,7 @@ fn text(imported: &Imported) -> String {
 fn wire_text(wire: &WireImport) -> String {
     let mut text = match wire.missing_readings.is_empty() {
         true => format!(
-            "readings of {} samples; {} samples missing in {} gaps, {} left out for want of some of their frames\n",
+            "readings of {} samples; {} samples missing in {} gaps, {} left out since some of their frames are missing\n",
             wire.samples, wire.missing_samples, wire.gaps, wire.incomplete_samples
         ),
         false => format!("no readings: {}\n", missing_text(&wire.missing_readings)),
@@ -120,7 +120,7 @@ fn wire_text(wire: &WireImport) -> String {
     text += &match wire.missing_states.is_empty() {
         true if wire.missing_readings.is_empty() => format!("states and commanded loads of {} samples\n", wire.states),
         true => format!(
-            "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out for want of some of \
+            "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out since some of \
              their frames\n",
             wire.states, wire.missing_samples, wire.gaps, wire.incomplete_samples
         ),
@@ -152,8 +152,8 @@ fn missing_text(missing: &[Missing]) -> String {
         names.collect::<Vec<_>>().join(", ")
     };
     match [of(false), of(true)] {
-        [none, some] if some.is_empty() => format!("the wire does not carry {none}"),
-        [none, some] if none.is_empty() => format!("the wire does not carry {some} every sample"),
-        [none, some] => format!("the wire does not carry {none}, nor {some} every sample"),
+        [none, some] if some.is_empty() => format!("the user protocol does not carry {none}"),
+        [none, some] if none.is_empty() => format!("the user protocol does not carry {some} every sample"),
+        [none, some] => format!("the user protocol does not carry {none}, nor {some} every sample"),
     }
 }

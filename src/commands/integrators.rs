@@ -131,7 +131,7 @@ impl Integrators {
 fn undamped_chain(assembly: &Assembly) -> Result<Assembly, Failure> {
     let Ok(joint1) = assembly.dof("joint1") else {
         return Err(Failure::usage(
-            "the structure is of modes, which are stepped by their exact solution, whatever the scheme: name a chain",
+            "the structure consists of modes, which are stepped by their exact solution, not by a scheme: use a chain",
         ));
     };
     if !assembly.is_smooth() {

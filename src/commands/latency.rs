@@ -182,7 +182,11 @@ impl Latency {
                 let (overruns, spin, counted) = (plant.overruns, plant.spin, [Some(bare.1), late, exec]);
                 Ok(Turn { bare: percentiles, plant: wakeup, execution, overruns, lost_records, spin, counted })
             }
-            _ => Err(Failure::value("--turn-s", self.turn_s, format!("at {rate_hz} Hz there is no sample in it"))),
+            _ => Err(Failure::value(
+                "--turn-s",
+                self.turn_s,
+                format!("it must contain at least one sample at {rate_hz} Hz"),
+            )),
         }
     }
 }

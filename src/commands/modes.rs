@@ -231,7 +231,7 @@ fn sag_text(assembly: &Assembly) -> String {
     let joint = |(sag_rad, number): (&f64, usize)| format!("{sag_rad:+.5} rad in joint {number}");
     let joints: Vec<String> = sag_rad.iter().zip(1..).map(joint).collect();
     format!(
-        "under its weight it sags by {}: coordinates count from there, angles are those before\n",
+        "the structure sags under its weight by {}: coordinates count from this state, angles are those before it sags\n",
         joints.join(", ")
     )
 }

@@ -154,7 +154,8 @@ impl Poincare {
 
     /// The frequency that isn't stepped.
     fn frequency(&self) -> Result<f64, Failure> {
-        self.frequency_hz.ok_or_else(|| Failure::usage("give the excitation's frequency: --frequency-hz F"))
+        self.frequency_hz
+            .ok_or_else(|| Failure::usage("the frequency of the excitation is missing: give --frequency-hz F"))
     }
 
     /// Resolves the flags against the structure: the load, the readings, and the values of the quantity that is
@@ -181,7 +182,7 @@ impl Poincare {
         let frequency_hz = match over {
             Coordinate::FrequencyHz if self.frequency_hz.is_some() => {
                 return Err(Failure::usage(
-                    "--frequency-hz is for a section or a diagram in another parameter: leave it out",
+                    "--frequency-hz is for a section or a diagram in another parameter: leave --frequency-hz out",
                 ));
             }
             Coordinate::FrequencyHz => from,
@@ -270,7 +271,7 @@ impl Poincare {
             let (name, unit) = (&at.name, at.unit());
             let [x, y] = [format!("{name} ({unit})"), format!("d{name}/dt ({unit}/s)")].map(Axis::linear);
             let panel = Panel::new(x, y).legend(if index == 0 { Legend::Bottom } else { Legend::None });
-            let panel = panel.with_any(Series::line("motion", Color::Grey, states.iter().map(plane).collect()));
+            let panel = panel.with_any(Series::line("response", Color::Grey, states.iter().map(plane).collect()));
             let section = Series::markers("section", Color::Blue, Marker::Circle, points);
             figure = figure.with(panel.with(section.marked(size, true)));
         }
@@ -323,7 +324,7 @@ impl Document {
         periods.dedup();
         for period in periods {
             let count = self.motions.iter().filter(|motion| motion.period == period).count();
-            let motions = if count == 1 { "motion" } else { "motions" };
+            let motions = if count == 1 { "response" } else { "responses" };
             text += &match period {
                 Some(1) => format!("{count} {motions} with the period of the excitation\n"),
                 Some(period) => format!("{count} {motions} of {period} periods of the excitation\n"),

@@ -77,10 +77,10 @@ impl Quickstart {
     fn refuse_what_is_there(&self) -> Result<(), Failure> {
         let folder = self.folder.display();
         match fs::read_dir(&self.folder).map(|mut entries| entries.next().is_some()) {
-            Ok(true) => Err(Failure::Usage(format!("{folder} is not empty: name a folder that does not exist"))),
+            Ok(true) => Err(Failure::Usage(format!("{folder} is not empty: choose a folder that does not exist"))),
             Ok(false) => Ok(()),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-            Err(error) => Err(Failure::Usage(format!("{folder} can't be the folder: {error}; name another"))),
+            Err(error) => Err(Failure::Usage(format!("{folder} can't be used: {error}; choose another folder"))),
         }
     }
 }

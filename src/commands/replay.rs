@@ -116,7 +116,9 @@ impl Replay {
         let Some(address) = address else {
             let SelectionFlags { range, times, .. } = &self.selection;
             if range.from_s.or(range.to_s).is_some() {
-                return Err(Failure::usage("--from-s and --to-s are for --bus: `resonarm cut` copies a range of time"));
+                return Err(Failure::usage(
+                    "--from-s and --to-s are for --bus: leave them out, and copy the range of time first, by `resonarm cut`",
+                ));
             }
             let verdict = recordings::verdict(&recording);
             live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;

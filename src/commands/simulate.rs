@@ -132,7 +132,7 @@ impl Simulate {
         };
         if steps > MOST_STEPS as f64 {
             return Err(Failure::usage(format!(
-                "{}: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
+                "{}: at most {MOST_STEPS} are possible; choose a shorter time or a lower rate",
                 steps_text(steps)
             )));
         }
@@ -141,7 +141,7 @@ impl Simulate {
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
             return Err(Failure::usage(format!(
-                "{}, not a whole number: take {}, or another rate",
+                "{}, not a whole number: choose {}, or another rate",
                 steps_text(exact),
                 short(&nearest_s)
             )));

@@ -79,7 +79,7 @@ impl Structure {
         match (&self.scenario, &self.from_modes) {
             (_, Some(path)) => of_modes(path),
             (Some(path), None) => read_scenario(path),
-            (None, None) => Err(Failure::usage("give --scenario FILE, or --from-modes FILE")),
+            (None, None) => Err(Failure::usage("the structure is missing: give --scenario FILE or --from-modes FILE")),
         }
     }
 }

@@ -82,7 +82,7 @@ impl FromStr for OverFlag {
         // Two sweeps at the same value could not be distinguished.
         let twice = values.iter().enumerate().find(|(index, value)| values[..*index].contains(value));
         match twice {
-            Some((_, value)) => Err(format!("{} is there twice: give each value once", short(value))),
+            Some((_, value)) => Err(format!("{} is given twice: give each value once", short(value))),
             None => Ok(OverFlag { name: name.to_owned(), values }),
         }
     }
@@ -193,7 +193,7 @@ impl Sweep {
             let SweepFrequencies { grid, stepped_over, unknown_beyond } =
                 SweepFrequencies::new(&forced, &dofs(read), [self.from_hz, self.to_hz], self.points)?;
             if let Some(reason) = unknown_beyond {
-                tracing::warn!("{}resonances are not looked for beyond: {reason}", self.at_value(value));
+                tracing::warn!("{}the search for resonances ended early: {reason}", self.at_value(value));
             }
             Ok(Variant { value, structure, grid, stepped_over })
         };
@@ -322,7 +322,7 @@ impl Document {
                 let (name, unit) = (&read[*reading].name, read[*reading].unit());
                 text += &format!(
                     "  stepped over: the resonance of {name} at {frequency_hz:.6} Hz, {largest:.6e} {unit} in the forced \
-                     response, is {width_hz:.6} Hz wide, less than a step; take more --points, or none\n"
+                     response, is {width_hz:.6} Hz wide, less than a step; use more --points, or leave --points out\n"
                 );
             }
             if let [up, down] = same {

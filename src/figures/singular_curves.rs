@@ -78,7 +78,7 @@ impl CurveFlags {
         let second = coordinate("--curves-in", name, assembly)?;
         if second == first {
             return Err(Failure::usage(format!(
-                "--curves-in {name} is what the branch is followed in already: name another parameter"
+                "--curves-in {name} is the quantity in which the branch is followed already: choose another"
             )));
         }
         Ok(Some((second, to)))
@@ -170,7 +170,7 @@ impl Curves {
         let cusps = self.curves.iter().flat_map(|curve| &curve.curve.turns).filter(|turn| turn.is_cusp);
         let cusps = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
         panel = panel.with_any(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
-        Figure::new("Bifurcations of periodic motions in two parameters").subtitle(conditions).with(panel)
+        Figure::new("Bifurcations of periodic responses in two parameters").subtitle(conditions).with(panel)
     }
 }
 

@@ -254,7 +254,7 @@ fn bad_input_is_refused() {
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(says(2, "backbone --drive=joint1=0"), @r"
-    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude is 0: it must be another number
+    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude must be a number other than 0
 
     For more information, try '--help'.
     ");
@@ -314,7 +314,7 @@ fn a_branch_that_ends_early_is_kept() {
     assert_eq!(early["bifurcations"], whole["bifurcations"]);
     assert!(stem.with_extension("png").exists());
     let (summary, _) = partial(&format!("{command} --most-points=10"));
-    assert!(summary.starts_with("10 motions, 0 of them unstable"), "{summary}");
+    assert!(summary.starts_with("10 responses, 0 of them unstable"), "{summary}");
 }
 
 /// Curves of folds that end early do not change the branch; each is kept as far as it came.
@@ -349,11 +349,11 @@ fn continue_reports_its_failures() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --to=3"), @"resonarm: --to is not for --parameter frequency: its interval is --from-hz a --to-hz b");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21"), @"resonarm: --parameter frequency needs an interval: give it by --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --to=3"), @"resonarm: --to is not for --parameter frequency; give its interval by --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave --frequency-hz out");
     insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: the excitation is missing: give it by --drive DOF=A, with DOF one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
-    insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1=60 --frequency-hz=22 --from=1 --to=2"), @"resonarm: the amplitude is what varies: give --drive joint1 without one");
+    insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1=60 --frequency-hz=22 --from=1 --to=2"), @"resonarm: the amplitude is the quantity that varies: give --drive joint1 without one");
     insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1 --from=1 --to=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
     insta::assert_snapshot!(says(2, "--parameter=wind --drive=joint1=60"), @"resonarm: --parameter wind: there is no parameter `wind` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
     insta::assert_snapshot!(says(2, "--parameter=link2.mass_kg --drive=joint1=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along link2.mass_kg: invalid interval from 36 to -1 kg: the ends must be two different numbers within the range of the parameter");

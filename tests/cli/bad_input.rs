@@ -61,7 +61,7 @@ fn rates_and_times_that_cannot_be() {
     ");
     assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "vcan0", "--duration-s", "5"]), @"resonarm: --duration-s is 5: the exciter ends with what it plays, leave it out");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "-1"]), @"resonarm: --duration-s is -1: it must be a positive number");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: take 0.002, or another rate");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: choose 0.002, or another rate");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @r"
     error: invalid value 'nan' for '--initial <Q,V>': it must be a finite number
 
@@ -117,9 +117,9 @@ fn scenarios_beyond_the_limits() {
     let run = ["run", "--mode", "free", "--speed", "1e-300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, but may take at most half of `network.lockstep_timeout_s` (1 s), or each end considers the other lost; the speed must be at least 2.0e-3");
     let run = ["run", "--bus", "memory", "--patience-s", "-1e300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; expected a time in seconds, 0 or more");
     assert_snapshot!(complaint(here(), 2, &["backbone", "--to=-1e300"]), @"resonarm: --to is -1e300: it must be a positive number");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; take a shorter time or a lower rate");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; choose a shorter time or a lower rate");
 }
 
 /// A seed of 64 bits survives in a recording.
@@ -151,7 +151,7 @@ fn seeds_are_exact_up_to_the_largest() {
 
 #[test]
 fn invalid_buses() {
-    assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
+    assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: the mode real-time needs a bus; give one, as --bus vcan0, or use --mode free");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
     assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
     assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus, since plant and exciter run in one loop; use the mode lockstep");
@@ -243,7 +243,7 @@ fn invalid_ranges_of_a_parameter() {
 
 #[test]
 fn invalid_responses() {
-    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise from 0 or above, to 1e9 at most");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise, and be from 0 to 1e9");
     assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "nan"]), @r"
     error: invalid value 'nan' for '--from-hz <F>': it must be a finite number
 
@@ -274,7 +274,7 @@ fn curves_that_cannot_be() {
             "90",
         ]
     };
-    assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
+    assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is the quantity in which the branch is followed already: choose another");
     assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
 }
 

@@ -54,7 +54,7 @@ fn frames_of_drives_are_explained() {
     083#5082110A00340000  EMCY of node 3 code=33360 "0x8250: RPDO timeout: no target was accepted in time" register=17 "generic, communication" detail=10 sample=52
     183#R5  TPDO 1 of node 3 requested
     204#8000FFFF  RPDO 1 of node 4 Controlword=128 "0x0080: fault reset" Target torque=-1 ‰ (load torque2_nm=-0.025)
-    17 frames: 16 taken, 0 refused, 1 requests, 0 of none of the drives
+    17 frames: 16 taken, 0 rejected, 1 requests, 0 of none of the drives
     "#);
     let value = document(
         folder.path(),
@@ -85,7 +85,7 @@ fn a_mapping_that_the_frames_set_is_followed() {
     203#0F00F401  RPDO 1 of node 3, RPDO 1 of node 4 Controlword in RPDO 1 of node 3=15 "0x000f: enable operation" Target torque in RPDO 1 of node 3=500 ‰ (load torque1_nm=50) Target torque in RPDO 1 of node 4=15 ‰ (load torque2_nm=0.375)
     000#8204  NMT command=130 "reset communication" node=4
     203#0F00F401  RPDO 1 of node 3 Controlword=15 "0x000f: enable operation" Target torque=500 ‰ (load torque1_nm=50)
-    13 frames: 13 taken, 0 refused, 0 requests, 0 of none of the drives
+    13 frames: 13 taken, 0 rejected, 0 requests, 0 of none of the drives
     "#);
 }
 
@@ -95,21 +95,21 @@ fn frames_that_break_the_rules_of_canopen_are_refused() {
     let frames = "203#0F 283#01020304 603#40 583#C200000000000000 603#2300300111223344 703#06 000#0300 083#00 \
         603#R8 205#00 604#4008100000000000 584#4108100010000000 604#6000000000000000 584#005265736F6E6172";
     assert_snapshot!(decoded(folder.path(), 1, frames), @r#"
-    203#0F  RPDO 1 of node 3 refused: the payload of 1 bytes ends before Controlword
-    283#01020304  TPDO 2 of node 3 refused: the payload of 4 bytes ends before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
-    603#40  SDO request to node 3 refused: it has 1 bytes: expected 8
-    583#C200000000000000  SDO answer of node 3 refused: 0xc2 is not a command of an expedited or segmented transfer
+    203#0F  RPDO 1 of node 3 rejected: the payload of 1 bytes ends before Controlword
+    283#01020304  TPDO 2 of node 3 rejected: the payload of 4 bytes ends before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
+    603#40  SDO request to node 3 rejected: it has 1 bytes: expected 8
+    583#C200000000000000  SDO answer of node 3 rejected: 0xc2 is not a command of an expedited or segmented transfer
     603#2300300111223344  SDO request to node 3 (write 3000:01 unknown object) bytes=4 "11 22 33 44"
-    703#06  Heartbeat of node 3 refused: 0x06 is not a state of a node: expected 0x00, 0x04, 0x05 or 0x7f
-    000#0300  NMT refused: 0x03 is not a command of network management: expected 0x01, 0x02, 0x80, 0x81 or 0x82
-    083#00  EMCY of node 3 refused: it has 1 bytes: expected 8
-    603#R8  SDO request to node 3 refused: expected a data frame, got a remote frame
+    703#06  Heartbeat of node 3 rejected: 0x06 is not a state of a node: expected 0x00, 0x04, 0x05 or 0x7f
+    000#0300  NMT rejected: 0x03 is not a command of network management: expected 0x01, 0x02, 0x80, 0x81 or 0x82
+    083#00  EMCY of node 3 rejected: it has 1 bytes: expected 8
+    603#R8  SDO request to node 3 rejected: expected a data frame, got a remote frame
     205#00  of none of the drives
     604#4008100000000000  SDO request to node 4 (read 1008 Device name)
     584#4108100010000000  SDO answer of node 4 (segments of 1008 Device name) bytes=16
     604#6000000000000000  SDO request to node 4 (next segment of 1008 Device name)
     584#005265736F6E6172  SDO answer of node 4 (segment of 1008 Device name) bytes=7
-    14 frames: 5 taken, 8 refused, 0 requests, 1 of none of the drives
+    14 frames: 5 taken, 8 rejected, 0 requests, 1 of none of the drives
     "#);
 }
 
@@ -172,15 +172,15 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
         if flags.is_empty() {
             assert_snapshot!(said.stdout, @"
             bus.mcap: 5260 frames of 1.050 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-            no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out for want of some of their frames
+            no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
+            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out since some of their frames are missing
             a message with readings has neither index nor counter: its frames are placed by their time stamps
             ");
         } else {
             assert_snapshot!(said.stdout, @"
             bus.mcap: 5260 frames of 3.149 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-            no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out for want of some of their frames
+            no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
+            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out since some of their frames are missing
             ");
         }
         let recording = Recording::open(folder.join("bus.mcap")).unwrap();
@@ -219,8 +219,8 @@ fn what_a_log_of_drives_lacks_is_named() {
     assert_eq!((said.code, said.stderr.as_str()), (0, ""));
     assert_snapshot!(said.stdout, @"
     one.mcap: 3 frames of 0.000 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-    no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-    no states and loads, which are in the frames alone: the wire does not carry alpha2_rad, alpha2_dot_rad_s
+    no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
+    no states and loads, which are in the frames alone: the user protocol does not carry alpha2_rad, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
     left out of TPDO 2 of node 3: 1, for a wrong checksum, counter or length, or a value that is no number
     ");

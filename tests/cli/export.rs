@@ -62,7 +62,7 @@ fn existing_files_are_kept_without_overwrite() {
     let folder = recorded();
     fs::write(folder.path().join("run-samples.wav"), "mine").unwrap();
     let export = ["export", "run.mcap", "--to", "wav"];
-    assert_snapshot!(complaint(folder.path(), 2, &export), @"resonarm: run-samples.wav already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder.path(), 2, &export), @"resonarm: run-samples.wav already exists: choose another place, or allow overwriting it (--overwrite)");
     assert!(!folder.path().join("run-states.wav").exists(), "a file is written before all are asked for");
     assert_eq!(resonarm(folder.path(), &[&export[..], &["--overwrite"]].concat()).code, 0);
     assert!(fs::read(folder.path().join("run-samples.wav")).unwrap().starts_with(b"RIFF"));

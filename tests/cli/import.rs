@@ -101,7 +101,7 @@ fn logs_that_cannot_be_imported_are_refused() {
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
     assert_snapshot!(said("a.log", "\n  can0  123   [1]  00\n", &[]), @"resonarm: a.log has no frames; a.log, line 2: the line has no time stamp: log with `candump -L`, or with `candump -t a` instead of `candump`");
     assert_snapshot!(said("a.trc", "", &[]), @"resonarm: a.trc: `import` does not read .trc: convert it by `python -m can.logconvert a.trc NEW.blf` and import that, or call `resonarm.import_log` of the Python package");
-    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending does not say the format: give it by --from, one of candump, asc, blf");
+    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending of the name does not state the format: give it by --from, one of candump, asc, blf");
     assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: expected 4 more bytes, got 0");
     // A log is read twice, and a pipe can be read only once.
     assert!(Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());

@@ -94,13 +94,13 @@ fn missing_required_privileges_end_the_run() {
 #[test]
 fn a_core_is_refused_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--core", "0"]);
-    assert_snapshot!(said, @"resonarm: --core 0 asks for what --rt off leaves out: give one of them");
+    assert_snapshot!(said, @"resonarm: --core 0 and --rt off exclude each other: give one of them");
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
-    assert_snapshot!(said, @"resonarm: --cores-awake asks for what --rt off leaves out: give one of them");
+    assert_snapshot!(said, @"resonarm: --cores-awake and --rt off exclude each other: give one of them");
     let said = complaint(here(), 2, &["latency", "--turn-s", "0.0001"]);
     assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: at 1000 Hz there is no sample in it");
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);
-    assert_snapshot!(said, @"resonarm: --turn-s is -1: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(said, @"resonarm: --turn-s is -1: cannot convert float seconds to Duration: value is negative; expected a time in seconds, 0 or more");
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
         assert!(drawn.contains(name), "{name}");
     }
     let said = complaint(folder.path(), 2, &common);
-    assert_snapshot!(said, @"resonarm: late.svg already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(said, @"resonarm: late.svg already exists: choose another place, or allow overwriting it (--overwrite)");
     let measured = document(folder.path(), 0, &[&common[..], &["--overwrite", "--spin", "auto", "--json"]].concat());
     let found = &measured["rates"][0]["spin"];
     let [spin_us, p99_us] = ["spin_us", "slept_p99_us"].map(|name| found[name].as_f64().unwrap());

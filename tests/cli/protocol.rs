@@ -40,11 +40,11 @@ fn a_log_is_decoded_with_a_receiver_s_verdicts() {
     assert_snapshot!(stdout, @r"
     (1.000000) vcan0 702#00  ExciterHeartbeat state=0
     (1.100000) vcan0 201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
-    (1.200000) vcan0 201#8A00F40183FF3412  ForceCommand refused: counter 0 again
+    (1.200000) vcan0 201#8A00F40183FF3412  ForceCommand rejected: counter 0 again
     (1.300000) vcan0 123#00  not of this network
-    (1.400000) vcan0 081#2100010003054812  PlantEmergency code=1 detail=1283 sample=4680 (plant, code 1: no valid command in time (3 refused, the last because the exciter can't produce it), at sample 4680)
-    203#R8  ImpedanceHead refused: a remote frame carries no data
-    6 frames: 3 taken, 2 refused, 1 of other protocols; 0 lost before them
+    (1.400000) vcan0 081#2100010003054812  PlantEmergency code=1 detail=1283 sample=4680 (plant, code 1: no valid command in time (3 rejected, the last because the exciter can't produce it), at sample 4680)
+    203#R8  ImpedanceHead rejected: a remote frame carries no data
+    6 frames: 3 taken, 2 rejected, 1 of other protocols; 0 lost before them
     ");
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], LOG);
     let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
@@ -52,7 +52,7 @@ fn a_log_is_decoded_with_a_receiver_s_verdicts() {
     let frames = found["frames"].as_array().unwrap();
     assert_eq!(names(&frames[1]), ["frame", "interface", "message", "sender", "signals", "time_s", "verdict"]);
     assert_eq!(frames[1]["signals"]["force_y_n"], -2.5);
-    assert_eq!(frames[2]["reason"], "ForceCommand refused: counter 0 again");
+    assert_eq!(frames[2]["reason"], "ForceCommand rejected: counter 0 again");
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn encoded_frames_decode_in_every_network() {
     );
     let as_classic = resonarm(here(), &["protocol", "decode", fd.stdout.trim()]);
     assert_eq!(as_classic.code, 1);
-    assert!(as_classic.stdout.ends_with("ForceCommand refused: a CAN FD frame where a classical one belongs\n"));
+    assert!(as_classic.stdout.ends_with("ForceCommand rejected: a CAN FD frame where a classical one belongs\n"));
 }
 
 #[test]
@@ -100,14 +100,14 @@ fn bad_input_is_refused() {
     assert_snapshot!(said(&["decode", "201#00", "--base", "0x205"]), @"resonarm: base identifier 0x205 is not a multiple of 0x10: take 0x200");
     assert_snapshot!(said(&["dbc", "--plant-id", "2"]), @"resonarm: plant and exciter can't both have the node id 2");
     assert_snapshot!(said(&["header", "--base", "0x600"]), @"resonarm: base identifier 0x600 is outside 0x180 to 0x570");
-    assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: there is no message "Force", only OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
+    assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: unknown message "Force", expected one of OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
     assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand needs force_y_n");
     assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: state has no value 3");
-    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=5", "mass=3"]), @"resonarm: PlantHeartbeat has no signal mass, only state");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=5", "mass=3"]), @"resonarm: PlantHeartbeat has no signal mass, expected one of state");
     assert_snapshot!(said(&["encode", "PlantHeartbeat", "state"]), @r#"resonarm: "state" is not of the form signal=number"#);
     let force = ["encode", "ForceCommand", "force_x_n=700", "force_y_n=0", "sample=0"];
     assert_snapshot!(said(&force), @"resonarm: ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
-    assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: of ForceCommand it goes from 0 to 14");
+    assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: for ForceCommand it must be from 0 to 14");
     assert_snapshot!(said(&["encode", "Sensors", "sample=0"]), @"resonarm: Sensors needs force_x_n");
 }
 
@@ -121,7 +121,7 @@ fn a_line_without_a_frame_is_reported_counted_and_left_out() {
     line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump` or `candump -L`
     line 3: "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx"…: there is no `#` between identifier and data, as in 123#1122
     (2.000000) vcan0 702#05  ExciterHeartbeat state=5
-    2 frames: 2 taken, 0 refused, 0 of other protocols; 0 lost before them; 2 lines without a frame
+    2 frames: 2 taken, 0 rejected, 0 of other protocols; 0 lost before them; 2 lines without a frame
     "#);
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], &log);
     let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
@@ -137,7 +137,7 @@ fn the_view_of_candump_and_error_frames_are_decoded() {
     assert_snapshot!(stdout, @"
     vcan0 201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
     (2.500000) can0 error frame (controller problem)
-    1 frames: 1 taken, 0 refused, 0 of other protocols; 0 lost before them; 1 error frames
+    1 frames: 1 taken, 0 rejected, 0 of other protocols; 0 lost before them; 1 error frames
     ");
     assert_eq!(code, 0);
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], log);
@@ -175,8 +175,8 @@ fn the_data_sheet_of_a_drive_is_that_of_its_scenario() {
     assert!(rated.starts_with(
         "ParameterName=Motor rated torque\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue=500\n"
     ));
-    assert_snapshot!(of(&[]).stderr.trim(), @"resonarm: the scenario has drives with the node ids 3 and 4: give --node-id");
-    assert_snapshot!(of(&["--node-id", "5"]).stderr.trim(), @"resonarm: --node-id is 5: the scenario has drives with the node ids 3 and 4");
+    assert_snapshot!(of(&[]).stderr.trim(), @"resonarm: the scenario has several drives, with the node ids 3 and 4: choose one by --node-id");
+    assert_snapshot!(of(&["--node-id", "5"]).stderr.trim(), @"resonarm: --node-id is 5, but the scenario has drives with the node ids 3 and 4");
     let none = complaint(folder.path(), 2, &["protocol", "eds", "--scenario", "other.toml"]);
     assert_snapshot!(none, @r#"resonarm: other.toml has no CANopen drives: give it [wire] with `preset = "cia402"`"#);
 }

@@ -210,8 +210,8 @@ fn recovery_continues_after_a_damaged_chunk_and_lists_the_gap() {
     assert_eq!((&repaired["samples"][0], &repaired["samples"][1]), (&0.into(), &2500.into()));
     assert_eq!(repaired["topics"]["/plant/steps"]["gaps"], 1);
     let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
-    assert!(said.stdout.contains("are gone, which states log times from 0.740 to 1.730 s: "), "{}", said.stdout);
-    assert!(said.stdout.contains("samples 1000 to 1999 are gone"), "{}", said.stdout);
+    assert!(said.stdout.contains("are lost, which states log times from 0.740 to 1.730 s: "), "{}", said.stdout);
+    assert!(said.stdout.contains("samples 1000 to 1999 are lost"), "{}", said.stdout);
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     let emergency = slow.emergency.unwrap();
     assert_eq!(emergency.code, EmergencyCode::CommandTimeout);
     assert_eq!(Refusal::from_detail(emergency.detail).1, Some(Refusal::RateOfChange));
-    insta::assert_snapshot!(fault_text(&emergency, None, None), @"fault of the plant, code 1: no valid command in time (20 refused, the last because it changes the load too fast), at sample 23; to fix it: lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change");
+    insta::assert_snapshot!(fault_text(&emergency, None, None), @"fault of the plant, code 1: no valid command in time (20 rejected, the last because it changes the load too fast), at sample 23; to fix it: lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change");
     assert!(slow.refused.rate_of_change > 0);
     assert_eq!(events(&path, "plant.command.rate_of_change") as u64, slow.refused.rate_of_change);
     let jump = |pair: &[Moment]| (pair[1].load.force_n - pair[0].load.force_n).amax();

@@ -398,7 +398,7 @@ impl<'w> Tester<'w> {
             _ => "",
         };
         Some(Rejected {
-            text: format!("{count} of its frames {} refused{demand}: {first}", if count == 1 { "is" } else { "are" }),
+            text: format!("{count} of its frames {} rejected{demand}: {first}", if count == 1 { "is" } else { "are" }),
             // Lost frames show as a wrong counter. Every other refusal is due to the node itself.
             may_be_lost: refused().all(|refused| matches!(refused.error, DecodeError::Counter { .. })),
         })

@@ -48,7 +48,7 @@ pub struct UserRefused {
 
 impl fmt::Display for UserRefused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} refused: {}: {}", self.message, self.fault, self.frame)?;
+        write!(f, "{} rejected: {}: {}", self.message, self.fault, self.frame)?;
         if self.count > 1 { write!(f, " ({} times)", self.count) } else { Ok(()) }
     }
 }
@@ -216,7 +216,7 @@ impl Traffic {
         let taken: u64 = self.taken.values().sum();
         let refused: u64 = self.refused.iter().map(|refused| refused.count).sum();
         if let Some(first) = self.refused.first() {
-            return format!("{taken} frames of the network taken and {refused} refused, the first: {first}");
+            return format!("{taken} frames of the network taken and {refused} rejected, the first: {first}");
         }
         match (taken, self.others_text()) {
             (0, others) if others.is_empty() => String::from("nothing"),

@@ -140,7 +140,7 @@ pub struct Emergency {
 
 impl fmt::Display for Emergency {
     /// Code and detail in words:
-    /// `plant, code 1: no valid command in time (12 refused, the last because …), at sample 300`.
+    /// `plant, code 1: no valid command in time (12 rejected, the last because …), at sample 300`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Emergency { node, code, detail, sample } = *self;
         write!(f, "{node}, code {}: {code}", code as u16)?;
@@ -148,8 +148,8 @@ impl fmt::Display for Emergency {
             EmergencyCode::CommandTimeout => match Refusal::from_detail(detail) {
                 // Nothing was refused, or for a reason that this version does not know.
                 (0, _) | (_, None) => {}
-                (255, Some(refusal)) => write!(f, " (255 or more were refused, the last because {refusal})")?,
-                (count, Some(refusal)) => write!(f, " ({count} refused, the last because {refusal})")?,
+                (255, Some(refusal)) => write!(f, " (255 or more were rejected, the last because {refusal})")?,
+                (count, Some(refusal)) => write!(f, " ({count} rejected, the last because {refusal})")?,
             },
             EmergencyCode::Incompatible => {
                 if let Some(mismatch) = Mismatch::from_detail(detail) {

@@ -23,11 +23,11 @@ pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Ve
     let name = file.display();
     let none = |why: &str| Failure::usage(format!("{name} holds no responses: {why}; {HOW}"));
     if scenario.excitation.is_none() && scenario.control.is_none() {
-        return Err(none("its scenario does not say what the exciter played"));
+        return Err(none("its scenario does not state what the exciter played"));
     }
     let responses = replay::responses(&recording)?;
     if responses.is_empty() {
-        return Err(none("none was read before its end"));
+        return Err(none("no response was read before its end"));
     }
     Ok((scenario, responses, recordings::verdict(&recording)))
 }
@@ -47,7 +47,7 @@ pub(super) fn measured(
     // Without an amplitude all loads are 0, which drives nothing and is rejected in the next statement.
     let amplitude = scenario.amplitude().copied().unwrap_or_default();
     let drive = Drive::of_exciter(&amplitude, tested).ok_or_else(|| {
-        Failure::usage(format!("{}: the load of its scenario drives nothing of the structure", file.display()))
+        Failure::usage(format!("{}: the load of its scenario acts at no point of the structure", file.display()))
     })?;
     Ok((drive, measured_points::points(tested, &acted)))
 }

@@ -117,10 +117,10 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
     match command(force_n).check(network) {
         // The encoder itself is asked, so that the limit is that of the frames and stated in one place only.
         Err(EncodeError::OutOfRange { limit, .. }) => {
-            let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
+            let more = if profile == Profile::Classic { "; use --profile fd, which carries more" } else { "" };
             let (force_n, limit) = (short(&force_n), short(&limit));
             Err(Failure::usage(format!(
-                "{flag} is {force_n} N, and commands of the {profile} profile go to ±{limit} N{more}"
+                "{flag} is {force_n} N, but commands of the {profile} profile reach only ±{limit} N{more}"
             )))
         }
         _ => Ok(()),
@@ -301,7 +301,7 @@ impl Conformance {
         for (flag, given) in [beyond, beyond_travel] {
             if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
                 return Err(Failure::usage(format!(
-                    "{flag} is {beyond_n} N, and --force-n {force_n} N: it must be larger"
+                    "{flag} is {beyond_n} N, but it must be larger than --force-n, {force_n} N"
                 )));
             }
         }
@@ -311,7 +311,7 @@ impl Conformance {
     fn sine(&self) -> Result<Option<ExpectedSine>, Failure> {
         let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
             (Some(_), Some(_)) => {
-                let both = "--expect-force-n and --expect-torque-nm exclude each other: a command is one of them";
+                let both = "--expect-force-n and --expect-torque-nm exclude each other, since a command is a force or a torque: give one of them";
                 return Err(Failure::usage(both));
             }
             (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
@@ -321,7 +321,7 @@ impl Conformance {
             (None, None) => Ok(None),
             (Some(frequency_hz), Some(amplitude)) => Ok(Some(ExpectedSine { frequency_hz, amplitude })),
             _ => {
-                let half = "a sine is expected by its frequency and its amplitude: --expect-frequency-hz with \
+                let half = "an expected sine needs its frequency and its amplitude: give --expect-frequency-hz with \
                             --expect-force-n or --expect-torque-nm";
                 Err(Failure::usage(half))
             }
@@ -335,7 +335,7 @@ impl Conformance {
         // A name that selects no case is an error. In CI a misspelt name would otherwise test nothing and pass.
         if let Some(unknown) = self.cases.iter().find(|wanted| !all.iter().any(|case| begins(case, wanted))) {
             let names = all.iter().map(|case| case.id).collect::<Vec<_>>().join(", ");
-            return Err(Failure::usage(format!("there is no case {unknown:?}, only {names}")));
+            return Err(Failure::usage(format!("unknown case {unknown:?}, expected one of {names}")));
         }
         let is_wanted = |case: &Case<S>| self.cases.is_empty() || self.cases.iter().any(|wanted| begins(case, wanted));
         Ok(all.into_iter().filter(is_wanted).collect())

@@ -50,7 +50,7 @@ pub(crate) fn in_words(findings: &[Finding]) -> String {
 fn can() -> Finding {
     let subject = "SocketCAN";
     match socketcan::supported() {
-        Ok(()) => Finding { subject, state: String::from("the kernel has it"), fix: None },
+        Ok(()) => Finding { subject, state: String::from("supported by the kernel"), fix: None },
         Err(error) => Finding { subject, state: String::from("not available"), fix: Some(error.to_string()) },
     }
 }

@@ -56,10 +56,10 @@ fn transmit_queue(link: &Link) -> Finding {
         None
     } else if !IN_ORDER.contains(&qdisc.as_str()) && qdisc != "noop" {
         Some(format!(
-            "{qdisc} may reorder frames or drop them unseen: `sudo tc qdisc replace dev {ifname} root pfifo_fast`"
+            "{qdisc} may reorder frames, or drop them without an error: `sudo tc qdisc replace dev {ifname} root pfifo_fast`"
         ))
     } else if *txqlen < TRANSMIT_QUEUE {
-        Some(format!("a burst finds it full: `sudo ip link set {ifname} txqueuelen 1000`"))
+        Some(format!("too short for a burst of frames: `sudo ip link set {ifname} txqueuelen 1000`"))
     } else {
         None
     };
@@ -100,8 +100,8 @@ mod tests {
         let links: Vec<Link> = serde_json::from_str(json).unwrap();
         let found: Vec<String> = links.iter().skip(1).map(|link| text(&transmit_queue(link))).collect();
         insta::assert_snapshot!(found.join("\n"), @r"
-        can0: 10 frames, pfifo_fast | a burst finds it full: `sudo ip link set can0 txqueuelen 1000`
-        can1: 1000 frames, fq_codel | fq_codel may reorder frames or drop them unseen: `sudo tc qdisc replace dev can1 root pfifo_fast`
+        can0: 10 frames, pfifo_fast | too short for a burst of frames: `sudo ip link set can0 txqueuelen 1000`
+        can1: 1000 frames, fq_codel | fq_codel may reorder frames, or drop them without an error: `sudo tc qdisc replace dev can1 root pfifo_fast`
         can2: 1000 frames, pfifo_fast | ok
         vcan0: none | ok
         ");

@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn an_adapter_whose_frames_may_overtake_is_reported_with_the_fix() {
-        insta::assert_snapshot!(in_words("0-3\n"), @"can0: gs_usb, interrupt 27 on cores 0-3 | a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core takes them in: `echo 0 | sudo tee /proc/irq/27/smp_affinity_list`");
+        insta::assert_snapshot!(in_words("0-3\n"), @"can0: gs_usb, interrupt 27 on cores 0-3 | a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core handles the interrupt: `echo 0 | sudo tee /proc/irq/27/smp_affinity_list`");
         insta::assert_snapshot!(in_words("2\n"), @"can0: gs_usb, interrupt 27 on cores 2 | ok");
     }
 

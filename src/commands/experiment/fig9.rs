@@ -147,7 +147,7 @@ impl Fig9 {
         self.json.show(&document, || text(&document), &files)?;
         if interrupted {
             tracing::error!(
-                "interrupted: zones whose runs have not all finished are not judged; the same command begins from the start"
+                "interrupted: zones with unfinished runs are not compared with the computed response; the same command begins from the start"
             );
         }
         Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.end.is_finished())))
@@ -159,7 +159,7 @@ impl Fig9 {
         let [first, second, ..] = modes else {
             let count = modes.len();
             return Err(Failure::usage(format!(
-                "the structure has {count} mode: the experiment goes through the resonances of two"
+                "the structure has {count} mode, but the experiment passes through the resonances of two"
             )));
         };
         let (first_hz, second_hz) = (first.frequency_hz, second.frequency_hz);
@@ -179,7 +179,7 @@ impl Fig9 {
         }
         if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
             let (from_hz, to_hz) = (short(&self.from_hz), short(&self.to_hz));
-            let why = format!("it must be positive, and {from_hz} to {to_hz} Hz at most {MOST_STEPS} of it");
+            let why = format!("it must be positive, with at most {MOST_STEPS} steps from {from_hz} to {to_hz} Hz");
             return Err(Failure::value("--step-hz", self.step_hz, why));
         }
         let zone = |mode_number, force_x_n, range_hz| Zone {
@@ -295,7 +295,7 @@ fn text(document: &Document) -> String {
             &zone
                 .computed
                 .as_ref()
-                .map_or_else(|| String::from("  not judged: not all of its runs have finished\n"), Computed::text),
+                .map_or_else(|| String::from("  not compared: not all of its runs have finished\n"), Computed::text),
         );
     }
     let minutes = document.simulated_s / 60.0;

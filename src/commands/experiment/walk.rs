@@ -226,7 +226,7 @@ fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Resu
     let Some(place) = loaded.iter().position(|dof| *dof == Some(wanted)) else {
         let known: Vec<String> = loaded.iter().flatten().map(|dof| tested.dof_name(*dof)).collect();
         return Err(Failure::usage(format!(
-            "--drive {name}: the exciter of the scenario acts on {}: name one of these, or place it by `rig.exciter.at`",
+            "--drive {name}: the exciter of the scenario acts on {}; choose one of these, or place the exciter there by `rig.exciter.at`",
             known.join(", ")
         )));
     };
@@ -239,7 +239,7 @@ fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Resu
 fn along(shaker: Option<&ShakerSpec>, force_n: f64) -> Result<Load, Failure> {
     let Some(shaker) = shaker else {
         return Err(Failure::usage(format!(
-            "--drive shaker={} acts along a shaker, and the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x",
+            "--drive shaker={} acts along a shaker, but the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x",
             short(&force_n)
         )));
     };

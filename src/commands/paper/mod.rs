@@ -141,7 +141,7 @@ impl Paper {
     fn measured(&self) -> Result<Option<MeasuredZones>, Failure> {
         match &self.measured {
             Some(_) if self.what != What::Fig9 => {
-                Err(Failure::usage("--measured is for `paper fig9`: leave it out, or make that figure"))
+                Err(Failure::usage("--measured is for `paper fig9`: leave it out, or choose that figure"))
             }
             Some(path) => Ok(Some(MeasuredZones::read(path).map_err(PaperError::from)?)),
             None => Ok(None),
@@ -151,7 +151,9 @@ impl Paper {
     /// The folder for the files; required for figures.
     fn folder(&self) -> Result<Option<&Path>, Failure> {
         match &self.out {
-            None if self.what != What::Claims => Err(Failure::usage("figures need a folder: --out DIR")),
+            None if self.what != What::Claims => {
+                Err(Failure::usage("the folder for the figures is missing: give --out DIR"))
+            }
             folder => Ok(folder.as_deref()),
         }
     }

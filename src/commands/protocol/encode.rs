@@ -38,11 +38,14 @@ impl Encode {
         });
         let message = message.map_err(|error| Failure::usage(error.to_string()))?;
         if let Some((unknown, _)) = signals.iter().find(|(given, _)| !used.contains(given)) {
-            return Err(Failure::usage(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
+            return Err(Failure::usage(format!("{kind} has no signal {unknown}, expected one of {}", used.join(", "))));
         }
         let most = kind.form(network.profile()).and_then(|form| form.protection).map_or(0, |p| p.counter_max());
         if self.counter > most {
-            return Err(Failure::usage(format!("--counter is {}: of {kind} it goes from 0 to {most}", self.counter)));
+            return Err(Failure::usage(format!(
+                "--counter is {}: for {kind} it must be from 0 to {most}",
+                self.counter
+            )));
         }
         let mut transmitter = Transmitter::new(network);
         let mut frame = transmitter.frame(&message);
@@ -60,7 +63,7 @@ impl Encode {
         let known = MessageKind::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(&self.message));
         known.ok_or_else(|| {
             let names = MessageKind::ALL.map(MessageKind::name).join(", ");
-            Failure::usage(format!("there is no message {:?}, only {names}", self.message))
+            Failure::usage(format!("unknown message {:?}, expected one of {names}", self.message))
         })
     }
 }

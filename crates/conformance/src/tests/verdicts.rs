@@ -117,8 +117,8 @@ fn no_case_passes_beside_a_frame_that_the_tester_rejected() {
     }
     // Its emergency and its last requests have other counters: they are lost to a plant.
     insta::assert_snapshot!(report(Flaw::JumpsInFault, "exciter-bus-off"), @r"
-    failed: 1 of its frames is refused (R-2.1): ExciterEmergency refused: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
-    ExciterEmergency refused: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    failed: 1 of its frames is rejected (R-2.1): ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    ExciterEmergency rejected: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
     ");
 }
 
@@ -251,29 +251,29 @@ fn an_exciter_whose_heartbeat_is_late_each_time_fails() {
 #[test]
 fn a_wrong_crc_is_shown_beside_the_right_one() {
     insta::assert_snapshot!(report(Flaw::OtherPolynomial, "plant-hello"), @r"
-    failed: its hello is wrong: PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
-    PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
-    ImpedanceHead refused: CRC 0x2E instead of 0xF0: 203#2E00000000000000, with the right CRC 203#F000000000000000 (996 times)
-    AccelerometerB refused: CRC 0x85 instead of 0xE9: 204#8510FF7F00000000, with the right CRC 204#E910FF7F00000000 (997 times)
-    AccelerometerC refused: CRC 0xDC instead of 0x3A: 205#DC00000000000000, with the right CRC 205#3A00000000000000 (997 times)
-    AccelerometerB refused: counter 4 after 9, a step of more than 4: 204#C014FF7F0000F202
-    AccelerometerC refused: counter 11 after 1, a step of more than 4: 205#650B000000001703
-    ImpedanceHead refused: counter 5 after 14, a step of more than 4: 203#C405000000009803
+    failed: its hello is wrong: PlantHello rejected: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
+    PlantHello rejected: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
+    ImpedanceHead rejected: CRC 0x2E instead of 0xF0: 203#2E00000000000000, with the right CRC 203#F000000000000000 (996 times)
+    AccelerometerB rejected: CRC 0x85 instead of 0xE9: 204#8510FF7F00000000, with the right CRC 204#E910FF7F00000000 (997 times)
+    AccelerometerC rejected: CRC 0xDC instead of 0x3A: 205#DC00000000000000, with the right CRC 205#3A00000000000000 (997 times)
+    AccelerometerB rejected: counter 4 after 9, a step of more than 4: 204#C014FF7F0000F202
+    AccelerometerC rejected: counter 11 after 1, a step of more than 4: 205#650B000000001703
+    ImpedanceHead rejected: counter 5 after 14, a step of more than 4: 203#C405000000009803
     ");
     insta::assert_snapshot!(report(Flaw::OtherStart, "exciter-hello"), @r"
-    failed: its hello is wrong: ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
-    ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    failed: its hello is wrong: ExciterHello rejected: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ExciterHello rejected: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ");
     insta::assert_snapshot!(report(Flaw::OtherDataId, "exciter-hello"), @r"
-    failed: its hello is wrong: ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
-    ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    failed: its hello is wrong: ExciterHello rejected: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
+    ExciterHello rejected: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ");
     insta::assert_snapshot!(report(Flaw::OtherDataId, "plant-states"), @r"
-    inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
-    PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
-    ImpedanceHead refused: CRC 0xC1 instead of 0x9E: 203#C10A00000000581B, with the right CRC 203#9E0A00000000581B (2000 times)
-    AccelerometerB refused: CRC 0xD8 instead of 0x87: 204#D81AFF7F0000581B, with the right CRC 204#871AFF7F0000581B (2000 times)
-    AccelerometerC refused: CRC 0x0B instead of 0x54: 205#0B0A00000000581B, with the right CRC 205#540A00000000581B (2000 times)
+    inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: PlantHello rejected: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
+    PlantHello rejected: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
+    ImpedanceHead rejected: CRC 0xC1 instead of 0x9E: 203#C10A00000000581B, with the right CRC 203#9E0A00000000581B (2000 times)
+    AccelerometerB rejected: CRC 0xD8 instead of 0x87: 204#D81AFF7F0000581B, with the right CRC 204#871AFF7F0000581B (2000 times)
+    AccelerometerC rejected: CRC 0x0B instead of 0x54: 205#0B0A00000000581B, with the right CRC 205#540A00000000581B (2000 times)
     ");
 }
 

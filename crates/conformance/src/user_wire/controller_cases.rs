@@ -153,7 +153,10 @@ pub(super) fn why(emergency: &Emergency) -> String {
     let refused = Refusal::ALL.into_iter().find(|refusal| *refusal as u16 == emergency.detail >> 8);
     match (emergency.code, refused) {
         (EmergencyCode::CommandTimeout, Some(refusal)) => {
-            format!("no command was taken in time, {} were refused, the last one as {refusal}", emergency.detail & 0xFF)
+            format!(
+                "no command was taken in time, {} were rejected, the last one as {refusal}",
+                emergency.detail & 0xFF
+            )
         }
         (EmergencyCode::CommandTimeout, None) => String::from("no command came in time"),
         _ => emergency.to_string(),

@@ -282,7 +282,7 @@ impl Monitor {
         let of_form = || self.traffic.user_refused.iter().filter(|refused| breaks_rules(&refused.fault));
         let first = of_form().next()?;
         let count: u64 = of_form().map(|refused| refused.count).sum();
-        Some(format!("{count} of its frames are refused: {first}"))
+        Some(format!("{count} of its frames are rejected: {first}"))
     }
 
     /// The frames of the node that were refused, if there are any. Not counted are refused counters of a controller
@@ -293,7 +293,7 @@ impl Monitor {
             let (message, _) = self.steps.iter().find(|(_, steps)| is_refused(steps))?;
             let refused = self.traffic.user_refused.iter();
             let first = refused.into_iter().find(|r| r.message == *message && r.fault.kind() == "counter")?;
-            Some(format!("frames of it are refused: {first}"))
+            Some(format!("frames of it are rejected:  {first}"))
         };
         if let Some(text) = self.refused().or_else(by_counter) {
             return Some(Rejected { text, may_be_lost: false });

@@ -98,7 +98,7 @@ impl Explains for NetworkFrames {
     fn counts_text(&self) -> String {
         let Counts { frames, taken, refused, foreign, lost } = &self.counts;
         format!(
-            "{frames} frames: {taken} taken, {refused} refused, {foreign} of other protocols; {lost} lost before them"
+            "{frames} frames: {taken} taken, {refused} rejected, {foreign} of other protocols; {lost} lost before them"
         )
     }
 }

@@ -102,11 +102,11 @@ impl Explains for WireFrames {
         let Counts { frames, taken, refused, decoded, short, requests, foreign, lost } = &self.counts;
         if self.decoder.is_canopen() {
             return format!(
-                "{frames} frames: {taken} taken, {refused} refused, {requests} requests, {foreign} of none of the drives"
+                "{frames} frames: {taken} taken, {refused} rejected, {requests} requests, {foreign} of none of the drives"
             );
         }
         let mapped = match self.decoder.is_mapped() {
-            true => format!("{taken} taken, {refused} refused, {decoded} of messages that are not mapped"),
+            true => format!("{taken} taken, {refused} rejected, {decoded} of messages that are not mapped"),
             false => format!("{decoded} decoded"),
         };
         let lost = if self.decoder.is_mapped() { format!("; {lost} lost before them") } else { String::new() };
@@ -155,7 +155,7 @@ fn integer(number: i128) -> Option<Value> {
 fn message_text(message: &DecodedMessage) -> String {
     let mut text = message.message.clone();
     if let Outcome::Refused(fault) = &message.outcome {
-        text += &format!(" refused: {fault}");
+        text += &format!(" rejected: {fault}");
         text += if message.signals.iter().any(|signal| signal.value.is_some()) { ";" } else { "" };
     }
     for means in &message.means {

@@ -114,6 +114,6 @@ fn refusals_are_counted_by_reason_and_the_fault_names_the_last() {
     assert_eq!(Refusal::from_detail(fault.detail), (6, Some(Refusal::OutOfRange)));
     assert_eq!(
         alloc::format!("{fault}"),
-        "plant, code 1: no valid command in time (6 refused, the last because the exciter can't produce it), at sample 4466"
+        "plant, code 1: no valid command in time (6 rejected, the last because the exciter can't produce it), at sample 4466"
     );
 }

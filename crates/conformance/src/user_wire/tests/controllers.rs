@@ -188,7 +188,7 @@ fn a_controller_with_a_flaw_in_lockstep_fails_the_cases_for_it() {
     assert_eq!(sends_raw(&on, repeats), failing);
     let reason = |id| report(&on, id, Flaw { sends: repeats, ..NONE });
     insta::assert_snapshot!(reason("lockstep-exciter-counters"), @r#"Failed("Drive: counter 9 was repeated: 100#58C5C5C001000972")"#);
-    insta::assert_snapshot!(reason("lockstep-exciter-answers"), @r#"Failed("the answer to sample 38 is refused: Drive: counter 9 was repeated")"#);
+    insta::assert_snapshot!(reason("lockstep-exciter-answers"), @r#"Failed("the answer to sample 38 is rejected: Drive: counter 9 was repeated")"#);
     let on = On::Cia402.wire(Node::Exciter, Mode::Lockstep);
     let syncs_twice = sends_raw(&on, |_, _, frame| {
         let count = if frame.id() == Id::Standard(SYNC_ID) { 2 } else { 1 };
@@ -208,8 +208,8 @@ fn report(on: &UserWire, id: &str, flaw: Flaw) -> String {
 fn the_reasons_say_what_it_does_instead() {
     let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
     let wrong_checksum = Flaw { sends: |_, _, frame| vec![raw(&frame, |data| data[CHECKSUM] ^= 1)], ..NONE };
-    insta::assert_snapshot!(report(&on, "exciter-frames", wrong_checksum), @r#"Failed("21 of its frames are refused: Drive refused: the checksum is 0x42, expected 0x43: 100#0000000001000042 (21 times)")"#);
-    insta::assert_snapshot!(report(&on, "exciter-arms", wrong_checksum), @r#"Failed("it doesn't arm the plant within 1500 ms: 0 requests to arm and 0 to reset came; heard: Drive refused: the checksum is 0x42, expected 0x43: 100#0000000001000042 (31 times)")"#);
+    insta::assert_snapshot!(report(&on, "exciter-frames", wrong_checksum), @r#"Failed("21 of its frames are rejected: Drive rejected: the checksum is 0x42, expected 0x43: 100#0000000001000042 (21 times)")"#);
+    insta::assert_snapshot!(report(&on, "exciter-arms", wrong_checksum), @r#"Failed("it doesn't arm the plant within 1500 ms: 0 requests to arm and 0 to reset came; heard: Drive rejected: the checksum is 0x42, expected 0x43: 100#0000000001000042 (31 times)")"#);
     let deaf = Flaw { hears: deaf, ..NONE };
     insta::assert_snapshot!(report(&on, "exciter-plant-faults", deaf), @r#"Failed("Drive commands force_x_n -19.754 N, and the plant is in fault for 1010 ms")"#);
     let pauses = Flaw { sends: |_, context, frame| if is_away(context) { vec![] } else { vec![frame] }, ..NONE };
