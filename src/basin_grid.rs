@@ -1,4 +1,4 @@
-//! The grid of initial states of `basins`, as its flags say it.
+//! The grid of initial states of `basins`, with its flags.
 
 use clap::Args;
 
@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use resonarm::study::StateGrid;
 use resonarm_numeric::number::short;
 
-/// Most values of a coordinate.
+/// The largest number of values of a coordinate.
 const MOST: u32 = 1000;
 
 /// The grid of initial states.
@@ -31,7 +31,7 @@ pub(crate) struct GridFlags {
 }
 
 impl GridFlags {
-    /// The grid in two coordinates, which go as far as `reach` says.
+    /// Returns the grid in two coordinates; without flags each of them extends as far as `reach`.
     pub fn grid(
         &self,
         coordinates: [usize; 2],
@@ -60,7 +60,7 @@ impl GridFlags {
     }
 }
 
-/// Two values of a flag.
+/// Returns the two values of a flag.
 pub(crate) fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
     let count = values.len();
     <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values, expected two: X,Y")))

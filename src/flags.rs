@@ -14,7 +14,7 @@ use resonarm::run::OnShortfall;
 use resonarm::scenario::{Scenario, StructureKind};
 use resonarm_numeric::seed;
 
-/// The number of points in a range; the maximum fits easily in memory and in a figure.
+/// Parses the number of points in a range; the maximum fits easily in memory and in a figure.
 pub(crate) fn points() -> RangedI64ValueParser<u32> {
     RangedI64ValueParser::new().range(2..=1_000_000)
 }
@@ -33,7 +33,7 @@ where
     })
 }
 
-/// A name with a number, as flags take it: `NAME=X`.
+/// A name with a number, the value of a flag: `NAME=X`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NamedNumber {
     pub name: String,
@@ -128,7 +128,7 @@ pub(crate) struct ThreadFlags {
 }
 
 impl ThreadFlags {
-    /// The settings to ask for; `None` with --rt off.
+    /// Returns the settings to ask for; `None` with --rt off.
     pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
         let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::usage(error.to_string()))?;
         let cores_awake = self.cores_awake;
@@ -143,7 +143,7 @@ impl ThreadFlags {
         }
     }
 
-    /// Says whether a setting that the system does not grant is refused or only warned of.
+    /// Says whether a setting that the system does not grant ends the run or is only warned of.
     pub fn on_shortfall(&self) -> OnShortfall {
         match self.rt {
             RealTimeThread::Require => OnShortfall::Refuse,
@@ -153,7 +153,7 @@ impl ThreadFlags {
 }
 
 impl StructureFlags {
-    /// The scenario of the file, or the usual one, with the flags applied.
+    /// Returns the scenario of the file, or the usual one, with the flags applied.
     pub fn scenario(&self) -> Result<Scenario, Failure> {
         self.scenario_or(|| Ok(Scenario::default()))
     }
@@ -212,7 +212,7 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
 }
 
 impl SessionFlags {
-    /// Refuses --duration-s for work that ends by itself, and says why.
+    /// Rejects --duration-s for work that ends by itself, and says why.
     pub fn refuse_duration(&self, why: &str) -> Result<(), Failure> {
         let refused = |duration_s| Err(Failure::value("--duration-s", duration_s, format!("{why}, leave it out")));
         self.duration_s.map_or(Ok(()), refused)
@@ -232,7 +232,7 @@ impl SessionFlags {
     }
 }
 
-/// The failure for a flag whose value was refused with `error`.
+/// Returns the failure for a flag whose value was rejected with `error`.
 pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::usage(format!("{flag}: {error}"))
 }
@@ -240,7 +240,7 @@ pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
 pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
     name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::usage(error.to_string()))
 }
-/// Reads a scenario, and warns of what is doubtful in the files that it names.
+/// Reads a scenario, and warns of doubtful content in the files that it names.
 pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let scenario = Scenario::read(path)?;
     for warning in &scenario.structure.warnings {

@@ -10,7 +10,8 @@ use tracing_subscriber::util::SubscriberInitExt;
 use crate::failure::Failure;
 use crate::output::printable;
 
-/// Names level and targets: `debug`, `resonarm_bus=trace`, or several with commas between them.
+/// The environment variable that states level and targets: `debug`, `resonarm_bus=trace`, or several with commas
+/// between them.
 const VARIABLE: &str = "RESONARM_LOG";
 
 /// Logs to standard error: warnings, more with `-v`, and the levels of `RESONARM_LOG`.
@@ -37,7 +38,7 @@ pub(crate) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The levels in `directives`, and `level` where they name none.
+/// Returns the levels in `directives`, and `level` where they name none.
 fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
     let mut filter = Targets::new().with_default(level);
     for directive in directives.split(',').map(str::trim).filter(|directive| !directive.is_empty()) {

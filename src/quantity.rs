@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 
-/// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.
+/// The values of a pair of flags, `--from-UNIT a --to-UNIT b`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ends {
     /// The suffix of `--from` and `--to`, as `-hz`.
@@ -11,7 +11,8 @@ pub(crate) struct Ends {
     pub to: Option<f64>,
 }
 
-/// Both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are refused.
+/// Returns both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are
+/// an error.
 pub(crate) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) -> Result<Option<(f64, f64)>, Failure> {
     let needs = wanted.map_or_else(String::new, |unit| format!("; give its interval by --from{unit} a --to{unit} b"));
     for Ends { unit, from, to } in given.iter().filter(|ends| Some(ends.unit) != wanted) {

@@ -27,7 +27,7 @@ pub(crate) struct StatusFlag {
 }
 
 impl StatusFlag {
-    /// The interval, if one is given.
+    /// Returns the interval, if one is given.
     pub fn every(self) -> Result<Option<Duration>, Failure> {
         let every = self.status_s.map(|given_s| seconds("--status-s", given_s)).transpose()?;
         match (self.status_s, every) {
@@ -39,14 +39,14 @@ impl StatusFlag {
     }
 }
 
-/// Which kind of line is written.
+/// The kind of line that is written.
 pub(crate) enum Style {
-    /// Lines of text for people.
+    /// The line is text.
     People {
         /// The interval where there is no terminal; `None` writes none there.
         every: Option<Duration>,
     },
-    /// No line: standard error holds JSON.
+    /// No line is written: standard error holds JSON.
     Off,
 }
 
@@ -64,7 +64,7 @@ pub(crate) struct Status {
 struct Window {
     /// Rate at which samples were worked on, Hz.
     rate_hz: f64,
-    /// The work's share of the time; `None` where none is measured.
+    /// The work's share of the time; `None` where it is not measured.
     load: Option<f64>,
     /// How late the latest sample was, ns.
     latest_ns: u64,

@@ -1,4 +1,4 @@
-//! `resonarm basins`: which initial states reach which stable motion.
+//! `resonarm basins`: which initial states reach which stable periodic response.
 
 use clap::Args;
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub(crate) struct Basins {
 struct Document {
     configuration: Value,
     coordinates: Value,
-    /// The two that vary, by their names.
+    /// The names of the two coordinates that vary.
     over: [String; 2],
     motions: Vec<Value>,
     #[serde(flatten)]
@@ -123,7 +123,7 @@ impl Basins {
         Ok(Verdict::Positive)
     }
 
-    /// The numbers and names of the coordinates that vary.
+    /// Returns the numbers and names of the coordinates that vary.
     fn over(&self, assembly: &Assembly) -> Result<([usize; 2], [String; 2]), Failure> {
         // States of elements are no choice for an axis: they have no channel and no unit.
         let known = configuration::state_names(assembly);
@@ -162,7 +162,7 @@ impl Basins {
         configuration
     }
 
-    /// The motions, and how many states reach each.
+    /// Lists the responses, and how many states reach each.
     fn text(&self, document: &Document, motions: &[StableMotion], read: &[ReadAt]) -> String {
         let (mut text, all) = (String::new(), document.cells.len());
         for (k, motion) in motions.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! `resonarm import`: a log of another tool as a recording.
+//! `resonarm import`: makes a recording of another tool's log.
 
 use std::path::PathBuf;
 
@@ -81,7 +81,7 @@ impl Import {
     }
 }
 
-/// Endings of logs that python-can and asammdf read.
+/// Endings of the logs that python-can and asammdf can convert.
 const OF_PYTHON: [&str; 4] = [".trc", ".mf4", ".csv", ".db"];
 
 fn text(imported: &Imported) -> String {
@@ -108,7 +108,7 @@ fn text(imported: &Imported) -> String {
     )
 }
 
-/// What was gathered from the frames of the scenario's own protocol, and what is missing.
+/// Says what was gathered from the frames of the scenario's user protocol, and what is missing.
 fn wire_text(wire: &WireImport) -> String {
     let mut text = match wire.missing_readings.is_empty() {
         true => format!(
@@ -145,7 +145,7 @@ fn wire_text(wire: &WireImport) -> String {
     text
 }
 
-/// The channels that are missing, by why.
+/// Lists the channels that are missing, by the reason.
 fn missing_text(missing: &[Missing]) -> String {
     let of = |is_carried: bool| {
         let names = missing.iter().filter(|of| of.is_carried == is_carried).map(|of| of.channel);

@@ -1,4 +1,4 @@
-//! `resonarm quickstart`: a folder with a bench and controllers to change.
+//! `resonarm quickstart`: writes a folder with a bench and controllers to change.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -26,7 +26,7 @@ pub(crate) struct Quickstart {
 #[derive(Serialize)]
 struct Document {
     folder: PathBuf,
-    /// Relative to the folder.
+    /// The files that were written, relative to the folder.
     files: Vec<PathBuf>,
 }
 
@@ -85,7 +85,7 @@ impl Quickstart {
     }
 }
 
-/// All files, by their paths in the folder.
+/// Lists all files, by their paths in the folder.
 fn all_files() -> Vec<(PathBuf, String)> {
     let manifest = PROTOCOL_MANIFEST.replace("VERSION", env!("CARGO_PKG_VERSION"));
     let rust = Path::new("rust/resonarm-protocol");

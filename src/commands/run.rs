@@ -82,15 +82,15 @@ type Result<T> = core::result::Result<T, Failure>;
 struct Document<'a> {
     #[serde(flatten)]
     plant: PlantDocument<'a>,
-    /// How the exciter ended, in a free run.
+    /// The end of the exciter, in a free run.
     #[serde(skip_serializing_if = "Option::is_none")]
     exciter: Option<ExciterEnd>,
-    /// The responses it read.
+    /// The responses that the exciter read.
     #[serde(skip_serializing_if = "Option::is_none")]
     responses: Option<Vec<ResponseDocument>>,
 }
 
-/// The default scenario; that of a free run includes an excitation.
+/// Returns the default scenario; that of a free run includes an excitation.
 pub(crate) fn default_scenario(mode: Mode) -> Result<Scenario> {
     if mode == Mode::Free { crate::commands::exciter::scenario() } else { Ok(Scenario::default()) }
 }

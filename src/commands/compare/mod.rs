@@ -85,10 +85,10 @@ struct Configuration {
 struct Compared {
     #[serde(flatten)]
     point: MeasuredPoint,
-    /// Measured over computed, less 1.
+    /// Measured over computed frequency, less 1.
     frequency_deviation: f64,
     amplitude_deviation: f64,
-    /// Measured less computed phase.
+    /// Measured less computed phase, degrees.
     phase_deviation_deg: Option<f64>,
     computed_stable: Option<bool>,
 }
@@ -102,7 +102,7 @@ struct Document<'a> {
     /// The unit of its displacement.
     #[serde(skip)]
     unit: &'static str,
-    /// The load of the computed branch: the mean of what acted.
+    /// The load of the computed branch: the mean of the loads that acted.
     load: String,
     points: Vec<Compared>,
     /// The largest deviations of settled points without clipped readings; none if there are no such points.
@@ -146,7 +146,7 @@ impl Compare {
         Ok(whole)
     }
 
-    /// The points of a document with their structure and its loads.
+    /// Reads the points of a document, with their structure and its loads.
     fn read(&self) -> Result<Measured, Failure> {
         let name = self.file.display();
         let read = if self.file.as_os_str() == "-" {
@@ -177,7 +177,7 @@ impl Compare {
         Ok(Measured { configuration, scenario, tested, drive, points })
     }
 
-    /// Refuses points that can't be compared.
+    /// Rejects points that can't be compared.
     fn check(&self, points: &[MeasuredPoint], tested: &TestedAssembly) -> Result<(), Failure> {
         let usage = |problem: String| Err(Failure::usage(format!("{}: {problem}", self.file.display())));
         if points.is_empty() {
@@ -229,7 +229,7 @@ impl Compare {
     }
 }
 
-/// The preset and the angles that a document states, `irb1600-fitted at 0°, 60°`.
+/// Names the preset and the angles that a document states, as `irb1600-fitted at 0°, 60°`.
 fn preset_name(structure: &Value) -> Option<String> {
     let (preset, angles) = (structure["preset"].as_str()?, structure["angles_deg"].as_array()?);
     let angles: Vec<String> = angles.iter().filter_map(Value::as_f64).map(captions::degrees).collect();

@@ -16,7 +16,7 @@ use resonarm::scenario::Scenario;
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
                    `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording";
 
-/// The responses in a recording, with its scenario, and whether the recording is whole.
+/// Reads the responses in a recording, with its scenario, and whether the recording is whole.
 pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Verdict), Failure> {
     let recording = recordings::open(file)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
@@ -32,8 +32,8 @@ pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Ve
     Ok((scenario, responses, recordings::verdict(&recording)))
 }
 
-/// The points of a recording with the load that acted: in open loop a shaker's force on the structure is not the
-/// commanded one.
+/// Returns the points of a recording with the load that acted: in open loop a shaker's force on the structure is not
+/// the commanded one.
 pub(super) fn measured(
     file: &Path,
     (scenario, tested): (&Scenario, &TestedAssembly),

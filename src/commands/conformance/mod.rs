@@ -107,10 +107,10 @@ pub(crate) struct Conformance {
     overwrite: OverwriteFlag,
 }
 
-/// The modes of a node on a bus.
+/// The modes in which a node on a bus can be tested.
 const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
 
-/// Refuses a force that the profile can't carry.
+/// Rejects a force that the profile can't carry.
 fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(), Failure> {
     let command = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
     let (Some(force_n), profile) = (force_n, network.profile()) else { return Ok(()) };
@@ -142,7 +142,7 @@ impl Conformance {
         }
     }
 
-    /// The cases of Resonarm's protocol.
+    /// Runs the cases of Resonarm's protocol.
     fn on_network(&self) -> Result<Verdict, Failure> {
         let address = self.bus.parse()?;
         let network = self.network.network()?;
@@ -152,7 +152,7 @@ impl Conformance {
         self.report_on(&address, &cases, (&configuration, &REQUIREMENTS), run)
     }
 
-    /// The cases of the scenario's own protocol.
+    /// Runs the cases of the scenario's user protocol.
     fn on_wire(&self, path: &Path) -> Result<Verdict, Failure> {
         let address = self.bus.parse()?;
         let settings = self.settings(None)?;
@@ -199,7 +199,7 @@ impl Conformance {
         Ok(Verdict::of(document.is_positive()))
     }
 
-    /// The results of the cases, and the error if the bus was lost: the cases after that are not run.
+    /// Runs the cases and returns their results, and the error if the bus was lost: the cases after that are not run.
     fn rows<S>(
         &self,
         cases: &[Case<S>],
@@ -242,7 +242,7 @@ impl Conformance {
         self.json.show(document, || document.summary(), &[])
     }
 
-    /// The settings, checked; on Resonarm's protocol for what its frames carry.
+    /// Checks and returns the settings; on Resonarm's protocol also against the range of its frames.
     fn settings(&self, network: Option<Network>) -> Result<Settings, Failure> {
         self.check_forces(network)?;
         let ns = |flag, given_s| {
@@ -263,7 +263,7 @@ impl Conformance {
         })
     }
 
-    /// Refuses forces that are invalid, beyond the profile's range, or not used for the role.
+    /// Rejects forces that are invalid, beyond the profile's range, or not used for the role.
     fn check_forces(&self, network: Option<Network>) -> Result<(), Failure> {
         let [force, beyond, beyond_travel] = [
             ("--force-n", Some(self.force_n)),
@@ -328,7 +328,7 @@ impl Conformance {
         }
     }
 
-    /// The cases that --case selects; all of them without it.
+    /// Returns the cases that --case selects; without it all cases.
     fn chosen<S>(&self, all: impl IntoIterator<Item = Case<S>>) -> Result<Vec<Case<S>>, Failure> {
         let all: Vec<Case<S>> = all.into_iter().collect();
         let begins = |case: &Case<S>, wanted: &String| case.id.starts_with(wanted.as_str());
@@ -342,7 +342,7 @@ impl Conformance {
     }
 }
 
-/// Why the scenario's protocol has no cases.
+/// Says why the cases can't be run on the scenario's user protocol.
 fn refusal(error: UserWireError) -> Failure {
     match error {
         UserWireError::Run(error) => error.into(),

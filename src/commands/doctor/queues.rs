@@ -1,4 +1,4 @@
-//! The queues between a program and the wire.
+//! The queues between a program and the bus.
 
 use std::fs;
 use std::process::Command;
@@ -12,7 +12,7 @@ use resonarm::realtime::Finding;
 const TRANSMIT_QUEUE: u32 = 100;
 /// Packets queued by the kernel until a core processes them: the kernel's default.
 const BACKLOG: usize = 1000;
-/// Disciplines that send frames in order and drop none without an error.
+/// Queue disciplines that send frames in order and drop none without an error.
 const IN_ORDER: [&str; 5] = ["pfifo_fast", "pfifo", "bfifo", "noqueue", "netem"];
 
 /// An interface in the output of `ip -json link show`.
@@ -26,7 +26,7 @@ struct Link {
     link_type: String,
 }
 
-/// The transmit queue of each CAN interface, and the kernel's limits.
+/// Reports the transmit queue of each CAN interface, and the kernel's limits.
 pub(super) fn findings() -> Vec<Finding> {
     let wanted = socketcan::Options::default();
     let limits = [
@@ -68,7 +68,7 @@ fn transmit_queue(link: &Link) -> Finding {
     Finding { subject: "transmit queue", state, fix }
 }
 
-/// A limit of the kernel; `None` where it is not visible, as in most containers.
+/// Reports a limit of the kernel; `None` where it is not visible, as in most containers.
 fn limit(subject: &'static str, name: &str, least: usize, unit: &str) -> Option<Finding> {
     let text = fs::read_to_string(format!("/proc/sys/net/core/{name}")).ok()?;
     Some(judge(subject, name, text.trim().parse().ok()?, least, unit))

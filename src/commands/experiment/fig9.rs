@@ -58,7 +58,7 @@ pub(crate) struct Fig9 {
     json: JsonFlag,
 }
 
-/// Most steps of a stepped sine, in addition to those of the walk.
+/// The largest number of steps of a stepped sine, in addition to those of the walk.
 const MOST_STEPS: f64 = 1e4;
 const BACKBONE_POINTS: usize = 10;
 
@@ -76,7 +76,7 @@ struct Document<'a> {
 #[derive(Serialize)]
 struct ZoneDocument<'a> {
     mode_number: u8,
-    /// The load by degree of freedom, N.
+    /// The loads by the degrees of freedom, N.
     drive: Value,
     #[serde(skip)]
     force_n: f64,
@@ -153,7 +153,7 @@ impl Fig9 {
         Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.end.is_finished())))
     }
 
-    /// The two zones, which meet halfway between the natural frequencies.
+    /// Returns the two zones, which meet halfway between the natural frequencies.
     fn zones(&self, tested: &TestedAssembly) -> Result<[Zone; 2], Failure> {
         let modes = tested.assembly.modes();
         let [first, second, ..] = modes else {
@@ -198,7 +198,7 @@ impl Fig9 {
     }
 }
 
-/// All runs, with one progress bar over them.
+/// Makes all runs, with one progress bar for them together.
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
     let (experiment, scenario) = (Arc::new(experiment), scenario.clone());
     let watched = Arc::clone(&experiment);
@@ -228,7 +228,7 @@ impl Run {
         self.points.iter().filter(|point| point.settled).count()
     }
 
-    /// The largest distortion of the force; none without a point.
+    /// Returns the largest distortion of the force; `None` without a point.
     fn distortion(&self) -> Option<f64> {
         self.points.iter().filter_map(|point| point.distortion).reduce(f64::max)
     }

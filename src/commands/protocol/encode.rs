@@ -68,7 +68,7 @@ impl Encode {
     }
 }
 
-/// Refuses a signal that is given again.
+/// Rejects a signal that is given twice.
 fn once(signals: &[(&str, f64)]) -> Result<(), Failure> {
     for (place, (name, again)) in signals.iter().enumerate() {
         if let Some((_, first)) = signals[..place].iter().find(|(before, _)| before == name) {
@@ -78,7 +78,7 @@ fn once(signals: &[(&str, f64)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A name and a value; numbers may be hexadecimal.
+/// Parses a name and a value; numbers may be hexadecimal.
 fn signal(text: &str) -> Result<(&str, f64), Failure> {
     let number = |value: &str| match value.strip_prefix("0x") {
         Some(digits) => u32::from_str_radix(digits, 16).ok().map(f64::from),
