@@ -127,7 +127,7 @@ pub(crate) fn draw(figure: Figure, stem: &Path) -> Result<Vec<PathBuf>, Failure>
     Ok(Figure { is_titled, ..figure }.write(stem)?.to_vec())
 }
 
-/// With --plot STEM: writes the figure, its caption and the data, as a table and as the document, to STEM with
+/// Writes, with --plot STEM, the figure, its caption and the data, as a table and as the document, to STEM with
 /// [`PLOTTED`] appended. Returns the paths.
 pub(crate) fn plot(
     stem: Option<&Path>,

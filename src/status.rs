@@ -66,7 +66,7 @@ struct Window {
     rate_hz: f64,
     /// The work's share of the time; `None` where it is not measured.
     load: Option<f64>,
-    /// How late the latest sample was, ns.
+    /// The lateness of the latest sample, ns.
     latest_ns: u64,
     /// The largest magnitudes of force and torques held, N and N·m.
     held: [f64; 2],

@@ -26,7 +26,7 @@ use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Sign
 use resonarm::scenario::{Scenario, ScenarioError};
 use resonarm_numeric::number::rounded;
 
-/// How long plant and exciter wait for each other: far longer than a loaded machine delays a thread.
+/// The time for which plant and exciter wait for each other: far longer than a loaded machine delays a thread.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first

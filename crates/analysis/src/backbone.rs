@@ -59,7 +59,7 @@ pub struct Backbone {
     pub work: Work,
 }
 
-/// How far a backbone is followed.
+/// The options with which a backbone is followed, and where it ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackboneOptions {
     /// The linear mode in which the backbone begins, numbered from 0 in the order of frequency.

@@ -1,8 +1,8 @@
-//! How the frequency of a backbone changes along it.
+//! The change of a backbone's frequency along it.
 
 use alloc::vec::Vec;
 
-/// How the frequency of a backbone changes with the amplitude.
+/// The change of a backbone's frequency with the amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bending {
     /// It rises: the response curves lean to higher frequencies (stiff).

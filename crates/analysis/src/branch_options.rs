@@ -1,4 +1,4 @@
-//! How a branch is traced, and the kinds of bifurcation on it.
+//! The options with which a branch is traced, and the kinds of bifurcation on it.
 
 use super::continuation::ContinuationSettings;
 

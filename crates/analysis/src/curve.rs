@@ -24,7 +24,7 @@ pub struct SingularPoint {
     pub orbit: Orbit,
 }
 
-/// Where a curve turns back in `mu`.
+/// A point at which a curve turns back in `mu`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Turn {
     /// Whether it is a cusp: the curve turns back in both coordinates at once, and two folds meet and vanish.
@@ -40,7 +40,7 @@ pub struct Turn {
 pub struct SingularCurve {
     /// Its points in order.
     pub points: Vec<SingularPoint>,
-    /// Where it turns back, in order.
+    /// The points at which the curve turns back, in order.
     pub turns: Vec<Turn>,
     /// The work of the continuation.
     pub work: Work,
@@ -177,7 +177,7 @@ const STANDS: f64 = 1e-4;
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
 const SAME: f64 = 1e-8;
 
-/// Whether two values of a coordinate belong to the same bifurcation.
+/// Says whether two values of a coordinate belong to the same bifurcation.
 pub(super) fn near(a: f64, b: f64) -> bool {
     libm::fabs(a - b) <= SAME * libm::fabs(b)
 }

@@ -141,8 +141,8 @@ fn is_complex(mu: Complex<f64>) -> bool {
     mu.im.abs() > REAL
 }
 
-/// Whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that also have the product 1
-/// at the response before it.
+/// Says whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that also have the
+/// product 1 at the response before it.
 fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Marginal) -> bool {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
     let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);
@@ -159,7 +159,7 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Margi
     }
 }
 
-/// Whether a test function has changed its sign; false if a value is unknown.
+/// Says whether a test function has changed its sign; false if a value is unknown.
 fn crosses([a, b]: [f64; 2]) -> bool {
     a * b < 0.0
 }

@@ -365,8 +365,8 @@ impl Matrix<'_> {
         }
     }
 
-    /// Where rows that are needed from k to `end` are taken to: whole lanes if there is room, since what is beyond
-    /// `end` no longer counts.
+    /// Returns the end to which rows that are needed from k to `end` are extended: whole lanes if there is room, since
+    /// what is beyond `end` no longer counts.
     #[inline(always)]
     fn to(&self, k: usize, end: usize) -> usize {
         let whole = k + (end - k).next_multiple_of(LANES);

@@ -109,9 +109,9 @@ pub enum AnalysisError {
         "invalid interval from {from} to {to}{}: the ends must be two different numbers within {domain}",
         UnitSuffix(unit), from = short(.from), to = short(.to))]
     Interval {
-        /// Where the continuation was to start.
+        /// The value at which the continuation was to start.
         from: f64,
-        /// Where it was to end.
+        /// The value at which it was to end.
         to: f64,
         /// The unit of both.
         unit: &'static str,
@@ -192,7 +192,7 @@ pub enum AnalysisError {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{reason}")]
 pub struct EndedEarly<T: fmt::Debug> {
-    /// Why and where it ended, and what to try.
+    /// The reason and the place of the end, and the remedy.
     pub reason: AnalysisError,
     /// The results up to there.
     pub so_far: Box<T>,

@@ -81,7 +81,7 @@ impl History {
         self.direction.clear();
     }
 
-    /// Whether friction sticks at a sample.
+    /// Says whether friction sticks at a sample.
     pub fn is_free(&self, sample: usize) -> bool {
         self.steps[sample].free * self.steps[sample].by_state > 0.0
     }
@@ -220,7 +220,7 @@ impl History {
         }
     }
 
-    /// As [`History::derivative`] for friction that doesn't slip: dx, minus that at the anchor.
+    /// Works like [`History::derivative`] for friction that doesn't slip: dx, minus that at the anchor.
     fn stuck_derivative<'a>(
         &self,
         direction: impl Fn(usize, usize) -> f64,
@@ -339,7 +339,7 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
     (end + (z - end) * kept, step)
 }
 
-/// Whether an element has a history.
+/// Says whether an element has a history.
 pub(super) fn has_history(element: &Element) -> bool {
     element.law().has_state()
 }

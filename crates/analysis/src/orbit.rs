@@ -118,8 +118,8 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Whether small disturbances die out; `None` if that is not computed, and if the largest |μ| is 1 within 1e-9, as
-    /// without damping: the multipliers then say neither.
+    /// Says whether small disturbances die out; `None` if that is not computed, and if the largest |μ| is 1 within
+    /// 1e-9, as without damping: the multipliers then say neither.
     pub fn is_stable(&self) -> Option<bool> {
         let largest = self.stability.as_ref()?.multipliers.first()?;
         // |μ| − 1 near the unit circle.

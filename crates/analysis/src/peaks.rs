@@ -10,8 +10,8 @@ pub struct Maximum {
     pub frequency_hz: f64,
     /// Amplitude at the maximum, rad.
     pub amplitude_rad: f64,
-    /// How far the amplitude falls before it rises higher again, on the side where it falls less, relative to the
-    /// height.
+    /// The amount by which the amplitude falls before it rises higher again, on the side where it falls less, relative
+    /// to the height.
     pub prominence: f64,
 }
 
@@ -45,8 +45,8 @@ pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f
     Some(high - low)
 }
 
-/// How far the curve falls from a summit before it rises above it, on the side where it falls less, relative to its
-/// height.
+/// Returns the amount by which the curve falls from a summit before it rises above it, on the side where it falls less,
+/// relative to its height.
 fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     let height = curve[summit].1;
     let lowest = |low: f64, point: &(f64, f64)| low.min(point.1);

@@ -20,7 +20,7 @@ impl Summit {
         self.band_hz[1] - self.band_hz[0]
     }
 
-    /// Whether none of these frequencies lies in the band.
+    /// Says whether none of these frequencies lies in the band.
     pub fn is_missed_by(&self, frequencies_hz: &[f64]) -> bool {
         let [low, high] = self.band_hz;
         !frequencies_hz.iter().any(|hz| (low..=high).contains(hz))

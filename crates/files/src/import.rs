@@ -53,19 +53,19 @@ pub struct ImportOptions {
     pub scenario: Option<Scenario>,
     /// The interface, or the channel, whose frames are imported; without one that of the first frame.
     pub interface: Option<String>,
-    /// What to do if the recording already exists.
+    /// The action if the recording already exists.
     pub existing: Existing,
-    /// How the samples of CANopen drives are counted.
+    /// The clock that counts the samples of CANopen drives.
     pub clock: SampleClock,
 }
 
-/// How samples are counted in the log of a bus whose frames have neither index nor counter.
+/// The clock that counts samples in the log of a bus whose frames have neither index nor counter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleClock {
-    /// By time stamps, at the rate of the scenario.
+    /// Samples are counted by time stamps, at the rate of the scenario.
     #[default]
     TimeStamps,
-    /// By SYNC: each begins a sample, as in lockstep, where a sample may take any time.
+    /// Samples are counted by SYNC: each begins a sample, as in lockstep, where a sample may take any time.
     Sync,
 }
 
@@ -185,7 +185,7 @@ pub enum ImportError {
         log: PathBuf,
         /// The frame, from 1 on.
         frame: u64,
-        /// How much earlier, ns.
+        /// The time by which the frame is earlier, ns.
         early_ns: u64,
     },
 }
@@ -354,8 +354,8 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
     import_converted(log, (log, format.name()), format, path, options)
 }
 
-/// As [`import`], of a log that was converted from a file of another format: the recording says that it was imported
-/// from `original`, the name of that file and its format.
+/// Works like [`import`], of a log that was converted from a file of another format: the recording says that it was
+/// imported from `original`, the name of that file and its format.
 ///
 /// # Errors
 /// As [`import`].

@@ -65,7 +65,8 @@ impl Staged {
         unreachable!("some number is free")
     }
 
-    /// As [`Staged::create`], for a file that grows under its name where no file exists, and for pipes and devices.
+    /// Works like [`Staged::create`], for a file that grows under its name where no file exists, and for pipes and
+    /// devices.
     ///
     /// # Errors
     /// As [`Staged::create`].
@@ -177,12 +178,12 @@ fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether both paths lead to one file, also by links: by its device and inode.
+/// Says whether both paths lead to one file, also by links: by its device and inode.
 pub fn same_file(one: &Path, other: &Path) -> bool {
     fs::metadata(one).is_ok_and(|one| is_at(&one, other))
 }
 
-/// Whether `path` leads to this file.
+/// Says whether `path` leads to this file.
 pub(crate) fn is_at(file: &fs::Metadata, path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| (found.dev(), found.ino()) == (file.dev(), file.ino()))
 }

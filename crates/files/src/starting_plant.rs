@@ -49,7 +49,8 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
     None
 }
 
-/// Whether the states of the plant are bit-identical to the recorded ones; those of devices where they are recorded.
+/// Says whether the states of the plant are bit-identical to the recorded ones; those of devices where they are
+/// recorded.
 pub fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
     let states = plant.states();
     let same = |(state, recorded): (&f64, &f64)| recorded.to_bits() == state.to_bits();

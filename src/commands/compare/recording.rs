@@ -12,7 +12,7 @@ use resonarm::plant::TestedAssembly;
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
-/// Which recordings can be compared.
+/// The advice on recordings that can be compared.
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
                    `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording";
 

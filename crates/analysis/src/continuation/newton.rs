@@ -39,7 +39,7 @@ impl Solver {
         self.correct_within(NEWTON_LIMIT, system, plane, size)
     }
 
-    /// As [`Solver::correct`] with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow once.
+    /// Works like [`Solver::correct`] with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow once.
     pub fn correct_within(
         &mut self,
         limit: usize,

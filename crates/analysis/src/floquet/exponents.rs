@@ -56,7 +56,7 @@ impl Found {
         (at / period_s, self.exponents.iter().map(|other| apart(*other, at)).fold(f64::INFINITY, f64::min))
     }
 
-    /// Whether an exponent is already in the set.
+    /// Says whether an exponent is already in the set.
     fn has(&self, at: Complex<f64>) -> bool {
         // First the part that takes no rounding of angles.
         self.exponents.iter().any(|other| (other.re - at.re).abs() < APART && apart(*other, at) < APART)

@@ -101,7 +101,7 @@ impl Variations<'_> {
         self.samples.by[derivative][pair * self.samples.count() + point]
     }
 
-    /// Whether all derivatives repeat after half a period.
+    /// Says whether all derivatives repeat after half a period.
     fn repeat_after_half(&self) -> bool {
         let half = self.samples.count() / 2;
         let alike = |a: f64, b: f64, size: f64| (a - b).abs() <= REPEATED * size;
@@ -145,7 +145,7 @@ fn largest(signal: &[f64]) -> f64 {
     signal.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
 }
 
-/// Whether the halves of a signal differ nowhere by more than a limit.
+/// Says whether the halves of a signal differ nowhere by more than a limit.
 fn repeats_after_half(signal: &[f64], limit: f64) -> bool {
     let (first, second) = signal.split_at(signal.len() / 2);
     first.iter().zip(second).all(|(a, b)| (a - b).abs() <= limit)

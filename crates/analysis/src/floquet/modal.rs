@@ -86,15 +86,15 @@ impl Impulse {
         Impulse { stiffness, damping, states, implicit }
     }
 
-    /// Whether no force acts, and the states of elements are held at zero already.
+    /// Says whether no force acts, and the states of elements are held at zero already.
     fn is_idle(&self, before: Option<&Impulse>) -> bool {
         let held = |of: &Impulse| of.states.iter().all(|(_, at)| at.by_state.is_none());
         let known = self.states.is_empty() || before.is_some_and(|before| held(self) && held(before));
         known && self.implicit.is_none() && self.stiffness.iter().all(|s| *s == 0.0)
     }
 
-    /// Whether the states need no value at the end of the step, but can be followed past it: those of friction that
-    /// sticks on both sides, or is about to slip.
+    /// Says whether the states need no value at the end of the step, but can be followed past it: those of friction
+    /// that sticks on both sides, or is about to slip.
     fn passes(&self, after: &Impulse) -> bool {
         let rigid = |at: &StateVariation| matches!(at.by_state, None | Some(0.0));
         let pairs = || self.states.iter().zip(&after.states).map(|((_, before), (_, after))| (before, after));

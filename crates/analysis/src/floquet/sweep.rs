@@ -60,8 +60,8 @@ pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
     None
 }
 
-/// How far s is from where it converges: each new H changes it by the same ratio of the change before, which is near 1
-/// if H is steep, as between two modes of almost the same frequency.
+/// Estimates the distance of s from its limit: each new H changes it by the same ratio of the change before, which is
+/// near 1 if H is steep, as between two modes of almost the same frequency.
 fn left(change: f64, before: Option<f64>) -> f64 {
     match before {
         Some(before) if change < before => change * change / (before - change),

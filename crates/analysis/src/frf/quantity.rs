@@ -8,7 +8,7 @@ use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Which time derivative of the response is divided by the drive.
+/// The time derivative of the response that is divided by the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {

@@ -44,7 +44,7 @@ impl Attractor {
         Attractor { period: found.period, points }
     }
 
-    /// Whether a point is one of the response's.
+    /// Says whether a point is one of the response's.
     pub fn holds(&self, point: &DVector<f64>) -> bool {
         self.points.iter().any(|own| own.distance(point) <= SAME_POINT)
     }

@@ -166,7 +166,7 @@ pub(crate) struct Approach {
 }
 
 impl Approach {
-    /// Whether the trajectory can only end at the fixed point.
+    /// Says whether the trajectory can only end at the fixed point.
     ///
     /// One stretch as predicted does not show that. Far from the fixed point a trajectory that goes elsewhere can meet
     /// the prediction by chance: near the boundary between two basins it is slow, and turns about both stable

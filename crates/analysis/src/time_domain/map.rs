@@ -267,7 +267,7 @@ fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
     weights
 }
 
-/// Whether the error is that of a trajectory that grows without bound.
+/// Says whether the error is that of a trajectory that grows without bound.
 fn diverges(error: &TimeDomainError) -> bool {
     use StepError::{Integrate, NotFinite};
     matches!(
@@ -278,8 +278,8 @@ fn diverges(error: &TimeDomainError) -> bool {
 
 /// Methods for the search for settled responses.
 impl StroboscopicMap {
-    /// Whether a response may keep an arbitrary constant for good, as the state of friction that sticks: it is then no
-    /// isolated fixed point, and has settled when it returns.
+    /// Says whether a response may keep an arbitrary constant for good, as the state of friction that sticks: it is
+    /// then no isolated fixed point, and has settled when it returns.
     pub(crate) fn keeps_constants(&self) -> bool {
         self.forced.assembly.element_states() > 0
     }
@@ -313,7 +313,7 @@ impl StroboscopicMap {
         Ok(())
     }
 
-    /// Whether all numbers of a state are finite.
+    /// Says whether all numbers of a state are finite.
     pub(crate) fn is_finite(state: &[f64]) -> bool {
         state.iter().all(|number| number.is_finite())
     }

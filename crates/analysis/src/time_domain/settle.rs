@@ -20,13 +20,13 @@ const FAR: f64 = 1e3;
 /// The return after n periods must be this much nearer than the one after 1 to look for a response of n periods.
 const NEARER: f64 = 0.5;
 
-/// How long a search for a settled response waits, and how much it keeps.
+/// The options of a search for a settled response: its longest time, and the points that it keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettleOptions {
     /// Longest wait, in time constants of the slowest mode of the linear structure; a response that has not settled by
     /// then is unsettled. Positive.
     pub time_constants: f64,
-    /// How many points of the section to keep of a response that doesn't settle.
+    /// The number of points of the section to keep of a response that doesn't settle.
     pub section_points: usize,
 }
 
@@ -40,19 +40,19 @@ impl Default for SettleOptions {
 /// The end of a transient, without measurements.
 #[derive(Clone, Debug)]
 pub(crate) struct Followed {
-    /// As [`Settled::period`](crate::time_domain::Settled::period).
+    /// The same as [`Settled::period`](crate::time_domain::Settled::period).
     pub period: Option<u32>,
-    /// As [`Settled::largest_multiplier`](crate::time_domain::Settled::largest_multiplier).
+    /// The same as [`Settled::largest_multiplier`](crate::time_domain::Settled::largest_multiplier).
     pub largest_multiplier: Option<f64>,
-    /// As [`Settled::settling_periods`](crate::time_domain::Settled::settling_periods).
+    /// The same as [`Settled::settling_periods`](crate::time_domain::Settled::settling_periods).
     pub settling_periods: u64,
-    /// As [`Settled::drift`](crate::time_domain::Settled::drift).
+    /// The same as [`Settled::drift`](crate::time_domain::Settled::drift).
     pub drift: f64,
     /// The state from which the response is measured.
     pub start: Vec<f64>,
     /// The section of a response that doesn't settle.
     pub section: Vec<Vec<f64>>,
-    /// As [`Settled::end`](crate::time_domain::Settled::end).
+    /// The same as [`Settled::end`](crate::time_domain::Settled::end).
     pub end: Vec<f64>,
 }
 
@@ -104,12 +104,12 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// Whether a point is within the closure of a settled response.
+    /// Says whether a point is within the closure of a settled response.
     fn holds(&self, point: &DVector<f64>) -> bool {
         self.point.distance(point) <= CLOSURE
     }
 
-    /// Whether the present trajectory, after a stretch of `length` periods, still approaches this response or has
+    /// Says whether the present trajectory, after a stretch of `length` periods, still approaches this response or has
     /// reached it.
     fn is_still_one(&mut self, before: &DVector<f64>, after: &DVector<f64>, length: u64) -> bool {
         let linearised = self.point.linearised(length / u64::from(self.point.period));
@@ -117,7 +117,7 @@ impl Candidate {
         self.approach.is_some() || self.holds(before)
     }
 
-    /// Whether the present trajectory, which was at `before` a stretch ago, can only end in this response.
+    /// Says whether the present trajectory, which was at `before` a stretch ago, can only end in this response.
     fn is_certain(&self, before: &DVector<f64>) -> bool {
         self.holds(before) || self.approach.is_some_and(Approach::is_certain)
     }

@@ -126,7 +126,7 @@ impl Motion {
         }
     }
 
-    /// Whether small disturbances die out; `None` at a bifurcation.
+    /// Says whether small disturbances die out; `None` at a bifurcation.
     pub fn stable(&self) -> Option<bool> {
         match self.stability {
             Stability::Stable => Some(true),
@@ -176,7 +176,7 @@ pub struct ForcedBranch {
     pub angles_deg: Vec<f64>,
     /// The excitation of the arm.
     pub drive: Drive,
-    /// Where its periodic responses are read.
+    /// The point at which its periodic responses are read.
     pub read: Read,
     /// The natural frequencies of the first two modes of the linearised arm, Hz.
     pub natural_hz: [f64; 2],
@@ -261,8 +261,8 @@ impl ForcedBranch {
         Traced { structure, arm, drive, read: &Read::joints() }.over_frequency(amplitude, range_hz)
     }
 
-    /// As [`ForcedBranch::over_frequency`], over the amplitude of the excitation, from none to `largest`, at one
-    /// frequency.
+    /// Works like [`ForcedBranch::over_frequency`], over the amplitude of the excitation, from none to `largest`, at
+    /// one frequency.
     ///
     /// # Errors
     /// As [`ForcedBranch::over_frequency`].

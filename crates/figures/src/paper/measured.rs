@@ -27,7 +27,7 @@ pub enum MeasuredError {
     Parse {
         /// Name of the document.
         origin: String,
-        /// Where and how the document differs.
+        /// The place and the kind of the difference.
         source: serde_json::Error,
     },
     /// The structure is invalid.

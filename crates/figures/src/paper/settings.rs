@@ -181,9 +181,9 @@ pub enum SettingsError {
     Count {
         /// Key of the list.
         key: String,
-        /// How many there are.
+        /// The number of values.
         got: usize,
-        /// How many there must be.
+        /// The least number of values.
         least: usize,
     },
     /// A list or a range is not ascending.
@@ -314,7 +314,7 @@ fn require(key: &str, got: f64, fits: bool, expected: &'static str) -> Result<()
     if fits { Ok(()) } else { Err(SettingsError::Value { key: key.to_string(), got, expected }) }
 }
 
-/// At least one angle from 0 to 180 degrees, ascending.
+/// Checks that there is at least one angle, all from 0 to 180 degrees, ascending.
 fn poses(key: &str, angles_deg: &[f64]) -> Result<(), SettingsError> {
     for angle_deg in angles_deg {
         require(key, *angle_deg, (0.0..=180.0).contains(angle_deg), "an angle from 0 to 180 degrees")?;
@@ -322,7 +322,7 @@ fn poses(key: &str, angles_deg: &[f64]) -> Result<(), SettingsError> {
     in_order(key, angles_deg, 1)
 }
 
-/// At least `least` positive numbers, ascending.
+/// Checks that there are at least `least` positive numbers, ascending.
 fn ascending(key: &str, values: &[f64], least: usize) -> Result<(), SettingsError> {
     values.iter().try_for_each(|value| positive(key, *value))?;
     in_order(key, values, least)

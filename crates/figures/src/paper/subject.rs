@@ -85,7 +85,7 @@ impl Subject {
         self.on_line_at(beta2_deg, self.height_m)
     }
 
-    /// As [`Subject::on_line`], on a line of another height, m.
+    /// Works like [`Subject::on_line`], on a line of another height, m.
     ///
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.

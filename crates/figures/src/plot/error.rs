@@ -14,9 +14,9 @@ pub enum PlotError {
     NoPanels {
         /// Title of the figure.
         title: String,
-        /// How many panels it has.
+        /// The number of panels.
         panels: usize,
-        /// How many columns it has.
+        /// The number of columns.
         columns: usize,
     },
     /// A panel has no point to draw.
@@ -33,9 +33,9 @@ pub enum PlotError {
     NotFinite {
         /// Number of the panel.
         panel: usize,
-        /// Which series in it.
+        /// Number of the series in the panel.
         series: usize,
-        /// Which point of that.
+        /// Number of the point in the series.
         point: usize,
         /// x coordinate of the point.
         x: f64,
@@ -49,9 +49,9 @@ pub enum PlotError {
     NotPositive {
         /// Number of the panel.
         panel: usize,
-        /// Which series in it.
+        /// Number of the series in the panel.
         series: usize,
-        /// Which point of that.
+        /// Number of the point in the series.
         point: usize,
         /// Label of the axis.
         axis: String,

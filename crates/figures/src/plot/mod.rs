@@ -258,7 +258,7 @@ pub enum Scale {
     Linear,
     /// Evenly, with ticks at fractions of a turn: multiples of 15, 30, 45, 90 or 180, where these are dense enough.
     Degrees,
-    /// By their logarithm, with ticks at powers of ten; values must be positive.
+    /// Logarithmic, with ticks at powers of ten; values must be positive.
     Log,
 }
 
@@ -269,7 +269,7 @@ pub struct Series {
     pub label: Option<String>,
     /// The points (x, y). One with a NaN isn't drawn, and breaks a line.
     pub points: Vec<(f64, f64)>,
-    /// How they are drawn.
+    /// The style in which the points are drawn.
     pub style: Style,
 }
 

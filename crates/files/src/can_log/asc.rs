@@ -120,7 +120,8 @@ impl Reader {
         }
     }
 
-    /// As [`Reader::line`], for a last line without an end: an event that is no frame may be the beginning of one.
+    /// Works like [`Reader::line`], for a last line without an end: an event that is no frame may be the beginning of
+    /// one.
     pub fn last_line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
         // Such as `0.5000` of `0.500000 1 201 Rx …`: it would pass for an event of another kind.
         let is_event = line.split_whitespace().next().is_some_and(|time| signed_nanoseconds(time).is_some());
@@ -224,13 +225,13 @@ impl Reader {
     }
 }
 
-/// As [`nanoseconds`], with a minus before times that are earlier than the start of the log.
+/// Works like [`nanoseconds`], with a minus before times that are earlier than the start of the log.
 fn signed_nanoseconds(text: &str) -> Option<i64> {
     let (text, sign) = text.strip_prefix('-').map_or((text, 1), |text| (text, -1));
     Some(sign * i64::try_from(nanoseconds(text)?).ok()?)
 }
 
-/// Whether words begin, or end, a trigger block: the first is the wanted one.
+/// Says whether words begin, or end, a trigger block: the first is the wanted one.
 fn is_trigger_block((wanted, first): (&str, &str), block: &str) -> bool {
     first.eq_ignore_ascii_case(wanted) && block.eq_ignore_ascii_case("triggerblock")
 }

@@ -205,7 +205,7 @@ impl Drive {
         DecodedMessage { means: vec![Meaning::Object { action, object }], ..message }
     }
 
-    /// Whether a frame of an SDO is a request or an answer.
+    /// Says whether a frame of an SDO is a request or an answer.
     fn side(&self, frame: &Frame) -> Part {
         let request = resonarm_wire::canopen::SDO_REQUEST_BASE + u16::from(self.spec.node_id);
         if frame.id() == resonarm_protocol::Id::Standard(request) { Part::Request } else { Part::Answer }

@@ -69,12 +69,12 @@ impl Decoder {
         Ok(Some(Decoder { protocol, lost: 0 }))
     }
 
-    /// Whether the frames are those of CANopen drives, and not of a DBC.
+    /// Says whether the frames are those of CANopen drives, and not of a DBC.
     pub const fn is_canopen(&self) -> bool {
         matches!(self.protocol, Protocol::CanOpen(_))
     }
 
-    /// Whether it knows what messages mean to the plant.
+    /// Says whether it knows what messages mean to the plant.
     pub fn is_mapped(&self) -> bool {
         match &self.protocol {
             Protocol::Dbc { mapped, .. } => !mapped.is_empty(),

@@ -110,12 +110,12 @@ impl MessageRoles {
         self.roles.entry(name).or_default().push(role);
     }
 
-    /// Whether the message is sent on request.
+    /// Says whether the message is sent on request.
     pub const fn is_on_request(&self) -> bool {
         self.is_on_request
     }
 
-    /// Whether the message answers samples in lockstep, or requests readings.
+    /// Says whether the message answers samples in lockstep, or requests readings.
     pub const fn is_sync(&self) -> bool {
         self.is_sync
     }
@@ -176,7 +176,7 @@ impl Role {
     }
 }
 
-/// Whether a value equals this number, up to the rounding of its scale.
+/// Says whether a value equals this number, up to the rounding of its scale.
 fn is_same(number: f64, value: f64) -> bool {
     (number - value).abs() <= ROUNDING * (1.0 + number.abs())
 }

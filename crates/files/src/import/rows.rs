@@ -36,7 +36,7 @@ impl Rows {
         Rows { width, needed, hold, waiting: BTreeMap::new(), newest: 0, next: None, incomplete: 0, too_late: 0 }
     }
 
-    /// Whether the message of this number is needed.
+    /// Says whether the message of this number is needed.
     pub const fn needs(&self, message: u32) -> bool {
         self.needed >> message & 1 == 1
     }
@@ -62,7 +62,7 @@ impl Rows {
         self.take(self.hold)
     }
 
-    /// As [`Rows::next`], after the last frame.
+    /// Works like [`Rows::next`], after the last frame.
     pub fn next_of_rest(&mut self) -> Option<(u64, Row)> {
         self.take(0)
     }

@@ -231,7 +231,7 @@ enum Unusable {
     Wrong,
 }
 
-/// Whether a message is sent every sample: by the samples, or by a clock of their rate.
+/// Says whether a message is sent every sample: by the samples, or by a clock of their rate.
 fn is_every_sample(message: &Outgoing, mapping: &Mapping, rate_hz: f64) -> bool {
     match message.trigger {
         Trigger::Every(samples) => samples == 1,

@@ -29,12 +29,12 @@ pub trait Batch: prost::Message {
     /// Returns row `index`, if every column has it.
     fn row(&self, index: usize) -> Option<Self::Row>;
 
-    /// Whether the row can follow the rows of the batch.
+    /// Says whether the row can follow the rows of the batch.
     fn takes(&self, _row: &Self::Row) -> bool {
         true
     }
 
-    /// Whether every mark and cause has a known number.
+    /// Says whether every mark and cause has a known number.
     fn has_known_marks(&self) -> bool;
 
     /// Returns the samples of the first row and of the last, if it has a row. The error describes columns of different
@@ -77,7 +77,7 @@ impl<B: Batch> Batcher<B> {
         Batcher { batch, rows: 0, limit, dt_s }
     }
 
-    /// Whether `row` can't be appended before the batch is taken.
+    /// Says whether `row` can't be appended before the batch is taken.
     pub fn must_take_before(&self, row: &B::Row) -> bool {
         self.rows == self.limit
             || (self.rows > 0 && !self.batch.takes(row))

@@ -55,7 +55,7 @@ impl From<McapError> for Fault {
     }
 }
 
-/// Whether a decompressor reported that it got no memory: Zstandard's `ZSTD_error_memory_allocation`, LZ4's
+/// Says whether a decompressor reported that it got no memory: Zstandard's `ZSTD_error_memory_allocation`, LZ4's
 /// `LZ4F_ERROR_allocation_failed`.
 fn says_no_memory(said: &str) -> bool {
     said.contains("not enough memory") || said.contains("ERROR_allocation_failed")
@@ -117,7 +117,7 @@ impl Contents {
         self.messages_from(0).map(|(_, message)| message)
     }
 
-    /// As [`Contents::messages`], from place `first` on, with their places.
+    /// Works like [`Contents::messages`], from place `first` on, with their places.
     pub fn messages_from(&self, first: usize) -> impl Iterator<Item = (usize, RawMessage<'_>)> {
         self.messages.iter().enumerate().skip(first).filter_map(|(place, message)| {
             let declared = self.channels.get(&message.channel)?.as_ref()?;
@@ -238,7 +238,7 @@ impl Contents {
     }
 }
 
-/// Whether a chunk may hold such a record (MCAP specification, "Chunk").
+/// Says whether a chunk may hold such a record (MCAP specification, "Chunk").
 const fn is_for_chunks(opcode: u8) -> bool {
     matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
 }

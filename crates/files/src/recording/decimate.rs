@@ -22,7 +22,7 @@ use resonarm_numeric::registers::{Task, widest};
 const BETA: f64 = 0.1102 * (80.0 - 8.7);
 /// Half the length of the filter, rows for each of the decimation.
 const HALF_LENGTH: usize = 26;
-/// Where the ideal low-pass ends, in f_N: in the middle of the transition.
+/// The cut-off of the ideal low-pass, in f_N: in the middle of the transition.
 const CUT_OFF: f64 = 0.9;
 
 /// Describes the filter of a decimation in words.

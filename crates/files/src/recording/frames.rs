@@ -43,7 +43,7 @@ impl FrameBatcher {
         FrameBatcher { frames: Vec::new(), batch, samples: samples.into() }
     }
 
-    /// Whether `frame` can't be appended before the batch is taken.
+    /// Says whether `frame` can't be appended before the batch is taken.
     pub fn must_take_before(&self, frame: &FrameRecord) -> bool {
         self.frames.len() == MOST_FRAMES
             || self.frames.first().is_some_and(|first| {

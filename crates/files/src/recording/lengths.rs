@@ -3,8 +3,8 @@
 
 use mcap::records::op;
 
-/// Whether every field of the record, and every length in it, fits into it (MCAP specification, "Records"): fields of
-/// fixed size are followed by texts and the like, each as its length (`u32`) and that many bytes; the last may be a
+/// Says whether every field of the record, and every length in it, fits into it (MCAP specification, "Records"): fields
+/// of fixed size are followed by texts and the like, each as its length (`u32`) and that many bytes; the last may be a
 /// map, which is itself a row of texts.
 pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     let rest = match opcode {

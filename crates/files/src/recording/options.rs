@@ -51,7 +51,8 @@ impl TimeBase {
     }
 }
 
-/// When records are flushed to the file. A run that is killed loses at most the records after the last flush.
+/// The times at which records are flushed to the file. A run that is killed loses at most the records after the last
+/// flush.
 #[derive(Clone, Copy, Debug)]
 pub enum FlushPolicy {
     /// Flushes when this much time has passed since the last flush, give or take the 5 ms at which the writer polls.
@@ -66,7 +67,7 @@ pub enum FlushPolicy {
     Samples(u64),
 }
 
-/// How chunks are compressed.
+/// The compression of chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
     /// Chunks are written without compression.
@@ -75,7 +76,7 @@ pub enum Compression {
     Zstd,
 }
 
-/// What to do if the file already exists.
+/// The action if the file already exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
     /// Return [`RecordingError::Exists`] and leave the file unchanged.
@@ -85,12 +86,13 @@ pub enum Existing {
     Overwrite,
 }
 
-/// When the file gets its name. If the recorder is dropped before, the file is removed, and an existing file stays.
+/// The time at which the file gets its name. If the recorder is dropped before, the file is removed, and an existing
+/// file stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Naming {
-    /// At the first record: a run that is killed leaves the flushed records.
+    /// The file gets its name at the first record: a run that is killed leaves the flushed records.
     FirstRecord,
-    /// When it is complete: for recordings made from others, which can be made again.
+    /// The file gets its name when it is complete: for recordings made from others, which can be made again.
     Whole,
 }
 
@@ -101,15 +103,15 @@ pub struct Options {
     pub dt_s: f64,
     /// Name of the bus interface, noted with every frame.
     pub interface: String,
-    /// Origin of times.
+    /// The origin of times.
     pub time_base: TimeBase,
-    /// When records are flushed to the file.
+    /// The times at which records are flushed to the file.
     pub flush: FlushPolicy,
-    /// How chunks are compressed.
+    /// The compression of chunks.
     pub compression: Compression,
-    /// What to do if the file already exists.
+    /// The action if the file already exists.
     pub existing: Existing,
-    /// When the file gets its name.
+    /// The time at which the file gets its name.
     pub naming: Naming,
     /// Samples in a batch, from 1 to 100000.
     pub batch_samples: u32,

@@ -166,7 +166,7 @@ impl Clipped {
         Clipped { acceleration_b: pair(0), acceleration_c: pair(2), head_force: pair(4) }
     }
 
-    /// Whether any reading is clipped.
+    /// Says whether any reading is clipped.
     pub fn any(self) -> bool {
         self != Clipped::NONE
     }

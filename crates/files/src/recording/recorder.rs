@@ -103,7 +103,7 @@ impl Recorder {
         &self.shared.path
     }
 
-    /// Whether the recorder has failed: [`Recorder::failure`] returns the reason. Cheap, but not for the real-time
+    /// Says whether the recorder has failed: [`Recorder::failure`] returns the reason. Cheap, but not for the real-time
     /// loop.
     pub fn has_failed(&self) -> bool {
         self.shared.failure.get().is_some() || self.thread.as_ref().is_none_or(JoinHandle::is_finished)
@@ -130,8 +130,8 @@ impl Recorder {
         self.end(Ending::Whole(statistics))
     }
 
-    /// As [`Recorder::finish`], for a recording made from others that are not whole. `made_from` states this in the
-    /// file, and it opens as [`Integrity::Unfinished`](super::Integrity::Unfinished).
+    /// Works like [`Recorder::finish`], for a recording made from others that are not whole. `made_from` states this in
+    /// the file, and it opens as [`Integrity::Unfinished`](super::Integrity::Unfinished).
     ///
     /// # Errors
     /// As [`Recorder::finish`].
@@ -206,7 +206,7 @@ impl Channel {
         }
     }
 
-    /// Whether its records are no longer written. Neither blocks, locks nor allocates: for the real-time loop.
+    /// Says whether its records are no longer written. Neither blocks, locks nor allocates: for the real-time loop.
     pub fn has_failed(&self) -> bool {
         self.shared.failure.get().is_some()
     }

@@ -161,7 +161,7 @@ impl Salvage {
         Ok((fits && (op::HEADER..=op::DATA_END).contains(&opcode)).then_some((opcode, length)))
     }
 
-    /// Whether the file ends here, in order.
+    /// Says whether the file ends here, in order.
     fn ends_here(&self) -> io::Result<bool> {
         let mut rest = [0; MAGIC.len()];
         if self.file_bytes - self.offset != MAGIC.len() as u64 {
@@ -199,7 +199,7 @@ impl Salvage {
         Ok(self.file_bytes)
     }
 
-    /// Whether a chunk whose lengths agree, or a metadata record of this program, begins at `offset`.
+    /// Says whether a chunk whose lengths agree, or a metadata record of this program, begins at `offset`.
     fn begins(&self, offset: u64) -> io::Result<bool> {
         let Some((opcode, length)) = self.head(offset)? else { return Ok(false) };
         let mut body = [0; CHUNK_HEAD + 8]; // the longest name of a compression has 4 letters

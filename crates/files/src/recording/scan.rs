@@ -19,7 +19,7 @@ use super::{
 };
 use resonarm_numeric::number::short;
 
-/// How many faults are listed one by one; later ones are in `/events`.
+/// The number of faults that are listed one by one; later ones are in `/events`.
 const MOST_FAULTS: usize = 100;
 
 /// Results of a pass through a whole file.

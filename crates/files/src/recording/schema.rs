@@ -171,7 +171,7 @@ pub(super) const DT_S: &str = "dt_s";
 /// The key of the delay of readings in [`metadata::RECORDING`].
 pub(super) const READING_DELAY: &str = "reading_delay_samples";
 
-/// How the name of the library begins in the head of a recording.
+/// The beginning of the name of the library in the head of a recording.
 pub(super) const OUR_LIBRARY: &str = "resonarm";
 
 /// Name of the event of a fault; its value is the code.

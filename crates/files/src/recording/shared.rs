@@ -36,7 +36,7 @@ pub(super) enum Control {
     End(Ending),
 }
 
-/// How a recording ends.
+/// The ending of a recording.
 #[derive(Debug)]
 pub(super) enum Ending {
     /// The run is complete; these statistics are written at the end.

@@ -155,7 +155,7 @@ fn push_many<Other>(
     true
 }
 
-/// Whether there is no room for a record.
+/// Says whether there is no room for a record.
 pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record) -> bool {
     ring.slots() < slots_for(record)
 }

@@ -34,7 +34,7 @@ pub struct Origin {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RunTime {
-    /// The simulation alone.
+    /// Times of the simulation only.
     Simulated,
     /// The answers of a partner.
     Lockstep,

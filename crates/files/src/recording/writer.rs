@@ -219,7 +219,7 @@ impl Writer {
         self.report_losses()
     }
 
-    /// At the first record, gives the file its name and records the start of the run, which the run loop has set by
+    /// Gives the file its name at the first record and records the start of the run, which the run loop has set by
     /// then.
     fn begin(&mut self) -> Result<(), RecordingError> {
         if core::mem::replace(&mut self.has_begun, true) {

@@ -162,7 +162,7 @@ pub struct StructureSection {
     /// Doubtful statements of a robot's file, known once it has been read.
     #[serde(skip)]
     pub warnings: Vec<UrdfWarning>,
-    /// When the FMU is read within a hold.
+    /// The time within a hold at which the FMU is read.
     #[serde(skip_serializing_if = "is_default")]
     pub read: ReadAt,
     /// The FMU's variables that take loads, by degree of freedom: forces at points, torques at joints.

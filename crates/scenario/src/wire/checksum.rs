@@ -234,7 +234,7 @@ mod tests {
         toml::from_str(text).unwrap()
     }
 
-    /// What it computes of the digits 1 to 9 and a place for itself in the last byte.
+    /// Returns the checksum of the digits 1 to 9 and a place for itself in the last byte.
     fn check(text: &str) -> u64 {
         let place = Layout::new(72, 8, ByteOrder::Intel, Number::Unsigned, 10).unwrap();
         let spec = spec(&format!("signal = 'Crc'\n{text}"));

@@ -185,7 +185,7 @@ impl Compiler<'_> {
         Ok(commands)
     }
 
-    /// Whether the plant accepts a load.
+    /// Says whether the plant accepts a load.
     fn takes(&self, input: LoadInput) -> bool {
         let place = match input {
             LoadInput::Torque(joint) => joint,

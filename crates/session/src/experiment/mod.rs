@@ -20,7 +20,7 @@ use resonarm_scenario::Scenario;
 pub struct Measured {
     /// The responses, in the order in which they were read.
     pub points: Vec<ResponsePoint>,
-    /// How the run ended.
+    /// The outcome of the run.
     pub outcome: Option<ExciterOutcome>,
     /// Length of the run, s of simulated time.
     pub simulated_s: f64,

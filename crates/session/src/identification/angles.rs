@@ -78,7 +78,7 @@ impl RecordedAngles {
     }
 }
 
-/// Whether the scenario gives an accelerometer a fault.
+/// Says whether the scenario gives an accelerometer a fault.
 pub fn has_faulty_accelerometer(scenario: &Scenario) -> bool {
     scenario.rig.faults.iter().any(|fault| fault.instrument != InstrumentName::HEAD)
 }
@@ -108,7 +108,7 @@ fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
     Ok(readings)
 }
 
-/// Whether nothing moved before the first reading, and the accelerometers read zero then.
+/// Says whether nothing moved before the first reading, and the accelerometers read zero then.
 fn starts_at_rest(scenario: &Scenario, tested: &TestedAssembly, first_sample: u64) -> bool {
     let reads_gravity = [&scenario.rig.sensors.b, &scenario.rig.sensors.c]
         .iter()

@@ -1,4 +1,4 @@
-//! Which modes of the scenario's structure were identified, and why the others were not.
+//! The modes of the scenario's structure that were identified, and the reasons why others were not.
 
 use core::fmt::{self, Display, Formatter};
 

@@ -238,7 +238,7 @@ impl Live {
         }
     }
 
-    /// Whether it has made this request, even if later ones followed.
+    /// Says whether it has made this request, even if later ones followed.
     fn has_asked(&self, request: OperatorRequest) -> bool {
         self.requests.contains(&request)
     }

@@ -9,7 +9,7 @@ use resonarm_files::recording::{Direction, FrameRecord, Recording};
 use resonarm_protocol::{Frame, FrameError, FrameFormat, Id};
 use resonarm_realtime::Clock;
 
-/// How long to wait before a full transmit queue is tried again, ns.
+/// The time to wait before a full transmit queue is tried again, ns.
 pub(super) const RETRY_NS: u64 = 200_000;
 /// Longest sleep between two checks of the stop signal and of incoming frames, ns.
 pub(super) const LOOK_NS: u64 = 20_000_000;
@@ -69,7 +69,7 @@ pub struct Played {
     pub frames: u64,
     /// Recorded time from the first frame of a pass to the last, s.
     pub recorded_s: f64,
-    /// How late the latest frame was, s; 0 at speed 0.
+    /// The lateness of the latest frame, s; 0 at speed 0.
     pub latest_s: f64,
 }
 

@@ -50,7 +50,7 @@ pub(super) fn repeat(recording: &Recording, scenario: &Scenario) -> Result<Verdi
     }
 }
 
-/// Whether a plant at its start reaches these states at a sample, too.
+/// Says whether a plant at its start reaches these states at a sample, too.
 fn repeats(recording: &Recording, mut plant: Plant, sample: u64, states: &States) -> Result<bool, ReplayError> {
     for record in recording.states()? {
         let record = record?;

@@ -84,8 +84,8 @@ fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant,
     Ok(fresh.clone().at(record.sample, &states)?)
 }
 
-/// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
-/// the sequential comparison finds the reason.
+/// Says whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be
+/// tried, the sequential comparison finds the reason.
 fn agrees(fresh: &Plant, spec: &PlantSpec, block: &[StateRecord]) -> bool {
     // Parts overlap by one record, the end of the one and the start of the next, so that every step is tried once.
     let starts: Vec<usize> = (0..block.len() - 1).step_by(PART).collect();

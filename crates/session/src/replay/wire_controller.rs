@@ -56,7 +56,7 @@ pub(super) fn timed_responses(
     if loads.has_begun { Ok(responses) } else { Err(ReplayError::NoLoad) }
 }
 
-/// When the plant was armed for the first time, ns; 0 if the recording does not say it.
+/// Returns the time at which the plant was armed for the first time, ns; 0 if the recording does not say it.
 fn armed_ns(recording: &Recording) -> Result<u64, ReplayError> {
     for event in recording.events()? {
         let event = event?;

@@ -144,12 +144,12 @@ impl<'a> Bench<'a> {
         self.bus_loss
     }
 
-    /// Whether the plant was ever armed.
+    /// Says whether the plant was ever armed.
     pub fn was_armed(&self) -> bool {
         self.node.arms() > 0
     }
 
-    /// Whether the plant was armed once and has been disarmed or has faulted.
+    /// Says whether the plant was armed once and has been disarmed or has faulted.
     pub fn has_left_armed(&self) -> bool {
         self.node.leaves() > 0
     }
@@ -413,7 +413,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Whether the run is recorded or watched.
+    /// Says whether the run is recorded or watched.
     fn is_observed(&self) -> bool {
         self.watched.is_some() || !matches!(self.records, RecordSink::Off)
     }
@@ -461,7 +461,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// As [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
+    /// Works like [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
     pub fn transmit_timed(&mut self, now_ns: u64, unix_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         if self.transmit(now_ns, bus)? {
             // A sample that the node still holds back has not departed.

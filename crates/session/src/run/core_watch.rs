@@ -49,7 +49,7 @@ pub(super) struct Overrun {
     pub missed: u32,
     /// Start and end of the delay, on the loop's clock, ns.
     pub held_up_ns: (u64, u64),
-    /// When the run began, on the same clock, ns.
+    /// The time at which the run began, on the same clock, ns.
     pub run_start_ns: u64,
 }
 

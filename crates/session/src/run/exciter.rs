@@ -24,7 +24,7 @@ const SEND_LIMIT_NS: u64 = 500_000_000;
 /// Frames processed between two checks of the stop signal and the deadlines, so that a flooded bus delays neither.
 const FRAMES_AT_ONCE: usize = 256;
 
-/// How long to wait for a plant, and how often to restart after a fault.
+/// The time to wait for a plant, and the number of restarts after a fault.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patience<'r> {
     /// Longest wait until a plant is armed; `None` waits forever.
@@ -37,7 +37,7 @@ pub(super) struct Patience<'r> {
 }
 
 impl Patience<'_> {
-    /// Whether no plant will appear any more. All frames of the plant are on the bus by then.
+    /// Says whether no plant will appear any more. All frames of the plant are on the bus by then.
     fn has_plant_ended(&self) -> bool {
         self.plant_ended.is_some_and(|ended| ended.load(Ordering::Acquire))
     }
@@ -170,8 +170,9 @@ impl<C: Clock> Run<'_, C> {
         }
     }
 
-    /// Whether the work is done. After a fault with a try left the node restarts, once the bus accepts frames again:
-    /// frames heard before then can date from before the fault. A bus whose queue accepts none for long is given up.
+    /// Says whether the work is done. After a fault with a try left the node restarts, once the bus accepts frames
+    /// again: frames heard before then can date from before the fault. A bus whose queue accepts none for long is given
+    /// up.
     fn has_ended(&mut self, now_ns: u64) -> bool {
         let Some(outcome) = self.node.outcome() else { return false };
         let begins_anew = matches!(outcome, ExciterOutcome::Faulted(_)) && self.rearmed < self.patience.rearm;
@@ -274,7 +275,7 @@ impl<C: Clock> Run<'_, C> {
         Ok(())
     }
 
-    /// Whether the plant was not heard to be armed yet.
+    /// Says whether the plant was not heard to be armed yet.
     fn waits_for_plant(&self) -> bool {
         self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0
     }

@@ -35,12 +35,12 @@ impl ExciterEnd {
         ExciterEnd { reason: report.fault_text().or(end.reason), ..end }
     }
 
-    /// Whether it was asked to stop before the controller had finished.
+    /// Says whether it was asked to stop before the controller had finished.
     pub fn is_stopped(&self) -> bool {
         self.outcome == "stopped"
     }
 
-    /// Whether the controller completed its work.
+    /// Says whether the controller completed its work.
     pub fn is_finished(&self) -> bool {
         self.outcome == "finished"
     }

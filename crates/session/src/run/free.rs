@@ -102,7 +102,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         Ok(())
     }
 
-    /// As [`finish`](super::finish::finish), in simulated time.
+    /// Works like [`finish`](super::finish::finish), in simulated time.
     fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
         self.bench.leave(self.now_ns());
         // The exciter is told directly, since both are in this loop: it need not find out by a timeout.

@@ -38,7 +38,7 @@ impl Speed {
         self.0
     }
 
-    /// Whether the run waits for the clock.
+    /// Says whether the run waits for the clock.
     pub fn is_paced(self) -> bool {
         self.0 > 0.0
     }
@@ -73,9 +73,9 @@ pub enum SpeedError {
     TooSlow {
         /// Speed that was requested.
         got: f64,
-        /// How long a sample would take, s.
+        /// The duration of a sample, s.
         period_s: f64,
-        /// How long each end waits for the other, s.
+        /// The time for which each end waits for the other, s.
         timeout_s: f64,
         /// Smallest speed that is possible.
         least: f64,

@@ -16,7 +16,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, Node, Refusal, Trip};
 use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
 use resonarm_scenario::Scenario;
 
-/// How a plant's run ended.
+/// The outcome of a plant's run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PlantOutcome {
@@ -35,7 +35,7 @@ pub enum PlantOutcome {
 }
 
 impl PlantOutcome {
-    /// Whether the run achieved its purpose.
+    /// Says whether the run achieved its purpose.
     pub const fn is_good(self) -> bool {
         matches!(self, PlantOutcome::Completed | PlantOutcome::Disarmed | PlantOutcome::Stopped)
     }
@@ -45,7 +45,7 @@ impl PlantOutcome {
 /// `configuration`.
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
-    /// How the run ended.
+    /// The outcome of the run.
     pub outcome: PlantOutcome,
     /// The fault that was latched at the end, if one was.
     pub fault: Option<Fault>,
@@ -272,7 +272,7 @@ impl BothReport {
     }
 }
 
-/// How simulated time kept up with the clock.
+/// The progress of simulated time against the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Pacing {
     /// Simulated seconds a second that were requested.

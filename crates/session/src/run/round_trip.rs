@@ -20,7 +20,7 @@ struct Departure {
     sample: u64,
     /// On the loop's clock, ns.
     run_ns: u64,
-    /// Of the UNIX epoch, ns.
+    /// The time since the UNIX epoch, ns.
     unix_ns: u64,
 }
 

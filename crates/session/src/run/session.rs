@@ -41,11 +41,11 @@ const ARMING_NS: u64 = 10_000_000_000;
 pub struct RecordTo {
     /// Path of the MCAP file.
     pub path: PathBuf,
-    /// What to do if the file already exists.
+    /// The action if the file already exists.
     pub existing: Existing,
 }
 
-/// What to do if the operating system denies a run's thread the requested settings.
+/// The action if the operating system denies a run's thread the requested settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnShortfall {
     /// Logs a warning.
@@ -69,7 +69,7 @@ pub struct Options {
     /// Settings that the plant's thread, which is the calling one, requests from the operating system; `None` leaves it
     /// as it is. The report says what was granted.
     pub thread: Option<ThreadSetup>,
-    /// What to do if the operating system denies a thread setting.
+    /// The action if the operating system denies a thread setting.
     pub on_shortfall: OnShortfall,
     /// Whether a run ends when an armed plant is disarmed or faults.
     pub end_on_disarm: bool,
@@ -152,9 +152,9 @@ impl Session {
         Session::of(scenario, mode, options, |scenario| Ok(scenario.plant()?))
     }
 
-    /// As [`Session::new`] with a structure of the caller's own, instead of the arm; the scenario has no other. The
-    /// recording has the `structure.kind` own, so that nothing mistakes it for the arm's. In real time its steps must
-    /// not allocate, lock or block.
+    /// Works like [`Session::new`] with a structure of the caller's own, instead of the arm; the scenario has no other.
+    /// The recording has the `structure.kind` own, so that nothing mistakes it for the arm's. In real time its steps
+    /// must not allocate, lock or block.
     ///
     /// # Errors
     /// [`RunError`] with the impossible part of the scenario, the options or the structure.
@@ -244,8 +244,8 @@ impl Session {
         self.controller_reading(self.scenario.rig.converter)
     }
 
-    /// As [`Session::controller`], for a plant whose instruments have this converter. A controller of the caller's own
-    /// knows its plant.
+    /// Works like [`Session::controller`], for a plant whose instruments have this converter. A controller of the
+    /// caller's own knows its plant.
     pub(super) fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, RunError> {
         match &self.controller {
             Some(make) => Ok(self.scenario.limited(make.0())),
@@ -253,7 +253,7 @@ impl Session {
         }
     }
 
-    /// Whether the controller is one of the caller's own.
+    /// Says whether the controller is one of the caller's own.
     pub(super) fn has_own_controller(&self) -> bool {
         self.controller.is_some()
     }

@@ -25,7 +25,7 @@ impl Signals {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the run was asked to end.
+    /// Says whether the run was asked to end.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -35,7 +35,7 @@ impl Signals {
         self.has_exciter_ended.store(has_ended, Ordering::Release);
     }
 
-    /// Whether the only exciter on the plant's bus has ended: a plant that is not armed by then never will be.
+    /// Says whether the only exciter on the plant's bus has ended: a plant that is not armed by then never will be.
     pub(super) fn has_exciter_ended(&self) -> bool {
         self.has_exciter_ended.load(Ordering::Acquire)
     }
@@ -106,7 +106,7 @@ pub enum RunEvent {
     Faulted {
         /// Fault that was latched.
         fault: Fault,
-        /// What the exciter said was wrong, where that is the reason.
+        /// The fault that the exciter reported, where that is the reason.
         #[serde(skip_serializing_if = "Option::is_none")]
         partner: Option<Fault>,
     },
@@ -126,7 +126,7 @@ pub enum RunEvent {
     BusLost {
         /// Sample at which the loss was found.
         sample: u64,
-        /// How the bus was lost.
+        /// The cause of the loss of the bus.
         cause: BusLoss,
     },
     /// The bus works again.

@@ -40,7 +40,7 @@ const REQUESTS: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
 pub enum Notice {
-    /// What is recorded too: states, readings, ticks, events; frames if they are wanted
+    /// A record that is also in the recording: states, readings, ticks, events; frames if they are wanted
     /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
     Record(Record),
     /// Answer of an exciter to a sample, where no plant passes on its state.
@@ -141,7 +141,7 @@ struct Opened {
 }
 
 impl Opened {
-    /// Whether the loop has ended and all its notices were taken.
+    /// Says whether the loop has ended and all its notices were taken.
     fn is_over(&self) -> bool {
         // The order matters: if the loop has ended, all its notices are in the rings by now.
         self.often.is_abandoned()
@@ -246,7 +246,7 @@ impl Watched {
         self.shared.lost.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Whether frames are wanted. Never blocks, locks or allocates.
+    /// Says whether frames are wanted. Never blocks, locks or allocates.
     pub fn wants_frames(&self) -> bool {
         self.end.capacities().1 > 0 && self.shared.wants_frames.load(Ordering::Relaxed)
     }

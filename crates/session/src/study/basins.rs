@@ -35,7 +35,7 @@ impl StateGrid {
         self.counts[0] * self.counts[1]
     }
 
-    /// Whether the grid has no states.
+    /// Says whether the grid has no states.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -154,7 +154,7 @@ impl BasinComputation {
         self.basins.grid.len()
     }
 
-    /// Whether results are kept in a journal.
+    /// Says whether results are kept in a journal.
     pub fn is_kept(&self) -> bool {
         self.journal.is_some()
     }

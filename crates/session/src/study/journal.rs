@@ -159,7 +159,7 @@ fn header_in(line: &[u8]) -> Option<Value> {
     ["build", "configuration"].iter().all(|key| found.get(key).is_some()).then_some(found)
 }
 
-/// Whether a file without the end of a line is empty, or may be a header whose writing was cut off.
+/// Says whether a file without the end of a line is empty, or may be a header whose writing was cut off.
 fn is_torn_header(bytes: &[u8]) -> bool {
     const BEGIN: &[u8] = br#"{"build":{"#;
     bytes.starts_with(BEGIN) || BEGIN.starts_with(bytes)

@@ -23,7 +23,7 @@ pub struct Sweeps {
     pub read: Vec<Dof>,
     /// The state, at phase 0, in which the first response of each sweep starts: coordinates, rates, states of elements.
     pub start: Vec<f64>,
-    /// How long to wait for each response to settle, and how much of its section is kept.
+    /// The longest time for each response to settle, and the number of points of its section that are kept.
     pub options: SettleOptions,
 }
 
@@ -171,12 +171,12 @@ impl SweepComputation {
         self.sweeps.sweeps.iter().map(|sweep| sweep.values.len()).sum()
     }
 
-    /// Whether all points are computed.
+    /// Says whether all points are computed.
     pub fn is_complete(&self) -> bool {
         self.done() == self.total()
     }
 
-    /// Whether points are kept in a journal.
+    /// Says whether points are kept in a journal.
     pub fn is_kept(&self) -> bool {
         self.journal.is_some()
     }

@@ -10,7 +10,7 @@ use resonarm_analysis::Bending;
 const SMALL_DEG: f64 = 50.0;
 const LARGE_DEG: f64 = 100.0;
 
-/// Whether the backbones of a mode, up to the torque, are of a kind at each of the selected poses of Fig. 4.
+/// Says whether the backbones of a mode, up to the torque, are of a kind at each of the selected poses of Fig. 4.
 fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn(&Bent) -> bool) -> Judgement {
     let poses: Vec<f64> = survey.settings.figure4.beta2_deg.iter().copied().filter(|pose| wanted(*pose)).collect();
     survey.over_torques(mode, |driven| {

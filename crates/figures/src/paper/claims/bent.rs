@@ -1,4 +1,4 @@
-//! Which way a zone bends, read from its backbone.
+//! The direction in which a zone bends, read from its backbone.
 
 use super::super::branch::{beta2_deg, natural_hz, zone_hz};
 use super::super::{Drive, PaperError, Subject};

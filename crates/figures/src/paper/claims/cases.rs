@@ -45,7 +45,7 @@ pub(super) fn signed(value: f64) -> String {
     value.to_string().replace('-', "−")
 }
 
-/// Whether all parts hold, if that is known: one that doesn't is enough for `false`.
+/// Says whether all parts hold, if that is known: one that doesn't is enough for `false`.
 pub(super) fn all_hold(parts: impl Iterator<Item = Seen<bool>>) -> Seen<bool> {
     let (mut unknown, mut holds) = (None, true);
     // All parts are asked: a later one that does not hold settles the matter.

@@ -119,7 +119,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether every statement could be judged in at least one of its cases.
+    /// Says whether every statement could be judged in at least one of its cases.
     pub fn is_complete(&self) -> bool {
         self.claims.iter().flat_map(|claim| &claim.findings).all(|finding| finding.verdict != Verdict::NotComputed)
     }
@@ -185,7 +185,7 @@ fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
     Finding { preset: survey.subject.preset(), verdict, over, own, cases }
 }
 
-/// Whether enough cases could be computed for a verdict: two thirds.
+/// Says whether enough cases could be computed for a verdict: two thirds.
 fn enough(computed: usize, all: usize) -> bool {
     // In whole numbers, so that rounding doesn't decide at exactly two thirds.
     3 * computed >= 2 * all

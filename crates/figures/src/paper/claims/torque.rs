@@ -15,7 +15,7 @@ fn peak_hz(survey: &Survey<'_>, driven: Driven, beta2_deg: f64, mode: usize) -> 
     Ok(survey.zone(driven, beta2_deg, mode)?.peak(0)?.frequency_hz)
 }
 
-/// Whether a number falls from each pose of Fig. 4 to the next, and the numbers in words.
+/// Says whether a number falls from each pose of Fig. 4 to the next, and the numbers in words.
 fn falls(survey: &Survey<'_>, of: impl Fn(f64) -> Seen<f64>, name: &str) -> Seen<Opinion> {
     let seen: Vec<(f64, Seen<f64>)> =
         survey.settings.figure4.beta2_deg.iter().map(|beta2_deg| (*beta2_deg, of(*beta2_deg))).collect();
