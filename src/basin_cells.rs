@@ -7,11 +7,11 @@ use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::study::StateGrid;
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
-/// An initial state in results.
+/// An initial state of the grid, as the results state it.
 #[derive(Serialize)]
 struct Cell {
     at: [f64; 2],
-    /// Which motion it reaches, from 1.
+    /// The number of the response that it reaches, counted from 1.
     motion: Option<usize>,
     /// Periods of the excitation until this was certain.
     periods: Option<u64>,
@@ -19,7 +19,7 @@ struct Cell {
     outcome: &'static str,
 }
 
-/// All of them, with their numbers.
+/// The cells of a grid, and the numbers of those without a response.
 #[derive(Serialize)]
 pub(crate) struct Cells {
     undecided: usize,
@@ -28,7 +28,7 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// The fates of the states of a grid.
+    /// Lists the fates of the states of a grid.
     pub fn new(grid: &StateGrid, outcomes: &[BasinOutcome]) -> Cells {
         let cell = |(index, outcome): (usize, &BasinOutcome)| {
             let (motion, periods, name) = match outcome {
@@ -48,17 +48,17 @@ impl Cells {
         self.cells.len()
     }
 
-    /// Returns the number of states that reach a motion, which is counted from 0.
+    /// Returns the number of states that reach a response, which is counted from 0.
     pub fn reaching(&self, motion: usize) -> usize {
         self.cells.iter().filter(|cell| cell.motion == Some(motion + 1)).count()
     }
 
-    /// Says in words how many states reach no motion, and what to try.
+    /// Says in words how many states reach no response, and what to try.
     pub fn others(&self, time_constants: f64) -> String {
         let mut text = String::new();
         if self.undecided > 0 {
             text += &format!(
-                "undecided: {} states come to none of these within {time_constants} time constants (try more \
+                "undecided: {} states reach none of these within {time_constants} time constants (try more \
                  --time-constants)\n",
                 self.undecided
             );
@@ -69,7 +69,7 @@ impl Cells {
         text
     }
 
-    /// A line for each state, whose coordinates have these names.
+    /// Returns a line for each state, whose coordinates have these names.
     pub fn csv(&self, [x, y]: [&str; 2]) -> String {
         let mut text = format!("{x},{y},outcome,motion,periods\n");
         for Cell { at: [x, y], motion, periods, outcome } in &self.cells {
@@ -79,8 +79,8 @@ impl Cells {
         text
     }
 
-    /// A tile for each state, in the colour of the motion it reaches, which `labels` name; the sections of the motions
-    /// over them. `spacing` is the distance of neighbouring states along each axis.
+    /// Draws a tile for each state, in the colour of the response it reaches, which `labels` name; the sections of the
+    /// responses are drawn over them. `spacing` is the distance of neighbouring states along each axis.
     pub fn figure(
         &self,
         [x, y]: [&str; 2],
@@ -108,7 +108,7 @@ impl Cells {
         }
         // Drawn last, over the tiles. The other coordinates of an orbit are usually not those of the plane of the
         // grid, so that its mark is a projection and may lie in a tile of another colour.
-        let sections = Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections);
+        let sections = Series::markers("stable responses, projected", Color::Black, Marker::Diamond, sections);
         let panel = panel.with(sections.marked(8.0, false));
         Figure::new("Basins of attraction: where each initial state ends").with(panel)
     }

@@ -1,4 +1,4 @@
-//! The grid of initial states of `basins`, as its flags say it.
+//! The grid of initial states of `basins`, with its flags.
 
 use clap::Args;
 
@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use resonarm::study::StateGrid;
 use resonarm_numeric::number::short;
 
-/// Most values of a coordinate.
+/// The largest number of values of a coordinate.
 const MOST: u32 = 1000;
 
 /// The grid of initial states.
@@ -31,7 +31,7 @@ pub(crate) struct GridFlags {
 }
 
 impl GridFlags {
-    /// The grid in two coordinates, which go as far as `reach` says.
+    /// Returns the grid in two coordinates; without flags each of them extends as far as `reach`.
     pub fn grid(
         &self,
         coordinates: [usize; 2],
@@ -40,11 +40,11 @@ impl GridFlags {
         others: Vec<f64>,
     ) -> Result<StateGrid, Failure> {
         if names[0] == names[1] {
-            return Err(Failure::usage(format!("--coordinates has {} twice: give two", names[0])));
+            return Err(Failure::usage(format!("--coordinates names {} twice: give two different ones", names[0])));
         }
         let counts = pair("--points", &self.points)?;
         if let Some(count) = counts.iter().find(|count| !(2..=MOST).contains(*count)) {
-            return Err(Failure::usage(format!("--points has {count}: it must be from 2 to {MOST}")));
+            return Err(Failure::usage(format!("--points has the value {count}: it must be from 2 to {MOST}")));
         }
         let to = self.to.as_ref().map_or(Ok(reach), |to| pair("--to", to))?;
         // Coordinates count from rest, so a grid without --from is symmetric about the state of rest.
@@ -53,15 +53,15 @@ impl GridFlags {
         match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
             Some([from, to]) => {
                 let (from, to) = (short(from), short(to));
-                Err(Failure::usage(format!("the grid goes from {from} to {to}: both must be numbers, and different")))
+                Err(Failure::usage(format!("invalid grid from {from} to {to}: the ends must be two different numbers")))
             }
             None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),
         }
     }
 }
 
-/// Two values of a flag.
+/// Returns the two values of a flag.
 pub(crate) fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
     let count = values.len();
-    <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values: it needs two, X,Y")))
+    <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values, expected two: X,Y")))
 }

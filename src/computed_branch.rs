@@ -12,14 +12,14 @@ use resonarm::analysis::{Branch, Coordinate, Nearest, Orbit, TraceOptions, neare
 use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 
-/// Largest turn between two motions of the computed branch: with this it is straight between them, as far as measured
+/// Largest turn between two responses of the computed branch: with this it is straight between them, as far as measured
 /// points go.
 const STRAIGHT_RAD: f64 = 0.01;
 /// Largest relative difference between the loads of points on a single branch.
 pub(crate) const SAME_LOAD: f64 = 0.02;
-/// The computed branch goes beyond the points by this part of their frequencies.
+/// The part of the points' frequencies by which the computed branch extends beyond them.
 const MARGIN: f64 = 0.02;
-/// The label of points that come from clipped readings.
+/// The label of points that come from clipped readings in figures.
 pub(crate) const CLIPPED: &str = "from clipped readings";
 
 /// The computed branch at the load of measured points, around them.
@@ -36,28 +36,28 @@ pub(crate) struct Score {
     /// The degree of freedom whose amplitude is compared.
     at: String,
     settled_points: usize,
-    /// Points that lie where the computed motion is unstable.
+    /// Points that lie where the computed response is unstable.
     unstable_points: usize,
-    /// Of the frequency, relative.
+    /// The largest relative deviation of the frequency.
     largest_frequency_deviation: f64,
-    /// Of the amplitude, relative.
+    /// The largest relative deviation of the amplitude.
     largest_amplitude_deviation: f64,
 }
 
-/// The least and the largest load of the points that have settled.
+/// Returns the least and the largest load of the points that have settled.
 pub(crate) fn load_range(points: &[MeasuredPoint]) -> [f64; 2] {
     let loads = points.iter().filter(|point| point.settled).filter_map(|point| point.excitation);
     loads.fold([f64::INFINITY, 0.0], |[least, most], load| [least.min(load), most.max(load)])
 }
 
-/// Whether the loads of the points that have settled are those of a single branch.
+/// Says whether the loads of the points that have settled are those of a single branch.
 pub(crate) fn is_at_one_load(points: &[MeasuredPoint]) -> bool {
     let [least, most] = load_range(points);
     most <= least * (1.0 + SAME_LOAD)
 }
 
-/// The degree of freedom at which points are compared: of those whose readings of settled points are never clipped, if
-/// there are any, the one with the largest displacement.
+/// Chooses the degree of freedom at which points are compared: of those whose readings of settled points are never
+/// clipped, if there are any, the one with the largest displacement.
 fn best_read(points: &[MeasuredPoint]) -> Option<&str> {
     let rank = |dof: &str| {
         let is_clipped = points.iter().any(|point| point.settled && point.is_clipped(dof));
@@ -112,30 +112,30 @@ impl ComputedBranch {
         Ok(Some(ComputedBranch { branch, at, drive }))
     }
 
-    /// The name of the degree of freedom whose fundamental is compared.
+    /// Returns the name of the degree of freedom whose fundamental is compared.
     pub fn at(&self) -> &str {
         &self.at.name
     }
 
-    /// The unit of the displacement there.
+    /// Returns the unit of the displacement that is compared.
     pub fn unit(&self) -> &'static str {
         self.at.unit()
     }
 
-    /// The load of the branch, with its unit and place.
+    /// Returns the load of the branch, with its unit and place.
     pub fn load(&self) -> String {
         self.drive.rounded_words()
     }
 
-    /// The place of the branch that is nearest to a point; `None` if the point was not measured there, or its reading is
-    /// zero.
+    /// Returns the place of the branch that is nearest to a point; `None` if the point was not measured there, or its
+    /// reading is zero.
     pub fn nearest(&self, point: &MeasuredPoint) -> Option<Nearest> {
         let read = [point.frequency_hz, point.amplitude(&self.at.name).filter(|amplitude| *amplitude > 0.0)?];
         nearest(&self.branch.orbits, 0, read, Distances::default())
     }
 
-    /// How far off the points are that have settled without clipped readings; `None` if there are none, and if their loads
-    /// differ.
+    /// Measures how far the points that have settled without clipped readings are from the branch; `None` if there are
+    /// no such points, or if their loads differ.
     pub fn score(&self, points: &[MeasuredPoint]) -> Option<Score> {
         let mut score = Score {
             at: self.at.name.clone(),
@@ -155,8 +155,8 @@ impl ComputedBranch {
         (score.settled_points > 0 && is_at_one_load(points)).then_some(score)
     }
 
-    /// The points over the branch: the amplitude of the fundamental over the frequency; unstable motions dashed, and
-    /// points from clipped readings crossed. `conditions` name the structure.
+    /// Draws the points over the branch: the amplitude of the fundamental over the frequency; unstable periodic
+    /// responses dashed, and points from clipped readings crossed. `conditions` name the structure.
     pub fn figure(&self, title: &str, conditions: Subtitle, points: &[MeasuredPoint]) -> Figure {
         let ReadAt { name, .. } = &self.at;
         let amplitude = Axis::linear(format!("amplitude of {name} ({})", self.at.unit()));
@@ -189,7 +189,7 @@ impl ComputedBranch {
 }
 
 impl Score {
-    /// The score in a line.
+    /// States the score in a line.
     pub fn line(&self) -> String {
         format!(
             "{} settled points on the computed branch of {} within {:.1e} of the frequency and {:.1e} of the amplitude, \

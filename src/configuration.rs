@@ -10,7 +10,7 @@ use resonarm::structure::{
     Assembly, BodySpec, Channel, ChannelName, CoordinateUnit, Coordinates, LOADS, coordinate_channels,
 };
 
-/// The structure under test, with everything that its equations depend on.
+/// Describes the structure under test, with everything that its equations depend on.
 pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Value {
     let mut structure = json!(scenario.structure);
     if let (StructureKind::Preset, BodySpec::Chain(chain)) = (scenario.structure.kind, &tested.assembly.spec().body) {
@@ -31,12 +31,12 @@ pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Valu
     configuration
 }
 
-/// The structure of a scenario; `None` of one whose equations are not known, an FMU or a program's own.
+/// Describes the structure of a scenario; `None` of one whose equations are not known, an FMU or a program's own.
 pub(crate) fn computable(scenario: &Scenario) -> Result<Option<TestedAssembly>, ScenarioError> {
     if scenario.foreign_structure().is_some() { Ok(None) } else { scenario.under_test().map(Some) }
 }
 
-/// The structure of a scenario and the peak loads of its control or excitation.
+/// Describes the structure of a scenario and the peak loads of its control or excitation.
 pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
     let tested = computable(scenario)?;
     let mut configuration = match &tested {
@@ -49,9 +49,9 @@ pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
     Ok(configuration)
 }
 
-/// The loads that a scenario commands, in the form of [`Drive::document`](crate::drive::Drive::document), by the degrees
-/// of freedom that they act on. A load has its key in the scenario in place of that if nothing of the structure takes it,
-/// or if the equations of the structure are not known.
+/// Describes the loads that a scenario commands, in the form of [`Drive::document`](crate::drive::Drive::document), by
+/// the degrees of freedom that they act on. A load has its key in the scenario in place of the degree of freedom if it
+/// acts at no point of the structure, or if the equations of the structure are not known.
 fn commanded(amplitude: &Load, tested: Option<&TestedAssembly>) -> Value {
     let dofs = tested.map(TestedAssembly::loaded);
     let parts = amplitude.parts().into_iter().enumerate().filter(|(_, part)| *part != 0.0);
@@ -65,28 +65,28 @@ fn commanded(amplitude: &Load, tested: Option<&TestedAssembly>) -> Value {
     parts.map(named).collect()
 }
 
-/// Name and unit of each coordinate of a structure.
+/// Returns the name and unit of each coordinate of a structure.
 pub(crate) fn coordinates(assembly: &Assembly) -> Value {
     let coordinate = |channel: &Channel| json!({ "name": channel.name, "unit": channel.quantity.unit() });
     channels(assembly).iter().take(assembly.coordinates()).map(coordinate).collect()
 }
 
-/// The names of the coordinates of a structure, then those of their rates.
+/// Returns the names of the coordinates of a structure, then those of their rates.
 pub(crate) fn state_names(assembly: &Assembly) -> Vec<ChannelName> {
     channels(assembly).iter().map(|channel| channel.name).collect()
 }
 
-/// The initial state of `--initial`, or that of the scenario, of elements at rest.
+/// Returns the initial state of `--initial`, or that of the scenario, with elements at rest.
 pub(crate) fn initial(given: Option<&[f64]>, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
     let (initial, needed) = (given.unwrap_or(&tested.initial), 2 * tested.assembly.coordinates());
     if initial.len() != needed {
         let known = state_names(&tested.assembly).join(", ");
-        return Err(Failure::usage(format!("--initial has {} numbers: give {needed}, {known}", initial.len())));
+        return Err(Failure::usage(format!("--initial has {} numbers, expected {needed}: {known}", initial.len())));
     }
     Ok(initial.to_vec())
 }
 
-/// A coordinate by its number, from 0, or past them its rate, with its unit, for figures.
+/// Returns the label in figures of a coordinate by its number from 0, or past the coordinates of a rate, with its unit.
 pub(crate) fn state_label(assembly: &Assembly, index: usize) -> String {
     let n = assembly.coordinates();
     let symbol = if assembly.coordinate_unit() == CoordinateUnit::Radian { "α" } else { "q" };
@@ -96,7 +96,7 @@ pub(crate) fn state_label(assembly: &Assembly, index: usize) -> String {
     if index < n { format!("{symbol}{number} ({unit})") } else { format!("d{symbol}{number}/dt ({unit})") }
 }
 
-/// The channels of the coordinates and their rates.
+/// Returns the channels of the coordinates and their rates.
 fn channels(assembly: &Assembly) -> Vec<Channel> {
     let of = match assembly.coordinate_unit() {
         CoordinateUnit::Radian => Coordinates::Joints,

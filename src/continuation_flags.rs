@@ -19,11 +19,11 @@ pub(crate) struct ContinuationFlags {
     largest_step: f64,
 }
 
-/// The smallest fraction accepted.
+/// The smallest step accepted, as a fraction.
 const SHORTEST_STEP: f64 = 1e-6;
 
 impl ContinuationFlags {
-    /// The options with these settings.
+    /// Returns the options with these settings.
     pub fn options(&self, mut options: BranchOptions) -> Result<BranchOptions, Failure> {
         if !(SHORTEST_STEP..=1.0).contains(&self.largest_step) {
             let why = format!("it must be from {SHORTEST_STEP} to 1");

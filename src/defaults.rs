@@ -1,4 +1,4 @@
-//! Defaults in the help that differ between commands: read from the scenarios that the commands use.
+//! The defaults in the help that differ between commands, read from the scenarios that the commands use.
 
 use clap::{Arg, Command};
 
@@ -11,15 +11,15 @@ use resonarm::scenario::Scenario;
 use resonarm::structure::Preset;
 use resonarm_numeric::number::short;
 
-/// A command, or its subcommands, with `[default: …]` after the help of every flag whose default comes from a scenario.
-/// If an embedded scenario can't be read, its command shows no defaults; running the command reports why.
+/// Adds `[default: …]` in a command, or its subcommands, after the help of every flag whose default comes from a
+/// scenario. If an embedded scenario can't be read, its command shows no defaults; running the command reports why.
 pub(crate) fn stated(command: Command) -> Command {
     if command.has_subcommands() {
         return command.mut_subcommands(stated);
     }
     let all = defaults(command.get_name()).unwrap_or_default();
     let ends_by_itself = ["exciter", "fig9"].contains(&command.get_name());
-    // They refuse it, and say why.
+    // Such commands reject the flag, and say why.
     let command = if ends_by_itself { command.mut_arg("duration_s", |arg| arg.hide(true)) } else { command };
     with(command, &all)
 }
@@ -27,7 +27,7 @@ pub(crate) fn stated(command: Command) -> Command {
 /// The flags of a command with their defaults.
 type Defaults = Vec<(&'static str, String)>;
 
-/// The command with the defaults of those flags that it has.
+/// Adds to a command the defaults of the flags that it has.
 fn with(command: Command, defaults: &Defaults) -> Command {
     defaults.iter().fold(command, |command, (id, default)| {
         let has_it = |arg: &Arg| arg.get_id() == id && arg.get_default_values().is_empty();
@@ -41,7 +41,7 @@ fn with(command: Command, defaults: &Defaults) -> Command {
     })
 }
 
-/// The defaults of the command of this name.
+/// Returns the defaults of the command of this name.
 fn defaults(command: &str) -> Result<Defaults, Failure> {
     let scenario = match command {
         "demo" => demo::scenario()?,
@@ -81,7 +81,7 @@ fn defaults(command: &str) -> Result<Defaults, Failure> {
     Ok(all)
 }
 
-/// A scenario's values for the flags of an arm and a session.
+/// Returns a scenario's values for the flags of an arm and a session.
 fn of_scenario(scenario: &Scenario) -> Defaults {
     let (structure, simulation) = (&scenario.structure, &scenario.simulation);
     let angles: Vec<String> = structure.angles_deg.iter().map(|angle_deg| short(angle_deg).to_string()).collect();

@@ -40,7 +40,7 @@ impl FromStr for LoadFlag {
             return Ok(LoadFlag { name: text.to_owned(), amplitude: None });
         };
         match numbers::finite(amplitude)? {
-            0.0 => Err(String::from("the amplitude is 0: it must be another number")),
+            0.0 => Err(String::from("the amplitude must be a number other than 0")),
             amplitude => Ok(LoadFlag { name: name.to_owned(), amplitude: Some(amplitude) }),
         }
     }
@@ -71,7 +71,7 @@ pub(crate) struct Drive {
 }
 
 impl DriveFlags {
-    /// The loads with their amplitudes.
+    /// Returns the loads with their amplitudes.
     pub fn drive(&self, assembly: &Assembly) -> Result<Drive, Failure> {
         self.check_given(assembly)?;
         match self.loads.iter().find(|load| load.amplitude.is_none()) {
@@ -80,26 +80,26 @@ impl DriveFlags {
         }
     }
 
-    /// The loads with their amplitudes; `None` if no load is given.
+    /// Returns the loads with their amplitudes; `None` if no load is given.
     pub fn any(&self, assembly: &Assembly) -> Result<Option<Drive>, Failure> {
         if self.loads.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
     }
 
-    /// The loads whose common amplitude varies: one without an amplitude, which counts as 1, or several, whose ratio
-    /// their amplitudes are.
+    /// Returns the loads whose common amplitude varies: one without an amplitude, which counts as 1, or several, whose
+    /// ratio their amplitudes are.
     pub fn direction(&self, assembly: &Assembly) -> Result<Drive, Failure> {
         self.check_given(assembly)?;
         match &self.loads[..] {
-            [LoadFlag { name, amplitude: Some(_) }] => {
-                Err(Failure::usage(format!("the amplitude is what varies: give --drive {name} without one")))
-            }
+            [LoadFlag { name, amplitude: Some(_) }] => Err(Failure::usage(format!(
+                "the amplitude is the quantity that varies: give --drive {name} without one"
+            ))),
             [_] => self.resolved(assembly),
             _ => self.drive(assembly),
         }
     }
 
-    /// The loads, whose amplitude may be left out; it is then 1, and `None` is returned for it. Without loads a torque
-    /// at joint 1 of a chain.
+    /// Returns the loads, whose amplitude may be left out; it is then 1, and `None` is returned for it. Without loads a
+    /// torque at joint 1 of a chain.
     pub fn up_to(&self, assembly: &Assembly) -> Result<(Drive, Option<f64>), Failure> {
         match &self.loads[..] {
             [] if assembly.dof("joint1").is_ok() => {
@@ -135,26 +135,26 @@ impl DriveFlags {
     }
 }
 
-/// The refusal of a command without its load.
+/// Returns the failure of a command without its load.
 pub(crate) fn missing(flag: &str, assembly: &Assembly) -> Failure {
     let known = assembly.dof_names().join(", ");
     Failure::usage(format!("the excitation is missing: give it by {flag}, with DOF one of {known}"))
 }
 
-/// The refusal of a load without its amplitude.
+/// Returns the failure of a load without its amplitude.
 pub(crate) fn lacks_amplitude(name: &str, dof: Dof) -> Failure {
     Failure::usage(format!("--drive {name} has no amplitude: give --drive {name}=A, in {}", dof.load_unit()))
 }
 
 impl Drive {
-    /// The loads of a scenario's exciter; `None` if it drives nothing of the structure.
+    /// Returns the loads of a scenario's exciter; `None` if they act at no point of the structure.
     pub fn of_exciter(amplitude: &rig::Load, tested: &TestedAssembly) -> Option<Drive> {
         let load = |(dof, amplitude)| Load { at: ReadAt { dof, name: tested.dof_name(dof) }, amplitude };
         let loads: Vec<Load> = tested.driven(amplitude).into_iter().map(load).collect();
         (!loads.is_empty()).then_some(Drive { loads })
     }
 
-    /// The loads of a document, by the names of the degrees of freedom.
+    /// Reads the loads of a document, by the names of the degrees of freedom.
     ///
     /// # Errors
     /// If the structure has no such degree of freedom, or a load has another unit than it has there.
@@ -164,11 +164,11 @@ impl Drive {
             match &load.unit {
                 // The other loads are stated by their ratio to the first.
                 _ if load.amplitude == 0.0 || !load.amplitude.is_finite() => Err(Failure::usage(format!(
-                    "the drive at {name} is {}: it must be a finite number other than 0",
+                    "the load at {name} is {}: it must be a finite number other than 0",
                     load.amplitude
                 ))),
                 Some(unit) if unit != dof.load_unit() => {
-                    Err(Failure::usage(format!("the drive at {name} is in {unit}: give it in {}", dof.load_unit())))
+                    Err(Failure::usage(format!("the load at {name} is in {unit}, expected {}", dof.load_unit())))
                 }
                 _ => Ok(Load { at: ReadAt { dof, name: name.clone() }, amplitude: load.amplitude }),
             }
@@ -176,19 +176,19 @@ impl Drive {
         Ok(Drive { loads: loads.iter().map(load).collect::<Result<_, Failure>>()? })
     }
 
-    /// The size of the loads together: √Σ A², as that of a force along a direction.
+    /// Returns the size of the loads together: √Σ A², like that of a force along a direction.
     pub fn size(&self) -> f64 {
         self.loads.iter().map(|load| load.amplitude * load.amplitude).sum::<f64>().sqrt()
     }
 
-    /// All loads times a factor.
+    /// Returns all loads times a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Drive {
         let scaled = |load: &Load| Load { amplitude: factor * load.amplitude, ..load.clone() };
         Drive { loads: self.loads.iter().map(scaled).collect() }
     }
 
-    /// The structure under these loads.
+    /// Returns the structure under these loads.
     pub fn forced(&self, assembly: &Assembly) -> Forced {
         let amplitude = self.amplitude();
         // The continuation varies one amplitude, that of the first load. The others are stated by their ratio to it.
@@ -196,12 +196,12 @@ impl Drive {
         Forced::at_several(assembly.clone(), &shares, amplitude)
     }
 
-    /// The amplitude of the first load; the others keep their ratio to it.
+    /// Returns the amplitude of the first load; the others keep their ratio to it.
     pub fn amplitude(&self) -> f64 {
         self.loads[0].amplitude
     }
 
-    /// The unit of the first load.
+    /// Returns the unit of the first load.
     pub fn unit(&self) -> &'static str {
         self.loads[0].at.dof.load_unit()
     }
@@ -216,12 +216,12 @@ impl Drive {
         self.loads.iter().map(|load| load.at.name.as_str()).collect::<Vec<_>>().join(" and ")
     }
 
-    /// The loads in words: `60 N·m at joint1`.
+    /// States the loads in words: `60 N·m at joint1`.
     pub fn words(&self) -> String {
         self.words_by(|amplitude| short(&amplitude).to_string())
     }
 
-    /// The same with at most three decimals, of loads that were measured.
+    /// States loads that were measured in words, with at most three decimals.
     pub fn rounded_words(&self) -> String {
         self.words_by(|amplitude| short(&((1e3 * amplitude).round() / 1e3)).to_string())
     }
@@ -234,7 +234,7 @@ impl Drive {
         self.loads.iter().map(one).collect::<Vec<_>>().join(", ")
     }
 
-    /// The amplitudes and their units by the degrees of freedom.
+    /// Returns the amplitudes and their units by the degrees of freedom.
     pub fn document(&self) -> Value {
         let document = |Load { at, amplitude }: &Load| LoadDocument {
             amplitude: *amplitude,

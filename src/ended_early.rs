@@ -11,7 +11,7 @@ use resonarm::analysis::{Backbone, Branch, SingularCurve};
 
 /// A result that a continuation builds point by point.
 pub(crate) trait CountMotions {
-    /// The number of motions in it.
+    /// Returns the number of responses in it.
     fn motions(&self) -> usize;
 }
 
@@ -41,7 +41,7 @@ impl Early {
     /// Returns the result of a continuation, complete or not. `along` names the quantity that varied.
     ///
     /// # Errors
-    /// [`Failure::BranchEndedEarly`] if it holds no motion.
+    /// [`Failure::BranchEndedEarly`] if it holds no response.
     pub fn keep<T: CountMotions + Debug>(
         &mut self,
         along: &str,
@@ -58,7 +58,8 @@ impl Early {
         })
     }
 
-    /// The same for an addition to a result: finding nothing is no failure, unless the request was wrong.
+    /// Returns the result of a continuation that adds to another: finding nothing is no failure, unless the request was
+    /// wrong.
     ///
     /// # Errors
     /// [`Failure::BranchEndedEarly`] if the interval is invalid.
@@ -77,13 +78,13 @@ impl Early {
         }
     }
 
-    /// The reasons, for a document; `None` if every continuation was completed.
+    /// Returns the reasons, for a document; `None` if every continuation was completed.
     pub fn document(&self) -> Option<Value> {
         let reasons: Vec<String> = self.0.iter().map(Failure::to_string).collect();
         (!reasons.is_empty()).then(|| json!(reasons))
     }
 
-    /// The command's verdict once its results are out: fails with the last reason and reports the others.
+    /// Returns the command's verdict once its results are out: fails with the last reason and reports the others.
     pub fn verdict(mut self) -> Result<Verdict, Failure> {
         // A command fails with one error, which `main` prints. The others are printed here, before it.
         let last = self.0.pop();

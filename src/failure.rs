@@ -40,7 +40,7 @@ impl Verdict {
         if positive { Verdict::Positive } else { Verdict::Negative }
     }
 
-    /// Positive if both are.
+    /// Returns the verdict on both: positive if both are.
     pub fn and(self, other: Verdict) -> Verdict {
         if self == Verdict::Positive { other } else { Verdict::Negative }
     }
@@ -96,7 +96,7 @@ pub(crate) enum Failure {
     Study(#[from] StudyError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
-    #[error("{} already exists: name another place, or allow overwriting it (--overwrite)", path.display())]
+    #[error("{} already exists: choose another place, or allow overwriting it (--overwrite)", path.display())]
     Exists { path: PathBuf },
     #[error("{} can't be written over itself, since this command reads it: name another file for the result", path.display())]
     SameFile { path: PathBuf },
@@ -112,7 +112,7 @@ pub(crate) enum Failure {
     BrokenPipe,
 }
 
-/// The exit codes beyond success.
+/// The exit codes other than success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Exit {
     Negative = 1,
@@ -127,17 +127,17 @@ impl From<io::Error> for Failure {
 }
 
 impl Failure {
-    /// A wrong request, or wrong input.
+    /// Makes the failure of a wrong request, or of wrong input.
     pub fn usage(problem: impl Into<String>) -> Failure {
         Failure::Usage(problem.into())
     }
 
-    /// A flag with a value that it can't have.
+    /// Makes the failure of a flag with a value that it can't have.
     pub fn value(flag: &str, got: f64, why: impl Display) -> Failure {
         Failure::usage(format!("{flag} is {}: {why}", short(&got)))
     }
 
-    /// Whether memory, threads or file descriptors have run out.
+    /// Says whether memory, threads or file descriptors have run out.
     fn is_exhaustion(&self) -> bool {
         let mut cause: Option<&(dyn core::error::Error + 'static)> = Some(self);
         while let Some(error) = cause {
@@ -162,7 +162,7 @@ impl Failure {
 
     fn exit(&self) -> Exit {
         match self {
-            // Whatever was being done: it says nothing about what was asked for.
+            // Exhaustion says nothing about the request, whatever failed because of it.
             _ if self.is_exhaustion() => Exit::Environment,
             Failure::Bus(error) => bus(error),
             Failure::Recording(error) => recording(error),
@@ -195,14 +195,14 @@ impl Failure {
     }
 }
 
-/// Whether a system call failed since memory, threads or file descriptors have run out.
+/// Says whether a system call failed since memory, threads or file descriptors have run out.
 fn is_exhausted(error: &io::Error) -> bool {
     // EAGAIN is what a new thread gets at the limit of processes (pthread_create(3), RLIMIT_NPROC).
     let numbers = [libc::ENOMEM, libc::EMFILE, libc::ENFILE, libc::EAGAIN];
     error.kind() == io::ErrorKind::OutOfMemory || error.raw_os_error().is_some_and(|number| numbers.contains(&number))
 }
 
-/// A file that can't be written: a place that isn't there is a wrong request.
+/// Returns the exit code for a file that can't be written: a folder that does not exist is a wrong request.
 fn written(error: &io::Error) -> Exit {
     match error.kind() {
         io::ErrorKind::NotFound
@@ -211,7 +211,7 @@ fn written(error: &io::Error) -> Exit {
         | io::ErrorKind::AlreadyExists
         | io::ErrorKind::InvalidInput
         | io::ErrorKind::InvalidFilename
-        // A file of another kind is there.
+        // A file of another kind has the name.
         | io::ErrorKind::Other => Exit::Usage,
         _ => Exit::Environment,
     }
@@ -244,7 +244,8 @@ fn analysis(error: &AnalysisError) -> Exit {
     }
 }
 
-/// A motion that can't be integrated further is a verdict on the excitation, not a wrong request.
+/// Returns the exit code for an error of integration: a response that can't be integrated further is a verdict on the
+/// excitation, not a wrong request.
 fn integrate(error: &IntegrateError) -> Exit {
     match error {
         IntegrateError::NoConvergence { .. } | IntegrateError::Unbalanced { .. } | IntegrateError::NotFinite { .. } => {
@@ -313,7 +314,8 @@ fn run(error: &RunError) -> Exit {
     }
 }
 
-/// A third-party FMU may need a process or a folder that the system doesn't give.
+/// Returns the exit code for an error of a scenario: an FMU of others may need a process or a folder that the system
+/// doesn't give.
 fn scenario(error: &ScenarioError) -> Exit {
     match error {
         ScenarioError::Structure(StructureSectionError::Fmu { fault, .. }) if fault.is_of_the_system() => {
@@ -323,7 +325,7 @@ fn scenario(error: &ScenarioError) -> Exit {
     }
 }
 
-/// The flags that help a continuation that ended early, in brackets after the message.
+/// Returns the flags that help a continuation that ended early, in brackets after the message.
 fn continuation_hint(error: &AnalysisError) -> &'static str {
     match error {
         AnalysisError::TooManyHarmonics { .. } => " (--most-harmonics)",
@@ -333,7 +335,7 @@ fn continuation_hint(error: &AnalysisError) -> &'static str {
     }
 }
 
-/// The end of the message of a continuation that ended early: how much of it is kept.
+/// Returns the end of the message of a continuation that ended early: how much of it is kept.
 fn kept_so_far(motions: &usize) -> String {
     match motions {
         0 => String::new(),

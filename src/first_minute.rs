@@ -3,7 +3,7 @@
 use clap::Command;
 use clap::builder::StyledStr;
 
-/// What `resonarm` prints without arguments.
+/// The text that `resonarm` prints without arguments.
 pub(crate) const BY_TRADE: &str = "\
 Resonarm simulates the vibration of a robot arm, or of a structure of yours, on a CAN bus, and analyses it.
 
@@ -18,7 +18,7 @@ Analysis      resonarm frf --plot responses          responses of the linear str
 All commands  resonarm --help, and resonarm COMMAND --help
 ";
 
-/// The command line whose help lists its commands in these groups, a title and the variants of the commands each.
+/// Makes the help of a command line list its commands in these groups, a title and the variants of the commands each.
 pub(crate) fn in_groups(command: Command, groups: &[(&str, &[&str])]) -> Command {
     let listed =
         groups.iter().map(|(title, names)| format!("{title}:\n{}\n", list(&command, names))).collect::<String>();
@@ -27,7 +27,7 @@ pub(crate) fn in_groups(command: Command, groups: &[(&str, &[&str])]) -> Command
     ))
 }
 
-/// The lines of these commands, wrapped by clap as it wraps the whole list.
+/// Returns the lines of these commands, wrapped by clap as it wraps the whole list.
 fn list(command: &Command, variants: &[&str]) -> StyledStr {
     let names = variants.iter().map(|variant| variant.to_lowercase());
     let found = names.filter_map(|name| command.find_subcommand(name)).cloned();

@@ -14,7 +14,7 @@ use resonarm::run::OnShortfall;
 use resonarm::scenario::{Scenario, StructureKind};
 use resonarm_numeric::seed;
 
-/// The number of points in a range; the maximum fits easily in memory and in a figure.
+/// Parses the number of points in a range; the maximum fits easily in memory and in a figure.
 pub(crate) fn points() -> RangedI64ValueParser<u32> {
     RangedI64ValueParser::new().range(2..=1_000_000)
 }
@@ -29,11 +29,11 @@ where
 {
     PossibleValuesParser::new(wanted.map(&name)).try_map(move |text| {
         let found = wanted.into_iter().find(|one| name(*one) == text);
-        found.ok_or_else(|| format!("it is one of {}", wanted.map(&name).join(", ")))
+        found.ok_or_else(|| format!("it must be one of {}", wanted.map(&name).join(", ")))
     })
 }
 
-/// A name with a number, as flags take it: `NAME=X`.
+/// A name with a number, the value of a flag: `NAME=X`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NamedNumber {
     pub name: String,
@@ -128,12 +128,13 @@ pub(crate) struct ThreadFlags {
 }
 
 impl ThreadFlags {
-    /// The settings to ask for; `None` with --rt off.
+    /// Returns the settings to ask for; `None` with --rt off.
     pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
         let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::usage(error.to_string()))?;
         let cores_awake = self.cores_awake;
         let setup = ThreadSetup { priority: Some(priority), core: self.core, cores_awake, ..ThreadSetup::default() };
-        let left_out = |asked: &str| Err(Failure::usage(format!("{asked} contradicts --rt off: give one of them")));
+        let left_out =
+            |asked: &str| Err(Failure::usage(format!("{asked} and --rt off exclude each other: give one of them")));
         match (self.rt, self.core) {
             (RealTimeThread::Off, Some(core)) => left_out(&format!("--core {core}")),
             (RealTimeThread::Off, None) if cores_awake => left_out("--cores-awake"),
@@ -142,7 +143,7 @@ impl ThreadFlags {
         }
     }
 
-    /// Says whether a setting that the system does not grant is refused or only warned of.
+    /// Says whether a setting that the system does not grant ends the run or is only warned of.
     pub fn on_shortfall(&self) -> OnShortfall {
         match self.rt {
             RealTimeThread::Require => OnShortfall::Refuse,
@@ -152,7 +153,7 @@ impl ThreadFlags {
 }
 
 impl StructureFlags {
-    /// The scenario of the file, or the usual one, with the flags applied.
+    /// Returns the scenario of the file, or the usual one, with the flags applied.
     pub fn scenario(&self) -> Result<Scenario, Failure> {
         self.scenario_or(|| Ok(Scenario::default()))
     }
@@ -167,7 +168,7 @@ impl StructureFlags {
             let kind = scenario.structure.kind;
             if kind != StructureKind::Preset {
                 return Err(Failure::usage(format!(
-                    "--preset {preset} is a structure of its own, and the scenario's [structure] is of the kind {}: leave it out",
+                    "--preset {preset} is a structure of its own, but the scenario's [structure] is of the kind {}: leave --preset out",
                     kind.name()
                 )));
             }
@@ -194,14 +195,14 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
         StructureKind::Chain => section.links.iter_mut().map(|link| &mut link.angle_deg).collect(),
         StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
             return Err(Failure::usage(format!(
-                "--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind {}: leave it out",
+                "--angles-deg turns the links of a chain, but the scenario's [structure] is of the kind {}: leave --angles-deg out",
                 section.kind.name()
             )));
         }
     };
     if angles.len() != angles_deg.len() {
         return Err(Failure::usage(format!(
-            "--angles-deg has {} numbers: give {}, one for each link",
+            "--angles-deg has {} numbers, expected {}, one for each link",
             angles_deg.len(),
             angles.len()
         )));
@@ -211,7 +212,7 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
 }
 
 impl SessionFlags {
-    /// Refuses --duration-s for work that ends by itself, and says why.
+    /// Rejects --duration-s for work that ends by itself, and says why.
     pub fn refuse_duration(&self, why: &str) -> Result<(), Failure> {
         let refused = |duration_s| Err(Failure::value("--duration-s", duration_s, format!("{why}, leave it out")));
         self.duration_s.map_or(Ok(()), refused)
@@ -231,7 +232,7 @@ impl SessionFlags {
     }
 }
 
-/// The failure for a flag whose value was refused with `error`.
+/// Returns the failure for a flag whose value was rejected with `error`.
 pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::usage(format!("{flag}: {error}"))
 }
@@ -239,7 +240,7 @@ pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
 pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
     name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::usage(error.to_string()))
 }
-/// Reads a scenario, and warns of what is doubtful in the files that it names.
+/// Reads a scenario, and warns of doubtful content in the files that it names.
 pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let scenario = Scenario::read(path)?;
     for warning in &scenario.structure.warnings {

@@ -36,8 +36,8 @@ pub(crate) struct SteerFlag {
 }
 
 impl SteerFlag {
-    /// The session, with the steered sine as its controller if --steer is given, for a plant whose instruments have this
-    /// converter.
+    /// Returns the session, with the steered sine as its controller if --steer is given, for a plant whose instruments
+    /// have this converter.
     pub fn steered(self, session: Session, converter: Converter) -> Result<(Session, Option<Steered>), Failure> {
         if !self.steer {
             return Ok((session, None));
@@ -48,15 +48,15 @@ impl SteerFlag {
     }
 }
 
-/// How a recording is shown.
+/// The settings with which a recording is shown.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
 pub(crate) struct Showing {
-    /// Recorded seconds a second.
+    /// The speed: recorded seconds a second.
     pub speed: f64,
-    /// How often; 0 repeats without end.
+    /// The number of times that it is shown; 0 repeats without end.
     pub times: u32,
-    /// Whether it waits for its first viewer.
+    /// Whether the recording waits for its first viewer.
     pub wait: bool,
 }
 
@@ -76,16 +76,16 @@ fn until_stopped() -> Result<(), Failure> {
     supervise("live view", Length::Unknown, |_, _| {}, until_stopped)
 }
 
-/// Which role of a session is shown, and on what.
+/// The role of a session that is shown, and its bus.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "only the live view reads it"))]
 pub(crate) struct ShownRole {
     pub role: Role,
-    /// The bus, in words.
+    /// The bus in words.
     pub place: String,
-    /// What recordings call it.
+    /// The name of the bus in recordings.
     pub interface: String,
-    /// Write the line with the URL as JSON.
+    /// Whether the line with the URL is written as JSON.
     pub json: bool,
     /// The steered sine, if there is one.
     pub steered: Option<Steered>,
@@ -145,9 +145,7 @@ mod serving {
     }
 
     fn missing() -> Failure {
-        Failure::usage(
-            "--live: this program was built without it: build one by `cargo build --release --features live`",
-        )
+        Failure::usage("--live is not in this build: build the program by `cargo build --release --features live`")
     }
 }
 
@@ -196,7 +194,7 @@ mod serving {
         let responds = shown_role.role != Role::Plant;
         let shown = Shown {
             interface: shown_role.interface.clone(),
-            // An exciter knows no coordinates.
+            // An exciter knows no coordinates, so nothing of the structure is drawn.
             drawing: under_test.drawing.clone().filter(|_| shown_role.role != Role::Exciter),
             table: under_test.table.clone(),
             model: Model::new(about, under_test),
@@ -236,7 +234,7 @@ mod serving {
         begin(flags.live.as_deref().unwrap_or("127.0.0.1"), &flags.live_origin, shown, false)
     }
 
-    /// Display name of the structure under test.
+    /// Returns the display name of the structure under test.
     fn name(scenario: &Scenario) -> Result<String, Failure> {
         if let Some(section) = scenario.foreign_structure() {
             return Ok(foreign_label(section));
@@ -244,7 +242,7 @@ mod serving {
         Ok(label(scenario, &scenario.under_test()?))
     }
 
-    /// The channels of the scenario's plant.
+    /// Returns the channels of the scenario's plant.
     fn table(scenario: &Scenario) -> Result<Channels, Failure> {
         let plant = scenario.plant()?;
         Ok(Channels::of_structure(plant.structure()))
@@ -258,14 +256,14 @@ mod serving {
         Ok(live)
     }
 
-    /// The lines with the page's URL and a warning if other machines reach it.
+    /// Returns the lines with the page's URL and a warning if other machines reach it.
     fn announcement(url: &str, address: SocketAddr, json: bool) -> Vec<String> {
         // The canonical form of ::ffff:127.0.0.1 is 127.0.0.1, which no other machine reaches.
         let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
             let port = address.port();
             format!(
-                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: anyone who reaches it may look, and anyone who \
-                 reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: \
+                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: anyone who reaches it can watch, and anyone who \
+                 reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: \
                  `ssh -L {port}:127.0.0.1:{port} HOST`"
             )
         });
@@ -280,7 +278,7 @@ mod serving {
         [Some(page), warning.map(|warning| format!("live view    {warning}"))].into_iter().flatten().collect()
     }
 
-    /// An address with or without a port.
+    /// Parses an address with or without a port.
     fn parse(text: &str) -> Result<SocketAddr, LiveError> {
         // `[::1]` is neither an `IpAddr`, which has no brackets, nor a `SocketAddr`, which has a port.
         let bare = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).unwrap_or(text);
@@ -288,7 +286,7 @@ mod serving {
         address.or_else(|_not_bare| text.parse()).map_err(|_neither| LiveError::Address { got: text.to_owned() })
     }
 
-    /// The frequencies at which an open loop reads responses.
+    /// Returns the range of frequencies at which an open loop reads responses.
     fn range_hz(scenario: &Scenario) -> Option<(f64, f64)> {
         let profile = scenario.profile().ok()?;
         let windows = profile.windows().map(|window| (window.frequency_hz, window.frequency_hz));
@@ -304,7 +302,7 @@ mod serving {
             let said = |address: &str| announcement("http://x/#t", address.parse().unwrap(), false);
             insta::assert_snapshot!(said("0.0.0.0:8080").join("\n"), @"
             live view    http://x/#t (to look only: leave out what follows #)
-            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: anyone who reaches it may look, and anyone who reads its traffic has the token; better listen on 127.0.0.1 and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
+            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: anyone who reaches it can watch, and anyone who reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
             ");
             for near in ["127.0.0.1:1", "127.8.0.1:1", "[::1]:1", "[::ffff:127.0.0.1]:1"] {
                 assert_eq!(said(near), ["live view    http://x/#t (to look only: leave out what follows #)"], "{near}");

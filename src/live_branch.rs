@@ -1,4 +1,4 @@
-//! The computed branch of the live view: the motions on which the responses that are read should lie.
+//! The computed branch of the live view, on which the responses that are read should lie.
 
 use crate::drive::Drive;
 use crate::figures::branches::stretches;
@@ -9,9 +9,9 @@ use resonarm::scenario::{Scenario, ScenarioError};
 use resonarm::structure::Dof;
 use resonarm_live::{BranchLines, ComputeBranch};
 
-/// Largest turn between two motions of the computed branch: coarser than in a figure, and faster to compute.
+/// Largest turn between two responses of the computed branch: coarser than in a figure, and faster to compute.
 const TURN_RAD: f64 = 0.1;
-/// The branch goes beyond the responses by this part of their frequencies.
+/// The part of the responses' frequencies by which the branch extends beyond them.
 const MARGIN: f64 = 0.02;
 
 /// Computes the branch of the load at which the scenario's responses are read; `None` without a load, and of a structure
@@ -34,7 +34,7 @@ pub(crate) fn compute(scenario: &Scenario) -> Result<Option<ComputeBranch>, Scen
     })))
 }
 
-/// Fundamentals of the displacements that are read.
+/// Returns the fundamentals of the displacements that are read.
 fn lines(branch: &Branch) -> BranchLines {
     let size = |reading: &Reading| size(reading.harmonic1);
     let at = |orbit: &Orbit| core::iter::once(orbit.value).chain(orbit.readings.iter().map(size)).collect::<Vec<f64>>();

@@ -10,7 +10,8 @@ use tracing_subscriber::util::SubscriberInitExt;
 use crate::failure::Failure;
 use crate::output::printable;
 
-/// Names level and targets: `debug`, `resonarm_bus=trace`, or several with commas between them.
+/// The environment variable that states level and targets: `debug`, `resonarm_bus=trace`, or several with commas
+/// between them.
 const VARIABLE: &str = "RESONARM_LOG";
 
 /// Logs to standard error: warnings, more with `-v`, and the levels of `RESONARM_LOG`.
@@ -37,13 +38,13 @@ pub(crate) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The levels in `directives`, and `level` where they name none.
+/// Returns the levels in `directives`, and `level` where they name none.
 fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
     let mut filter = Targets::new().with_default(level);
     for directive in directives.split(',').map(str::trim).filter(|directive| !directive.is_empty()) {
         let asked: Targets = directive.parse().map_err(|error| {
             Failure::usage(format!(
-                "{VARIABLE}: `{directive}`: {error}; it is a level (off, error, warn, info, debug, trace) or target=level, \
+                "{VARIABLE}: `{directive}`: {error}; expected a level (off, error, warn, info, debug, trace) or target=level, \
                  as `debug` or `resonarm_bus=trace`"
             ))
         })?;
@@ -87,6 +88,6 @@ mod tests {
     #[test]
     fn an_invalid_directive_is_reported() {
         let complaint = filter(LevelFilter::WARN, "info,resonarm_bus=loud").unwrap_err();
-        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm_bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; it is a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm_bus=trace`"#);
+        insta::assert_snapshot!(complaint, @r#"RESONARM_LOG: `resonarm_bus=loud`: error parsing level filter: expected one of "off", "error", "warn", "info", "debug", "trace", or a number 0-5; expected a level (off, error, warn, info, debug, trace) or target=level, as `debug` or `resonarm_bus=trace`"#);
     }
 }

@@ -164,7 +164,7 @@ fn main() -> ExitCode {
     conclude(cli.command.execute())
 }
 
-/// The exit code, with the message of a failure.
+/// Returns the exit code, and prints the message of a failure.
 fn conclude(result: Result<Verdict, Failure>) -> ExitCode {
     match result {
         Ok(Verdict::Positive) => ExitCode::SUCCESS,
@@ -188,25 +188,26 @@ fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(
     parse(command_line).map(|_cli| ()).map_err(|error| error.to_string())
 }
 
-/// The command line, whose help lists the commands in groups.
+/// Returns the command line, whose help lists the commands in groups.
 fn whole() -> clap::Command {
     first_minute::in_groups(with_arguments(|_name| true), Command::GROUPS)
 }
 
-/// The command line with the arguments of the wanted commands, with strict numbers and the defaults in the help. The
-/// arguments of all commands take milliseconds to make, longer than many commands run.
+/// Returns the command line with the arguments of the wanted commands, with strict numbers and the defaults in the
+/// help. The arguments of all commands take milliseconds to make, longer than many commands run.
 fn with_arguments(is_wanted: impl Fn(&str) -> bool) -> clap::Command {
     let command = Cli::command();
     let names: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
     let wanted = names.into_iter().zip(Command::ARGUMENTS).filter(|(name, _)| is_wanted(name));
     wanted.fold(command, |command, (name, augment)| {
-        // Here, since clap adds deferred arguments only while it parses.
+        // The arguments are added here, since clap adds deferred ones only while it parses.
         let add = |bare: clap::Command| augment(bare.defer(|command| command));
         command.mut_subcommand(name, |bare| defaults::stated(numbers::strict(add(bare))))
     })
 }
 
-/// The command that a command line begins with, after flags for more logging; `None` if anything else comes first.
+/// Returns the command that a command line begins with, after flags for more logging; `None` if anything else comes
+/// first.
 fn named(arguments: &[OsString]) -> Option<&str> {
     let logs_more =
         |flag: &str| flag == "--verbose" || flag.strip_prefix("-v").is_some_and(|more| more.chars().all(|c| c == 'v'));

@@ -9,11 +9,11 @@ use resonarm::control::ResponsePoint;
 use resonarm::excitation::Phasor;
 use resonarm::plant::{ReadDof, TestedAssembly};
 
-/// What an accelerometer measured along one axis: the fundamental of the displacement.
+/// The measurement of an accelerometer along one axis: the fundamental of the displacement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PointReading {
     pub amplitude: f64,
-    /// The phase by which the motion leads the load; other programs may leave it out.
+    /// The phase by which the displacement leads the load; other programs may leave it out.
     #[serde(default)]
     pub phase_deg: Option<f64>,
     /// The unit of the amplitude, `m`; other programs may leave it out.
@@ -30,8 +30,8 @@ impl PointReading {
     }
 }
 
-/// A motion that a controller measured at one frequency. Documents of other programs need the frequency, the amplitudes
-/// and whether the point settled.
+/// A response that a controller measured at one frequency. Documents of other programs need the frequency, the
+/// amplitudes and whether the point settled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MeasuredPoint {
     pub frequency_hz: f64,
@@ -44,32 +44,32 @@ pub(crate) struct MeasuredPoint {
     /// Its standard deviation due to the noise of the readings, at this frequency and amplitude.
     #[serde(default)]
     pub excitation_deviation: Option<f64>,
-    /// Harmonics 2 and 3 of the head's force over its fundamental, and both together: the computed response is that of
-    /// a pure sine.
+    /// Harmonics 2 and 3 of the head's force over its fundamental: the computed response is that of a pure sine.
     #[serde(default)]
     pub force_harmonics: Option<[f64; 2]>,
+    /// Both harmonics together over the fundamental.
     #[serde(default)]
     pub distortion: Option<f64>,
     /// The displacements by degree of freedom.
     pub readings: BTreeMap<String, PointReading>,
     pub settled: bool,
-    /// Number of tries of the point.
+    /// The number of attempts at the point.
     #[serde(default)]
     pub tries: Option<u32>,
 }
 
 impl MeasuredPoint {
-    /// The amplitude at a degree of freedom; `None` if it was not measured there.
+    /// Returns the amplitude at a degree of freedom; `None` if it was not measured there.
     pub fn amplitude(&self, dof: &str) -> Option<f64> {
         self.readings.get(dof).map(|reading| reading.amplitude)
     }
 
-    /// Whether the reading of a degree of freedom is clipped.
+    /// Says whether the reading of a degree of freedom is clipped.
     pub fn is_clipped(&self, dof: &str) -> bool {
         self.readings.get(dof).is_some_and(|reading| reading.clipped)
     }
 
-    /// Why the point is to be taken with care, for people; empty if it is not.
+    /// Says why the point is doubtful; empty if it is not.
     fn remark(&self) -> String {
         let clipped: Vec<&str> =
             self.readings.iter().filter(|(_, reading)| reading.clipped).map(|(dof, _)| dof.as_str()).collect();
@@ -81,12 +81,12 @@ impl MeasuredPoint {
     }
 }
 
-/// The modulus of a phasor.
+/// Returns the modulus of a phasor.
 pub(crate) fn size(phasor: Phasor) -> f64 {
     libm::hypot(phasor.re, phasor.im)
 }
 
-/// The responses of a controller as points, with the displacements of the accelerometers.
+/// Returns the responses of a controller as points, with the displacements of the accelerometers.
 pub(crate) fn points(tested: &TestedAssembly, responses: &[ResponsePoint]) -> Vec<MeasuredPoint> {
     let places = tested.read();
     let reading = |point: &ResponsePoint, ReadDof { dof, name, channel }: &ReadDof| {
@@ -113,7 +113,7 @@ pub(crate) fn points(tested: &TestedAssembly, responses: &[ResponsePoint]) -> Ve
     responses.iter().map(measured).collect()
 }
 
-/// The points for people; `unit` is that of the load.
+/// Lists the points in a table; `unit` is that of the load.
 pub(crate) fn table(points: &[MeasuredPoint], unit: &str) -> String {
     let mut text = format!("  {:>12}  {:>7}  {:>10}", "frequency", "lag", "load");
     for dof in points.iter().take(1).flat_map(|point| point.readings.keys()) {
@@ -134,7 +134,8 @@ pub(crate) fn table(points: &[MeasuredPoint], unit: &str) -> String {
     text
 }
 
-/// The names of the columns of a point; `unit` is that of the load, and all points are read where the first one is.
+/// Returns the names of the columns of a point; `unit` is that of the load, and all points are read where the first one
+/// is.
 pub(crate) fn columns(points: &[MeasuredPoint], unit: &str) -> String {
     let load = if unit == "N" { "n" } else { "nm" };
     let mut text = format!("frequency_hz,lag_deg,excitation_{load}");
@@ -147,7 +148,7 @@ pub(crate) fn columns(points: &[MeasuredPoint], unit: &str) -> String {
 }
 
 impl MeasuredPoint {
-    /// Cells of the point in the order of [`columns`]; what is unknown is empty.
+    /// Returns the cells of the point in the order of [`columns`]; what is unknown is empty.
     pub fn cells(&self) -> String {
         let or_empty = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let mut text = format!("{},{},{}", self.frequency_hz, or_empty(self.lag_deg), or_empty(self.excitation));
@@ -158,7 +159,7 @@ impl MeasuredPoint {
     }
 }
 
-/// The points as CSV; `unit` is that of the load.
+/// Returns the points as CSV; `unit` is that of the load.
 pub(crate) fn csv(points: &[MeasuredPoint], unit: &str) -> String {
     let mut text = columns(points, unit) + "\n";
     points.iter().for_each(|point| text += &(point.cells() + "\n"));

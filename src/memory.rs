@@ -43,7 +43,7 @@ unsafe impl GlobalAlloc for OrExit {
     }
 }
 
-/// The pointer, unless it is null.
+/// Returns the pointer; ends the process if it is null.
 #[inline]
 fn or_exit(pointer: *mut u8) -> *mut u8 {
     if pointer.is_null() {
@@ -62,7 +62,7 @@ fn exit() -> ! {
     }
 }
 
-/// More than what C code allocates at once here, bytes: a context of Zstandard takes some 150 KiB.
+/// More bytes than C code allocates at once here: a context of Zstandard takes some 150 KiB.
 const PROBE: usize = 1 << 20;
 
 /// Ends a panic or an abort with exit code 3 if the system has no memory left. Call it first of all.
@@ -94,7 +94,7 @@ extern "C" fn aborted(_signal: libc::c_int) {
     }
 }
 
-/// Whether the system refuses memory.
+/// Says whether the system refuses memory.
 #[allow(unsafe_code, reason = "the allocator would end the program")]
 fn is_missing() -> bool {
     // SAFETY: a new private mapping, which nothing else knows, is unmapped again.

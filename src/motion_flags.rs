@@ -40,7 +40,7 @@ pub(crate) struct MotionFlags {
     json: JsonFlag,
 }
 
-/// The directions of stepping.
+/// The directions in which a quantity is stepped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DirectionFlag {
     /// From the lowest value.
@@ -63,19 +63,20 @@ impl DirectionFlag {
 }
 
 impl MotionFlags {
-    /// The initial state: coordinates and rates of --initial or the scenario, and elements at rest.
+    /// Returns the initial state: coordinates and rates of --initial or the scenario, and elements at rest.
     pub fn initial(&self, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
         let initial = configuration::initial(self.initial.as_deref(), tested)?;
         Ok([initial, vec![0.0; tested.assembly.element_states()]].concat())
     }
 
-    /// How long to wait, and how many points of the section to keep if a motion doesn't settle.
+    /// Returns the options of settling: how long to wait, and how many points of the section to keep if a response
+    /// doesn't settle.
     pub fn options(&self, section_points: usize) -> SettleOptions {
         SettleOptions { time_constants: self.time_constants, section_points }
     }
 
-    /// The journal from which a stopped command resumes, where results are to be written. Fails if one of the files to
-    /// be written exists and may not be overwritten, or if there is no folder for them.
+    /// Returns the journal from which a stopped command resumes, if results are written to files. Fails if one of the
+    /// files to be written exists and may not be overwritten, or if there is no folder for them.
     pub fn journal(&self) -> Result<Option<PathBuf>, Failure> {
         let Some(stem) = &self.plot else { return Ok(None) };
         let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
@@ -102,7 +103,7 @@ impl MotionFlags {
         self.json.list(&[&[csv, json][..], &drawn].concat())
     }
 
-    /// Everything in these flags that results depend on.
+    /// Returns everything in these flags that results depend on.
     pub fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, drive: &Drive, start: &[f64]) -> Value {
         let mut configuration = configuration::of_structure(scenario, tested);
         configuration["drive"] = drive.document();
@@ -112,16 +113,16 @@ impl MotionFlags {
     }
 }
 
-/// A number in a table; empty if there is none.
+/// Writes a number in a table; empty if there is none.
 pub(crate) fn or_empty(value: Option<impl ToString>) -> String {
     value.map_or(String::new(), |value| value.to_string())
 }
 
-/// The number of motions of these periods, and how many have another than the excitation.
+/// Says how many responses there are with these periods, and how many of them have another period than the excitation.
 pub(crate) fn periods(periods: &[Option<u32>], time_constants: f64) -> String {
     let longer = periods.iter().flatten().filter(|period| **period > 1).count();
     let unsettled = periods.iter().filter(|period| period.is_none()).count();
-    let mut text = format!("{} motions", periods.len());
+    let mut text = format!("{} responses", periods.len());
     if longer > 0 {
         text += &format!(", {longer} of them of a longer period than the excitation");
     }

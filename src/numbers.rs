@@ -4,9 +4,9 @@ use core::any::TypeId;
 
 use clap::{Arg, Command};
 
-/// A command, and its subcommands, with strict numeric flags: values may be negative, also after a blank, and those of
-/// type `f64` must be finite. So `--to-hz -1` is a frequency, not an unknown flag, and the refusal of `--rate-hz nan`
-/// names the flag.
+/// Makes the numeric flags of a command, and its subcommands, strict: values may be negative, also after a blank, and
+/// those of type `f64` must be finite. So `--to-hz -1` is a frequency, not an unknown flag, and the error for
+/// `--rate-hz nan` names the flag.
 pub(crate) fn strict(command: Command) -> Command {
     command.mut_args(strict_flag).mut_subcommands(strict)
 }

@@ -24,7 +24,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     Ok(out.flush()?)
 }
 
-/// How a command prints its document.
+/// The flag that makes a command print its document as JSON.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct JsonFlag {
     /// Print one JSON document.
@@ -50,13 +50,13 @@ impl JsonFlag {
         Ok(Verdict::Positive)
     }
 
-    /// Without --json: prints the names of files that were written, if there are any.
+    /// Prints the names of files that were written, if there are any, unless --json is given.
     pub fn list(self, written: &[PathBuf]) -> Result<(), Failure> {
         if self.json || written.is_empty() { Ok(()) } else { print(&format!("written to {}\n", listed(written))) }
     }
 }
 
-/// The names of files, with commas between them.
+/// Returns the names of files, with commas between them.
 pub(crate) fn listed(files: &[PathBuf]) -> String {
     files.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
 }
@@ -69,21 +69,21 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&(text + "\n"))
 }
 
-/// The text with its control characters, except line feeds and tabs, as escapes such as `\u{1b}`: names in foreign
-/// files must not move a terminal's cursor, rename its window or write backwards. All output to a terminal goes through
-/// this.
+/// Returns the text with its control characters, except line feeds and tabs, as escapes such as `\u{1b}`: names in
+/// foreign files must not move a terminal's cursor, rename its window or write backwards. All output to a terminal goes
+/// through this.
 pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     escape(text, is_control, |letter| letter.escape_default().to_string())
 }
 
-/// The same for text within a line: escapes line feeds and tabs, too.
+/// Returns a text within a line with its control characters as escapes, line feeds and tabs too.
 pub(crate) fn in_line(text: &str) -> Cow<'_, str> {
     let is_wanted = |letter| is_control(letter) || matches!(letter, '\n' | '\t');
     escape(text, is_wanted, |letter| letter.escape_default().to_string())
 }
 
-/// Control characters (Unicode's category Cc) except line feed and tab, and those that change the direction of writing
-/// (UAX #9, section 2).
+/// Says whether a character is a control character (Unicode's category Cc) other than line feed and tab, or one that
+/// changes the direction of writing (UAX #9, section 2).
 fn is_control(letter: char) -> bool {
     letter.is_control() && !matches!(letter, '\n' | '\t')
         || matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
@@ -127,7 +127,7 @@ pub(crate) fn draw(figure: Figure, stem: &Path) -> Result<Vec<PathBuf>, Failure>
     Ok(Figure { is_titled, ..figure }.write(stem)?.to_vec())
 }
 
-/// With --plot STEM: writes the figure, its caption and the data, as a table and as the document, to STEM with
+/// Writes, with --plot STEM, the figure, its caption and the data, as a table and as the document, to STEM with
 /// [`PLOTTED`] appended. Returns the paths.
 pub(crate) fn plot(
     stem: Option<&Path>,
@@ -158,12 +158,12 @@ pub(crate) fn complain(failure: &Failure) {
 pub(crate) struct Inputs(Vec<PathBuf>);
 
 impl Inputs {
-    /// A command that reads these files.
+    /// Returns the inputs of a command that reads these files.
     pub fn of(files: impl IntoIterator<Item = impl AsRef<Path>>) -> Inputs {
         Inputs(files.into_iter().map(|file| file.as_ref().to_path_buf()).collect())
     }
 
-    /// A command that reads a scenario, if one is given, with the files that it names.
+    /// Returns the inputs of a command that reads a scenario, if one is given, with the files that it names.
     pub fn of_scenario(scenario: Option<&Path>) -> Inputs {
         Inputs(scenario.map_or(Vec::new(), Scenario::files))
     }
@@ -199,7 +199,7 @@ impl OverwriteFlag {
         Ok(())
     }
 
-    /// The same for the files STEM + ending.
+    /// Checks the files STEM + ending as [`check`](Self::check) does.
     pub fn check_stem(self, stem: Option<&Path>, endings: &[&str], inputs: &Inputs) -> Result<(), Failure> {
         self.check(stem.into_iter().flat_map(|stem| endings.iter().map(|ending| beside(stem, ending))), inputs)
     }

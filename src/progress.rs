@@ -18,14 +18,14 @@ const PATIENCE_NS: u64 = 2_000_000_000;
 /// Interval of lines where there is no terminal, and delay before the first, ns.
 const PACE_NS: u64 = 10_000_000_000;
 
-/// The progress of work.
+/// How much of the work is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
-    /// How much is done is not known.
+    /// The progress is unknown.
     Unknown,
-    /// Done, total, and the unit of the count.
+    /// The finished and the total count, and its unit.
     Of(u64, u64, &'static str),
-    /// Done and total, shown as a percentage.
+    /// The finished and the total amount, shown as a percentage.
     Share(u64, u64),
 }
 
@@ -38,23 +38,24 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    /// For work that is called `name` and begins now.
+    /// Returns the times for work that is called `name` and begins now.
     pub fn new(name: &'static str, now_ns: u64) -> Pace {
         Pace { name, start_ns: now_ns, due_ns: now_ns + PACE_NS }
     }
 
-    /// The line that is due, if any.
+    /// Returns the line that is due, if any.
     pub fn line(&mut self, now_ns: u64, done: Done) -> Option<String> {
         if now_ns < self.due_ns {
             return None;
         }
-        // From now, not from when it was due: after a stall the lines that were missed do not follow in a burst.
+        // The next line is due from now, not from when this one was due: after a stall the lines that were missed do
+        // not follow in a burst.
         self.due_ns = now_ns + PACE_NS;
         Some(words(self.name, done, now_ns.saturating_sub(self.start_ns) / 1_000_000_000))
     }
 }
 
-/// Whether the log levels allow lines of progress.
+/// Says whether the log levels allow lines of progress.
 pub(crate) fn are_lines_wanted() -> bool {
     tracing::enabled!(target: "resonarm::progress", tracing::Level::WARN)
 }
@@ -70,7 +71,7 @@ fn words(name: &str, done: Done, after_s: u64) -> String {
     }
 }
 
-/// Does work, and measures how long it takes, s.
+/// Does work, and returns its result and its duration, s.
 pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start_ns = SystemClock.now_ns();
     let done = work();
@@ -86,7 +87,7 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    /// For `count` steps, in units of `what`.
+    /// Shows the progress of `count` steps, in units of `what`.
     pub fn new(name: &'static str, count: usize, what: &'static str) -> Progress {
         let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden()).with_message(name);
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}, {elapsed}") {
@@ -98,7 +99,7 @@ impl Progress {
         Progress { bar, start_ns: SystemClock.now_ns(), _lines: lines }
     }
 
-    /// For work that can't be counted: lines on terminals, too.
+    /// Shows the progress of work that can't be counted: by lines, on terminals too.
     pub fn uncounted(name: &'static str) -> Progress {
         Progress { bar: ProgressBar::hidden(), start_ns: 0, _lines: lines(name, || Done::Unknown) }
     }

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 
-/// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.
+/// The values of a pair of flags, `--from-UNIT a --to-UNIT b`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ends {
     /// The suffix of `--from` and `--to`, as `-hz`.
@@ -11,9 +11,10 @@ pub(crate) struct Ends {
     pub to: Option<f64>,
 }
 
-/// Both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are refused.
+/// Returns both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are
+/// an error.
 pub(crate) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) -> Result<Option<(f64, f64)>, Failure> {
-    let needs = wanted.map_or_else(String::new, |unit| format!(": its interval is --from{unit} a --to{unit} b"));
+    let needs = wanted.map_or_else(String::new, |unit| format!("; give its interval by --from{unit} a --to{unit} b"));
     for Ends { unit, from, to } in given.iter().filter(|ends| Some(ends.unit) != wanted) {
         let end = match (from, to) {
             (Some(_), _) => "from",
@@ -26,7 +27,7 @@ pub(crate) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) ->
     let ends = given.iter().find(|ends| ends.unit == unit);
     match ends.map(|ends| (ends.from, ends.to)) {
         Some((Some(from), Some(to))) => Ok(Some((from, to))),
-        _ => Err(Failure::usage(format!("{parameter} needs its interval: --from{unit} a --to{unit} b"))),
+        _ => Err(Failure::usage(format!("{parameter} needs an interval: give it by --from{unit} a --to{unit} b"))),
     }
 }
 
@@ -41,9 +42,9 @@ mod tests {
         assert_eq!(interval("a sweep", Some("-hz"), &given).unwrap(), Some((20.0, 23.0)));
         assert_eq!(interval("a section", None, &given[1..]).unwrap(), None);
         let says = |wanted, given: &[Ends]| interval("--parameter amplitude", wanted, given).unwrap_err().to_string();
-        insta::assert_snapshot!(says(Some("-nm"), &given), @"--from-hz is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
-        insta::assert_snapshot!(says(Some("-nm"), &[ends("-nm", None, Some(1.0))]), @"--parameter amplitude needs its interval: --from-nm a --to-nm b");
-        insta::assert_snapshot!(says(Some("-nm"), &[]), @"--parameter amplitude needs its interval: --from-nm a --to-nm b");
+        insta::assert_snapshot!(says(Some("-nm"), &given), @"--from-hz is not for --parameter amplitude; give its interval by --from-nm a --to-nm b");
+        insta::assert_snapshot!(says(Some("-nm"), &[ends("-nm", None, Some(1.0))]), @"--parameter amplitude needs an interval: give it by --from-nm a --to-nm b");
+        insta::assert_snapshot!(says(Some("-nm"), &[]), @"--parameter amplitude needs an interval: give it by --from-nm a --to-nm b");
         insta::assert_snapshot!(says(None, &[ends("", None, Some(1.0))]), @"--to is not for --parameter amplitude");
     }
 }

@@ -1,4 +1,4 @@
-//! The degrees of freedom at which motions are read, and the readings in documents and tables.
+//! The degrees of freedom at which responses are read, and the readings in documents and tables.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use resonarm::analysis::Reading;
 use resonarm::structure::{Assembly, Dof};
 
-/// A degree of freedom at which motions are read.
+/// A degree of freedom at which responses are read.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ReadAt {
     pub dof: Dof,
@@ -15,28 +15,28 @@ pub(crate) struct ReadAt {
 }
 
 impl ReadAt {
-    /// The unit of a displacement there.
+    /// Returns the unit of a displacement there.
     pub fn unit(&self) -> &'static str {
         displacement_unit(self.dof)
     }
 
-    /// The name as a column of a table has it, `tip_x`.
+    /// Returns the name of a column of a table, `tip_x`.
     pub fn column(&self) -> String {
         self.name.replace('.', "_")
     }
 }
 
-/// The degrees of freedom alone.
+/// Returns the degrees of freedom without their names.
 pub(crate) fn dofs(read: &[ReadAt]) -> Vec<Dof> {
     read.iter().map(|at| at.dof).collect()
 }
 
-/// The degree of freedom that a flag names.
+/// Returns the degree of freedom that a flag names.
 pub(crate) fn dof(flag: &str, name: &str, assembly: &Assembly) -> Result<Dof, Failure> {
     assembly.dof(name).map_err(|error| Failure::usage(format!("{flag} {name}: {error}")))
 }
 
-/// Resolves `--at`. Without it, motions are read at the degrees of freedom that are driven.
+/// Resolves `--at`. Without it, responses are read at the degrees of freedom that are driven.
 pub(crate) fn read_at(at: &[String], driven: &[ReadAt], assembly: &Assembly) -> Result<Vec<ReadAt>, Failure> {
     let named = at.iter().map(|name| Ok(ReadAt { dof: dof("--at", name, assembly)?, name: name.clone() }));
     let named = named.collect::<Result<Vec<_>, Failure>>()?;
@@ -45,28 +45,28 @@ pub(crate) fn read_at(at: &[String], driven: &[ReadAt], assembly: &Assembly) -> 
     if let Some(ReadAt { name, .. }) = read.iter().find(|at| at.dof.is_base()) {
         let points = assembly.points().join(", ");
         return Err(Failure::usage(format!(
-            "{name} is the base, from which displacements count: name by --at where the motion is read, on one of the points {points}"
+            "{name} is the base, from which displacements count: choose by --at where the response is read, at one of the points {points}"
         )));
     }
     Ok(read)
 }
 
-/// The unit of a displacement at a degree of freedom.
+/// Returns the unit of a displacement at a degree of freedom.
 pub(crate) fn displacement_unit(dof: Dof) -> &'static str {
     if dof.is_angle() { "rad" } else { "m" }
 }
 
-/// The amplitude of the component at the frequency of the drive.
+/// Returns the amplitude of the component at the frequency of the drive.
 pub(crate) fn amplitude(reading: &Reading) -> f64 {
     libm::hypot(reading.harmonic1.re, reading.harmonic1.im)
 }
 
-/// By which this component leads the drive.
+/// Returns the angle by which this component leads the drive, degrees.
 pub(crate) fn phase_deg(reading: &Reading) -> f64 {
     libm::atan2(reading.harmonic1.im, reading.harmonic1.re).to_degrees()
 }
 
-/// Readings by the names of the degrees of freedom.
+/// Returns readings by the names of the degrees of freedom.
 pub(crate) fn readings(of: &[Reading], read: &[ReadAt]) -> Value {
     let named = |(reading, at): (&Reading, &ReadAt)| {
         let value = json!({
@@ -78,7 +78,7 @@ pub(crate) fn readings(of: &[Reading], read: &[ReadAt]) -> Value {
     Value::Object(of.iter().zip(read).map(named).collect())
 }
 
-/// The columns of readings in a table, a comma before each.
+/// Returns the columns of readings in a table, a comma before each.
 pub(crate) fn columns(read: &[ReadAt]) -> String {
     let of = |at: &ReadAt| {
         let (name, unit) = (at.column(), at.unit());
@@ -96,7 +96,7 @@ pub(crate) fn cells(of: &[Reading]) -> String {
     of.iter().map(cells).collect()
 }
 
-/// The largest displacements in words: `joint1 1.2e-3 rad, tip.x 4.5e-4 m`.
+/// States the largest displacements in words: `joint1 1.2e-3 rad, tip.x 4.5e-4 m`.
 pub(crate) fn words(of: &[Reading], read: &[ReadAt]) -> String {
     let one = |(reading, at): (&Reading, &ReadAt)| format!("{} {:.6e} {}", at.name, reading.largest, at.unit());
     of.iter().zip(read).map(one).collect::<Vec<_>>().join(", ")

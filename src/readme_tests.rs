@@ -1,4 +1,4 @@
-//! Commands in the documents parse, and their files and links exist.
+//! Tests that the commands in the documents parse, and that their files and links exist.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use clap::Command;
 
 use crate::{check_arguments, whole};
 
-/// The documents, with the base folder of their links.
+/// Returns the documents, with the base folder of their links.
 fn documents() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths: Vec<PathBuf> =
@@ -21,13 +21,13 @@ fn documents() -> Vec<(PathBuf, String)> {
     paths.into_iter().map(|path| (path.clone(), fs::read_to_string(&path).unwrap())).collect()
 }
 
-/// The lines of the fenced blocks of shell commands.
+/// Returns the lines of the fenced blocks of shell commands.
 fn shell_lines(text: &str) -> impl Iterator<Item = &str> {
     let blocks = text.split("```").skip(1).step_by(2);
     blocks.filter_map(|block| block.strip_prefix("sh\n")).flat_map(str::lines)
 }
 
-/// The arguments of the program, if the line of shell calls it.
+/// Returns the arguments of the program, if the line of shell calls it.
 fn arguments(line: &str) -> Option<&str> {
     let command = line.split(" && ").last().unwrap_or(line);
     ["resonarm ", "cargo run --release -- "].iter().find_map(|program| command.strip_prefix(program))
@@ -61,7 +61,7 @@ fn every_command_of_a_quickstart_is_valid() {
     }
 }
 
-/// The texts after the help of a command and of those below it.
+/// Returns the texts after the help of a command and of those below it.
 fn after_help(command: &Command) -> Vec<String> {
     let own = [command.get_after_help(), command.get_after_long_help()];
     let own = own.into_iter().flatten().map(ToString::to_string);
@@ -113,7 +113,7 @@ const COPY: [&str; 3] = ["cut", "import", "recover"];
 /// The endings of files that commands read.
 const READ: [&str; 7] = [".mcap", ".toml", ".json", ".log", ".asc", ".blf", ".csv"];
 
-/// The files that a command line reads and those that it writes, or the beginnings of their names.
+/// Returns the files that a command line reads and those that it writes, or the beginnings of their names.
 fn files(arguments: &str) -> (Vec<String>, Vec<String>) {
     let words: Vec<&str> = arguments.split_whitespace().collect();
     let (mut read, mut written) = (Vec::new(), Vec::new());

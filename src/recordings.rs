@@ -39,18 +39,18 @@ pub(crate) fn warn_of_one(recording: &Recording) {
     integrity_note(recording.integrity()).iter().for_each(|note| tracing::warn!("{path}: {note}"));
 }
 
-/// The verdict of a command that has used what can be read of a recording: negative if it is not whole, however well the
-/// rest went.
+/// Returns the verdict of a command that has used the readable part of a recording: negative if it is not whole,
+/// however well the rest went.
 pub(crate) fn verdict(recording: &Recording) -> Verdict {
     verdict_of(recording.integrity())
 }
 
-/// The same verdict, from what was found when the recording was read.
+/// Returns this verdict from the integrity of the recording.
 pub(crate) fn verdict_of(integrity: &Integrity) -> Verdict {
     Verdict::of(*integrity == Integrity::Complete)
 }
 
-/// The note on a recording that is not whole.
+/// Returns the note on a recording that is not whole.
 pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
     let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
     match integrity {
@@ -68,7 +68,7 @@ pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
     }
 }
 
-/// Says whether a recording that is there already is overwritten or refused.
+/// Says whether an existing recording is overwritten or is an error.
 pub(crate) const fn existing(overwrite: bool) -> Existing {
     if overwrite { Existing::Overwrite } else { Existing::Refuse }
 }

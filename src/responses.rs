@@ -11,7 +11,7 @@ pub(crate) struct ResponseDocument {
     frequency_hz: f64,
     /// Amplitude of the load's fundamental, N or N·m.
     load: f64,
-    /// Lag of the response controlled by a closed loop; none in open loop.
+    /// Lag of the response that a closed loop controls; none in open loop.
     phase_deg: Option<f64>,
     head_force_n: [[f64; 2]; 2],
     acceleration_b_m_s2: [[f64; 2]; 2],
@@ -49,7 +49,7 @@ pub(crate) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
     responses.iter().map(ResponseDocument::from).collect()
 }
 
-/// The responses for people, after a blank line; empty if there are none.
+/// Lists the responses in a table, after a blank line; empty if there are none.
 pub(crate) fn table(responses: &[ResponsePoint]) -> String {
     let mut text = String::new();
     if !responses.is_empty() {
@@ -77,7 +77,7 @@ fn remark(point: &ResponsePoint) -> &'static str {
     }
 }
 
-/// √(|x|² + |y|²): the size of a vector of phasors.
+/// Returns √(|x|² + |y|²), the size of a vector of phasors.
 fn magnitude(phasors: &[Phasor; 2]) -> f64 {
     (phasors[0].norm_sqr() + phasors[1].norm_sqr()).sqrt()
 }

@@ -1,4 +1,4 @@
-//! Flags of a session and its report in words, for `run`, `exciter` and `demo`.
+//! The flags of a session and its report in words, for `run`, `exciter` and `demo`.
 
 use core::time::Duration;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use resonarm_numeric::number::short;
 /// Capacity of the ring of events for standard error.
 const EVENTS: usize = 256;
 
-/// Where to record.
+/// The recording of a session.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RecordFlags {
     /// Record everything into this MCAP file.
@@ -32,7 +32,7 @@ pub(crate) struct RecordFlags {
 }
 
 impl RecordFlags {
-    /// The recording, which must not replace a file that is read.
+    /// Returns the target of the recording, which must not replace a file that is read.
     pub fn target(&self, inputs: &Inputs) -> Result<Option<RecordTo>, Failure> {
         let Some(path) = self.record.clone() else { return Ok(None) };
         inputs.check(&path)?;
@@ -43,14 +43,14 @@ impl RecordFlags {
 /// Converts the value of a flag in seconds.
 pub(crate) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
-        Failure::usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
+        Failure::usage(format!("{flag} is {}: {error}; expected a time in seconds, 0 or more", short(&given_s)))
     })
 }
 
 /// Opens the bus of a session. Unless `all` frames are recorded or shown, the kernel passes only those of the session's
 /// network; other adapters may filter in software, and then lose the reports on their controller.
 pub(crate) fn open_bus(address: &BusAddress, session: &Session, all: bool) -> Result<Box<dyn Bus>, Failure> {
-    // First, since the adapters of python-can start threads that inherit the cores of this one.
+    // The core is left first, since the adapters of python-can start threads that inherit the cores of this one.
     session.leave_core();
     let mut bus = bus::open(address)?;
     if let (false, BusAddress::SocketCan(_)) = (all, address) {
@@ -59,12 +59,12 @@ pub(crate) fn open_bus(address: &BusAddress, session: &Session, all: bool) -> Re
     Ok(bus)
 }
 
-/// A ring for a run's events, so that its loop need not wait for standard error.
+/// Makes a ring for a run's events, so that its loop need not wait for standard error.
 pub(crate) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
     RingBuffer::new(EVENTS)
 }
 
-/// Writes a run's events to standard error: a line each, for people or as JSON.
+/// Writes a run's events to standard error: a line each, as text or as JSON.
 pub(crate) struct EventLog {
     pub events: Consumer<RunEvent>,
     pub json: bool,
@@ -90,7 +90,7 @@ impl EventLog {
             RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
             RunEvent::Faulted { fault, partner: None } => in_words(fault),
             RunEvent::Faulted { fault, partner: Some(partner) } => {
-                format!("{}; the exciter said: {}", in_words(fault), in_words(partner))
+                format!("{}; the exciter reported: {}", in_words(fault), in_words(partner))
             }
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
             RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {
@@ -111,7 +111,7 @@ impl EventLog {
     }
 }
 
-/// What to do about another sender.
+/// The advice about another sender.
 const OTHER_SENDER: &str = "two networks have the same base; give each a different one (network.base_id), or end the other program \
     that sends this plant's messages";
 
@@ -119,7 +119,7 @@ fn in_words(fault: &Fault) -> String {
     format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample)
 }
 
-/// The warning at the end about frames of others under this node's identifiers; `None` if there were none.
+/// Returns the warning at the end about frames of others under this node's identifiers; `None` if there were none.
 pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
     (bus.other_sender > 0).then(|| {
         format!(
@@ -129,7 +129,7 @@ pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
     })
 }
 
-/// The counts of a node's frames.
+/// States the counts of a node's frames.
 pub(crate) fn frames_text(bus: &BusCounts) -> String {
     let BusCounts { received, sent, dropped, refused, other_sender, malformed, overwritten, limited_values, .. } = bus;
     let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} rejected");
@@ -156,7 +156,7 @@ pub(crate) struct PlantDocument<'a> {
     pub report: &'a PlantReport,
 }
 
-/// A run's result for people.
+/// States a run's result in words.
 pub(crate) fn report_text(report: &PlantReport) -> String {
     let mut text = format!("samples      {}, of {} integration steps", report.samples, report.steps);
     if report.slipped > 0 {
@@ -190,7 +190,7 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
     text += &format!("frames       {}\n", frames_text(&report.bus));
     let errors = &report.bus.errors;
     let counts = counted(&[
-        ("faults on the wire", errors.protocol),
+        ("faults on the bus", errors.protocol),
         ("not acknowledged", errors.no_ack),
         ("overflows", errors.overflow),
         ("error-warning", errors.warning),
@@ -221,18 +221,18 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
     text
 }
 
-/// The counts above 0 with their kinds; `None` if all are 0.
+/// Lists the counts above 0 with their kinds; `None` if all are 0.
 fn counted(kinds: &[(&str, u64)]) -> Option<String> {
     let some = kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{count} {kind}"));
     Some(some.collect::<Vec<String>>().join(", ")).filter(|text| !text.is_empty())
 }
 
-/// Why a run failed its purpose, and what to do; `None` if it did not.
+/// Says why a run failed its purpose, and what to do; `None` if it did not.
 pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (report.fault_text(), report.outcome) {
         (Some(text), _) => text,
         (None, PlantOutcome::NotArmed) => String::from(
-            "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
+            "no controller armed the plant, so nothing was simulated or played: start one on the same bus, as `resonarm exciter` with the \
              same mode and scenario; --patience-s says how long to wait",
         ),
         (None, _) => return None,
@@ -261,7 +261,7 @@ mod tests {
         let (ours, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
         let said = |event| log.words(&event).unwrap();
         insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: None }), @"fault 4 (partner fault) at sample 300");
-        insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
+        insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter reported: fault 2 (sensor timeout) at sample 300");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: waiting for a while in case it comes back");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: waiting for a while in case it comes back");
         insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: Id::Standard(0x203) }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id), or end the other program that sends this plant's messages");

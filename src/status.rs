@@ -27,26 +27,26 @@ pub(crate) struct StatusFlag {
 }
 
 impl StatusFlag {
-    /// The interval, if one is given.
+    /// Returns the interval, if one is given.
     pub fn every(self) -> Result<Option<Duration>, Failure> {
         let every = self.status_s.map(|given_s| seconds("--status-s", given_s)).transpose()?;
         match (self.status_s, every) {
             (Some(given_s), Some(Duration::ZERO)) => {
-                Err(Failure::value("--status-s", given_s, "it is the time from line to line in seconds, above 0"))
+                Err(Failure::value("--status-s", given_s, "it must be above 0: the time from line to line in seconds"))
             }
             (_, every) => Ok(every),
         }
     }
 }
 
-/// Which kind of line is written.
+/// The kind of line that is written.
 pub(crate) enum Style {
-    /// Lines of text for people.
+    /// The line is text.
     People {
         /// The interval where there is no terminal; `None` writes none there.
         every: Option<Duration>,
     },
-    /// No line: standard error holds JSON.
+    /// No line is written: standard error holds JSON.
     Off,
 }
 
@@ -64,9 +64,9 @@ pub(crate) struct Status {
 struct Window {
     /// Rate at which samples were worked on, Hz.
     rate_hz: f64,
-    /// The work's share of the time; `None` where none is measured.
+    /// The work's share of the time; `None` where it is not measured.
     load: Option<f64>,
-    /// How late the latest sample was, ns.
+    /// The lateness of the latest sample, ns.
     latest_ns: u64,
     /// The largest magnitudes of force and torques held, N and N·m.
     held: [f64; 2],

@@ -11,7 +11,7 @@ use resonarm::control::Length;
 use resonarm::run::Signals;
 use resonarm::study::{BasinComputation, Basins, Control, StudyError, SweepComputation, Sweeps};
 
-/// Computes the sweeps from where the journal ends. `None` if it was stopped early, which is logged.
+/// Computes the sweeps that the journal lacks. `None` if it was stopped early, which is logged.
 pub(crate) fn sweeps(
     name: &'static str,
     sweeps: Sweeps,
@@ -31,7 +31,7 @@ pub(crate) fn sweeps(
 /// Basins with the outcome of each state.
 type Ended = (BasinComputation, Vec<BasinOutcome>);
 
-/// Computes the basins from where the journal ends. `None` if it was stopped early, which is logged.
+/// Computes the basins that the journal lacks. `None` if it was stopped early, which is logged.
 pub(crate) fn basins(
     basins: Basins,
     journal: Option<PathBuf>,
@@ -47,7 +47,7 @@ pub(crate) fn basins(
     Ok(outcomes.map(|outcomes| (ended, outcomes)))
 }
 
-/// Does the work on a separate thread.
+/// Does the work on a separate thread, with a progress bar and Ctrl-C.
 fn watch<T: Send + 'static>(
     name: &'static str,
     what: &str,

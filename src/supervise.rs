@@ -19,7 +19,7 @@ use resonarm::control::Length;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::Signals;
 
-/// How often the progress bar moves.
+/// The interval at which the progress bar moves.
 const PROGRESS: Duration = Duration::from_millis(100);
 /// Signals within this time of the first are the same request: timeout(1) sends its signal twice, and a closing
 /// terminal sends one in addition to the shell's.
@@ -31,7 +31,7 @@ pub(crate) struct Line {
     length: Length,
     is_on_terminal: bool,
     shows_text: bool,
-    /// When lines of progress are due where there is no terminal.
+    /// The times of lines of progress where there is no terminal.
     pace: Option<Pace>,
 }
 
@@ -108,7 +108,7 @@ pub(crate) fn supervise<T: Send + 'static>(
     let start = |source| Failure::Start { what: name, source };
     check_descriptors().map_err(start)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
-    // Before the work begins, so that a signal at its very start also stops it.
+    // The program listens before the work begins, so that a signal at its very start also stops it.
     let listening = {
         let _entered = runtime.enter();
         Listening::new().map_err(start)?
@@ -118,14 +118,15 @@ pub(crate) fn supervise<T: Send + 'static>(
         .name(name.to_string())
         .spawn(move || {
             let result = work(&watched);
-            // Sent before the thread ends, and dropped in a panic: either wakes the loop that waits for it.
+            // The message is sent before the thread ends, and its sender dropped in a panic: either wakes the loop that
+            // waits for it.
             let _nobody_waits = done.send(());
             result
         })
         .map_err(start)?;
     let mut line = Line::new(name, length);
     runtime.block_on(watch(&signals, listening, &mut line, &mut on_tick, finished));
-    // Once more, for what has happened since the last beat.
+    // One more tick reports the changes since the last one.
     on_tick(&mut line, &signals);
     line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
@@ -169,12 +170,12 @@ async fn watch(
 struct Listening {
     interrupt: Signal,
     terminate: Signal,
-    /// None if it is ignored, as `nohup` sets it: then it stays ignored.
+    /// SIGHUP; `None` if it is ignored, as `nohup` sets it: then it stays ignored.
     hangup: Option<Signal>,
 }
 
 impl Listening {
-    /// Listens from now on, within a runtime.
+    /// Begins to listen, within a runtime.
     fn new() -> std::io::Result<Listening> {
         Ok(Listening {
             interrupt: signal(SignalKind::interrupt())?,
@@ -184,7 +185,7 @@ impl Listening {
     }
 }
 
-/// Whether this process was started with SIGHUP ignored: the first bit of `SigIgn` in its status (proc(5)).
+/// Says whether this process was started with SIGHUP ignored: the first bit of `SigIgn` in its status (proc(5)).
 fn ignores_hangup() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).map(str::trim);
@@ -201,7 +202,7 @@ fn ask_to_stop(signals: &Signals, asked: &mut Option<Instant>) {
     signals.stop();
 }
 
-/// A progress bar if the length is known and there is a terminal.
+/// Makes a progress bar if the length is known and there is a terminal.
 fn bar(length: Length, is_on_terminal: bool) -> ProgressBar {
     let (total, template) = match length {
         Length::Samples(samples) => (samples, "{bar:40} {pos}/{len}, {elapsed} of {duration}"),

@@ -6,10 +6,10 @@ use std::env;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the library is made of: a change in one of these makes the commit stated here untrue.
+/// Sources of the library: a change in one of these makes the stated commit untrue.
 const SOURCES: [&str; 5] = ["crates", "firmware-protocol", "proto", "Cargo.toml", "Cargo.lock"];
 
-/// The project's folder, from this crate's.
+/// The project's folder, relative to this crate's.
 const ROOT: &str = "../..";
 
 fn main() {
@@ -28,7 +28,7 @@ fn main() {
     }
 }
 
-/// The commit checked out, with `-dirty` appended if a source differs from it.
+/// Returns the commit checked out, with `-dirty` appended if a source differs from it.
 fn commit() -> Option<String> {
     let top = PathBuf::from(output("git", &["rev-parse", "--show-toplevel"])?);
     let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?).join(ROOT);
@@ -50,7 +50,7 @@ fn commit() -> Option<String> {
     Some(if dirty { format!("{commit}-dirty") } else { commit })
 }
 
-/// What a program prints on standard output, without the line end, if it succeeds.
+/// Returns the standard output of a program, without the line end, if it succeeds.
 fn output(program: &str, arguments: &[&str]) -> Option<String> {
     let output = Command::new(program).args(arguments).output().ok()?;
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim_end().to_string())

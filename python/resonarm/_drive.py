@@ -40,7 +40,7 @@ def direction(given: Drive | str, frequency_hz: float) -> Parts:
     amplitudes = checked(given)
     if len(amplitudes) == 1 and next(iter(amplitudes.values())) != 1:
         raise ValueError(
-            f"drive has an amplitude, but the amplitude is what varies: give drive={next(iter(amplitudes))!r} without one"
+            f"the amplitude is the quantity that varies: give drive={next(iter(amplitudes))!r} without one"
         )
     return parts(amplitudes, frequency_hz)
 

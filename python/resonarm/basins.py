@@ -103,7 +103,7 @@ class Grid:
         for name in self.coordinates:
             if name not in self.known:
                 known = ", ".join(self.known)
-                raise ValueError(f"there is no coordinate `{name}`: expected one of {known}")
+                raise ValueError(f"unknown coordinate `{name}`: the coordinates are {known}")
         if self.coordinates[0] == self.coordinates[1]:
             raise ValueError(f"coordinates has {self.coordinates[0]} twice: it must have two different ones")
         for count in self.points:
@@ -111,7 +111,7 @@ class Grid:
                 raise ValueError(f"points has {count}: each must be from 2 to {MOST_POINTS}")
         for start, stop in zip(self.start, self.stop, strict=True):
             if not (math.isfinite(start) and math.isfinite(stop) and start != stop):
-                raise ValueError(f"the grid goes from {start:g} to {stop:g}: both must be numbers, and different")
+                raise ValueError(f"invalid grid from {start:g} to {stop:g}: the ends must be two different numbers")
 
     def axis(self, index: int) -> NDArray[np.float64]:
         """The values of a coordinate, equal to those of the command line to the last bit."""
@@ -131,7 +131,7 @@ class Grid:
 def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
     """Checks the two values of an argument."""
     if len(values) != 2:
-        raise ValueError(f"{name} has {len(values)} values: it must have two, X,Y")
+        raise ValueError(f"{name} has {len(values)} values, expected two: X,Y")
     return (values[0], values[1])
 
 
@@ -215,7 +215,7 @@ def basins(
     motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
     if not motions:
         raise _resonarm.ResonarmError(
-            f"no stable periodic response is known at {frequency_hz:g} Hz: no state can be said to reach one"
+            f"no stable periodic response is known at {frequency_hz:g} Hz, so no state can be assigned to one"
         )
     reach = tuple(attractors.reach(known.index(name)) for name in two)
     last = reach if stop is None else pair("stop", stop)

@@ -45,7 +45,7 @@ def of_recording(recording: Recording, to: Format, stem: Path, overwrite: bool) 
     """The same of a recording that is open."""
     writers = {"parquet": _parquet, "mf4": _mf4, "blf": _blf}
     if to not in writers:
-        raise ValueError(f"there is no format {to!r}: expected one of {', '.join(FORMATS)}")
+        raise ValueError(f"there is no format {to!r}: it must be one of {', '.join(FORMATS)}")
     return writers[to](recording, stem, overwrite)
 
 

@@ -138,7 +138,7 @@ impl Encoder {
         let known = MessageKind::ALL.into_iter().find(|kind| kind.name() == message);
         let kind = known.ok_or_else(|| {
             let names = MessageKind::ALL.map(MessageKind::name).join(", ");
-            errors::value(format!("there is no message {message:?}: expected one of {names}"))
+            errors::value(format!("unknown message {message:?}, expected one of {names}"))
         })?;
         let mut given: Vec<(String, f64)> = Vec::new();
         for (name, value) in signals {
@@ -152,7 +152,7 @@ impl Encoder {
         let message = message.map_err(errors::value)?;
         // An unknown name is likely a misspelt one, so it is not ignored.
         if let Some((unknown, _)) = given.iter().find(|(given, _)| !used.contains(&given.as_str())) {
-            return Err(errors::value(format!("{kind} has no signal {unknown}: expected one of {}", used.join(", "))));
+            return Err(errors::value(format!("{kind} has no signal {unknown}, expected one of {}", used.join(", "))));
         }
         let frame = self.inner.frame(&message).map_err(errors::value)?;
         let (identifier, extended, data, fd, switch) = parts(&frame);

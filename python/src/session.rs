@@ -95,7 +95,8 @@ impl RealTime {
         let given = ThreadSetup { priority, lock_memory: priority.is_some(), core, cores_awake };
         let default = ThreadSetup::default();
         let whole = ThreadSetup { priority: priority.or(default.priority), lock_memory: true, ..given };
-        let left_out = |asked: &str| Err(errors::value(format!("{asked} contradicts rt off: give one of them")));
+        let left_out =
+            |asked: &str| Err(errors::value(format!("{asked} and rt off exclude each other: give one of them")));
         match (rt.as_deref(), core) {
             (None, _) if priority.is_some() || core.is_some() || cores_awake => options.thread = Some(given),
             (Some("off"), Some(core)) => return left_out(&format!("core {core}")),
@@ -115,7 +116,7 @@ impl RealTime {
 
 fn patience(given_s: f64) -> PyResult<Duration> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
-        errors::value(format!("patience_s is {given_s}: {error}; it must be a time in seconds, 0 or more"))
+        errors::value(format!("patience_s is {given_s}: {error}; expected a time in seconds, 0 or more"))
     })
 }
 
@@ -166,7 +167,7 @@ impl How {
             // Each step of it takes the interpreter's lock and may wait for other threads, so no deadline can be
             // kept.
             Some(_) if mode == Mode::RealTime => {
-                let message = "a structure in Python can step only in simulated time: use the mode free or lockstep";
+                let message = "a structure in Python steps only in simulated time; use the mode free or lockstep";
                 return Err(errors::value(message));
             }
             Some(parts) => {

@@ -92,7 +92,7 @@ def test_recordings_are_read_in_parts():
         some = recording.read(part, 100, 199)
         np.testing.assert_array_equal(some, whole[(whole["sample"] >= 100) & (whole["sample"] <= 199)])
     assert not len(recording.read("ticks")), "in real time alone"
-    with pytest.raises(ValueError, match="it is one of states, samples"):
+    with pytest.raises(ValueError, match="it must be one of states, samples"):
         recording.read("wheels")
 
 
@@ -323,7 +323,7 @@ try:
     required = resonarm.run(scenario, "real-time", rt="require", **options).plant["thread"]
     assert (required["priority"], required["shortfalls"], thread["shortfalls"]) == (80, [], []), required
 except PermissionError as error:
-    assert thread["shortfalls"] and "the thread of the run must be a real-time thread, and has " in str(error), error
+    assert thread["shortfalls"] and "the run needs a real-time thread, but has " in str(error), error
 """
 
 
@@ -352,10 +352,10 @@ def test_a_missing_core_is_logged(bench_scenario, caplog):
         ("real-time", {"spin_s": math.nan}, "spin_s is NaN: it must be auto, off, or a time in seconds"),
         ("real-time", {"spin_s": 0.251e-3}, "spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs"),
         ("real-time", {"rt": "maybe"}, "rt is `maybe`: it must be one of auto, require, off"),
-        ("lockstep", {"priority": 10}, "priority applies only to the mode real-time, but the mode is lockstep"),
-        ("lockstep", {"cores_awake": True}, "cores_awake applies only to the mode real-time, but the mode is lockstep"),
-        ("free", {"spin_s": "off"}, "spin_s applies only to the mode real-time, but the mode is free: leave it out"),
-        ("free", {"overrun": "slip"}, "overrun applies only to the mode real-time, but the mode is free: leave it out"),
+        ("lockstep", {"priority": 10}, "priority is for the mode real-time, and the mode is lockstep: leave it out"),
+        ("lockstep", {"cores_awake": True}, "cores_awake is for the mode real-time, and the mode is lockstep"),
+        ("free", {"spin_s": "off"}, "spin_s is for the mode real-time, and the mode is free: leave it out"),
+        ("free", {"overrun": "slip"}, "overrun is for the mode real-time, and the mode is free: leave it out"),
     ],
 )
 def test_invalid_real_time_options_are_refused(bench_scenario, tmp_path, mode, options, message):

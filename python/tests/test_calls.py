@@ -122,7 +122,7 @@ def frequencies(of):
         (
             lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("wheels"),
             ValueError,
-            "part is `wheels`: it is one of states, samples, frames, ticks, events",
+            "part is `wheels`: it must be one of states, samples, frames, ticks, events",
         ),
         (lambda: resonarm.Network(profile="can"), ValueError, "profile is `can`: the profiles are classic and fd"),
         (lambda: resonarm.Network(base=70000), ValueError, "base is 70000: it must be from 0x180 to 0x570"),

@@ -118,7 +118,7 @@ def test_invalid_arguments_are_value_errors(options, message):
 @pytest.mark.parametrize(
     ("call", "kind", "message"),
     [
-        (lambda: ARM.continuation("frequency", 0, 23, drive={"joint1": 1}), ValueError, "both ends must be numbers"),
+        (lambda: ARM.continuation("frequency", 0, 23, drive={"joint1": 1}), ValueError, "two different numbers"),
         (lambda: ARM.continuation("freq", 21, 23, drive={"joint1": 1}, frequency_hz=2), ValueError, "parameter freq: "),
         (
             lambda: ARM.continuation("amplitude", 0, 9, drive="joint1"),
@@ -128,7 +128,7 @@ def test_invalid_arguments_are_value_errors(options, message):
         (
             lambda: ARM.continuation("amplitude", 0, 9, drive={"joint1": 60}, frequency_hz=9),
             ValueError,
-            "drive has an amplitude, but the amplitude is what varies: give drive='joint1' without one",
+            "the amplitude is the quantity that varies: give drive='joint1' without one",
         ),
         (
             lambda: ARM.continuation("frequency", 1, 2, drive="joint1"),

@@ -26,7 +26,7 @@ def test_a_run_of_an_fmu_is_that_of_its_plant(scenario, command, tmp_path):
     fmu = scenario.values()["structure"]["file"]
     assert command("resim", tmp_path / "run.mcap", "--fmu", fmu)["identical"]
     assert recording.resim(fmu=fmu)["identical"]
-    with pytest.raises(resonarm.ResonarmError, match="nothing that a recording names is loaded"):
+    with pytest.raises(resonarm.ResonarmError, match="it is not loaded from the path in the recording"):
         recording.resim()
     assert "file" not in recording.scenario.values()["structure"]
     rows = resonarm.Plant(scenario).play(force_n=recording.states["force_n"][:-1])

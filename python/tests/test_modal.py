@@ -257,7 +257,7 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
         (lambda: resonarm.Modal.from_matrices(np.eye(2), np.eye(2), dofs={"a.x": 2}), "`a.x` is row 2"),
         (
             lambda: resonarm.Modal.from_chain(resonarm.Chain.preset(), modes=3),
-            "3 modes are to be kept: the structure has 2",
+            "3 modes can't be kept: it must be from 1 to 2, the modes of the structure",
         ),
         (
             lambda: resonarm.Modal.from_chain(resonarm.Chain.preset().replace({"link1.damping_nm_s_rad": 1000.0})),
@@ -265,7 +265,7 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
         ),
         (
             lambda: resonarm.Modal.from_chain(resonarm.Chain.from_scenario(EXAMPLES / "hardening.toml")),
-            "the structure has elements, 1, and modes are of its linear part",
+            "the structure has elements (1), but only its linear part has modes",
         ),
         (lambda: resonarm.Modal.from_scenario(EXAMPLES / "chain.toml"), "Chain.from_scenario takes it"),
         (

@@ -132,7 +132,7 @@ def test_free_and_lockstep_runs_have_the_same_bits(scenario, tmp_path):
     assert recordings[0].scenario.values()["structure"] == {"kind": "own", "name": "by NumPy"}
     with pytest.raises(ValueError, match=r"structure\.kind is own"):
         recordings[0].scenario.structure  # noqa: B018
-    with pytest.raises(resonarm.ResonarmError, match="the scenario alone has none"):
+    with pytest.raises(resonarm.ResonarmError, match="no program provides the structure"):
         recordings[0].resim()
 
 
@@ -176,19 +176,19 @@ CASES = [
     (lambda run: run(structure=own(step=None)), TypeError, "step is None: it must be a function"),
     (lambda run: run(structure=own(initial=[0.0])), ValueError, "initial has 1 numbers: give the modal and"),
     (lambda run: run(structure=own(coordinates="x")), ValueError, "must be one of angles, displacements, modal"),
-    (lambda run: run("real-time", structure=own()), ValueError, "take the mode free or lockstep"),
+    (lambda run: run("real-time", structure=own()), ValueError, "use the mode free or lockstep"),
     (lambda run: run(structure=resonarm.Modal(MODES)), TypeError, "scenario.replace(structure=chain.section)"),
     (
         lambda run: run(sections={"structure": resonarm.Modal(MODES).section}, structure=own()),
         ValueError,
-        "`kind` is modal, and the program has a structure of its own",
+        "`kind` is modal, but the program has its own structure",
     ),
     (
         lambda run: run(sections={"rig": {"exciter": {"at": "tip"}}}, structure=own()),
         ValueError,
         "rig.exciter: `at` is given, and the program that makes the structure says where it is",
     ),
-    (lambda run: run(sections={"structure": {"kind": "own"}}), ValueError, "the scenario alone has none"),
+    (lambda run: run(sections={"structure": {"kind": "own"}}), ValueError, "no program provides the structure"),
     (
         lambda _run: resonarm.Node("exciter", resonarm.Scenario(), "vcan0", structure=own()),
         ValueError,

@@ -73,12 +73,12 @@ pub(crate) struct Backbone {
     json: JsonFlag,
 }
 
-/// Where the curve ends at a joint without another limit, rad.
+/// The angle of a joint at which the curve ends without another limit, rad.
 const TO_RAD: f64 = 0.3;
-/// Largest step of a drawn curve, as a fraction of the motion's size.
+/// Largest step of a drawn curve, as a fraction of the response's size.
 const SMOOTH_STEP: f64 = 0.05;
 
-/// The backbone to compute: its load, its readings, and where it ends.
+/// The backbone to compute: its load, its readings and its end.
 struct Walk {
     drive: Drive,
     /// The amplitude of the first load at which the curve ends, if it is given.
@@ -90,7 +90,7 @@ struct Walk {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on; without an amplitude of the excitation the load is that of the value 1.
+    /// The inputs of the results; without an amplitude of the excitation the load is that of the value 1.
     configuration: Value,
     coordinates: Value,
     mode: u8,
@@ -179,10 +179,10 @@ impl Backbone {
             let or = if self.undamped {
                 String::new()
             } else {
-                format!(", or at which load, by --drive {}=A", drive.loads[0].at.name)
+                format!(", or the load at which it ends, by --drive {}=A", drive.loads[0].at.name)
             };
             return Err(Failure::usage(format!(
-                "say where the curve ends: at which displacement of {name}, {}, by --to X{or}",
+                "the end of the curve is missing: give the displacement of {name} at which it ends, in {}, by --to X{or}",
                 read[0].unit()
             )));
         }
@@ -209,7 +209,7 @@ impl Backbone {
         configuration
     }
 
-    /// The forced response around the curve.
+    /// Computes the forced response around the curve.
     fn response(
         &self,
         forced: &Forced,
@@ -224,7 +224,7 @@ impl Backbone {
         early.keep_any("frequency_hz of the forced response", traced)
     }
 
-    /// A motion with its readings by the names of the degrees of freedom.
+    /// Returns a response with its readings by the names of the degrees of freedom.
     fn point(&self, motion: &BackboneMotion, read: &[ReadAt]) -> Value {
         let mut point = json!({
             "frequency_hz": motion.frequency_hz, "readings": readings(&motion.readings, read),
@@ -268,7 +268,7 @@ impl Backbone {
         text
     }
 
-    /// A line for each motion, with the units in the names of the columns.
+    /// Returns a line for each response, with the units in the names of the columns.
     fn csv(&self, curve: &Curve, read: &[ReadAt]) -> String {
         let drive = if self.undamped { "" } else { ",drive" };
         let mut text = format!("frequency_hz{drive}{}\n", columns(read));
@@ -279,7 +279,7 @@ impl Backbone {
         text
     }
 
-    /// The curve over the forced response.
+    /// Draws the curve over the forced response.
     fn figure(&self, conditions: Subtitle, curve: &Curve, response: Option<&Branch>, walk: &Walk) -> Figure {
         let kind = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
         let with = response.map_or(String::new(), |_response| format!("response to {}", walk.drive.words()));
@@ -298,7 +298,7 @@ fn smooth(options: &mut BranchOptions) {
     options.continuation.largest_step = options.continuation.largest_step.min(SMOOTH_STEP);
 }
 
-/// Whether the curve hardens or softens, and by how much.
+/// Says whether the curve hardens or softens, and by how much.
 fn reading_of(document: &Document, curve: &Curve, read: &[ReadAt]) -> String {
     let (Some(last), Some(at)) = (curve.points.last(), read.first()) else { return String::from("no points") };
     let (shift_hz, part) = (document.frequency_shift_hz, document.frequency_shift_hz / document.linear_frequency_hz);

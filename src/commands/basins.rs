@@ -1,4 +1,4 @@
-//! `resonarm basins`: which initial states reach which stable motion.
+//! `resonarm basins`: which initial states reach which stable periodic response.
 
 use clap::Args;
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub(crate) struct Basins {
 struct Document {
     configuration: Value,
     coordinates: Value,
-    /// The two that vary, by their names.
+    /// The names of the two coordinates that vary.
     over: [String; 2],
     motions: Vec<Value>,
     #[serde(flatten)]
@@ -83,12 +83,15 @@ impl Basins {
         let (over, names) = self.over(assembly)?;
         let (motions, early) = stable_motions(&forced, &dofs(&read), self.frequency_hz, &|| false)?;
         if let Some(early) = early {
-            tracing::warn!("stable motions beyond are not known: {}", early.reason);
+            tracing::warn!(
+                "the branch ended early, so stable periodic responses beyond its end are unknown: {}",
+                early.reason
+            );
         }
         // A negative verdict, not an error: the branch may have no stable orbit at this frequency.
         if motions.is_empty() {
             let hz = short(&self.frequency_hz);
-            tracing::error!("no stable motion is known at {hz} Hz: no state can be said to reach one");
+            tracing::error!("no stable periodic response is known at {hz} Hz, so no state can be assigned to one");
             return Ok(Verdict::Negative);
         }
         let far = over.map(|index| reach(&motions, index, self.frequency_hz));
@@ -120,7 +123,7 @@ impl Basins {
         Ok(Verdict::Positive)
     }
 
-    /// The numbers and names of the coordinates that vary.
+    /// Returns the numbers and names of the coordinates that vary.
     fn over(&self, assembly: &Assembly) -> Result<([usize; 2], [String; 2]), Failure> {
         // States of elements are no choice for an axis: they have no channel and no unit.
         let known = configuration::state_names(assembly);
@@ -131,9 +134,7 @@ impl Basins {
             let number = |name: &String| {
                 let refusal = || {
                     let known = known.join(", ");
-                    Failure::usage(format!(
-                        "--coordinates: there is no coordinate `{name}`: the coordinates are {known}"
-                    ))
+                    Failure::usage(format!("--coordinates: unknown coordinate `{name}`: the coordinates are {known}"))
                 };
                 known.iter().position(|known| known == name.as_str()).ok_or_else(refusal)
             };
@@ -161,13 +162,13 @@ impl Basins {
         configuration
     }
 
-    /// The motions, and how many states reach each.
+    /// Lists the responses, and how many states reach each.
     fn text(&self, document: &Document, motions: &[StableMotion], read: &[ReadAt]) -> String {
         let (mut text, all) = (String::new(), document.cells.len());
         for (k, motion) in motions.iter().enumerate() {
             let period = if motion.period == 1 { String::new() } else { format!(", {} periods", motion.period) };
             text += &format!(
-                "motion {}: largest {}{period}; reached by {} of {all} states\n",
+                "response {}: largest {}{period}; reached by {} of {all} states\n",
                 k + 1,
                 words(&motion.readings, read),
                 document.cells.reaching(k)
@@ -198,7 +199,7 @@ impl Document {
     ) -> Figure {
         let labelled = |(k, motion): (usize, &StableMotion)| {
             let (at, largest) = (&read[0], motion.readings[0].largest);
-            format!("reaches motion {}: {} to {largest:.2e} {}", k + 1, at.name, at.unit())
+            format!("reaches response {}: {} to {largest:.2e} {}", k + 1, at.name, at.unit())
         };
         let labels = motions.iter().enumerate().map(labelled).collect();
         let [x, y] = grid.coordinates;

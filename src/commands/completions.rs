@@ -1,4 +1,4 @@
-//! `resonarm completions`: what a shell completes.
+//! `resonarm completions`: scripts that let a shell complete commands and flags.
 
 use clap::Args;
 use clap_complete::Shell;

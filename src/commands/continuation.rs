@@ -1,4 +1,4 @@
-//! `resonarm continue`: branches of periodic motions, their stability and bifurcations.
+//! `resonarm continue`: branches of periodic responses, their stability and bifurcations.
 
 use std::path::PathBuf;
 
@@ -90,7 +90,7 @@ pub(crate) struct Continue {
     json: JsonFlag,
 }
 
-/// The interval of what varies.
+/// The interval of the quantity that varies.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// First frequency, Hz.
@@ -119,7 +119,7 @@ struct Walk {
     second: Option<(Coordinate, f64)>,
 }
 
-/// Results of the continuation: the branch, and what was followed from it.
+/// Results of the continuation: the branch, its doubled branches and its curves.
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
@@ -128,14 +128,14 @@ struct Found {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on; where the amplitude varies, the loads are those at the amplitude 1 of the first.
+    /// The inputs of the results; where the amplitude varies, the loads are those at the amplitude 1 of the first.
     configuration: Value,
     coordinates: Value,
     #[serde(flatten)]
     branch: BranchDocument,
     /// Bifurcations that were detected between two points and could not be located.
     unlocated: Vec<Value>,
-    /// For each degree of freedom that is read, the motion with the largest displacement, and whether it is at an end
+    /// For each degree of freedom that is read, the response with the largest displacement, and whether it is at an end
     /// of the branch.
     peaks: Vec<Value>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -211,7 +211,9 @@ impl Continue {
         };
         let frequency_hz = match (coordinate, self.frequency_hz) {
             (Coordinate::FrequencyHz, Some(_)) => {
-                return Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"));
+                return Err(Failure::usage(
+                    "--frequency-hz is for runs in another parameter: leave --frequency-hz out",
+                ));
             }
             (Coordinate::FrequencyHz, None) => None,
             (Coordinate::Amplitude | Coordinate::Parameter(_), _) => Some(self.positive_frequency_hz()?),
@@ -246,7 +248,7 @@ impl Continue {
         if self.no_stability { Assess::Nothing } else { Assess::Multipliers }
     }
 
-    /// The branch, and what leaves it.
+    /// Follows the branch, and the branches and curves that leave it.
     fn follow(&self, tested: &TestedAssembly, walk: &Walk, early: &mut Early) -> Result<Found, Failure> {
         let Walk { coordinate, ends, frequency_hz, .. } = *walk;
         let forced = walk.drive.forced(&tested.assembly);
@@ -270,7 +272,7 @@ impl Continue {
         Ok(Found { branch, doubled, curves })
     }
 
-    /// The curves of folds and period doublings of the branch.
+    /// Follows the curves of folds and period doublings of the branch.
     fn curves(
         &self,
         forced: &Forced,
@@ -302,7 +304,7 @@ impl Continue {
         configuration
     }
 
-    /// A figure's subtitle: the structure and its excitation, without the coordinates that vary.
+    /// Returns a figure's subtitle: the structure and its excitation, without the coordinates that vary.
     fn conditions(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk, varied: &[Coordinate]) -> Subtitle {
         // What varies is on an axis; the caption must not state a single value of it.
         let names: Vec<String> = varied.iter().map(Coordinate::to_string).collect();
@@ -313,13 +315,13 @@ impl Continue {
         captions::structure(scenario, tested, &names).and(load).and(hz)
     }
 
-    /// The bifurcations and peaks.
+    /// Lists the bifurcations and peaks.
     fn text(&self, found: &Found, walk: &Walk, wall_s: f64) -> String {
         let (branch, read) = (&found.branch, &walk.read);
         let unit = unit(walk.coordinate, &walk.drive);
         let mut text = if self.no_stability {
             format!(
-                "{} motions, in {wall_s:.3} s\nstability not computed: bifurcations other than folds are not found\n",
+                "{} responses, in {wall_s:.3} s\nstability not computed: bifurcations other than folds are not found\n",
                 branch.orbits.len()
             )
         } else {
@@ -338,13 +340,13 @@ impl Continue {
             let [from, to] = [from, to].map(|value| rounded(value, 7));
             text += &format!(
                 "{kind} between {from} and {to} {unit}, not located: \
-                 try smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
+                 use smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
             );
         }
         for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read) {
             let end = if is_at_end(branch, orbit) { ", an end of the branch" } else { "" };
             let readings = words(&orbit.readings, read);
-            text += &format!("largest motion of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
+            text += &format!("largest response of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
         }
         for (k, branch) in (1..).zip(&found.doubled) {
             text += &format!("doubled branch {k}: {}\n", counted(branch));
@@ -357,22 +359,23 @@ impl Continue {
     }
 }
 
-/// The number of motions, and how many of them are unstable.
+/// Says how many responses a branch has, and how many of them are unstable.
 fn counted(branch: &Branch) -> String {
     let unstable = branch.orbits.iter().filter(|orbit| orbit.is_stable() == Some(false)).count();
-    format!("{} motions, {unstable} of them unstable", branch.orbits.len())
+    format!("{} responses, {unstable} of them unstable", branch.orbits.len())
 }
 
 impl Walk {
-    /// The largest displacement over what varies; unstable motions dashed, bifurcations as marks.
+    /// Draws the largest displacement over the quantity that varies; unstable periodic responses dashed, bifurcations
+    /// as marks.
     fn figure(&self, conditions: Subtitle, branches: &[&Branch]) -> Figure {
-        let figure = Figure::new("Periodic motions").subtitle(conditions);
+        let figure = Figure::new("Periodic responses").subtitle(conditions);
         let title = title(self.coordinate, &self.drive);
         of_each(figure, &title, &self.read, |panel, index| with_branches(panel, branches, index))
     }
 }
 
-/// A motion with its readings.
+/// Returns a response with its readings.
 fn point(orbit: &Orbit, read: &[ReadAt]) -> Value {
     let multipliers = orbit.stability.as_ref().map(|stability| {
         stability.multipliers.iter().map(|multiplier| [multiplier.re, multiplier.im]).collect::<Vec<_>>()
@@ -391,7 +394,7 @@ fn bifurcation(found: &Bifurcation, read: &[ReadAt]) -> Value {
     value
 }
 
-/// The largest motion of each degree of freedom.
+/// Returns the largest response of each degree of freedom.
 fn peaks(branch: &Branch, read: &[ReadAt]) -> Vec<Value> {
     let peak = |(orbit, at): (&Orbit, &ReadAt)| {
         let mut value = point(orbit, read);
@@ -402,7 +405,7 @@ fn peaks(branch: &Branch, read: &[ReadAt]) -> Vec<Value> {
     branch.peaks.iter().zip(read).map(peak).collect()
 }
 
-/// Whether a motion is the first or the last of the branch, so that beyond it there may be larger ones.
+/// Says whether a response is the first or the last of the branch: beyond it there may be larger ones.
 fn is_at_end(branch: &Branch, orbit: &Orbit) -> bool {
     let ends = [branch.orbits.first(), branch.orbits.last()];
     // Compared exactly: a peak at an end is a copy of that orbit, with the same bits.

@@ -1,4 +1,4 @@
-//! `resonarm cut` and `resonarm merge`: take a section of a recording, and join sections.
+//! `resonarm cut` and `resonarm merge`: copy a section of a recording, and join sections.
 
 use std::path::PathBuf;
 

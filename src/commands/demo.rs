@@ -1,4 +1,4 @@
-//! `resonarm demo`: the main job in one process, on an embedded scenario.
+//! `resonarm demo`: a phase walk of plant and exciter in one process, on an embedded scenario.
 
 use core::time::Duration;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Sign
 use resonarm::scenario::{Scenario, ScenarioError};
 use resonarm_numeric::number::rounded;
 
-/// How long plant and exciter wait for each other: far longer than a loaded machine delays a thread.
+/// The time for which plant and exciter wait for each other: far longer than a loaded machine delays a thread.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first
@@ -71,7 +71,7 @@ impl Demo {
         self.structure.scenario_or(scenario)
     }
 
-    /// Simulated seconds a second.
+    /// Returns the speed of the run, in simulated seconds a second.
     pub(crate) fn speed(&self) -> Result<Speed, Failure> {
         // Deadlines pace a run in real time. Lockstep has none; it is slowed down to the clock so that the demo can
         // be watched.
@@ -126,7 +126,7 @@ impl Demo {
         Ok(verdict)
     }
 
-    /// Writes the figure, prints points and report, and says whether all went well.
+    /// Writes the figure, prints points and report, and returns the verdict.
     fn conclude(
         &self,
         scenario: &Scenario,
@@ -164,7 +164,7 @@ impl Demo {
     }
 }
 
-/// The control of the scenario; without one a phase walk at the load of its excitation.
+/// Takes the control from the scenario; without one it is a phase walk at the load of its excitation.
 fn control(scenario: &mut Scenario) -> Result<ControlSpec, Failure> {
     match (scenario.control.take(), &scenario.excitation) {
         (Some(control), _) => Ok(control),
@@ -184,7 +184,7 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
     let others: String = modes.iter().skip(1).map(|mode| format!(", {:.2} Hz", mode.frequency_hz)).collect();
     let pace = match (mode, speed.times()) {
         (Mode::RealTime, _) => String::from("in real time"),
-        (_, 0.0) => String::from("in lockstep, as fast as it goes"),
+        (_, 0.0) => String::from("in lockstep, as fast as possible"),
         (_, times) => format!("in lockstep at {times} times the speed of the clock"),
     };
     let (amplitude, unit) = (control.amplitude(), control.amplitude().unit());

@@ -13,11 +13,11 @@ use resonarm::export::{RecordingPart, samples};
 use resonarm::recording::Recording;
 use resonarm_numeric::number::short;
 
-/// What can be compared.
+/// The parts of recordings that can be compared.
 const PARTS: [RecordingPart; 4] =
     [RecordingPart::States, RecordingPart::Samples, RecordingPart::Frames, RecordingPart::Events];
 
-/// What is compared if nothing else is asked for.
+/// The parts that are compared without --parts.
 const DEFAULT: [RecordingPart; 2] = [RecordingPart::States, RecordingPart::Samples];
 
 /// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance, or one of them is
@@ -71,7 +71,7 @@ impl Diff {
             let range = if (self.range.from_s, self.range.to_s) == (None, None) { "" } else { " in this range" };
             let parts = parts.join(", ");
             return Err(Failure::usage(format!(
-                "nothing to compare: neither recording has {parts}{range}; --parts names others, of {}",
+                "nothing to compare: neither recording has {parts}{range}; choose others by --parts, of {}",
                 PARTS.map(RecordingPart::name).join(", ")
             )));
         }
@@ -80,7 +80,7 @@ impl Diff {
     }
 }
 
-/// Whether neither recording has such records.
+/// Says whether neither recording has records of the compared parts.
 fn is_empty(difference: &Difference) -> bool {
     difference.parts.iter().all(|part| part.compared == 0 && part.only_in_a == 0 && part.only_in_b == 0)
 }
@@ -100,7 +100,7 @@ fn part_text(part: &PartDifference) -> String {
     let mut text = format!("{part}: {compared} compared");
     for (count, place) in [(only_in_a, "A"), (only_in_b, "B")] {
         if *count > 0 {
-            text += &format!(", {count} in {place} alone");
+            text += &format!(", {count} only in {place}");
         }
     }
     text += &match first_difference {

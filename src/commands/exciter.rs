@@ -68,7 +68,7 @@ struct Document<'a> {
     responses: Vec<ResponseDocument>,
 }
 
-/// The default scenario: a stepped sine below the first resonance.
+/// Returns the default scenario: a stepped sine below the first resonance.
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../scenarios/bench.toml"), "scenarios/bench.toml")?)
 }
@@ -153,13 +153,13 @@ impl Exciter {
     }
 }
 
-/// Warns of what the exciter can't know on the scenario's own protocol.
+/// Warns of the facts that the exciter can't know on the scenario's user protocol.
 pub(crate) fn warn_of_wire(session: &Session) -> Result<(), Failure> {
     session.exciter_remarks()?.iter().for_each(|remark| tracing::warn!("[wire] {remark}"));
     Ok(())
 }
 
-/// Why the exciter did not complete its task, and what to do; `None` if it did, or if an error says so.
+/// Says why the exciter did not complete its task, and what to do; `None` if it did, or if the report has an error.
 pub(crate) fn complaint(report: &ExciterReport) -> Option<String> {
     match report.outcome {
         Some(ExciterOutcome::Stopped) if report.samples_played == 0 => {

@@ -72,7 +72,7 @@ impl Export {
         Ok(recordings::verdict(&recording))
     }
 
-    /// The beginning of the names of the files.
+    /// Returns the beginning of the names of the files.
     fn stem(&self) -> PathBuf {
         let name = self.file.file_stem().unwrap_or(self.file.as_os_str());
         match &self.out {

@@ -42,14 +42,14 @@ pub(crate) struct Fmu {
     json: JsonFlag,
 }
 
-/// [`Interface`] as a flag.
+/// The values of the flag for an [`Interface`].
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum InterfaceFlag {
     Signals,
     Can,
 }
 
-/// [`Role`] as a flag.
+/// The values of the flag for a [`Role`].
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum RoleFlag {
     Plant,
@@ -57,7 +57,7 @@ enum RoleFlag {
     Bus,
 }
 
-/// [`TxClock`] as a flag.
+/// The values of the flag for a [`TxClock`].
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ClockFlag {
     Triggered,

@@ -57,17 +57,17 @@ pub(crate) struct Frf {
     json: JsonFlag,
 }
 
-/// Beyond any vibration of a structure; its square is still finite.
+/// The highest frequency: beyond any vibration of a structure, and with a finite square.
 const HIGHEST_HZ: f64 = 1e9;
 
-/// Evenly spaced frequencies where no number is given.
+/// The number of evenly spaced frequencies without --points.
 const EVEN_POINTS: u32 = 801;
 
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
     coordinates: Value,
-    /// Where the load acts.
+    /// The degree of freedom on which the load acts.
     drive: String,
     quantity: Quantity,
     frequency_hz: Vec<f64>,
@@ -105,7 +105,9 @@ impl Frf {
         if is_still && self.plot.is_some() {
             let at: Vec<_> = document.responses.iter().map(|curve| curve.at.as_str()).collect();
             let (drive, at) = (&drive.name, at.join(", "));
-            return Err(Failure::usage(format!("there is nothing to plot: a load at {drive} moves nothing at {at}")));
+            return Err(Failure::usage(format!(
+                "there is nothing to plot: a load at {drive} causes no response at {at}; choose another place by --at"
+            )));
         }
         let conditions = captions::structure(&scenario, &tested, &[]);
         let drawn = || (self.figure(conditions, &document, (assembly, &linear, &drive)), table(&document));
@@ -124,12 +126,12 @@ impl Frf {
         Ok(ReadAt { dof: dof("--drive", name, assembly)?, name: name.to_owned() })
     }
 
-    /// The frequencies of the flags, Hz; without their number more about the natural ones.
+    /// Returns the frequencies of the flags, Hz; without a number of points they are denser at the natural frequencies.
     fn frequencies(&self, assembly: &Assembly) -> Result<Vec<f64>, Failure> {
         let (from, to) = (self.from_hz, self.to_hz);
         if !(from >= 0.0 && to > from && to <= HIGHEST_HZ) {
             return Err(Failure::usage(format!(
-                "--from-hz {} --to-hz {}: the frequencies must rise from 0 or above, to {HIGHEST_HZ:e} at most",
+                "--from-hz {} --to-hz {}: the frequencies must rise, and be from 0 to {HIGHEST_HZ:e}",
                 short(&from),
                 short(&to)
             )));
@@ -141,7 +143,7 @@ impl Frf {
         })
     }
 
-    /// The responses where `--at` says, or where the load acts, even at a base.
+    /// Computes the responses at the degrees of freedom of `--at`, or where the load acts, even at a base.
     fn responses(
         &self,
         tested: &TestedAssembly,
@@ -165,7 +167,7 @@ impl Frf {
         read_at(&self.at, driven, &tested.assembly)?.into_iter().map(curve).collect()
     }
 
-    /// Moduli, a panel for each unit, above the phases of all.
+    /// Draws the moduli, a panel for each unit, above the phases of all.
     fn figure(
         &self,
         conditions: Subtitle,

@@ -79,7 +79,7 @@ pub(crate) struct Identify {
     json: JsonFlag,
 }
 
-/// Directions by their names.
+/// The directions of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Input {
     /// The direction in which the head reads most.
@@ -102,7 +102,7 @@ impl Input {
 
 /// The names of the channels, accelerometer and axis, in the order of [`Record`].
 const RESPONSES: [&str; CHANNELS] = ["b-x", "b-y", "c-x", "c-y"];
-/// The same in figures.
+/// The names of the channels in figures.
 const TITLES: [&str; CHANNELS] = ["B x", "B y", "C x", "C y"];
 const UNIT: &str = "m/s² per N";
 
@@ -110,11 +110,11 @@ const UNIT: &str = "m/s² per N";
 struct Document {
     /// The recorded structure, to compare the modes with.
     configuration: Value,
-    /// None of a structure whose equations are not known.
+    /// Name and unit of each coordinate; none of a structure whose equations are not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     coordinates: Option<Value>,
-    /// What the shapes' components are of, the degrees of freedom at B along x and y and at C; none where an
-    /// accelerometer reads nothing, and of a structure whose equations are not known.
+    /// The degrees of freedom of the shapes' components: at B along x and y, and at C; none where an accelerometer
+    /// reads nothing, and of a structure whose equations are not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     at: Option<[Option<String>; 4]>,
     recording: String,
@@ -151,7 +151,8 @@ struct ResponseCurve {
     coherence: Option<Vec<f64>>,
 }
 
-/// Pole frequencies of a structure's modes; not a number for a mode that does not oscillate, so that nothing is near it.
+/// Returns the pole frequencies of a structure's modes; not a number for a mode that does not oscillate, so that
+/// nothing is near it.
 fn pole_frequencies_hz(poles: &[Option<Pole>]) -> Vec<f64> {
     poles.iter().map(|pole| pole.map_or(f64::NAN, |pole| pole.pole_frequency_hz)).collect()
 }
@@ -176,7 +177,7 @@ impl Identify {
         let document = self.compute(&recording, &scenario, tested.as_ref())?;
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
-                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise: the structure did not vibrate linearly, so lower the force, or the instruments are almost without noise",
+                "{:.3} Hz: the residual of the fit is {:.1} times the instruments' noise: either the structure did not vibrate linearly (lower the force), or the instruments have almost no noise",
                 found.pole_frequency_hz,
                 found.residual
             );
@@ -246,7 +247,7 @@ impl Identify {
         })
     }
 
-    /// The averaging of the flags, or the one that suits the excitation.
+    /// Returns the averaging of the flags, or the one that suits the excitation.
     fn averaging(&self, waveform: Option<&Waveform>, record: &Record) -> Result<Averaging, Failure> {
         match self.segment_s {
             None => Ok(averaging(waveform, record)),
@@ -295,7 +296,7 @@ impl Document {
         text
     }
 
-    /// CSV: frequency, then modulus and phase of H1 and of H2 and the coherence of each response.
+    /// Returns the CSV: frequency, then modulus and phase of H1 and of H2 and the coherence of each response.
     fn csv(&self) -> String {
         let mut text = String::from("frequency_hz");
         for ResponseCurve { response, coherence, .. } in &self.responses {
@@ -320,17 +321,17 @@ impl Document {
     }
 }
 
-/// Rounded to three decimal places, and never −0.
+/// Rounds to three decimal places, and never to −0.
 fn to_three_places(value: f64) -> f64 {
     // In IEEE 754, −0 + 0 is +0. Any other number is unchanged.
     libm::rint(value * 1e3) / 1e3 + 0.0
 }
 
-/// Phases are drawn where the coherence is at least this: below, they are those of the noise.
+/// The least coherence at which phases are drawn: below it they are those of the noise.
 const LEAST_COHERENCE: f64 = 0.5;
 
-/// A row for each response: modulus and phase of H1, and the coherence, if there is one. The responses of the identified
-/// modes are drawn over them. All moduli have one axis.
+/// Draws a row for each response: modulus and phase of H1, and the coherence, if there is one. The responses of the
+/// identified modes are drawn over them. All moduli have one axis.
 fn figure(scenario: &Scenario, tested: Option<&TestedAssembly>, document: &Document) -> Figure {
     let sizes = |curve: &ResponseCurve| curve.h1.iter().map(|[re, im]| libm::hypot(*re, *im)).collect::<Vec<f64>>();
     let read: Vec<&ResponseCurve> =
@@ -357,19 +358,19 @@ fn figure(scenario: &Scenario, tested: Option<&TestedAssembly>, document: &Docum
     }
 }
 
-/// The number of a response among all.
+/// Returns the number of a response among all.
 fn row_of(document: &Document, curve: &ResponseCurve) -> usize {
     document.responses.iter().position(|other| other.response == curve.response).unwrap_or_default()
 }
 
-/// The panels of a response, from left to right.
+/// Draws the panels of a response, from left to right.
 fn panels(
     document: &Document,
     curve: &ResponseCurve,
     identified: Option<&Identified>,
     [low, high]: [f64; 2],
 ) -> Vec<Panel> {
-    // Also where phases are left out.
+    // The axis covers all frequencies, also where phases are left out.
     let [first, last] = [document.frequency_hz.first(), document.frequency_hz.last()];
     let ends = first.zip(last).filter(|(first, last)| first < last);
     let x = || ends.map_or(Axis::linear("frequency (Hz)"), |(a, b)| Axis::linear("frequency (Hz)").range(*a, *b));
@@ -410,17 +411,17 @@ struct Identified {
     modes: Vec<IdentifiedPart>,
 }
 
-/// A mode's part: −ω² `residue` / (ω_r² − ω² + 2iζω_r ω).
+/// The part of a mode in a response: −ω² `residue` / (ω_r² − ω² + 2iζω_r ω).
 struct IdentifiedPart {
-    /// Pole's frequency ω_r, rad/s.
+    /// Frequency ω_r of the pole, rad/s.
     rate: f64,
     damping_ratio: f64,
     residue: f64,
 }
 
 impl Identified {
-    /// `None` if no accelerometer is where the force acts, which the shapes must show, or if a mode has no shape with
-    /// its mass.
+    /// Returns the response of the identified modes; `None` if no accelerometer is where the force acts, which the
+    /// shapes must show, or if a mode has no shape with its mass.
     fn new(tested: &TestedAssembly, document: &Document, channel: usize) -> Option<Identified> {
         let Places { exciter, accelerometer_b, accelerometer_c, .. } = &tested.places;
         // The mode must be known at the driven point, where an accelerometer is only if it shares its place with the
@@ -441,7 +442,7 @@ impl Identified {
         Some(Identified { modes: document.modes.iter().map(part).collect::<Option<_>>()? })
     }
 
-    /// The acceleration over the force at a frequency, complex.
+    /// Returns the acceleration over the force at a frequency, complex.
     fn at(&self, hz: f64) -> [f64; 2] {
         let w = core::f64::consts::TAU * hz;
         self.modes.iter().fold([0.0, 0.0], |[re, im], &IdentifiedPart { rate, damping_ratio, residue }| {

@@ -15,7 +15,7 @@ use resonarm::recording::Recording;
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::{rounded, short};
 
-/// Domains by their names.
+/// The domains of the integration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Domain {
     /// The transform of the whole record over −ω².
@@ -52,22 +52,22 @@ struct Document {
     /// The structure that was recorded.
     configuration: Value,
     recording: PathBuf,
-    /// The table of the angles.
+    /// The file with the table of the angles.
     angles: PathBuf,
     integration: &'static str,
     /// Lower corner frequency of the integration, Hz.
     from_hz: f64,
     samples: usize,
-    /// Times of the first and the last row.
+    /// Time of the first row of the table, s.
     from_s: f64,
     to_s: f64,
     largest_rad: [f64; 2],
-    /// Largest standard deviations of α1 and α2.
+    /// Largest standard deviations of α1 and α2, rad.
     deviation_rad: [f64; 2],
     /// The residual of the displacements after the fit of rigid links, over the instruments' noise; null for ideal
     /// instruments.
     residual_over_noise: Option<f64>,
-    /// The same over the displacements.
+    /// The residual of the displacements over the displacements.
     residual_over_displacement: f64,
 }
 
@@ -97,12 +97,12 @@ pub(crate) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
 /// Warns of anything that makes the angles doubtful.
 fn warn(scenario: &Scenario, found: &RecordedAngles) {
     if has_faulty_accelerometer(scenario) {
-        tracing::warn!("an accelerometer had a fault in this run: the angles are those of its readings");
+        tracing::warn!("an accelerometer had a fault in this run, so the angles from its readings may be wrong");
     }
     if let Some(over_displacement) = found.contradiction() {
         tracing::warn!(
-            "the points move along the links by {over_displacement:.3} of what they move across, which no angles explain: \
-             an accelerometer has a fault, another sensitivity than stated or a filter"
+            "the points move along the links {over_displacement:.3} times as far as across them, which no angles explain: \
+             an accelerometer may have a fault, a filter, or another sensitivity than stated"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! `resonarm import`: a log of another tool as a recording.
+//! `resonarm import`: makes a recording of another tool's log.
 
 use std::path::PathBuf;
 
@@ -75,13 +75,13 @@ impl Import {
                     "{log}: `import` does not read {ending}: convert it by `python -m can.logconvert {log} NEW.blf` and \
                      import that, or call `resonarm.import_log` of the Python package"
                 ),
-                None => format!("{log}: the ending does not say the format: give it by --from, one of {names}"),
+                None => format!("{log}: the ending of the name does not state the format: give it by --from, one of {names}"),
             })
         })
     }
 }
 
-/// Endings of logs that python-can and asammdf read.
+/// Endings of the logs that python-can and asammdf can convert.
 const OF_PYTHON: [&str; 4] = [".trc", ".mf4", ".csv", ".db"];
 
 fn text(imported: &Imported) -> String {
@@ -108,11 +108,11 @@ fn text(imported: &Imported) -> String {
     )
 }
 
-/// What was gathered from the frames of the scenario's own protocol, and what is missing.
+/// Says what was gathered from the frames of the scenario's user protocol, and what is missing.
 fn wire_text(wire: &WireImport) -> String {
     let mut text = match wire.missing_readings.is_empty() {
         true => format!(
-            "readings of {} samples; {} samples missing in {} gaps, {} left out for want of some of their frames\n",
+            "readings of {} samples; {} samples missing in {} gaps, {} left out since some of their frames are missing\n",
             wire.samples, wire.missing_samples, wire.gaps, wire.incomplete_samples
         ),
         false => format!("no readings: {}\n", missing_text(&wire.missing_readings)),
@@ -120,7 +120,7 @@ fn wire_text(wire: &WireImport) -> String {
     text += &match wire.missing_states.is_empty() {
         true if wire.missing_readings.is_empty() => format!("states and commanded loads of {} samples\n", wire.states),
         true => format!(
-            "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out for want of some of \
+            "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out since some of \
              their frames\n",
             wire.states, wire.missing_samples, wire.gaps, wire.incomplete_samples
         ),
@@ -145,15 +145,15 @@ fn wire_text(wire: &WireImport) -> String {
     text
 }
 
-/// The channels that are missing, by why.
+/// Lists the channels that are missing, by the reason.
 fn missing_text(missing: &[Missing]) -> String {
     let of = |is_carried: bool| {
         let names = missing.iter().filter(|of| of.is_carried == is_carried).map(|of| of.channel);
         names.collect::<Vec<_>>().join(", ")
     };
     match [of(false), of(true)] {
-        [none, some] if some.is_empty() => format!("the wire does not carry {none}"),
-        [none, some] if none.is_empty() => format!("the wire does not carry {some} every sample"),
-        [none, some] => format!("the wire does not carry {none}, nor {some} every sample"),
+        [none, some] if some.is_empty() => format!("the user protocol does not carry {none}"),
+        [none, some] if none.is_empty() => format!("the user protocol does not carry {some} every sample"),
+        [none, some] => format!("the user protocol does not carry {none}, nor {some} every sample"),
     }
 }

@@ -38,8 +38,8 @@ pub(crate) struct Integrators {
     json: JsonFlag,
 }
 
-/// Where the joints of the free vibration start, by turns, rad, and at which rate, rad/s: an amplitude at which a chain is
-/// far from linear.
+/// Angles, rad, and rates, rad/s, with which the joints of the free vibration start, by turns: an amplitude at which a
+/// chain is far from linear.
 const START: [[f64; 2]; 2] = [[0.05, -0.08], [0.5, -1.0]];
 /// The cost is the minimum over these rounds of steps, which keeps the influence of other processes small.
 const COST_ROUNDS: u32 = 50;
@@ -49,7 +49,7 @@ const COST_STEPS: u32 = 500;
 struct Document {
     configuration: Value,
     coordinates: Value,
-    /// The structure for people.
+    /// The structure in words.
     #[serde(skip)]
     label: String,
     rate_hz: f64,
@@ -70,7 +70,7 @@ struct Row {
 }
 
 impl Integrators {
-    /// Integration steps a second.
+    /// Returns the number of integration steps a second.
     pub(crate) fn rate_hz(&self, scenario: &Scenario) -> f64 {
         self.rate_hz.unwrap_or(scenario.simulation.step_rate_hz())
     }
@@ -100,7 +100,7 @@ impl Integrators {
         self.json.show(&document, || document.table(self.drift_steps), &[])
     }
 
-    /// If a scheme fails, its row says why; an invalid rate ends the command.
+    /// Measures a scheme. If it fails, its row says why; an invalid rate ends the command.
     fn row(&self, chain: &Assembly, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
         let mut row = Row { scheme, order: scheme.order(), modes: None, energy: None, cost_ns: None, refused: None };
         match self.measure(chain, rate_hz, &mut row) {
@@ -127,11 +127,11 @@ impl Integrators {
     }
 }
 
-/// The chain without damping, which the schemes step.
+/// Returns the chain without damping, which the schemes step.
 fn undamped_chain(assembly: &Assembly) -> Result<Assembly, Failure> {
     let Ok(joint1) = assembly.dof("joint1") else {
         return Err(Failure::usage(
-            "the structure is of modes, which are stepped by their exact solution, whatever the scheme: name a chain",
+            "the structure consists of modes, which are stepped by their exact solution, not by a scheme: use a chain",
         ));
     };
     if !assembly.is_smooth() {
@@ -143,7 +143,7 @@ fn undamped_chain(assembly: &Assembly) -> Result<Assembly, Failure> {
     Ok(Forced::new(assembly.clone(), joint1, 1.0).undamped()?.assembly().clone())
 }
 
-/// The time of a step, ns.
+/// Measures the time of a step, ns.
 fn cost_ns(chain: &Assembly, scheme: Scheme, rate_hz: f64, start: &[f64]) -> Result<f64, StepError> {
     let mut stepper = Stepper::new(chain, &[], scheme, rate_hz)?;
     let clock = SystemClock;

@@ -55,7 +55,7 @@ pub(crate) struct Latency {
     json: JsonFlag,
 }
 
-/// How long the controller may be delayed before the plant considers it lost, s.
+/// The delay of the controller after which the plant considers it lost, s.
 const PATIENCE_S: f64 = 3600.0;
 
 /// One turn of each loop.
@@ -66,28 +66,28 @@ struct Turn {
     overruns: u64,
     lost_records: u64,
     spin: Option<SpinChoice>,
-    /// The histograms behind the three.
+    /// The histograms of the three measurements.
     counted: [Option<LatencyHistogram>; 3],
 }
 
-/// The results at one rate.
+/// The results at one rate, over all turns.
 #[derive(Debug, PartialEq, Serialize)]
 struct AtRate {
     rate_hz: f64,
-    /// How late the bare loop woke.
+    /// The lateness of the bare loop.
     bare_us: Percentiles,
-    /// How late the plant's loop woke.
+    /// The lateness of the plant's loop.
     plant_us: Percentiles,
-    /// How long the plant's work of a sample took.
+    /// The time of the plant's work for a sample.
     execution_us: Percentiles,
-    /// The plant's lateness over the other's.
+    /// The plant's median lateness over that of the bare loop.
     ratio_p50: f64,
     ratio_p99: f64,
-    /// Deadlines that the plant missed.
+    /// The number of deadlines that the plant missed.
     overruns: u64,
-    /// Records that did not reach the recording.
+    /// The number of records that did not reach the recording.
     lost_records: u64,
-    /// How long the plant's loop spins before a deadline, in the last turn; `null` if it does not spin.
+    /// The time that the plant's loop spins before a deadline, in the last turn; `null` if it does not spin.
     spin: Option<SpinChoice>,
 }
 
@@ -134,7 +134,7 @@ impl Latency {
         self.json.show(&document, text, &written)
     }
 
-    /// A plant and a controller that drives it below the first resonance for a turn.
+    /// Makes a session of a plant and a controller that drives it below the first resonance for a turn.
     fn session(&self, rate_hz: f64, setup: Option<ThreadSetup>, existing: Existing) -> Result<Session, Failure> {
         let mut scenario = crate::commands::exciter::scenario()?;
         scenario.simulation.rate_hz = rate_hz;
@@ -151,7 +151,7 @@ impl Latency {
         Ok(Session::new(scenario, Mode::RealTime, options)?)
     }
 
-    /// One turn of each loop, on separate threads, whose settings end with them.
+    /// Runs one turn of each loop, on separate threads, whose settings end with them.
     fn turn(
         &self,
         session: &Session,
@@ -182,7 +182,11 @@ impl Latency {
                 let (overruns, spin, counted) = (plant.overruns, plant.spin, [Some(bare.1), late, exec]);
                 Ok(Turn { bare: percentiles, plant: wakeup, execution, overruns, lost_records, spin, counted })
             }
-            _ => Err(Failure::value("--turn-s", self.turn_s, format!("at {rate_hz} Hz there is no sample in it"))),
+            _ => Err(Failure::value(
+                "--turn-s",
+                self.turn_s,
+                format!("it must contain at least one sample at {rate_hz} Hz"),
+            )),
         }
     }
 }
@@ -196,7 +200,7 @@ fn on_a_thread<T: Send>(what: &'static str, body: impl FnOnce() -> T + Send) -> 
 }
 
 impl AtRate {
-    /// The medians of the turns, and the longest of all.
+    /// Returns the medians over the turns, and the largest values of all.
     fn of(rate_hz: f64, turns: &[Turn]) -> AtRate {
         let bare_us = medians(turns.iter().map(|turn| turn.bare));
         let plant_us = medians(turns.iter().map(|turn| turn.plant));
@@ -214,7 +218,7 @@ impl AtRate {
     }
 }
 
-/// The curves of a rate, over all turns: the plant over the bare loop.
+/// Returns the curves of a rate, over all turns: the plant over the bare loop.
 fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<LatencyCurve<'_>>) {
     let curves = [("late, bare loop", Color::Grey), ("late, plant", Color::Blue), ("work, plant", Color::Vermillion)];
     let counted = |which: usize| turns.iter().filter_map(|turn| turn.counted[which].as_ref()).collect();
@@ -226,7 +230,7 @@ fn panel(rate_hz: f64, turns: &[Turn]) -> (Option<String>, Vec<LatencyCurve<'_>>
     (Some(format!("{} Hz", short(&rate_hz))), curves.collect())
 }
 
-/// The median of each percentile over the turns, the upper one of an even number; the maximum of the maxima.
+/// Returns the median of each percentile over the turns, the upper one of an even number; the maximum of the maxima.
 fn medians(turns: impl Iterator<Item = Percentiles> + Clone) -> Percentiles {
     let median = |of: fn(&Percentiles) -> f64| {
         let mut values: Vec<f64> = turns.clone().map(|turn| of(&turn)).collect();

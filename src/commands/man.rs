@@ -38,7 +38,7 @@ impl Man {
     }
 }
 
-/// The pages of a command and its subcommands, whose names have hyphens for blanks.
+/// Returns the names of the pages of a command and its subcommands, with hyphens for blanks.
 fn names(command: &Command, name: &str) -> Vec<String> {
     // `generate_to` does not return the names of its files, so they are made here by its rule: hidden commands have
     // no page.

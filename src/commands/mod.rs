@@ -1,4 +1,4 @@
-//! The commands: one file each, its flags and what it prints.
+//! The commands, one file each, with their flags and their output.
 
 pub mod backbone;
 pub mod basins;

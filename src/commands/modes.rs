@@ -78,8 +78,8 @@ struct Mode {
 }
 
 impl Mode {
-    /// The mode of the undamped structure with the part φᵀDφ/2ω of the damping D in it, for a shape φ of unit modal
-    /// mass; a rigid mode's is 0, or infinite with damping.
+    /// Returns the mode of the undamped structure with the part φᵀDφ/2ω of the damping D in it, for a shape φ of unit
+    /// modal mass; a rigid mode's is 0, or infinite with damping.
     fn new(mode: &StructureMode, linear: &Linear) -> Mode {
         let StructureMode { frequency_hz, damping_ratio, shape } = mode.clone();
         // Chunks of length 0 would panic: a structure without coordinates has no rows.
@@ -91,7 +91,7 @@ impl Mode {
         Mode { frequency_hz, damping_ratio, shape }
     }
 
-    /// The modes of a structure.
+    /// Returns the modes of a structure.
     fn of(assembly: &Assembly) -> Vec<Mode> {
         let linear = assembly.linear();
         assembly.modes().iter().map(|mode| Mode::new(mode, &linear)).collect()
@@ -111,7 +111,7 @@ impl ModeAndPole {
 
 #[derive(Serialize)]
 struct RangeDocument {
-    /// The structure, with the value of the parameter that it has without the range.
+    /// The structure, in which the parameter has its value without the range.
     configuration: Value,
     coordinates: Value,
     /// The parameter that varies.
@@ -137,7 +137,7 @@ impl Modes {
         }
     }
 
-    /// The modes of the structure as it is.
+    /// Computes the modes of the structure as it is.
     fn alone(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
         let assembly = &tested.assembly;
         let poles = structure_poles(assembly);
@@ -149,7 +149,7 @@ impl Modes {
         self.json.show(&document, || document.text(&captions::label(scenario, tested), assembly), &[])
     }
 
-    /// The modes over the values of a parameter.
+    /// Computes the modes over the values of a parameter.
     fn over(
         &self,
         scenario: &Scenario,
@@ -206,18 +206,18 @@ impl Document {
     }
 }
 
-/// `alpha1`, `alpha2` … or, after another letter, those of modes.
+/// Returns the symbols of the coordinates: the letter with the number of each.
 fn symbols(assembly: &Assembly, letter: &str) -> Vec<String> {
     (1..=assembly.coordinates()).map(|number| format!("{letter}{number}")).collect()
 }
 
-/// A shape with the largest part 1.
+/// Writes a shape with the largest part 1.
 fn shape_text(shape: &[f64]) -> String {
     let largest = shape.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
     shape.iter().map(|part| format!("{:+.4}", part / largest)).collect::<Vec<_>>().join(" ")
 }
 
-/// The columns of a mode's pole in a table.
+/// Returns the columns of a mode's pole in a table.
 fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -> String {
     match (frequency_hz, damping_ratio) {
         (Some(hz), Some(ratio)) => format!("{hz:18.4} Hz   {ratio:9.3e}"),
@@ -225,13 +225,13 @@ fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -> String {
     }
 }
 
-/// A line with the joints' deflection under the weight; empty without gravity.
+/// Returns a line with the joints' deflection under the weight; empty without gravity.
 fn sag_text(assembly: &Assembly) -> String {
     let Some(sag_rad) = assembly.sag_rad() else { return String::new() };
     let joint = |(sag_rad, number): (&f64, usize)| format!("{sag_rad:+.5} rad in joint {number}");
     let joints: Vec<String> = sag_rad.iter().zip(1..).map(joint).collect();
     format!(
-        "under its weight it sags by {}: coordinates count from there, angles are those before\n",
+        "the structure sags under its weight by {}: coordinates count from this state, angles are those before it sags\n",
         joints.join(", ")
     )
 }
@@ -256,7 +256,7 @@ impl RangeDocument {
         text
     }
 
-    /// As Fig. 3 of the paper.
+    /// Draws the natural frequencies over the parameter, as Fig. 3 of the paper.
     fn figure(&self, conditions: Subtitle, parameter: Parameter) -> Figure {
         const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Orange, Color::Black];
         let x = match parameter.unit() {

@@ -1,4 +1,4 @@
-//! `resonarm poincare`: Poincaré sections, and bifurcation diagrams made of them.
+//! `resonarm poincare`: Poincaré sections, and bifurcation diagrams that consist of them.
 
 use clap::Args;
 use serde::Serialize;
@@ -22,7 +22,7 @@ use resonarm::structure::Assembly;
 use resonarm::study::{SweepPoint, Sweeps};
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
-/// Points of the section to keep if a motion doesn't settle: of a single motion, and at each value of a diagram.
+/// Points of the section to keep if a response doesn't settle: of a single response, and at each value of a diagram.
 const SECTION_POINTS: usize = 2000;
 const DIAGRAM_POINTS: usize = 200;
 
@@ -109,7 +109,7 @@ struct MotionDocument {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on; where the amplitude is stepped, the loads are those at the amplitude 1 of the first.
+    /// The inputs of the results; where the amplitude is stepped, the loads are those at the amplitude 1 of the first.
     configuration: Value,
     coordinates: Value,
     motions: Vec<MotionDocument>,
@@ -152,9 +152,10 @@ impl Poincare {
         self.section_points.map_or(usual, |points| points as usize)
     }
 
-    /// The frequency that isn't stepped.
+    /// Returns the frequency that isn't stepped.
     fn frequency(&self) -> Result<f64, Failure> {
-        self.frequency_hz.ok_or_else(|| Failure::usage("give the excitation's frequency: --frequency-hz F"))
+        self.frequency_hz
+            .ok_or_else(|| Failure::usage("the frequency of the excitation is missing: give --frequency-hz F"))
     }
 
     /// Resolves the flags against the structure: the load, the readings, and the values of the quantity that is
@@ -181,7 +182,7 @@ impl Poincare {
         let frequency_hz = match over {
             Coordinate::FrequencyHz if self.frequency_hz.is_some() => {
                 return Err(Failure::usage(
-                    "--frequency-hz is for a section or a diagram in another parameter: leave it out",
+                    "--frequency-hz is for a section or a diagram in another parameter: leave --frequency-hz out",
                 ));
             }
             Coordinate::FrequencyHz => from,
@@ -191,7 +192,7 @@ impl Poincare {
         Ok(Plan { drive, read, over, grid: Some(Grid::new(from, to, self.points)?), frequency_hz })
     }
 
-    /// One for each direction, or the section alone.
+    /// Returns a sweep for each direction, or the section alone.
     fn sweeps(&self, tested: &TestedAssembly, plan: &Plan) -> Vec<Sweep> {
         let sweep = |values: Vec<f64>| Sweep {
             forced: plan.drive.forced(&tested.assembly),
@@ -248,8 +249,8 @@ impl Poincare {
         Ok(figure.subtitle(conditions))
     }
 
-    /// The section in the plane of each degree of freedom, over the path of the motion if it is periodic: its few points
-    /// alone would show little.
+    /// Draws the section in the plane of each degree of freedom, over the path of the response if it is periodic: its
+    /// few points alone would show little.
     fn section_figure(&self, tested: &TestedAssembly, plan: &Plan, document: &Document) -> Result<Figure, Failure> {
         let motion = document.motions.first();
         // Only a periodic orbit returns to its start: for others there is no closed path to draw.
@@ -270,14 +271,14 @@ impl Poincare {
             let (name, unit) = (&at.name, at.unit());
             let [x, y] = [format!("{name} ({unit})"), format!("d{name}/dt ({unit}/s)")].map(Axis::linear);
             let panel = Panel::new(x, y).legend(if index == 0 { Legend::Bottom } else { Legend::None });
-            let panel = panel.with_any(Series::line("motion", Color::Grey, states.iter().map(plane).collect()));
+            let panel = panel.with_any(Series::line("response", Color::Grey, states.iter().map(plane).collect()));
             let section = Series::markers("section", Color::Blue, Marker::Circle, points);
             figure = figure.with(panel.with(section.marked(size, true)));
         }
         Ok(figure)
     }
 
-    /// The sections over what is stepped.
+    /// Draws the sections over the quantity that is stepped.
     fn diagram(&self, tested: &TestedAssembly, plan: &Plan, document: &Document) -> Figure {
         let mut figure = Figure::new("Bifurcation diagram: the section at phase 0 of the excitation");
         for (index, at) in plan.read.iter().enumerate() {
@@ -289,7 +290,7 @@ impl Poincare {
                     Direction::Down => (Color::Vermillion, 2.0),
                 };
                 let name = direction.name();
-                // Periodic motions as a few points, others as a cloud of small ones.
+                // Periodic responses as a few points, others as a cloud of small ones.
                 for (repeats, label, size) in [
                     (true, format!("stepped {name}"), size),
                     (false, format!("stepped {name}, not settled"), 0.4 * size),
@@ -314,7 +315,7 @@ impl Poincare {
 }
 
 impl Document {
-    /// The number of motions of each period.
+    /// Says how many responses there are of each period.
     fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
         let mut periods: Vec<Option<u32>> = self.motions.iter().map(|motion| motion.period).collect();
@@ -323,7 +324,7 @@ impl Document {
         periods.dedup();
         for period in periods {
             let count = self.motions.iter().filter(|motion| motion.period == period).count();
-            let motions = if count == 1 { "motion" } else { "motions" };
+            let motions = if count == 1 { "response" } else { "responses" };
             text += &match period {
                 Some(1) => format!("{count} {motions} with the period of the excitation\n"),
                 Some(period) => format!("{count} {motions} of {period} periods of the excitation\n"),
@@ -336,7 +337,7 @@ impl Document {
         text
     }
 
-    /// A line for each point of a section: the coordinates and their rates.
+    /// Returns a line for each point of a section: the coordinates and their rates.
     fn csv(&self, plan: &Plan, assembly: &Assembly) -> String {
         let names = configuration::state_names(assembly);
         let varied = plan.over.to_string().replace('.', "_");

@@ -1,4 +1,4 @@
-//! `resonarm quickstart`: a folder with a bench and controllers to change.
+//! `resonarm quickstart`: writes a folder with a bench and controllers to change.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -26,7 +26,7 @@ pub(crate) struct Quickstart {
 #[derive(Serialize)]
 struct Document {
     folder: PathBuf,
-    /// Relative to the folder.
+    /// The files that were written, relative to the folder.
     files: Vec<PathBuf>,
 }
 
@@ -77,15 +77,15 @@ impl Quickstart {
     fn refuse_what_is_there(&self) -> Result<(), Failure> {
         let folder = self.folder.display();
         match fs::read_dir(&self.folder).map(|mut entries| entries.next().is_some()) {
-            Ok(true) => Err(Failure::Usage(format!("{folder} is not empty: name a folder that does not exist"))),
+            Ok(true) => Err(Failure::Usage(format!("{folder} is not empty: choose a folder that does not exist"))),
             Ok(false) => Ok(()),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-            Err(error) => Err(Failure::Usage(format!("{folder} can't be the folder: {error}; name another"))),
+            Err(error) => Err(Failure::Usage(format!("{folder} can't be used: {error}; choose another folder"))),
         }
     }
 }
 
-/// All files, by their paths in the folder.
+/// Lists all files, by their paths in the folder.
 fn all_files() -> Vec<(PathBuf, String)> {
     let manifest = PROTOCOL_MANIFEST.replace("VERSION", env!("CARGO_PKG_VERSION"));
     let rust = Path::new("rust/resonarm-protocol");

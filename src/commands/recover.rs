@@ -39,10 +39,10 @@ fn text(recovered: &Recovered) -> String {
         let times = chunk.log_times_ns.map_or(String::new(), |(first, last)| {
             format!(", which states log times from {:.3} to {:.3} s", first as f64 * 1e-9, last as f64 * 1e-9)
         });
-        line(format!("{} bytes from byte {} are gone{times}: {}", chunk.bytes, chunk.offset, chunk.cause));
+        line(format!("{} bytes from byte {} are lost{times}: {}", chunk.bytes, chunk.offset, chunk.cause));
     }
     for missing in &recovered.missing_samples {
-        line(format!("samples {} to {} are gone", missing.first, missing.last));
+        line(format!("samples {} to {} are lost", missing.first, missing.last));
     }
     let (messages, path, bytes) = (recovered.messages, recovered.path.display(), recovered.bytes);
     line(format!("{messages} messages recovered into {path}, {bytes} bytes"));

@@ -46,7 +46,7 @@ impl Reference {
     }
 }
 
-/// Every channel that a recording can have; those that differ by their number only share a row.
+/// Writes the table of the channels that a recording can have; those that differ by their number only share a row.
 fn channels() -> String {
     let mut families: Vec<((String, String), Vec<Channel>)> = Vec::new();
     for channel in known_states().into_iter().chain(READINGS) {
@@ -68,14 +68,14 @@ fn channels() -> String {
     text
 }
 
-/// A name without its number, before and after it.
+/// Splits a name into the parts before and after its number.
 fn numbered(name: &str) -> (String, String) {
     let at = name.find(|letter: char| letter.is_ascii_digit()).unwrap_or(name.len());
     let (before, rest) = name.split_at(at);
     (before.to_owned(), rest.trim_start_matches(|letter: char| letter.is_ascii_digit()).to_owned())
 }
 
-/// The row of channels that differ by their number.
+/// Returns the row of channels that differ by their number.
 fn row(members: &[Channel]) -> Option<String> {
     let (first, last) = (members.first()?, members.last()?);
     let bit = match first.kind {
@@ -89,7 +89,8 @@ fn row(members: &[Channel]) -> Option<String> {
     Some(format!("| {name} | {kind} | {unit} | {at} | {axis} | {bit} |\n"))
 }
 
-/// The demands of the protocol, and of a user's own, with the cases of `conformance` that test them.
+/// Writes the table of the demands of the protocol and of a user protocol, with the cases of `conformance` that test
+/// them.
 fn requirements() -> String {
     let modes = || Mode::ALL.into_iter().flat_map(|mode| Node::ALL.map(|node| (mode, node)));
     let tested = |requirement: &Requirement| {

@@ -51,7 +51,7 @@ pub(crate) struct Replay {
     json: bool,
 }
 
-/// Which frames are sent, and how often.
+/// The frames that are sent, and how often.
 #[derive(Debug, Args)]
 struct SelectionFlags {
     /// Which frames, from the plant's point of view.
@@ -98,7 +98,7 @@ enum Which {
     Sent,
 }
 
-/// An identifier as candump writes it.
+/// Parses an identifier as candump writes it.
 fn identifier(text: &str) -> Result<Id, String> {
     let frame = format!("{text}#").parse::<Frame>();
     frame.map(|frame| frame.id()).map_err(|error| format!("{error}; write 3 hexadecimal digits, or 8"))
@@ -116,7 +116,9 @@ impl Replay {
         let Some(address) = address else {
             let SelectionFlags { range, times, .. } = &self.selection;
             if range.from_s.or(range.to_s).is_some() {
-                return Err(Failure::usage("--from-s and --to-s are for --bus: `resonarm cut` copies a range of time"));
+                return Err(Failure::usage(
+                    "--from-s and --to-s are for --bus: leave them out, and copy the range of time first, by `resonarm cut`",
+                ));
             }
             let verdict = recordings::verdict(&recording);
             live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;

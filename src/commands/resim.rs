@@ -60,9 +60,9 @@ impl Resim {
         let Some(fmu) = &self.fmu else { return };
         let structure = recording.scenario().ok().map(|scenario| scenario.structure);
         match structure.filter(|structure| structure.kind == StructureKind::Fmu) {
-            None => tracing::warn!("--fmu {}: the recording is of no FMU, so that none is loaded", fmu.display()),
+            None => tracing::warn!("--fmu {}: the recording has no FMU, so none is loaded", fmu.display()),
             Some(structure) if structure.sha256.is_none() => tracing::warn!(
-                "--fmu {}: the recording does not state the SHA-256 of its FMU, so that this one may be another",
+                "--fmu {}: the recording does not state the SHA-256 of its FMU, so this one may differ from it",
                 fmu.display()
             ),
             Some(_) => {}

@@ -82,15 +82,15 @@ type Result<T> = core::result::Result<T, Failure>;
 struct Document<'a> {
     #[serde(flatten)]
     plant: PlantDocument<'a>,
-    /// How the exciter ended, in a free run.
+    /// The end of the exciter, in a free run.
     #[serde(skip_serializing_if = "Option::is_none")]
     exciter: Option<ExciterEnd>,
-    /// The responses it read.
+    /// The responses that the exciter read.
     #[serde(skip_serializing_if = "Option::is_none")]
     responses: Option<Vec<ResponseDocument>>,
 }
 
-/// The default scenario; that of a free run includes an excitation.
+/// Returns the default scenario; that of a free run includes an excitation.
 pub(crate) fn default_scenario(mode: Mode) -> Result<Scenario> {
     if mode == Mode::Free { crate::commands::exciter::scenario() } else { Ok(Scenario::default()) }
 }
@@ -132,13 +132,13 @@ impl Run {
     fn run_on_bus(&self, session: Session) -> Result<Verdict> {
         let Some(bus) = &self.bus else {
             return Err(Failure::usage(format!(
-                "--bus is missing: name the bus, as --bus vcan0; --mode {} has one, --mode free has none",
+                "--bus is missing: the mode {} needs a bus; give one, as --bus vcan0, or use --mode free",
                 self.mode
             )));
         };
         if self.steer.steer {
             return Err(Failure::usage(format!(
-                "--steer is for --mode free; in the mode {} the exciter on the bus is steered: `resonarm exciter --live --steer`",
+                "--steer is for --mode free; in the mode {} steer the exciter on the bus: `resonarm exciter --live --steer`",
                 self.mode
             )));
         }
@@ -173,7 +173,7 @@ impl Run {
         let report = supervise("plant", length, on_tick, work)??;
         // A user protocol has its own way to arm, so the general advice of `complaint` is not enough.
         if let (PlantOutcome::NotArmed, Some(arming)) = (report.outcome, arming) {
-            tracing::error!("[wire] the plant is armed by {arming}: no such frame came");
+            tracing::error!("[wire] the plant was not armed: expected {arming}, but no such frame was received");
         }
         self.conclude(configuration, report, None)
     }

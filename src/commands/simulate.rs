@@ -52,9 +52,9 @@ struct Document {
     /// States of the elements that have one.
     element_states: Vec<f64>,
     steps: u64,
-    /// Switches of elements, each located within its step.
+    /// The number of switches of elements, each located within its step.
     switches: u64,
-    /// Steps with more switches than are located.
+    /// The number of steps with more switches than are located.
     steps_not_located: u64,
     wall_s: f64,
 }
@@ -63,7 +63,7 @@ struct Document {
 const MOST_STEPS: u64 = 10_000_000_000;
 
 impl Simulate {
-    /// The scheme, and the integration steps a second.
+    /// Returns the scheme, and the number of integration steps a second.
     pub(crate) fn scheme_and_rate(&self, scenario: &Scenario) -> Result<(Scheme, f64), Failure> {
         let scheme = self.scheme.as_deref().map_or(Ok(scenario.simulation.scheme), parse_scheme)?;
         let simulation = SimulationSection { scheme, ..scenario.simulation.clone() };
@@ -119,7 +119,7 @@ impl Simulate {
         self.json.show(&document, || document.text(&names, rate_hz), &[])
     }
 
-    /// The duration as a whole number of steps.
+    /// Returns the duration as a whole number of steps.
     fn steps(&self, rate_hz: f64) -> Result<u64, Failure> {
         let exact = self.duration_s * rate_hz;
         let steps = exact.round();
@@ -132,7 +132,7 @@ impl Simulate {
         };
         if steps > MOST_STEPS as f64 {
             return Err(Failure::usage(format!(
-                "{}: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
+                "{}: at most {MOST_STEPS} are possible; choose a shorter time or a lower rate",
                 steps_text(steps)
             )));
         }
@@ -141,7 +141,7 @@ impl Simulate {
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
             return Err(Failure::usage(format!(
-                "{}, not a whole number: take {}, or another rate",
+                "{}, not a whole number: choose {}, or another rate",
                 steps_text(exact),
                 short(&nearest_s)
             )));
@@ -159,7 +159,7 @@ impl Simulate {
 }
 
 impl Document {
-    /// The state by the names of its channels, then the switches.
+    /// Lists the state by the names of its channels, then the switches.
     fn text(&self, names: &[&str], rate_hz: f64) -> String {
         let mut text =
             format!("t = {} s after {} steps at {rate_hz} Hz, in {:.3} s\n", self.t_s, self.steps, self.wall_s);

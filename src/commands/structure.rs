@@ -1,4 +1,4 @@
-//! `resonarm structure`: what a scenario's structure is made of, checked, and as a section of a scenario.
+//! `resonarm structure`: checks a scenario's structure, lists its parts and writes it as a section of a scenario.
 
 use std::path::{Path, PathBuf};
 
@@ -48,13 +48,13 @@ struct Document {
     coordinates: Value,
     /// The names of the points.
     points: Vec<String>,
-    /// What a load can act on and what is read: point and axis, or a joint.
+    /// The degrees of freedom for loads and readings: a point and an axis, or a joint.
     degrees_of_freedom: Vec<String>,
     natural_frequencies_hz: Vec<f64>,
     damping_ratios: Vec<f64>,
 }
 
-/// A section of a scenario, by its name.
+/// A section `[structure]` in a document of TOML.
 #[derive(Serialize)]
 struct Section<'a> {
     structure: &'a StructureSection,
@@ -74,17 +74,17 @@ impl Structure {
         self.json.show(&document, || document.text(&scenario, &tested), &written)
     }
 
-    /// The scenario, or that of the modes of one.
+    /// Reads the scenario, or makes that of the modes of one.
     fn scenario(&self) -> Result<Scenario, Failure> {
         match (&self.scenario, &self.from_modes) {
             (_, Some(path)) => of_modes(path),
             (Some(path), None) => read_scenario(path),
-            (None, None) => Err(Failure::usage("give --scenario FILE, or --from-modes FILE")),
+            (None, None) => Err(Failure::usage("the structure is missing: give --scenario FILE or --from-modes FILE")),
         }
     }
 }
 
-/// A scenario with the modes of its structure in its place.
+/// Reads a scenario and replaces its structure by the modes of it.
 fn of_modes(path: &Path) -> Result<Scenario, Failure> {
     let scenario = read_scenario(path)?;
     let assembly = scenario.under_test()?.assembly;
@@ -93,7 +93,7 @@ fn of_modes(path: &Path) -> Result<Scenario, Failure> {
     Ok(Scenario { structure, ..scenario })
 }
 
-/// The section alone. Paths of files that it notes count from another folder then: only the numbers stay.
+/// Writes the section alone, without the paths of files that it notes: they would count from another folder.
 fn toml_of(section: &StructureSection) -> Result<String, Failure> {
     toml::to_string(&Section { structure: &section.without_source() })
         .map_err(|error| Failure::usage(format!("the structure can't be written as TOML: {error}")))
@@ -151,7 +151,7 @@ fn links(links: &[Link]) -> String {
     text
 }
 
-/// A line for each element, with the values as the scenario states them.
+/// Returns a line for each element, with the values as the scenario states them.
 fn elements(scenario: &Scenario) -> String {
     let elements = scenario.structure.elements.iter();
     let line = |(element, number): (&resonarm::scenario::structure::ElementSection, usize)| {

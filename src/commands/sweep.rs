@@ -66,7 +66,7 @@ pub(crate) struct Sweep {
     over: Option<OverFlag>,
 }
 
-/// A parameter with some values.
+/// A parameter with the values that it takes.
 #[derive(Clone, Debug, PartialEq)]
 struct OverFlag {
     name: String,
@@ -82,13 +82,13 @@ impl FromStr for OverFlag {
         // Two sweeps at the same value could not be distinguished.
         let twice = values.iter().enumerate().find(|(index, value)| values[..*index].contains(value));
         match twice {
-            Some((_, value)) => Err(format!("{} is there twice: give each value once", short(value))),
+            Some((_, value)) => Err(format!("{} is given twice: give each value once", short(value))),
             None => Ok(OverFlag { name: name.to_owned(), values }),
         }
     }
 }
 
-/// Amplitudes with a relative difference above this belong to different motions: each was proved to have settled.
+/// Amplitudes with a relative difference above this belong to different responses: each was proved to have settled.
 const DIFFERENT: f64 = 1e-6;
 
 /// The sweeps of one structure.
@@ -126,7 +126,7 @@ struct SweepDocument {
     motions: Vec<Motion>,
 }
 
-/// A motion at a frequency, Hz.
+/// A settled response and its frequency, Hz.
 struct Motion {
     frequency_hz: f64,
     point: SweepPoint,
@@ -173,8 +173,8 @@ impl Sweep {
         Ok(Verdict::Positive)
     }
 
-    /// The structure at each value of the parameter, or as it is; without --points with frequencies that resolve its
-    /// resonances.
+    /// Returns the structure at each value of the parameter, or as it is; without --points with frequencies that
+    /// resolve its resonances.
     fn variants(&self, tested: &TestedAssembly, drive: &Drive, read: &[ReadAt]) -> Result<Vec<Variant>, Failure> {
         let mut structures = Vec::new();
         match &self.over {
@@ -193,14 +193,14 @@ impl Sweep {
             let SweepFrequencies { grid, stepped_over, unknown_beyond } =
                 SweepFrequencies::new(&forced, &dofs(read), [self.from_hz, self.to_hz], self.points)?;
             if let Some(reason) = unknown_beyond {
-                tracing::warn!("{}resonances are not looked for beyond: {reason}", self.at_value(value));
+                tracing::warn!("{}the search for resonances ended early: {reason}", self.at_value(value));
             }
             Ok(Variant { value, structure, grid, stepped_over })
         };
         structures.into_iter().map(variant).collect()
     }
 
-    /// `link2.angle_deg = 60: `; empty without `--over`.
+    /// Returns the prefix of a message, `link2.angle_deg = 60: `; empty without `--over`.
     fn at_value(&self, value: Option<f64>) -> String {
         match (&self.over, value) {
             (Some(over), Some(value)) => format!("{} = {}: ", over.name, short(&value)),
@@ -208,7 +208,7 @@ impl Sweep {
         }
     }
 
-    /// One for each direction and structure.
+    /// Returns a sweep for each direction and structure.
     fn sweeps(&self, variants: &[Variant], drive: &Drive) -> Vec<SteppedSweep> {
         let sweep = |variant: &Variant, direction: Direction| SteppedSweep {
             forced: drive.forced(&variant.structure.assembly),
@@ -239,7 +239,7 @@ impl Sweep {
     }
 }
 
-/// A resonance that the steps miss.
+/// Describes a resonance that the steps miss.
 fn missed(found: &Resonance, read: &[ReadAt]) -> Value {
     let Resonance { reading, frequency_hz, largest, width_hz } = found;
     json!({ "at": read[*reading].name, "frequency_hz": frequency_hz, "largest": largest, "width_hz": width_hz })
@@ -265,8 +265,8 @@ impl Motion {
 }
 
 impl SweepDocument {
-    /// Adds the largest displacements of a degree of freedom over the frequency, by its number among those that are
-    /// read: up as circles, down as squares.
+    /// Adds to a panel the largest displacements of a degree of freedom over the frequency, by its number among those
+    /// that are read: up as circles, down as squares.
     fn drawn(&self, panel: Panel, index: usize) -> Panel {
         let (color, shape) = match self.direction {
             Direction::Up => (Color::Blue, Marker::Circle),
@@ -288,19 +288,19 @@ impl SweepDocument {
 }
 
 impl Document {
-    /// The sweeps of each structure.
+    /// Returns the sweeps of each structure.
     fn of_structures(&self) -> impl Iterator<Item = &[SweepDocument]> {
         // The sweeps of one structure follow each other, and `OverFlag` rejects equal values, so chunks are
         // structures.
         self.sweeps.chunk_by(|a, b| a.value == b.value)
     }
 
-    /// `link2.angle_deg = 60`; none without `--over`.
+    /// Returns the value of the parameter in words, `link2.angle_deg = 60`; none without `--over`.
     fn at_value(&self, value: Option<f64>) -> Option<String> {
         Some(format!("{} = {}", self.over.as_ref()?, short(&value?)))
     }
 
-    /// The sweeps for people.
+    /// Describes the sweeps in words.
     fn text(&self, label: &str, read: &[ReadAt], time_constants: f64) -> String {
         let mut text = String::new();
         for same in self.of_structures() {
@@ -322,13 +322,13 @@ impl Document {
                 let (name, unit) = (&read[*reading].name, read[*reading].unit());
                 text += &format!(
                     "  stepped over: the resonance of {name} at {frequency_hz:.6} Hz, {largest:.6e} {unit} in the forced \
-                     response, is {width_hz:.6} Hz wide, less than a step; take more --points, or none\n"
+                     response, is {width_hz:.6} Hz wide, less than a step; use more --points, or leave --points out\n"
                 );
             }
             if let [up, down] = same {
                 let motion = |motion: &Motion| (motion.frequency_hz, motion.largest());
                 let rising: Vec<_> = up.motions.iter().map(motion).collect();
-                // Both ways must list the frequencies in the same order to be compared place by place.
+                // Both directions must list the frequencies in the same order to be compared place by place.
                 let falling: Vec<_> = down.motions.iter().rev().map(motion).collect();
                 let apart = hysteresis(&rising, &falling, DIFFERENT);
                 for [first, last] in &apart {
@@ -340,7 +340,7 @@ impl Document {
         text
     }
 
-    /// A line for each motion, with the units in the names of the columns.
+    /// Returns a line for each response, with the units in the names of the columns.
     fn csv(&self, read: &[ReadAt]) -> String {
         let over = self.over.as_ref().map_or(String::new(), |name| format!("{},", name.replace('.', "_")));
         let mut text =
@@ -362,7 +362,7 @@ impl Document {
         text
     }
 
-    /// The largest displacements over the frequency; of several structures a row each.
+    /// Draws the largest displacements over the frequency; of several structures a row each.
     fn figure(&self, conditions: Subtitle, read: &[ReadAt]) -> Figure {
         let mut figure = Figure::new("Stepped-sine response, settled at each frequency").subtitle(conditions);
         let drawn = |figure: Figure, same: &[SweepDocument]| {

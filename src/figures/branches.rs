@@ -1,5 +1,5 @@
-//! Branches of periodic motions as figures, stable blue, unstable red and dashed, those of doubled period in thin lines;
-//! and as tables.
+//! Branches of periodic responses as figures, stable blue, unstable red and dashed, those of doubled period in thin
+//! lines; and as tables.
 
 use resonarm::analysis::{self, BifurcationKind};
 use resonarm::analysis::{Branch, Coordinate, Orbit};
@@ -18,21 +18,21 @@ const BIFURCATIONS: [(BifurcationKind, &str, Marker); 4] = [
     (BifurcationKind::BranchPoint, "branch point", Marker::Diamond),
 ];
 
-/// A motion of a branch, in order.
+/// A row of a branch: a response, or a bifurcation in its place.
 struct Row<'a> {
     orbit: &'a Orbit,
-    /// The bifurcation, if it is one.
+    /// The kind of bifurcation, if the row is one.
     bifurcation: Option<BifurcationKind>,
 }
 
 impl Row<'_> {
-    /// Whether it is drawn as stable; at a bifurcation neither. A motion whose largest multiplier is on the unit circle,
-    /// as without damping, is not unstable.
+    /// Says whether the response is drawn as stable; `None` at a bifurcation. A response whose largest multiplier is on
+    /// the unit circle, as without damping, is not unstable.
     fn stable(&self) -> Option<bool> {
         self.bifurcation.is_none().then(|| self.orbit.is_stable() != Some(false))
     }
 
-    /// The same in words; empty if it is not computed.
+    /// Returns the stability in words; empty if it is not computed.
     fn stability(&self) -> &'static str {
         match (self.orbit.is_stable(), self.bifurcation) {
             (Some(true), None) => "stable",
@@ -43,7 +43,7 @@ impl Row<'_> {
     }
 }
 
-/// The motions of a branch with its bifurcations in their places.
+/// Returns the responses of a branch with its bifurcations in their places.
 fn rows(branch: &Branch) -> Vec<Row<'_>> {
     let mut found = branch.bifurcations.iter().peekable();
     let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
@@ -58,7 +58,7 @@ fn rows(branch: &Branch) -> Vec<Row<'_>> {
     rows
 }
 
-/// The figure with a panel for each degree of freedom that is read, its largest displacement over what `x` says. The
+/// Adds to a figure a panel for each degree of freedom that is read, its largest displacement over what `x` says. The
 /// legend is in the first; those of the others have only what it lacks.
 pub(crate) fn of_each(mut figure: Figure, x: &str, read: &[ReadAt], drawn: impl Fn(Panel, usize) -> Panel) -> Figure {
     figure.columns = if read.len() > 3 { 2 } else { 1 };
@@ -74,7 +74,7 @@ pub(crate) fn of_each(mut figure: Figure, x: &str, read: &[ReadAt], drawn: impl 
     figure
 }
 
-/// The panel with the branches of the largest displacement of a degree of freedom, by its number among those that are
+/// Adds to a panel the branches of the largest displacement of a degree of freedom, by its number among those that are
 /// read, and their bifurcations: the first branch, then those of doubled period.
 pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize) -> Panel {
     let at = |row: &Row<'_>| (row.orbit.value, row.orbit.readings[index].largest);
@@ -106,7 +106,7 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
     panel
 }
 
-/// The series in the style of a doubled branch.
+/// Returns the series in the style of a doubled branch.
 fn doubled(series: Series) -> Series {
     let label = series.label.map(|label| format!("{label}, two periods"));
     let style = match series.style {
@@ -116,7 +116,7 @@ fn doubled(series: Series) -> Series {
     Series { label, style, ..series }
 }
 
-/// Runs of motions of one stability; neighbours share a motion.
+/// Splits a branch into runs of responses of one stability; neighbours share a response.
 pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
     let (orbits, mut runs, mut start) = (&branch.orbits, Vec::new(), 0);
     for end in 1..=orbits.len() {
@@ -129,8 +129,9 @@ pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
     runs
 }
 
-/// Comma-separated values (RFC 4180), with the units in the names of the columns: a line for each motion, bifurcations
-/// in their places. `branch` is 0, and counts from 1 for doubled branches; `drive` is the amplitude of the first load.
+/// Returns comma-separated values (RFC 4180), with the units in the names of the columns: a line for each response,
+/// bifurcations in their places. `branch` is 0, and counts from 1 for doubled branches; `drive` is the amplitude of the
+/// first load.
 pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt]) -> String {
     let parameter = match coordinate {
         Coordinate::FrequencyHz | Coordinate::Amplitude => None,
@@ -174,7 +175,7 @@ mod tests {
     }
 
     /// Without colours, the lines still differ: by stability in their dashes, by period in their widths. The colours
-    /// change at the period doublings, although the continuation has no motion exactly there.
+    /// change at the period doublings, although the continuation has no response exactly there.
     #[test]
     fn lines_differ_without_colours_and_change_at_the_bifurcations() {
         let (branch, doubled) = strongly_forced();

@@ -5,17 +5,18 @@ use resonarm::scenario::{Scenario, StructureKind, StructureSection};
 use resonarm::structure::BodySpec;
 use resonarm_figures::plot::Subtitle;
 
-/// An angle in degrees, with a minus sign where it is negative.
+/// Writes an angle in degrees, with a typographic minus sign.
 pub(crate) fn degrees(value: f64) -> String {
     format!("{value}°").replace('-', "−")
 }
 
-/// Label of the structure under test for headers, with every parameter that is set.
+/// Returns the label of the structure under test for headers, with every parameter that is set.
 pub(crate) fn label(scenario: &Scenario, tested: &TestedAssembly) -> String {
     called(scenario, tested, &[], &|changes| changes.join(", "))
 }
 
-/// The same on a figure, without the parameters that vary, as `link2.angle_deg`: the caption has those that are set.
+/// Returns the label of the structure on a figure, without the parameters that vary, as `link2.angle_deg`: the caption
+/// has those that are set.
 pub(crate) fn structure(scenario: &Scenario, tested: &TestedAssembly, varied: &[String]) -> Subtitle {
     let changes = changes(scenario, varied);
     let line = called(scenario, tested, varied, &|changes| match changes {
@@ -26,7 +27,7 @@ pub(crate) fn structure(scenario: &Scenario, tested: &TestedAssembly, varied: &[
     Subtitle { line, more }
 }
 
-/// The parameters that are set, but for those that vary and for angles that stand in the line.
+/// Lists the parameters that are set, except those that vary and angles that the line states.
 fn changes(scenario: &Scenario, varied: &[String]) -> Vec<String> {
     let shows_angles = shows_angles(scenario);
     let is_shown = |name: &str| {
@@ -38,12 +39,12 @@ fn changes(scenario: &Scenario, varied: &[String]) -> Vec<String> {
     changes.iter().filter(|change| is_shown(&change.name)).map(ToString::to_string).collect()
 }
 
-/// Whether the line has the angles: of a preset without a name.
+/// Says whether the line states the angles: of a preset without a name.
 fn shows_angles(scenario: &Scenario) -> bool {
     scenario.structure.kind == StructureKind::Preset && scenario.structure.name.is_none()
 }
 
-/// The structure, with what is set, the angles of a preset and the elements.
+/// Names the structure, with the parameters that are set, the angles of a preset and the elements.
 fn called(
     scenario: &Scenario,
     tested: &TestedAssembly,
@@ -78,7 +79,7 @@ fn called(
     format!("{}{set}{angles}{elements}", section.name.clone().unwrap_or_else(plain))
 }
 
-/// Display name of an external structure: an FMU, or one that a program steps itself.
+/// Returns the display name of an external structure: an FMU, or one that a program steps itself.
 pub(crate) fn foreign_label(section: &StructureSection) -> String {
     let file = section.file.as_ref().and_then(|file| file.file_name());
     let plain = || file.map_or("a program's own structure".into(), |file| file.to_string_lossy());

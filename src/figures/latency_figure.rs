@@ -9,7 +9,7 @@ use crate::output::{self, Inputs, OverwriteFlag};
 use resonarm::realtime::LatencyHistogram;
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 
-/// Bars in a decade of latency.
+/// The number of bars in a decade of latency.
 const BARS: f64 = 20.0;
 /// The lower end of the axis of counts, below one: empty bars have this height.
 const NONE: f64 = 0.5;
@@ -26,7 +26,7 @@ pub(crate) struct LatencyPlotFlag {
 }
 
 impl LatencyPlotFlag {
-    /// Refuses existing files, or a folder that does not exist.
+    /// Rejects existing files, and a folder that does not exist.
     pub fn check(&self, overwrite: bool, inputs: &Inputs) -> Result<(), Failure> {
         OverwriteFlag { overwrite }.check_stem(self.plot.as_deref(), &Figure::ENDINGS, inputs)?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)
@@ -62,12 +62,12 @@ fn panel(title: Option<String>, curves: &[LatencyCurve]) -> Panel {
         .fold(panel, |panel, (curve, bars)| panel.with(Series::line(curve.name, curve.color, outline(bars))))
 }
 
-/// Which bar a latency is in: bar k goes from 10^(k/20) ns to 10^((k+1)/20) ns.
+/// Returns the number of the bar of a latency: bar k goes from 10^(k/20) ns to 10^((k+1)/20) ns.
 fn bar(latency_ns: u64) -> i32 {
     libm::floor(BARS * libm::log10(latency_ns.max(SHORTEST_NS) as f64)) as i32
 }
 
-/// The bars from the first to the last non-empty one, with their counts.
+/// Returns the bars from the first to the last non-empty one, with their counts.
 fn bars(counted: &[&LatencyHistogram]) -> Vec<(i32, u64)> {
     let all = || counted.iter().flat_map(|histogram| histogram.counts()).map(|(ns, count)| (bar(ns), count));
     let (Some(first), Some(last)) = (all().map(|(bar, _)| bar).min(), all().map(|(bar, _)| bar).max()) else {
@@ -80,7 +80,7 @@ fn bars(counted: &[&LatencyHistogram]) -> Vec<(i32, u64)> {
     bars
 }
 
-/// The outline of the bars, µs and counts, from the base line and back to it.
+/// Returns the outline of the bars, µs and counts, from the base line and back to it.
 fn outline(bars: &[(i32, u64)]) -> Vec<(f64, f64)> {
     // The outline is a single line, so that several histograms can be drawn over each other. It starts and ends at
     // the base line, which closes the first and the last bar.

@@ -2,15 +2,15 @@
 
 use resonarm_figures::plot::{Color, Dash, Style};
 
-/// The style of a response by its number: neighbours differ in their dashes as well, so that they differ in black and
-/// white.
+/// Returns the style of a response by its number: neighbours differ in their dashes as well, so that they differ in
+/// black and white.
 pub(crate) const fn style(number: usize) -> Style {
     const COLORS: [Color; 4] = [Color::Black, Color::Blue, Color::Vermillion, Color::Orange];
     const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Chain];
     Style::Line { color: COLORS[number % COLORS.len()], width: 1.6, dash: DASHES[number % DASHES.len()] }
 }
 
-/// CSV: frequency, then modulus and phase of each response of this name, unit and complex values.
+/// Returns the CSV: frequency, then modulus and phase of each response of this name, unit and complex values.
 pub(crate) fn csv(frequency_hz: &[f64], responses: &[(String, String, Vec<[f64; 2]>)]) -> String {
     let mut text = String::from("frequency_hz");
     for (name, unit, _) in responses {
@@ -30,8 +30,8 @@ pub(crate) fn csv(frequency_hz: &[f64], responses: &[(String, String, Vec<[f64; 
     text
 }
 
-/// Phases in degrees, with a gap wherever they jump from one end of the circle to the other. The line goes on to ±180° on
-/// both sides of it, so that a point alone on one side is seen, too.
+/// Returns phases in degrees, with a gap wherever they jump from one end of the circle to the other. The line goes on
+/// to ±180° on both sides of it, so that a point alone on one side is seen, too.
 pub(crate) fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let mut broken: Vec<(f64, f64)> = Vec::with_capacity(points.len());
     for (x, phase) in points {

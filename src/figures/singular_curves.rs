@@ -23,7 +23,7 @@ pub(crate) struct CurveFlags {
     curves_to: Option<f64>,
 }
 
-/// What a flag names as a coordinate: `frequency`, `amplitude` or a parameter of the structure.
+/// Returns the coordinate that a flag names: `frequency`, `amplitude` or a parameter of the structure.
 pub(crate) fn coordinate(flag: &str, name: &str, assembly: &Assembly) -> Result<Coordinate, Failure> {
     match name {
         "frequency" => Ok(Coordinate::FrequencyHz),
@@ -35,7 +35,7 @@ pub(crate) fn coordinate(flag: &str, name: &str, assembly: &Assembly) -> Result<
     }
 }
 
-/// The unit of a coordinate; empty if it has none.
+/// Returns the unit of a coordinate; empty if it has none.
 pub(crate) fn unit(coordinate: Coordinate, drive: &Drive) -> &'static str {
     match coordinate {
         Coordinate::FrequencyHz => "Hz",
@@ -44,7 +44,7 @@ pub(crate) fn unit(coordinate: Coordinate, drive: &Drive) -> &'static str {
     }
 }
 
-/// The name of a coordinate in figures, with its unit.
+/// Returns the name of a coordinate in figures, with its unit.
 pub(crate) fn title(coordinate: Coordinate, drive: &Drive) -> String {
     match coordinate {
         Coordinate::FrequencyHz => String::from("excitation frequency (Hz)"),
@@ -72,13 +72,14 @@ pub(crate) struct Curves {
 pub(crate) const LARGEST_STEP: f64 = 0.08;
 
 impl CurveFlags {
-    /// The second coordinate, which is not the first, and where the curves end, if curves are wanted.
+    /// Returns the second coordinate, which is not the first, and the value at which the curves end, if curves are
+    /// wanted.
     pub fn second(&self, first: Coordinate, assembly: &Assembly) -> Result<Option<(Coordinate, f64)>, Failure> {
         let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };
         let second = coordinate("--curves-in", name, assembly)?;
         if second == first {
             return Err(Failure::usage(format!(
-                "--curves-in {name} is what the branch is followed in already: name another parameter"
+                "--curves-in {name} is the quantity in which the branch is followed already: choose another"
             )));
         }
         Ok(Some((second, to)))
@@ -86,7 +87,7 @@ impl CurveFlags {
 }
 
 impl Curves {
-    /// A point of a curve: both coordinates by their names, and the readings.
+    /// Returns a point of a curve: both coordinates by their names, and the readings.
     fn point(&self, point: &SingularPoint, read: &[ReadAt]) -> Value {
         let [first, second] = self.coordinates.map(|coordinate| coordinate.to_string());
         let mut document = json!({ "readings": readings(&point.orbit.readings, read) });
@@ -95,7 +96,7 @@ impl Curves {
         document
     }
 
-    /// The curves as a document.
+    /// Returns the curves as a document.
     pub fn document(&self, read: &[ReadAt]) -> Value {
         let turn = |turn: &Turn| {
             let mut document = self.point(&turn.point, read);
@@ -110,7 +111,7 @@ impl Curves {
         Value::Array(self.curves.iter().map(curve).collect())
     }
 
-    /// A line for each point, with the units in the names of the columns; `curve` counts from 0.
+    /// Returns a line for each point, with the units in the names of the columns; `curve` counts from 0.
     pub fn table(&self, read: &[ReadAt]) -> String {
         let [first, second] = self.coordinates.map(|coordinate| coordinate.to_string().replace('.', "_"));
         let mut text = format!("curve,kind,{first},{second}");
@@ -126,7 +127,7 @@ impl Curves {
         text
     }
 
-    /// The ends and turns of each curve.
+    /// Lists the ends and turns of each curve.
     pub fn text(&self, drive: &Drive) -> String {
         if self.curves.is_empty() {
             return String::from("no fold or period doubling to follow\n");
@@ -148,7 +149,7 @@ impl Curves {
         text
     }
 
-    /// The plane of both coordinates with the curves in it.
+    /// Draws the plane of both coordinates with the curves in it.
     pub fn figure(&self, conditions: Subtitle, drive: &Drive) -> Figure {
         let [x, y] = self.coordinates.map(|coordinate| title(coordinate, drive));
         let mut panel = Panel::new(Axis::linear(x), Axis::linear(y));
@@ -170,7 +171,7 @@ impl Curves {
         let cusps = self.curves.iter().flat_map(|curve| &curve.curve.turns).filter(|turn| turn.is_cusp);
         let cusps = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
         panel = panel.with_any(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
-        Figure::new("Bifurcations of periodic motions in two parameters").subtitle(conditions).with(panel)
+        Figure::new("Bifurcations of periodic responses in two parameters").subtitle(conditions).with(panel)
     }
 }
 

@@ -9,7 +9,7 @@ use resonarm::experiment::Score;
 use resonarm::plant::ReadDof;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style, Subtitle};
 
-/// A zone as it is drawn.
+/// A zone with its computed response and its measured points.
 pub(crate) struct View<'a> {
     pub force_n: f64,
     pub score: &'a Score,
@@ -20,18 +20,18 @@ pub(crate) struct View<'a> {
 }
 
 impl View<'_> {
-    /// The largest computed amplitude at the reading of a number.
+    /// Returns the largest computed amplitude at the reading of this number.
     fn peak(&self, at: usize) -> f64 {
         self.score.branch.orbits.iter().map(|orbit| size_at(&orbit.readings, at)).fold(0.0, f64::max)
     }
 }
 
-/// The amplitude of the reading of a number.
+/// Returns the amplitude of the reading of this number.
 fn size_at(readings: &[Reading], at: usize) -> f64 {
     readings.get(at).map_or(f64::NAN, |reading| size(reading.harmonic1))
 }
 
-/// The numbers of the readings that are drawn: of each accelerometer the axis along which it moves most.
+/// Returns the numbers of the readings that are drawn: of each accelerometer the axis along which it moves most.
 fn drawn(views: &[View]) -> Vec<usize> {
     let read: &[ReadDof] = views.first().map_or(&[], |view| &view.score.read);
     let most = |at: &usize| views.iter().map(|view| view.peak(*at)).fold(0.0, f64::max);
@@ -43,13 +43,13 @@ fn drawn(views: &[View]) -> Vec<usize> {
     [of(1), of(2)].into_iter().flatten().collect()
 }
 
-/// The axis of an amplitude.
+/// Returns the axis of the amplitude at a degree of freedom.
 fn amplitude_axis(read: &ReadDof) -> Axis {
     Axis::linear(format!("amplitude of {} ({})", read.name, displacement_unit(read.dof)))
 }
 
-/// Above: the amplitudes of both accelerometers over all frequencies. Below: each zone where its response bends, at the
-/// degree of freedom that is compared. `conditions` name the structure.
+/// Draws above the amplitudes of both accelerometers over all frequencies, and below each zone where its response
+/// bends, at the degree of freedom that is compared. `conditions` name the structure.
 pub(crate) fn figure(conditions: Subtitle, views: &[View], interrupted: bool) -> Figure {
     let forces: Vec<_> = views.iter().map(|view| format!("{} N", view.force_n)).collect();
     let conditions = conditions.and(format!("along x at the exciter: {}", forces.join(" and ")));
@@ -78,8 +78,8 @@ pub(crate) fn figure(conditions: Subtitle, views: &[View], interrupted: bool) ->
     figure
 }
 
-/// A vertical line where one zone ends and the next begins, with the load on either side: the response jumps there because
-/// the load does.
+/// Draws a vertical line where one zone ends and the next begins, with the load on either side: the response jumps
+/// there because the load does.
 fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
     let top = views.iter().map(|view| view.peak(at)).fold(0.0, f64::max);
     let hz = |view: &View| view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz).collect::<Vec<_>>();
@@ -95,7 +95,7 @@ fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
         let style = Style::Line { color: Color::Grey, width: 0.8, dash: Dash::Dashed };
         let line = Series::line("load changes", Color::Grey, vec![(border, 0.0), (border, top)]).style(style);
         panel = panel.with(line);
-        // Beside the line, in the middle of the free half of each zone.
+        // The loads stand beside the line, in the middle of the free half of each zone.
         let beside = |view: &View, towards: f64| {
             let zone = hz(view);
             let orbits = view.score.branch.orbits.iter();
@@ -109,7 +109,7 @@ fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
     panel
 }
 
-/// The computed response and backbone, and the measured points over them, at the reading of a number and name.
+/// Draws the computed response and backbone, and the measured points over them, at the reading of this number and name.
 fn with_view(mut panel: Panel, view: &View, at: usize, name: &str) -> Panel {
     for (stretch, is_stable) in stretches(&view.score.branch) {
         let points = stretch.iter().map(|orbit| (orbit.frequency_hz, size_at(&orbit.readings, at))).collect();
@@ -118,7 +118,7 @@ fn with_view(mut panel: Panel, view: &View, at: usize, name: &str) -> Panel {
     let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, size_at(&point.readings, at)));
     let thin = Style::Line { color: Color::Black, width: 0.8, dash: Dash::Chain };
     panel = panel.with(Series::line("backbone", Color::Black, backbone.collect()).style(thin));
-    // Settled points; the others are only in the data.
+    // Only settled points are drawn; the others are in the data.
     let places = |points: &[MeasuredPoint], wanted: &dyn Fn(&MeasuredPoint) -> bool| -> Vec<(f64, f64)> {
         let settled = points.iter().filter(|point| point.settled && wanted(point));
         settled.filter_map(|point| Some((point.frequency_hz, point.amplitude(name)?))).collect()
@@ -137,8 +137,8 @@ fn with_view(mut panel: Panel, view: &View, at: usize, name: &str) -> Panel {
     panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, clipped).marked(9.0, false))
 }
 
-/// The range where a zone bends: five times the distance of its folds, or where the walk's lag is from 20° to 160°, or
-/// the whole zone.
+/// Returns the range of frequencies where a zone bends: five times the distance of its folds, or where the walk's lag
+/// is from 20° to 160°, or the whole zone.
 fn range(view: &View) -> (f64, f64) {
     let ends = |hz: &mut dyn Iterator<Item = f64>| {
         hz.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), hz| (low.min(hz), high.max(hz)))

@@ -254,7 +254,7 @@ fn bad_input_is_refused() {
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(says(2, "backbone --drive=joint1=0"), @r"
-    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude is 0: it must be another number
+    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude must be a number other than 0
 
     For more information, try '--help'.
     ");
@@ -291,7 +291,7 @@ fn a_curve_that_ends_early_is_kept() {
 
     softening: -0.000008 Hz (-0.0000 %) at joint1 2.442158e-3 rad; at small amplitudes a of joint1, df/d(a²) = -1.682467e0 Hz/rad²
     ");
-    insta::assert_snapshot!(reason, @"resonarm: along the backbone: the branch has more than 5 points and has come to 22.157517 Hz; allow more points or larger steps (--most-points, --largest-step); the 5 responses before that are in the results");
+    insta::assert_snapshot!(reason, @"resonarm: along the backbone: the branch was followed to 22.157517 Hz, where it reached the limit of 5 points; allow more points or larger steps (--most-points, --largest-step); the 5 responses before that are in the results");
     let (document, reason) = partial("backbone --most-harmonics=3 --json");
     insta::assert_snapshot!(reason, @"resonarm: along the backbone: at 22.157517 Hz the response needs more than 3 harmonics; lower the excitation, or allow more harmonics (--most-harmonics); the 4 responses before that are in the results");
     let document: Value = serde_json::from_str(&document).unwrap();
@@ -308,13 +308,13 @@ fn a_branch_that_ends_early_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let stem = folder.path().join("branch");
     let (early, reason) = partial(&format!("{command} --most-points=50 --json --plot={}", stem.display()));
-    insta::assert_snapshot!(reason, @"resonarm: along frequency_hz: the branch has more than 50 points and has come to 22.153542 Hz; allow more points or larger steps (--most-points, --largest-step); the 50 responses before that are in the results");
+    insta::assert_snapshot!(reason, @"resonarm: along frequency_hz: the branch was followed to 22.153542 Hz, where it reached the limit of 50 points; allow more points or larger steps (--most-points, --largest-step); the 50 responses before that are in the results");
     let early: Value = serde_json::from_str(&early).unwrap();
     assert_eq!(early["points"].as_array().unwrap()[..], whole["points"].as_array().unwrap()[..50]);
     assert_eq!(early["bifurcations"], whole["bifurcations"]);
     assert!(stem.with_extension("png").exists());
     let (summary, _) = partial(&format!("{command} --most-points=10"));
-    assert!(summary.starts_with("10 motions, 0 of them unstable"), "{summary}");
+    assert!(summary.starts_with("10 responses, 0 of them unstable"), "{summary}");
 }
 
 /// Curves of folds that end early do not change the branch; each is kept as far as it came.
@@ -323,9 +323,9 @@ fn curves_that_end_early_leave_the_branch() {
     let command = "continue --drive=joint1=60 --from-hz=21 --to-hz=23 --curves-in=amplitude --curves-to=5";
     let (early, reason) = partial(&format!("{command} --most-points=60 --json"));
     insta::assert_snapshot!(reason, @r"
-    resonarm: along frequency_hz: the branch has more than 60 points and has come to 22.244301 Hz; allow more points or larger steps (--most-points, --largest-step); the 60 responses before that are in the results
-    resonarm: along amplitude: the branch has more than 60 points and has come to 24.192237 N·m; allow more points or larger steps (--most-points, --largest-step); the 60 responses before that are in the results
-    resonarm: along amplitude: the branch has more than 60 points and has come to 24.506233 N·m; allow more points or larger steps (--most-points, --largest-step); the 60 responses before that are in the results
+    resonarm: along frequency_hz: the branch was followed to 22.244301 Hz, where it reached the limit of 60 points; allow more points or larger steps (--most-points, --largest-step); the 60 responses before that are in the results
+    resonarm: along amplitude: the branch was followed to 24.192237 N·m, where it reached the limit of 60 points; allow more points or larger steps (--most-points, --largest-step); the 60 responses before that are in the results
+    resonarm: along amplitude: the branch was followed to 24.506233 N·m, where it reached the limit of 60 points; allow more points or larger steps (--most-points, --largest-step); the 60 responses before that are in the results
     ");
     let early: Value = serde_json::from_str(&early).unwrap();
     assert_eq!(early["ended_early"].as_array().unwrap().len(), reason.lines().count());
@@ -342,22 +342,22 @@ fn continue_reports_its_failures() {
         assert_eq!(output.status.code(), Some(code), "{arguments}: {}", text(&output.stderr));
         text(&output.stderr)
     };
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: invalid interval from 22 to 22 Hz: the ends must be two different numbers within the positive frequencies");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: invalid interval from -1 to 22 Hz: the ends must be two different numbers within the positive frequencies");
     insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=22 --to-hz=NaN"), @r"
     error: invalid value 'NaN' for '--to-hz <F>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --to=3"), @"resonarm: --to is not for --parameter frequency: its interval is --from-hz a --to-hz b");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21"), @"resonarm: --parameter frequency needs an interval: give it by --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --to=3"), @"resonarm: --to is not for --parameter frequency; give its interval by --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave --frequency-hz out");
     insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: the excitation is missing: give it by --drive DOF=A, with DOF one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
-    insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1=60 --frequency-hz=22 --from=1 --to=2"), @"resonarm: the amplitude is what varies: give --drive joint1 without one");
+    insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1=60 --frequency-hz=22 --from=1 --to=2"), @"resonarm: the amplitude is the quantity that varies: give --drive joint1 without one");
     insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1 --from=1 --to=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
-    insta::assert_snapshot!(says(2, "--parameter=wind --drive=joint1=60"), @"resonarm: --parameter wind: there is no parameter `wind` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
-    insta::assert_snapshot!(says(2, "--parameter=link2.mass_kg --drive=joint1=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along link2.mass_kg: the interval from 36 to -1 kg can't be walked: both ends must be numbers, different, and inside the range of the parameter");
+    insta::assert_snapshot!(says(2, "--parameter=wind --drive=joint1=60"), @"resonarm: --parameter wind: there is no parameter `wind` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
+    insta::assert_snapshot!(says(2, "--parameter=link2.mass_kg --drive=joint1=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along link2.mass_kg: invalid interval from 36 to -1 kg: the ends must be two different numbers within the range of the parameter");
     insta::assert_snapshot!(says(1, "--drive=joint1=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000 Hz: Newton's method did not converge; start elsewhere, away from a resonance, or lower the excitation");
     insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-harmonics=4"), @"resonarm: along frequency_hz: at 22.062334 Hz the response needs more than 4 harmonics; lower the excitation, or allow more harmonics (--most-harmonics); the 14 responses before that are in the results");
-    insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch has more than 10 points and has come to 21.868289 Hz; allow more points or larger steps (--most-points, --largest-step); the 10 responses before that are in the results");
+    insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch was followed to 21.868289 Hz, where it reached the limit of 10 points; allow more points or larger steps (--most-points, --largest-step); the 10 responses before that are in the results");
 }

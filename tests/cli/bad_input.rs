@@ -43,11 +43,11 @@ fn faults_that_a_bus_cannot_simulate() {
         complaint(folder.path(), 2, &[command, &["--scenario", "scenario.toml"]].concat())
     };
     let errors = "network = { bit_rate_hz = 1_000_000, bit_error_rate = 1e-6 }";
-    assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode lockstep has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
-    assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode real-time has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
+    assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6, but the bus of the mode lockstep can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
+    assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6, but the bus of the mode real-time can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
     let timed = "network = { bit_rate_hz = 1_000_000 }\n\
                  control = { law = 'phase-walk', amplitude = { exciter_x = 14.0 } }";
-    assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000: in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or take the mode free or lockstep");
+    assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000, but in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or use the mode free or lockstep");
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn rates_and_times_that_cannot_be() {
     ");
     assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "vcan0", "--duration-s", "5"]), @"resonarm: --duration-s is 5: the exciter ends with what it plays, leave it out");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "-1"]), @"resonarm: --duration-s is -1: it must be a positive number");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: take 0.002, or another rate");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: choose 0.002, or another rate");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @r"
     error: invalid value 'nan' for '--initial <Q,V>': it must be a finite number
 
@@ -111,15 +111,15 @@ fn scenarios_beyond_the_limits() {
     }
     assert_snapshot!(scenario("structure.angles_deg = [1e300, 60]\nexcitation = { amplitude = { exciter_x = 1 }, profile = { waveform = 'swept-sine', from_hz = 1, to_hz = 2, duration_s = 1 } }"), @"resonarm: structure: link 1: `angle_deg` is 1e300: it must be a number from -360 to 360 degrees");
     let run = ["run", "--mode", "free", "--duration-s", "1e300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 are simulated; leave it out for a run until it is stopped");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 can be simulated; leave it out for a run without end");
     let run = ["run", "--mode", "free", "--speed", "-1e300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is -1e300: it must be a number of simulated seconds a second, or 0 for as fast as it goes");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is -1e300: it must be a positive number of simulated seconds a second, or 0 for as fast as possible");
     let run = ["run", "--mode", "free", "--speed", "1e-300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, and at most half of `network.lockstep_timeout_s` (1 s) is possible, or each end takes the other for lost; the speed must be at least 2.0e-3");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, but may take at most half of `network.lockstep_timeout_s` (1 s), or each end considers the other lost; the speed must be at least 2.0e-3");
     let run = ["run", "--bus", "memory", "--patience-s", "-1e300"];
-    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; expected a time in seconds, 0 or more");
     assert_snapshot!(complaint(here(), 2, &["backbone", "--to=-1e300"]), @"resonarm: --to is -1e300: it must be a positive number");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; take a shorter time or a lower rate");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; choose a shorter time or a lower rate");
 }
 
 /// A seed of 64 bits survives in a recording.
@@ -151,10 +151,10 @@ fn seeds_are_exact_up_to_the_largest() {
 
 #[test]
 fn invalid_buses() {
-    assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: name the bus, as --bus vcan0; --mode real-time has one, --mode free has none");
-    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: unknown backend "socketcna", perhaps you meant socketcan. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
-    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
-    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus: plant and exciter run in one loop; take the mode lockstep");
+    assert_snapshot!(complaint(here(), 2, &["run"]), @"resonarm: --bus is missing: the mode real-time needs a bus; give one, as --bus vcan0, or use --mode free");
+    assert_snapshot!(complaint(here(), 2, &["run", "--bus", "socketcna:vcan0"]), @r#"resonarm: `socketcna:vcan0` is not a bus: there is no backend "socketcna", perhaps socketcan was meant. Examples: vcan0, memory, python-can:interface=slcan,channel=/dev/ttyACM0"#);
+    assert_snapshot!(complaint(here(), 2, &["exciter", "--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(complaint(here(), 2, &["run", "--mode", "free", "--bus", "vcan0"]), @"resonarm: the mode free has no bus, since plant and exciter run in one loop; use the mode lockstep");
     assert_snapshot!(complaint(here(), 2, &["exciter", "--mode", "free", "--bus", "vcan0"]), @"
     error: invalid value 'free' for '--mode <MODE>'
       [possible values: real-time, lockstep]
@@ -190,7 +190,7 @@ fn invalid_words() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--overrun", "ignore"]), @r"
-    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it is one of slip, continue, fault, stop
+    error: invalid value 'ignore' for '--overrun <POLICY>': unknown overrun policy `ignore`; it must be one of slip, continue, fault, stop
 
     For more information, try '--help'.
     ");
@@ -244,7 +244,7 @@ fn invalid_ranges_of_a_parameter() {
 
 #[test]
 fn invalid_responses() {
-    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise from 0 or above, to 1e9 at most");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "-1"]), @"resonarm: --from-hz -1 --to-hz 80: the frequencies must rise, and be from 0 to 1e9");
     assert_snapshot!(complaint(here(), 2, &["frf", "--from-hz", "nan"]), @r"
     error: invalid value 'nan' for '--from-hz <F>': it must be a finite number
 
@@ -275,8 +275,8 @@ fn curves_that_cannot_be() {
             "90",
         ]
     };
-    assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
-    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
+    assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is the quantity in which the branch is followed already: choose another");
+    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
 }
 
 /// A disk that is full, here a limit of the size of files: nothing is left under a name that promises a whole file.

@@ -51,7 +51,7 @@ fn frames_of_drives_are_explained() {
     080#  SYNC (sync)
     183#37120AF401  TPDO 1 of node 3 Statusword=4663 "0x1237: operation enabled, voltage, remote, follows the target" Modes of operation display=10 "cyclic synchronous torque" Torque actual value=500 ‰ (torque1_nm=50)
     283#0F000000F6FFFFFF  TPDO 2 of node 3 Position actual value=15 counts (alpha1_rad=8.98816868e-7) Velocity actual value=-10 counts/s (alpha1_dot_rad_s=-5.99211245e-7)
-    083#5082110A00340000  EMCY of node 3 code=33360 "0x8250: RPDO timeout: no target was taken in time" register=17 "generic, communication" detail=10 sample=52
+    083#5082110A00340000  EMCY of node 3 code=33360 "0x8250: RPDO timeout: no target was accepted in time" register=17 "generic, communication" detail=10 sample=52
     183#R5  TPDO 1 of node 3 requested
     204#8000FFFF  RPDO 1 of node 4 Controlword=128 "0x0080: fault reset" Target torque=-1 ‰ (load torque2_nm=-0.025)
     17 frames: 16 taken, 0 rejected, 1 requests, 0 of none of the drives
@@ -95,8 +95,8 @@ fn frames_that_break_the_rules_of_canopen_are_refused() {
     let frames = "203#0F 283#01020304 603#40 583#C200000000000000 603#2300300111223344 703#06 000#0300 083#00 \
         603#R8 205#00 604#4008100000000000 584#4108100010000000 604#6000000000000000 584#005265736F6E6172";
     assert_snapshot!(decoded(folder.path(), 1, frames), @r#"
-    203#0F  RPDO 1 of node 3 rejected: its 1 bytes end before Controlword
-    283#01020304  TPDO 2 of node 3 rejected: its 4 bytes end before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
+    203#0F  RPDO 1 of node 3 rejected: the payload of 1 bytes ends before Controlword
+    283#01020304  TPDO 2 of node 3 rejected: the payload of 4 bytes ends before Velocity actual value; Position actual value=67305985 counts (alpha1_rad=4.03305031)
     603#40  SDO request to node 3 rejected: it has 1 bytes: expected 8
     583#C200000000000000  SDO answer of node 3 rejected: 0xc2 is not a command of an expedited or segmented transfer
     603#2300300111223344  SDO request to node 3 (write 3000:01 unknown object) bytes=4 "11 22 33 44"
@@ -172,15 +172,15 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
         if flags.is_empty() {
             assert_snapshot!(said.stdout, @"
             bus.mcap: 5260 frames of 1.050 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-            no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out for want of some of their frames
+            no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
+            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out since some of their frames are missing
             a message with readings has neither index nor counter: its frames are placed by their time stamps
             ");
         } else {
             assert_snapshot!(said.stdout, @"
             bus.mcap: 5260 frames of 3.149 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-            no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out for want of some of their frames
+            no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
+            states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out since some of their frames are missing
             ");
         }
         let recording = Recording::open(folder.join("bus.mcap")).unwrap();
@@ -202,8 +202,8 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
             }
         }
     }
-    assert_snapshot!(complaint(folder, 2, &["compare", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings, by which responses are read: `import` names those that its wire does not carry");
-    assert_snapshot!(complaint(folder, 2, &["identify", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings: `import` names those that its wire does not carry");
+    assert_snapshot!(complaint(folder, 2, &["compare", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings, so no responses can be read: the user protocol does not carry all of them, and `import` lists the missing ones");
+    assert_snapshot!(complaint(folder, 2, &["identify", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings: the user protocol does not carry all of them, and `import` lists the missing ones");
 }
 
 #[test]
@@ -219,13 +219,13 @@ fn what_a_log_of_drives_lacks_is_named() {
     assert_eq!((said.code, said.stderr.as_str()), (0, ""));
     assert_snapshot!(said.stdout, @"
     one.mcap: 3 frames of 0.000 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-    no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-    no states and loads, which are in the frames alone: the wire does not carry alpha2_rad, alpha2_dot_rad_s
+    no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
+    no states and loads, which are in the frames alone: the user protocol does not carry alpha2_rad, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
     left out of TPDO 2 of node 3: 1, for a wrong checksum, counter or length, or a value that is no number
     ");
     let by_sync = ["import", "one.log", "two.mcap", "--by-sync"];
     assert!(complaint(folder, 2, &by_sync).contains("--scenario"));
     fs::write(folder.join("plain.toml"), "").unwrap();
-    assert_snapshot!(complaint(folder, 2, &[&by_sync[..], &["--scenario", "plain.toml"]].concat()), @r#"resonarm: SYNC counts the samples of CANopen drives alone: give a scenario that has [wire] with `preset = "cia402"`"#);
+    assert_snapshot!(complaint(folder, 2, &[&by_sync[..], &["--scenario", "plain.toml"]].concat()), @r#"resonarm: SYNC can count only samples of CANopen drives; use a scenario that has [wire] with `preset = "cia402"`"#);
 }

@@ -57,7 +57,7 @@ fn a_walk_is_on_the_computed_branch() {
     );
     assert_eq!(fs::read_to_string(folder.join("compared.csv")).unwrap().lines().count(), 10);
     let elsewhere = complaint(folder, 2, &["compare", "walk.json", "--at", "joint2"]);
-    assert_snapshot!(elsewhere, @"resonarm: walk.json: --at joint2: its points were measured at joint2.x, joint2.y, tip.x, tip.y: name one of these");
+    assert_snapshot!(elsewhere, @"resonarm: walk.json: --at joint2: the points were measured at other degrees of freedom; choose one of joint2.x, joint2.y, tip.x, tip.y");
     // A point from a clipped accelerometer, which was drawn as settled, unmarked and judged.
     let mut clipped: Value = serde_json::from_str(&fs::read_to_string(folder.join("walk.json")).unwrap()).unwrap();
     let reading = &mut clipped["points"][4]["readings"]["joint2.y"];
@@ -100,9 +100,9 @@ fn points_of_another_program_are_compared() {
         fs::write(folder.join("wrong.json"), text.replace(from, to)).unwrap();
         complaint(folder, 2, &["compare", "wrong.json"])
     };
-    assert_snapshot!(refused(r#""amplitude": 8"#, r#""amplitude": 8, "unit": "kN""#), @"resonarm: the drive at tip.x is in kN: give it in N");
-    assert_snapshot!(refused(r#""amplitude": 8"#, r#""amplitude": 0"#), @"resonarm: the drive at tip.x is 0: it must be a finite number other than 0");
-    assert_snapshot!(refused("6.3e-3", r#"6.3, "unit": "mm""#), @"resonarm: wrong.json: point 0: the reading at tip.x is in mm: give it in m");
+    assert_snapshot!(refused(r#""amplitude": 8"#, r#""amplitude": 8, "unit": "kN""#), @"resonarm: the load at tip.x is in kN, expected N");
+    assert_snapshot!(refused(r#""amplitude": 8"#, r#""amplitude": 0"#), @"resonarm: the load at tip.x is 0: it must be a finite number other than 0");
+    assert_snapshot!(refused("6.3e-3", r#"6.3, "unit": "mm""#), @"resonarm: wrong.json: point 0: the reading at tip.x is in mm, expected m");
 }
 
 #[test]
@@ -115,16 +115,16 @@ fn reports_documents_that_can_t_be_compared() {
     fs::write(folder.join("text.json"), "frequency").unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "text.json"]), @"resonarm: text.json is not a document of `experiment walk --json`: expected ident at line 1 column 2");
     let loads = complaint(folder, 2, &["compare", "backbone.json"]);
-    assert!(loads.starts_with("resonarm: backbone.json: its points are of loads from "), "{loads}");
+    assert!(loads.starts_with("resonarm: backbone.json: its points have loads from "), "{loads}");
     let mut empty: Value = serde_json::from_str(&fs::read_to_string(folder.join("backbone.json")).unwrap()).unwrap();
     let points = empty["points"].take();
     empty["points"] = Value::Array(Vec::new());
     fs::write(folder.join("empty.json"), empty.to_string()).unwrap();
-    assert_snapshot!(complaint(folder, 2, &["compare", "empty.json"]), @"resonarm: empty.json: it has no points");
+    assert_snapshot!(complaint(folder, 2, &["compare", "empty.json"]), @"resonarm: empty.json: it has no points to compare");
     empty["points"] = Value::Array(vec![points[0].clone()]);
     empty["points"][0]["readings"]["tip.x"]["amplitude"] = (-1).into();
     fs::write(folder.join("zero.json"), empty.to_string()).unwrap();
-    assert_snapshot!(complaint(folder, 2, &["compare", "zero.json"]), @"resonarm: zero.json: point 0 has no readings, or one with a negative amplitude");
+    assert_snapshot!(complaint(folder, 2, &["compare", "zero.json"]), @"resonarm: zero.json: point 0 must have readings, with amplitudes of 0 or more");
 }
 
 /// A recording gives the same as the document of the run: the controller reads the same from its frames.
@@ -175,7 +175,7 @@ fn dwells_in_open_loop_are_on_the_branch_of_the_force_that_acted() {
         resistance_ohm = 6.0\ninductance_h = 3e-4\nstroke_m = 0.03\ncurrent_limit_a = 22.0\nvoltage_limit_v = 250.0\n";
     record(folder, "shaker", &dwells(shaker));
     let refused = complaint(folder, 2, &["compare", "shaker.mcap"]);
-    assert!(refused.starts_with("resonarm: shaker.mcap: its points are of loads from "), "{refused}");
+    assert!(refused.starts_with("resonarm: shaker.mcap: its points have loads from "), "{refused}");
 }
 
 /// The recording of a dwell whose plant announces another DBC.
@@ -202,10 +202,10 @@ fn reports_why_a_recording_can_t_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     of_another_dbc(&folder.join("old.mcap"));
-    assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version refuses the recorded plant (another DBC): read it with the version that recorded it");
+    assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version rejects the recorded plant (another DBC): use the version that recorded it");
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
     record(folder, "swept", &format!("[excitation]\namplitude = {{ exciter_x = 5 }}\nprofile = {{ {swept} }}\n"));
-    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: none was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
+    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: no response was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
     fs::write(folder.join("text.mcap"), "frequency").unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "text.mcap"]), @"resonarm: `text.mcap` is not an MCAP file: it begins with `frequenc`");
 }

@@ -85,15 +85,15 @@ fn flags_that_cannot_be() {
     ");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--beyond-n-per-s", "-1"]), @"resonarm: --beyond-n-per-s must be a number above 0 N/s");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--beyond-travel-n", "0"]), @"resonarm: --beyond-travel-n must be a number above 0 N");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--patience-s", "-1"]), @"resonarm: --patience-s is -1: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--patience-s", "-1"]), @"resonarm: --patience-s is -1: cannot convert float seconds to Duration: value is negative; expected a time in seconds, 0 or more");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--seed", "1.5"]), @r"
     error: invalid value '1.5' for '--seed <N>': a seed is a whole number from 0 to 18446744073709551615, or hexadecimal as 0x1F
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter both have the node id 1: give them different ones");
-    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: there is no case "exciter", only plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-counters, plant-remote-frames, plant-arms-for-a-hello, plant-states, plant-reset, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-foreign-base, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-older-command, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-stopped, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
+    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: unknown case "exciter", expected one of plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-counters, plant-remote-frames, plant-arms-for-a-hello, plant-states, plant-reset, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-foreign-base, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-older-command, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-stopped, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
     error: invalid value '9600' for '--bit-rate-hz <HZ>': 9600 is not in 10000..=1000000
 
@@ -109,19 +109,19 @@ fn flags_that_cannot_be() {
 #[test]
 fn forces_that_cannot_be() {
     let on_vcan0 = |arguments: &[&str]| conformance(2, &[&["--bus", "vcan0"], arguments].concat());
-    assert_snapshot!(on_vcan0(&["--force-n", "700"]), @"resonarm: --force-n is 700 N, and commands of the classic profile go to ±655.34 N: --profile fd carries more");
-    assert_snapshot!(on_vcan0(&["--beyond-n", "700"]), @"resonarm: --beyond-n is 700 N, and commands of the classic profile go to ±655.34 N: --profile fd carries more");
+    assert_snapshot!(on_vcan0(&["--force-n", "700"]), @"resonarm: --force-n is 700 N, and commands of the classic profile go to ±655.34 N; use --profile fd, which carries more");
+    assert_snapshot!(on_vcan0(&["--beyond-n", "700"]), @"resonarm: --beyond-n is 700 N, and commands of the classic profile go to ±655.34 N; use --profile fd, which carries more");
     assert_snapshot!(on_vcan0(&["--beyond-travel-n", "1e39", "--profile", "fd"]), @"resonarm: --beyond-travel-n is 1e39 N, and commands of the fd profile go to ±3.4028234663852886e38 N");
-    assert_snapshot!(on_vcan0(&["--beyond-n", "5"]), @"resonarm: --beyond-n is 5 N, and --force-n 5 N: it must be larger");
+    assert_snapshot!(on_vcan0(&["--beyond-n", "5"]), @"resonarm: --beyond-n is 5 N, but it must be larger than --force-n, 5 N");
     assert_snapshot!(on_vcan0(&["--expect-force-n", "20", "--expect-frequency-hz", "15"]), @"resonarm: --expect-frequency-hz is for --role exciter: leave it out");
     let of_exciter = |arguments: &[&str]| {
         complaint(Path::new("."), 2, &[&["conformance", "--role", "exciter", "--bus", "vcan0"], arguments].concat())
     };
     assert_snapshot!(of_exciter(&["--beyond-n", "600"]), @"resonarm: --beyond-n is for --role plant: leave it out");
-    assert_snapshot!(of_exciter(&["--expect-force-n", "20"]), @"resonarm: a sine is expected by its frequency and its amplitude: --expect-frequency-hz with --expect-force-n or --expect-torque-nm");
+    assert_snapshot!(of_exciter(&["--expect-force-n", "20"]), @"resonarm: an expected sine needs its frequency and its amplitude: give --expect-frequency-hz with --expect-force-n or --expect-torque-nm");
     assert_snapshot!(of_exciter(&["--expect-frequency-hz", "0"]), @"resonarm: --expect-frequency-hz must be a number above 0 Hz");
     let both = ["--expect-force-n", "20", "--expect-torque-nm", "20", "--expect-frequency-hz", "15"];
-    assert_snapshot!(of_exciter(&both), @"resonarm: --expect-force-n and --expect-torque-nm exclude each other: a command is one of them");
+    assert_snapshot!(of_exciter(&both), @"resonarm: --expect-force-n and --expect-torque-nm exclude each other, since a command is a force or a torque: give one of them");
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn scenarios_that_cannot_be() {
     ");
     assert_snapshot!(on(own, &["--torque-nm", "0"]), @"resonarm: --torque-nm must be a number above 0 N m");
     assert_snapshot!(on("examples/odrive/drives.toml", &["--mode", "lockstep"]), @r#"resonarm: [wire] does not define lockstep: give `lockstep = "command"` or `lockstep = "sync"`, or run in real time"#);
-    assert_snapshot!(on(drives, &["--case", "x"]), @r#"resonarm: there is no case "x", only plant-rates, plant-requests, plant-frames, plant-counters, plant-arms, plant-commands-act, plant-wrong-checksum, plant-repeated-counter, plant-counter-jump, plant-length, plant-not-finite, plant-too-large, plant-command-timeout, plant-disarm, plant-reset, plant-stop, plant-objects, plant-aborts, plant-states, plant-heartbeats, plant-positions, plant-not-enabled, plant-emergencies"#);
+    assert_snapshot!(on(drives, &["--case", "x"]), @r#"resonarm: unknown case "x", expected one of plant-rates, plant-requests, plant-frames, plant-counters, plant-arms, plant-commands-act, plant-wrong-checksum, plant-repeated-counter, plant-counter-jump, plant-length, plant-not-finite, plant-too-large, plant-command-timeout, plant-disarm, plant-reset, plant-stop, plant-objects, plant-aborts, plant-states, plant-heartbeats, plant-positions, plant-not-enabled, plant-emergencies"#);
     assert_snapshot!(conformance(2, &["--bus", "nobody0", "--torque-nm", "3"]), @r"
     error: the following required arguments were not provided:
       --scenario <FILE>

@@ -47,9 +47,9 @@ fn joined_sections_are_the_whole() {
     run(folder.path(), "resim whole.mcap");
     let said =
         |arguments: &[&str]| complaint(folder.path(), 2, &[&["merge"], arguments, &["--out", "new.mcap"]].concat());
-    assert_snapshot!(said(&["b.mcap", "a.mcap"]), @"resonarm: recording `a.mcap` can't be joined to the one before it: it has samples from 0 on, expected later ones than 200");
+    assert_snapshot!(said(&["b.mcap", "a.mcap"]), @"resonarm: recording `a.mcap` can't be joined to the one before it: it has samples from 0 on, expected samples after 200");
     run(folder.path(), "run --mode free --duration-s 0.05 --angles-deg 0,30 --record other.mcap");
-    assert_snapshot!(said(&["a.mcap", "other.mcap"]), @"resonarm: recording `other.mcap` can't be joined to the one before it: it has another configuration, which `diff` tells, expected the same");
+    assert_snapshot!(said(&["a.mcap", "other.mcap"]), @"resonarm: recording `other.mcap` can't be joined to the one before it: it has another configuration (see `resonarm diff`), expected the same");
     run(folder.path(), "run --mode free --duration-s 0.05 --rate-hz 500 --record slow.mcap");
     assert_snapshot!(said(&["a.mcap", "slow.mcap"]), @"resonarm: recording `slow.mcap` can't be joined to the one before it: it has 0.002 s from sample to sample, expected 0.001 s from sample to sample");
     assert!(!folder.path().join("new.mcap").exists());
@@ -77,13 +77,13 @@ fn nothing_to_copy_is_an_error() {
         // The head contains the commit and the compiler: its length varies between machines.
         line.replace(&zstd.to_string(), "N").replace(&(zstd - 37).to_string(), "M")
     };
-    assert_snapshot!(said(&["cut", "head.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
-    assert_snapshot!(said(&["cut", "head.mcap", "part.mcap", "--from-s", "0.1"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample); no file was written");
+    assert_snapshot!(said(&["cut", "head.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which contain no sample); no file was written");
+    assert_snapshot!(said(&["cut", "head.mcap", "part.mcap", "--from-s", "0.1"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which contain no sample); no file was written");
     assert_snapshot!(said(&["cut", "empty.mcap", "part.mcap"]), @"resonarm: there is nothing to copy: recording `empty.mcap` has no record; no file was written");
-    assert_snapshot!(said(&["merge", "head.mcap", "empty.mcap", "--out", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which hold no sample), recording `empty.mcap` has no record; no file was written");
+    assert_snapshot!(said(&["merge", "head.mcap", "empty.mcap", "--out", "part.mcap"]), @"resonarm: there is nothing to copy: recording `head.mcap` has no record that can be read (truncated: M of N bytes can be read, which contain no sample), recording `empty.mcap` has no record; no file was written");
     // An empty recording in between does not hide that the next does not follow.
     let said = complaint(folder.path(), 2, &["merge", "run.mcap", "empty.mcap", "run.mcap", "--out", "part.mcap"]);
-    assert_snapshot!(said, @"resonarm: recording `run.mcap` can't be joined to the one before it: it has samples from 0 on, expected later ones than 350");
+    assert_snapshot!(said, @"resonarm: recording `run.mcap` can't be joined to the one before it: it has samples from 0 on, expected samples after 350");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), files, "a file is left");
 }
 

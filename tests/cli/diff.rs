@@ -102,7 +102,7 @@ fn recordings_without_samples_are_compared_by_their_frames() {
     assert!(said.stdout.starts_with("frames: 1 compared; first difference at sample 0: frame is "), "{}", said.stdout);
     document(folder.path(), 0, &["diff", "a.mcap", "a.mcap", "--json"]);
     let said = complaint(folder.path(), 2, &["diff", "a.mcap", "a.mcap", "--parts", "states,events"]);
-    assert_snapshot!(said, @"resonarm: nothing to compare: neither recording has states, events; --parts names others, of states, samples, frames, events");
+    assert_snapshot!(said, @"resonarm: nothing to compare: neither recording has states, events; choose others by --parts, of states, samples, frames, events");
 }
 
 /// A recording of two samples, of which only what is marked differs from others, the last state as the end of the run

@@ -391,8 +391,10 @@ fn modes_state_the_sag_under_gravity() {
         assert!((spring_nm + moment_nm).abs() < 1e-9 * moment_nm.abs() && sag_rad[joint] != 0.0, "{sag_rad:?}");
     }
     let said = resonarm(folder.path(), &["modes", "--scenario", "heavy.toml"]).stdout;
-    let line =
-        format!("under its weight it sags by {:+.5} rad in joint 1, {:+.5} rad in joint 2", sag_rad[0], sag_rad[1]);
+    let line = format!(
+        "the structure sags under its weight by {:+.5} rad in joint 1, {:+.5} rad in joint 2",
+        sag_rad[0], sag_rad[1]
+    );
     assert!(said.contains(&line), "{said}");
     let light = document(folder.path(), 0, &["modes", "--json"]);
     assert!(light["configuration"]["static_deflection_rad"].is_null());

@@ -112,7 +112,7 @@ fn impossible_measurements_are_refused_at_once() {
     let refusal = |flags: &[&str]| complaint(folder.path(), 2, &[&["experiment", "fig9"], flags].concat());
     assert_snapshot!(refusal(&["--from-hz", "30"]), @"resonarm: --from-hz is 30: it must be above 0 and below the first natural frequency, 26.84 Hz");
     assert_snapshot!(refusal(&["--to-hz", "40"]), @"resonarm: --to-hz is 40: it must be above the second natural frequency, 40.36 Hz");
-    assert_snapshot!(refusal(&["--step-hz", "0"]), @"resonarm: --step-hz is 0: it must be positive, and 26 to 46 Hz at most 10000 of it");
+    assert_snapshot!(refusal(&["--step-hz", "0"]), @"resonarm: --step-hz is 0: it must be positive, with at most 10000 steps from 26 to 46 Hz");
     assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.exciter_x is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
     assert_snapshot!(refusal(&["--second-force-n", "0"]), @"resonarm: --second-force-n is 0: it must be a positive number");
     assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: the sample rate of 300 Hz is too low for a mode at 40.36 Hz: it must be at least 445 Hz");
@@ -129,9 +129,9 @@ fn a_walk_goes_along_the_shaker_of_its_scenario() {
     let walked = document(folder, 0, &[&walk[..], &["--drive", "shaker=4"]].concat());
     assert_eq!(walked["configuration"]["drive"], serde_json::json!({ "tip.y": { "amplitude": 4.0, "unit": "N" } }));
     let message = complaint(folder, 2, &["experiment", "walk", "--drive", "shaker=4"]);
-    assert_snapshot!(message, @"resonarm: --drive shaker=4 acts along a shaker, and the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x");
+    assert_snapshot!(message, @"resonarm: --drive shaker=4 acts along a shaker, but the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x");
     let refused = |drive: &[&str]| complaint(folder, 2, &[&["experiment", "walk", "--points", "3"], drive].concat());
-    assert_snapshot!(refused(&["--drive", "joint2.x=4"]), @"resonarm: --drive joint2.x: the exciter of the scenario acts on joint1, joint2, tip.x, tip.y: name one of these, or place it by `rig.exciter.at`");
+    assert_snapshot!(refused(&["--drive", "joint2.x=4"]), @"resonarm: --drive joint2.x: the exciter of the scenario acts on joint1, joint2, tip.x, tip.y; choose one of these, or place the exciter there by `rig.exciter.at`");
     assert_snapshot!(refused(&["--drive", "joint1"]), @"resonarm: --drive joint1 has no amplitude: give --drive joint1=A, in N·m");
     assert_snapshot!(refused(&["--drive", "joint1=4", "--drive", "joint1=5"]), @"resonarm: --drive joint1 is given twice: give each load once");
     assert_snapshot!(refused(&["--drive", "joint1=4", "--drive", "tip.x=5"]), @"resonarm: control.amplitude: excitation: forces and torques are both given: a command carries only one kind; set the other to 0");
@@ -187,8 +187,11 @@ fn an_interrupted_experiment_is_not_judged() {
     for words in ["folds", "jumps", "off in frequency"] {
         assert!(!stdout.contains(words), "{words}: {stdout}");
     }
-    assert!(stdout.contains("not judged") && stdout.contains("\ninterrupted after "), "{stdout}");
-    assert!(stderr.contains("interrupted: zones whose runs have not all finished are not judged"), "{stderr}");
+    assert!(stdout.contains("not compared") && stdout.contains("\ninterrupted after "), "{stdout}");
+    assert!(
+        stderr.contains("interrupted: zones with unfinished runs are not compared with the computed response"),
+        "{stderr}"
+    );
     let found: Value = serde_json::from_str(&fs::read_to_string(folder.join("zones.json")).unwrap()).unwrap();
     assert_eq!(found["interrupted"], true);
     assert!(found["zones"].as_array().unwrap().iter().all(|zone| zone["computed"].is_null()), "{found}");

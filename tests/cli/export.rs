@@ -62,7 +62,7 @@ fn existing_files_are_kept_without_overwrite() {
     let folder = recorded();
     fs::write(folder.path().join("run-samples.wav"), "mine").unwrap();
     let export = ["export", "run.mcap", "--to", "wav"];
-    assert_snapshot!(complaint(folder.path(), 2, &export), @"resonarm: run-samples.wav already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder.path(), 2, &export), @"resonarm: run-samples.wav already exists: choose another place, or allow overwriting it (--overwrite)");
     assert!(!folder.path().join("run-states.wav").exists(), "a file is written before all are asked for");
     assert_eq!(resonarm(folder.path(), &[&export[..], &["--overwrite"]].concat()).code, 0);
     assert!(fs::read(folder.path().join("run-samples.wav")).unwrap().starts_with(b"RIFF"));
@@ -72,16 +72,16 @@ fn existing_files_are_kept_without_overwrite() {
 fn contents_that_a_format_cannot_hold_are_refused() {
     let folder = recorded();
     let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["export", "run.mcap", "--to"], arguments].concat());
-    assert_snapshot!(said(&["wav", "--parts", "frames"]), @"resonarm: wav holds no frames, only states, samples; csv holds all");
-    assert_snapshot!(said(&["csv", "--moving-arm", "1"]), @"resonarm: csv holds no moving arm, only foxglove does");
-    assert_snapshot!(said(&["foxglove", "--moving-arm=-1"]), @"resonarm: vibrations can't be drawn -1 times as large: it must be above 0");
+    assert_snapshot!(said(&["wav", "--parts", "frames"]), @"resonarm: wav can't hold frames, only states, samples; use csv, which can hold all");
+    assert_snapshot!(said(&["csv", "--moving-arm", "1"]), @"resonarm: csv can't hold the moving arm; use foxglove");
+    assert_snapshot!(said(&["foxglove", "--moving-arm=-1"]), @"resonarm: the magnification of the vibrations is -1: it must be above 0");
     assert_snapshot!(said(&["csv", "--from-s", "0.2"]), @"resonarm: there is no sample from 0.2 to 0.1 s: the recording has those from 0 to 0.1 s");
     assert_snapshot!(said(&["csv", "--to-s=-0.1"]), @"resonarm: there is no sample from 0 to -0.1 s: the recording has those from 0 to 0.1 s");
     assert_snapshot!(said(&["csv", "--out", "none/x"]), @"resonarm: can't write none/x: No such file or directory (os error 2)");
     let first = |arguments: &[&str]| said(arguments).lines().next().unwrap().to_owned();
-    assert_snapshot!(first(&["parquet"]), @"error: invalid value 'parquet' for '--to <FORMAT>': the Python package writes it: `python3 -m resonarm export RECORDING --to parquet` (docs/python.md)");
-    assert_snapshot!(first(&["mf4"]), @"error: invalid value 'mf4' for '--to <FORMAT>': the Python package writes it: `python3 -m resonarm export RECORDING --to mf4` (docs/python.md)");
-    assert_snapshot!(first(&["xls"]), @"error: invalid value 'xls' for '--to <FORMAT>': it is one of csv, candump, asc, blf, foxglove, uff58, wav");
+    assert_snapshot!(first(&["parquet"]), @"error: invalid value 'parquet' for '--to <FORMAT>': use the Python package: `python3 -m resonarm export RECORDING --to parquet` (docs/python.md)");
+    assert_snapshot!(first(&["mf4"]), @"error: invalid value 'mf4' for '--to <FORMAT>': use the Python package: `python3 -m resonarm export RECORDING --to mf4` (docs/python.md)");
+    assert_snapshot!(first(&["xls"]), @"error: invalid value 'xls' for '--to <FORMAT>': it must be one of csv, candump, asc, blf, foxglove, uff58, wav");
 }
 
 /// The recording without one of its states.
@@ -102,7 +102,7 @@ fn a_gap_is_refused_where_every_sample_is_needed() {
     with_gap(folder.path());
     assert_snapshot!(complaint(folder.path(), 2, &["export", "gap.mcap", "--to", "wav"]), @"
     writing gap-states.wav
-    resonarm: recording `gap.mcap` is not continuous in topic `/plant/steps`: sample 21 follows where sample 20 should (1 such gaps in all); the run lost records, or the file was recovered from a damaged one
+    resonarm: recording `gap.mcap` is not continuous in topic `/plant/steps`: expected sample 20, got sample 21 (1 such gaps in all); the run lost records, or the file was recovered from a damaged one
     ");
     let table = document(folder.path(), 0, &["export", "gap.mcap", "--to", "csv", "--json"]);
     assert_eq!(table["files"][0]["rows"], 100);

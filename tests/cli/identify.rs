@@ -62,7 +62,7 @@ fn modes_are_identified_from_a_recording() {
     );
     let table = fs::read_to_string(folder.join("found.csv")).unwrap();
     assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_h1_modulus_m_s2_per_n,b_x_h1_phase_deg,b_x_h2_modulus_m_s2_per_n,b_x_h2_phase_deg,b_x_coherence,b_y_h1_modulus_m_s2_per_n,b_y_h1_phase_deg,b_y_h2_modulus_m_s2_per_n,b_y_h2_phase_deg,b_y_coherence,c_x_h1_modulus_m_s2_per_n,c_x_h1_phase_deg,c_x_h2_modulus_m_s2_per_n,c_x_h2_phase_deg,c_x_coherence,c_y_h1_modulus_m_s2_per_n,c_y_h1_phase_deg,c_y_h2_modulus_m_s2_per_n,c_y_h2_phase_deg,c_y_coherence");
-    assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: choose another place, or allow overwriting it (--overwrite)");
     // There is no resonance between the modes.
     let none = resonarm(folder, &["identify", "random.mcap", "--from-hz", "30", "--to-hz", "36"]);
     assert_eq!(none.code, 1, "{}", none.stdout);
@@ -89,7 +89,7 @@ fn a_missing_mode_is_listed() {
     let missing = found["missing"].as_array().unwrap();
     assert_eq!(missing.iter().map(|mode| &mode["mode"]).collect::<Vec<_>>(), [1, 2]);
     let said = resonarm(folder, &["identify", "braked.mcap"]);
-    assert!(said.stderr.contains("mode 1, at 22.16 Hz by the scenario, is missing: "), "{}", said.stderr);
+    assert!(said.stderr.contains("mode 1, at 22.16 Hz in the scenario, was not found: "), "{}", said.stderr);
     assert!(!said.stderr.contains("images"), "{}", said.stderr);
     let said = resonarm(folder, &["identify", "instant.mcap"]);
     assert!(said.stderr.contains("rig.converter is `instant`: the head reads images"), "{}", said.stderr);
@@ -185,7 +185,7 @@ fn angles_are_identified_from_a_recording() {
         }
     }
     let again = ["identify", "dwell.mcap", "--angles", "time.csv"];
-    assert_snapshot!(complaint(folder, 2, &again), @"resonarm: time.csv already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder, 2, &again), @"resonarm: time.csv already exists: choose another place, or allow overwriting it (--overwrite)");
     let said = resonarm(folder, &[again.as_slice(), &["--overwrite", "--from-hz", "5"]].concat());
     assert_eq!(said.code, 0, "{}", said.stderr);
     assert_snapshot!(said.stdout, @r"

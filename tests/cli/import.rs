@@ -79,8 +79,8 @@ fn the_refusal_to_simulate_again_says_what_is_missing() {
     {
         assert_eq!(resonarm(folder.path(), arguments).code, 0);
     }
-    assert_snapshot!(complaint(folder.path(), 2, &["resim", "a.mcap"]), @"resonarm: the recording was imported from run.log and holds frames alone: to be simulated again a run needs its states and loads (/plant/steps) and its scenario; `replay` takes it");
-    assert_snapshot!(complaint(folder.path(), 2, &["resim", "b.mcap"]), @"resonarm: the recording was imported from run.log and holds frames alone: to be simulated again a run needs its states and loads (/plant/steps); `replay` takes it");
+    assert_snapshot!(complaint(folder.path(), 2, &["resim", "a.mcap"]), @"resonarm: the recording was imported from run.log and holds only frames; a re-simulation needs the states and loads of the run (/plant/steps) and its scenario; use `replay` to play the frames");
+    assert_snapshot!(complaint(folder.path(), 2, &["resim", "b.mcap"]), @"resonarm: the recording was imported from run.log and holds only frames; a re-simulation needs the states and loads of the run (/plant/steps); use `replay` to play the frames");
 }
 
 #[test]
@@ -99,10 +99,10 @@ fn logs_that_cannot_be_imported_are_refused() {
     let early = resonarm(folder.path(), &["import", "early.log", "early.mcap"]);
     assert_snapshot!(early.stdout, @"early.mcap: 2 frames of 0.200 s; left out 0 of other interfaces and 0 lines or objects that are no frames");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
-    assert_snapshot!(said("a.log", "\n  can0  123   [1]  00\n", &[]), @"resonarm: a.log has no frames; a.log, line 2: it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`");
+    assert_snapshot!(said("a.log", "\n  can0  123   [1]  00\n", &[]), @"resonarm: a.log has no frames; a.log, line 2: the line has no time stamp: log with `candump -L`, or with `candump -t a` instead of `candump`");
     assert_snapshot!(said("a.trc", "", &[]), @"resonarm: a.trc: `import` does not read .trc: convert it by `python -m can.logconvert a.trc NEW.blf` and import that, or call `resonarm.import_log` of the Python package");
-    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending does not say the format: give it by --from, one of candump, asc, blf");
-    assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: 4 bytes are expected, 0 are there");
+    assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending of the name does not state the format: give it by --from, one of candump, asc, blf");
+    assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: expected 4 more bytes, got 0");
     // A log is read twice, and a pipe can be read only once.
     assert!(Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
     let from_pipe = ["import", "pipe", "new.mcap", "--from", "candump"];

@@ -86,21 +86,21 @@ fn missing_required_privileges_end_the_run() {
         complaint(here(), 3, &["latency", "--turn-s", "0.05", "--turns", "1", "--rt", "require", "--core", "1023"]);
     // Cores vary with the machine, privileges with the user.
     let core = said.find("no core 1023: ").unwrap();
-    assert!(said.starts_with("resonarm: the thread of the run must be a real-time thread, and has "), "{said}");
+    assert!(said.starts_with("resonarm: the run needs a real-time thread, but has "), "{said}");
     assert!(said[core..].contains("to fix: choose a core that this process may use: ["), "{said}");
-    assert!(said.trim_end().ends_with("; without it: --rt auto"), "{said}");
+    assert!(said.trim_end().ends_with("; to run without it, use --rt auto"), "{said}");
 }
 
 #[test]
 fn a_core_is_refused_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--core", "0"]);
-    assert_snapshot!(said, @"resonarm: --core 0 contradicts --rt off: give one of them");
+    assert_snapshot!(said, @"resonarm: --core 0 and --rt off exclude each other: give one of them");
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
-    assert_snapshot!(said, @"resonarm: --cores-awake contradicts --rt off: give one of them");
+    assert_snapshot!(said, @"resonarm: --cores-awake and --rt off exclude each other: give one of them");
     let said = complaint(here(), 2, &["latency", "--turn-s", "0.0001"]);
     assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: at 1000 Hz there is no sample in it");
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);
-    assert_snapshot!(said, @"resonarm: --turn-s is -1: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
+    assert_snapshot!(said, @"resonarm: --turn-s is -1: cannot convert float seconds to Duration: value is negative; expected a time in seconds, 0 or more");
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
         assert!(drawn.contains(name), "{name}");
     }
     let said = complaint(folder.path(), 2, &common);
-    assert_snapshot!(said, @"resonarm: late.svg already exists: name another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(said, @"resonarm: late.svg already exists: choose another place, or allow overwriting it (--overwrite)");
     let measured = document(folder.path(), 0, &[&common[..], &["--overwrite", "--spin", "auto", "--json"]].concat());
     let found = &measured["rates"][0]["spin"];
     let [spin_us, p99_us] = ["spin_us", "slept_p99_us"].map(|name| found[name].as_f64().unwrap());

@@ -128,13 +128,13 @@ fn bad_input_is_refused_with_the_accepted_values() {
     let unknown = changed("height_m = -0.2", "hight_m = -0.2", "fig7");
     assert!(unknown.starts_with("resonarm: changed.toml: TOML parse error"), "{unknown}");
     assert_snapshot!(unknown.lines().last().unwrap(), @"Did you mean `height_m`?");
-    assert_snapshot!(changed("height_m = -0.2", "height_m = -0.5", "fig7"), @"resonarm: at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of -0.5 m: bring line.height_m nearer to 0, or bend the arm less");
+    assert_snapshot!(changed("height_m = -0.2", "height_m = -0.5", "fig7"), @"resonarm: at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of -0.5 m: bring line.height_m closer to 0, or bend the arm less");
     let folder = tempfile::tempdir().unwrap();
-    assert_snapshot!(complaint(folder.path(), &["fig3"]), @"resonarm: figures need a folder: --out DIR");
+    assert_snapshot!(complaint(folder.path(), &["fig3"]), @"resonarm: the folder for the figures is missing: give --out DIR");
     assert_snapshot!(complaint(folder.path(), &["fig3", "--settings", "none.toml", "--out", "out"]), @"resonarm: can't read the settings none.toml: No such file or directory (os error 2)");
     let measured = |what, file| complaint(folder.path(), &[what, "--measured", file, "--out", "out"]);
     assert_snapshot!(measured("fig9", "none.json"), @"resonarm: can't read none.json: No such file or directory (os error 2)");
-    assert_snapshot!(measured("fig4", "none.json"), @"resonarm: --measured is for `paper fig9`: leave it out, or make that figure");
+    assert_snapshot!(measured("fig4", "none.json"), @"resonarm: --measured is for `paper fig9`: leave it out, or choose that figure");
     fs::write(folder.path().join("walk.json"), r#"{ "configuration": {}, "points": [] }"#).unwrap();
     assert_snapshot!(measured("fig9", "walk.json"), @"resonarm: walk.json is not a document of `experiment fig9 --json`: missing field `structure` at line 1 column 21");
     assert!(!folder.path().join("out").exists());

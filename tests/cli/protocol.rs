@@ -100,14 +100,14 @@ fn bad_input_is_refused() {
     assert_snapshot!(said(&["decode", "201#00", "--base", "0x205"]), @"resonarm: base identifier 0x205 is not a multiple of 0x10: take 0x200");
     assert_snapshot!(said(&["dbc", "--plant-id", "2"]), @"resonarm: plant and exciter both have the node id 2: give them different ones");
     assert_snapshot!(said(&["header", "--base", "0x600"]), @"resonarm: base identifier 0x600 is outside 0x180 to 0x570");
-    assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: there is no message "Force", only OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
-    assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand has no value for force_y_n: give one");
-    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: 3 is not a value of state");
-    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=5", "mass=3"]), @"resonarm: PlantHeartbeat has no signal mass, only state");
+    assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: unknown message "Force", expected one of OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
+    assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand needs force_y_n");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: state has no value 3");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=5", "mass=3"]), @"resonarm: PlantHeartbeat has no signal mass, expected one of state");
     assert_snapshot!(said(&["encode", "PlantHeartbeat", "state"]), @r#"resonarm: "state" is not of the form signal=number"#);
     let force = ["encode", "ForceCommand", "force_x_n=700", "force_y_n=0", "sample=0"];
     assert_snapshot!(said(&force), @"resonarm: ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
-    assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: of ForceCommand it goes from 0 to 14");
+    assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: for ForceCommand it must be from 0 to 14");
     assert_snapshot!(said(&["encode", "Sensors", "sample=0"]), @"resonarm: Sensors needs force_x_n");
 }
 
@@ -175,8 +175,8 @@ fn the_data_sheet_of_a_drive_is_that_of_its_scenario() {
     assert!(rated.starts_with(
         "ParameterName=Motor rated torque\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue=500\n"
     ));
-    assert_snapshot!(of(&[]).stderr.trim(), @"resonarm: the scenario has drives with the node ids 3 and 4: give --node-id");
-    assert_snapshot!(of(&["--node-id", "5"]).stderr.trim(), @"resonarm: --node-id is 5: the scenario has drives with the node ids 3 and 4");
+    assert_snapshot!(of(&[]).stderr.trim(), @"resonarm: the scenario has several drives, with the node ids 3 and 4: choose one by --node-id");
+    assert_snapshot!(of(&["--node-id", "5"]).stderr.trim(), @"resonarm: --node-id is 5, but the scenario has drives with the node ids 3 and 4");
     let none = complaint(folder.path(), 2, &["protocol", "eds", "--scenario", "other.toml"]);
     assert_snapshot!(none, @r#"resonarm: other.toml has no CANopen drives: give it [wire] with `preset = "cia402"`"#);
 }

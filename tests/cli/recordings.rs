@@ -140,7 +140,7 @@ fn a_full_disk_is_reported_and_existing_files_are_kept() {
     let said = String::from_utf8(run.stderr).unwrap();
     assert_eq!(run.status.code(), Some(1), "{said}");
     let cause = "can't write recording `full.mcap`: File too large";
-    assert!(said.contains(&format!("ERROR the recording has failed: {cause}")), "{said}");
+    assert!(said.contains(&format!("ERROR the recording failed: {cause}")), "{said}");
     assert!(said.contains(&format!("resonarm: the recording lacks the end of the run: {cause}")), "{said}");
     // The run continued to its end, and the records flushed before can be read.
     let done = String::from_utf8(run.stdout).unwrap();
@@ -210,8 +210,8 @@ fn recovery_continues_after_a_damaged_chunk_and_lists_the_gap() {
     assert_eq!((&repaired["samples"][0], &repaired["samples"][1]), (&0.into(), &2500.into()));
     assert_eq!(repaired["topics"]["/plant/steps"]["gaps"], 1);
     let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
-    assert!(said.stdout.contains("are gone, which states log times from 0.740 to 1.730 s: "), "{}", said.stdout);
-    assert!(said.stdout.contains("samples 1000 to 1999 are gone"), "{}", said.stdout);
+    assert!(said.stdout.contains("are lost, which states log times from 0.740 to 1.730 s: "), "{}", said.stdout);
+    assert!(said.stdout.contains("samples 1000 to 1999 are lost"), "{}", said.stdout);
 }
 
 #[test]
@@ -259,8 +259,8 @@ fn a_recording_is_judged_by_the_configuration_it_states() {
         recorder.finish(&[]).unwrap();
         said.push(complaint(folder.path(), 2, &["resim", "tampered.mcap", "--json"]));
     }
-    assert_snapshot!(said[0], @"resonarm: the recording's scenario makes no plant: `steps_per_sample` is 4000000: it must be even, since the instruments sample in the middle, and from 2 to 1000");
-    assert_snapshot!(said[1], @"resonarm: the recording states 0.001 s from sample to sample, its scenario 0.002 s (simulation.rate_hz): it can't be simulated again");
+    assert_snapshot!(said[0], @"resonarm: the recording's scenario describes no valid plant: `steps_per_sample` is 4000000: it must be even, since the instruments sample in the middle, and from 2 to 1000");
+    assert_snapshot!(said[1], @"resonarm: the sample period is 0.001 s in the recording, but 0.002 s in its scenario (simulation.rate_hz), so the run can't be re-simulated");
     assert!(
         said[2].contains("N·m: beyond the exciter's limits in its scenario (rig.exciter: 0.001 N, 1600 N·m)"),
         "{said:?}"

@@ -212,7 +212,7 @@ fn a_shaken_structure_is_identified_and_compared() {
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
     let open = record("open", format!("{structure}{SHAKER}[excitation]{excitation}"));
     let refused = complaint(folder, 2, &["compare", &open]);
-    assert!(refused.contains("they are not on a single branch"), "{refused}");
+    assert!(refused.contains("but loads on a single branch differ by"), "{refused}");
 
     let lags = "[control]\nlaw = 'phase-walk'\namplitude = { exciter_x = 1.0 }\nfrom_lag_deg = 40\nto_lag_deg = 140\n";
     fs::write(folder.join("walk.toml"), format!("{structure}{SHAKER}{lags}")).unwrap();
@@ -312,10 +312,10 @@ fn the_modes_of_an_arm_are_a_structure() {
         }
     }
     let says = |words: &[&str]| complaint(folder.path(), 2, words);
-    insta::assert_snapshot!(says(&["structure"]).trim(), @"resonarm: give --scenario FILE, or --from-modes FILE");
+    insta::assert_snapshot!(says(&["structure"]).trim(), @"resonarm: the structure is missing: give --scenario FILE or --from-modes FILE");
     let hardening = example("hardening.toml");
     let refused = says(&["structure", "--from-modes", &hardening]).replace(&hardening, "hardening.toml");
-    insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements, 1, and modes are of its linear part: leave them out, and add them to the modes");
+    insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements (1), but only its linear part has modes; leave them out, and add them to the modal structure");
 }
 
 /// An oscillator that hardens so that its resonance folds over, from 10.88 to 11.28 Hz at 5 N, in `osc.toml`.
@@ -354,7 +354,7 @@ fn the_demo_walks_on_a_structure() {
     structure    oscillator with an element, cubic
     modes        10.00 Hz (damping ratio 3.0e-2, time constant 0.5 s)
     control      phase walk of 3 points at 1 N, lags 60° to 120°
-    bus          in memory, 1000 samples a second, in lockstep, as fast as it goes
+    bus          in memory, 1000 samples a second, in lockstep, as fast as possible
     ");
     assert_eq!(shown.lines().filter(|line| line.contains(" Hz  ") && line.contains('°')).count(), 3, "{shown}");
     for name in ["demo.mcap", "response.svg", "response.png"] {
@@ -406,9 +406,9 @@ fn sweeps_and_basins_of_structures() {
     let folder = oscillator();
     let command = on_oscillator("sweep", "--drive tip.x=5 --from-hz 10 --to-hz 12 --plot swept");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
-    oscillator with an element, cubic, stepped up: 131 motions
+    oscillator with an element, cubic, stepped up: 131 responses
       largest tip.x  1.890013e-2 m at 11.260000 Hz
-    oscillator with an element, cubic, stepped down: 131 motions
+    oscillator with an element, cubic, stepped down: 131 responses
       largest tip.x  1.708365e-2 m at 10.880000 Hz
       up and down differ from 10.886808 to 11.280000 Hz
     written to swept.csv, swept.json, swept.svg, swept.png, swept.txt
@@ -422,15 +422,15 @@ fn sweeps_and_basins_of_structures() {
 
     let few = on_oscillator("sweep", "--drive tip.x=5 --from-hz 9 --to-hz 16 --points 3 --direction up");
     insta::assert_snapshot!(resonarm(folder.path(), &few).stdout, @"
-    oscillator with an element, cubic, stepped up: 3 motions
+    oscillator with an element, cubic, stepped up: 3 responses
       largest tip.x  5.724230e-3 m at 9.000000 Hz
-      stepped over: the resonance of tip.x at 11.257063 Hz, 1.890093e-2 m in the forced response, is 0.970644 Hz wide, less than a step; take more --points, or none
+      stepped over: the resonance of tip.x at 11.257063 Hz, 1.890093e-2 m in the forced response, is 0.970644 Hz wide, less than a step; use more --points, or leave --points out
     ");
 
     let command = on_oscillator("basins", "--drive tip.x=5 --frequency-hz 11.08 --points 7,7 --plot basins");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
-    motion 1: largest tip.x 6.007680e-3 m; reached by 24 of 49 states
-    motion 2: largest tip.x 1.821289e-2 m; reached by 25 of 49 states
+    response 1: largest tip.x 6.007680e-3 m; reached by 24 of 49 states
+    response 2: largest tip.x 1.821289e-2 m; reached by 25 of 49 states
     written to basins.csv, basins.json, basins.svg, basins.png, basins.txt
     ");
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
@@ -468,7 +468,7 @@ fn a_branch_without_stability() {
     stability not computed: bifurcations other than folds are not found
     fold at 11.2802890 Hz: tip.x 1.870850e-2 m
     fold at 10.8842870 Hz: tip.x 9.901828e-3 m
-    largest motion of tip.x at 11.2570627 Hz: tip.x 1.890093e-2 m
+    largest response of tip.x at 11.2570627 Hz: tip.x 1.890093e-2 m
     ");
 }
 
@@ -478,7 +478,7 @@ fn sections_and_sweeps_over_a_parameter() {
     let folder = oscillator();
     let section = on_oscillator("poincare", "--drive tip.x=5 --frequency-hz 11.08 --plot section");
     insta::assert_snapshot!(resonarm(folder.path(), &section).stdout, @r"
-    1 motion with the period of the excitation
+    1 response with the period of the excitation
     written to section.csv, section.json, section.svg, section.png, section.txt
     ");
     let svg = fs::read_to_string(folder.path().join("section.svg")).unwrap();
@@ -529,7 +529,7 @@ fn a_branch_in_a_parameter_of_an_element() {
     );
     insta::assert_snapshot!(
         says("--drive tip.x=5 --from-hz 9 --to-hz 13 --curves-in frequency --curves-to 9"),
-        @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter"
+        @"resonarm: --curves-in frequency is the quantity in which the branch is followed already: choose another"
     );
 }
 
@@ -542,35 +542,35 @@ fn analyses_of_structures_refuse_in_words() {
     };
     let backbone = |more: &str| says("backbone", &format!("--drive tip.x {more}"));
     insta::assert_snapshot!(says("backbone", ""), @"the excitation is missing: give it by --drive DOF=A, with DOF one of tip.x");
-    insta::assert_snapshot!(backbone(""), @"say where the curve ends: at which displacement of tip.x, m, by --to X, or at which load, by --drive tip.x=A");
-    insta::assert_snapshot!(says("backbone", "--drive tip.x=3 --undamped"), @"say where the curve ends: at which displacement of tip.x, m, by --to X");
+    insta::assert_snapshot!(backbone(""), @"the end of the curve is missing: give the displacement of tip.x at which it ends, in m, by --to X, or the load at which it ends, by --drive tip.x=A");
+    insta::assert_snapshot!(says("backbone", "--drive tip.x=3 --undamped"), @"the end of the curve is missing: give the displacement of tip.x at which it ends, in m, by --to X");
     insta::assert_snapshot!(backbone("--to=-1"), @"--to is -1: it must be a positive number");
     insta::assert_snapshot!(backbone("--to 0.1 --mode 3"), @"along the backbone: there is no mode 3: the structure has modes 1 to 1");
     let continued = |more: &str| says("continue", more);
     insta::assert_snapshot!(continued("--drive tip.x --from-hz 9 --to-hz 10"), @"--drive tip.x has no amplitude: give --drive tip.x=A, in N");
     insta::assert_snapshot!(continued("--drive tip.x=1 --drive tip.x=2 --from-hz 9 --to-hz 10"), @"--drive tip.x is given twice: give each load once");
-    insta::assert_snapshot!(continued("--drive tip.x=1 --parameter amplitude --frequency-hz 9 --from 1 --to 2"), @"the amplitude is what varies: give --drive tip.x without one");
-    insta::assert_snapshot!(says("integrators", ""), @"the structure is of modes, which are stepped by their exact solution, whatever the scheme: name a chain");
-    insta::assert_snapshot!(says("modes", "--angles-deg 1"), @"--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind modal: leave it out");
-    insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is a structure of its own, and the scenario's [structure] is of the kind modal: leave it out");
-    insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
+    insta::assert_snapshot!(continued("--drive tip.x=1 --parameter amplitude --frequency-hz 9 --from 1 --to 2"), @"the amplitude is the quantity that varies: give --drive tip.x without one");
+    insta::assert_snapshot!(says("integrators", ""), @"the structure consists of modes, which are stepped by their exact solution, not by a scheme: use a chain");
+    insta::assert_snapshot!(says("modes", "--angles-deg 1"), @"--angles-deg turns the links of a chain, but the scenario's [structure] is of the kind modal: leave --angles-deg out");
+    insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is a structure of its own, but the scenario's [structure] is of the kind modal: leave --preset out");
+    insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     let sweep = |more: &str| says("sweep", &format!("--drive tip.x=1 --from-hz 9 --to-hz 10 {more}"));
     insta::assert_snapshot!(sweep("--initial 0"), @"--initial has 1 numbers: give 2, q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
     insta::assert_snapshot!(sweep("--over link2.angle_deg=1,2"), @"--over: there is no parameter `link2.angle_deg` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     insta::assert_snapshot!(sweep("--over mode1.damping_ratio=-1"), @"--over: mode 1: `damping_ratio` is -1: it must be a number from 0");
     let basins = |more: &str| says("basins", &format!("--drive tip.x=5 --frequency-hz 13 {more}"));
-    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: expected one of q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
-    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: it must have two different ones");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: unknown coordinate `q3`: the coordinates are q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates names q1_m_sqrt_kg twice: give two different ones");
     let section = |more: &str| says("poincare", &format!("--drive tip.x=3 {more}"));
-    insta::assert_snapshot!(section(""), @"give the excitation's frequency: --frequency-hz F");
-    insta::assert_snapshot!(section("--frequency-hz 10 --parameter mode1.frequency_hz --from-hz 9 --to-hz 10"), @"--from-hz is not for --parameter mode1.frequency_hz: its interval is --from a --to b");
+    insta::assert_snapshot!(section(""), @"the frequency of the excitation is missing: give --frequency-hz F");
+    insta::assert_snapshot!(section("--frequency-hz 10 --parameter mode1.frequency_hz --from-hz 9 --to-hz 10"), @"--from-hz is not for --parameter mode1.frequency_hz; give its interval by --from a --to b");
     let friction = example("friction.toml");
     let refused = |more: &str| {
         let command = ["backbone", "--scenario", &friction, "--drive", "tip.y", "--to", "1"];
         let command: Vec<&str> = command.into_iter().chain(more.split_whitespace()).collect();
         complaint(folder.path(), 2, &command).trim().trim_start_matches("resonarm: ").to_owned()
     };
-    insta::assert_snapshot!(refused(""), @"along the backbone: element 1, friction, acts at infinitesimal amplitude, and a backbone begins as a linear mode; leave the element out, or give a contact a gap");
+    insta::assert_snapshot!(refused(""), @"along the backbone: element 1, friction, acts at infinitesimal amplitude, but a backbone must begin as a linear mode; leave the element out, or give a contact a gap");
     insta::assert_snapshot!(refused("--undamped"), @"element 1, friction, dissipates energy, so the undamped structure is not defined: leave the element out");
 }
 
@@ -659,10 +659,10 @@ fn a_free_structure_through_the_commands() {
         let all: Vec<&str> = arguments.split(' ').chain(["--scenario", "free.toml"]).collect();
         complaint(folder.path(), code, &all)
     };
-    insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and the damping that it has on its soft supports");
-    insta::assert_snapshot!(refused(2, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
-    insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
-    insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; choose a mode that has a resonance");
+    insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz, so no response settles; give the mode the frequency and the damping that it has on its soft supports");
+    insta::assert_snapshot!(refused(2, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so it has no resonance: choose another mode");
+    insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so nothing holds the structure; start above 0 Hz");
+    insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance");
 }
 
 /// Doubtful moments of inertia are told, by link and numbers; the chain is computed.
@@ -709,6 +709,6 @@ fn a_structure_on_a_base() {
         let all: Vec<&str> = arguments.split(' ').collect();
         complaint(folder.path(), 2, &all)
     };
-    insta::assert_snapshot!(refused("continue --drive base.z=3 --from-hz 15 --to-hz 25 --scenario base.toml").trim(), @"resonarm: base.z is the base, from which displacements count: name by --at where the motion is read, on one of the points tip");
+    insta::assert_snapshot!(refused("continue --drive base.z=3 --from-hz 15 --to-hz 25 --scenario base.toml").trim(), @"resonarm: base.z is the base, from which displacements count: choose by --at where the response is read, at one of the points tip");
     insta::assert_snapshot!(refused("run --mode free --scenario moved.toml").trim(), @"resonarm: rig.exciter: `at` is `base.z`, whose load is an acceleration, and a rig commands forces: frf, continue, simulate, sweep and basins move the base; for a run take the free structure, with the table's mass and modes at 0 Hz, and its exciter at the table");
 }

@@ -76,7 +76,7 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
 
     let other = into(&stopped, &[&SWEEP[..1], &["--angles-deg=0,90"], &SWEEP[2..]].concat()).output().unwrap();
     assert_eq!(other.status.code(), Some(2));
-    let had = "sweep.partial.jsonl was begun with configuration.structure.angles_deg = [0.0,60.0], and this command has [0.0,90.0]";
+    let had = "sweep.partial.jsonl was started with configuration.structure.angles_deg = [0.0,60.0], but this command has [0.0,90.0]";
     assert!(errors(&other).contains(had), "{}", errors(&other));
 
     let resumed = into(&stopped, &SWEEP).output().unwrap();
@@ -126,18 +126,18 @@ fn bad_input_has_exit_code_2() {
     };
     let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
     insta::assert_snapshot!(sweep("--drive=joint1=60 --points=5 --over=link2.angle_deg=60,90,60"), @r"
-    error: invalid value 'link2.angle_deg=60,90,60' for '--over <NAME=X,…>': 60 is there twice: give each value once
+    error: invalid value 'link2.angle_deg=60,90,60' for '--over <NAME=X,…>': 60 is given twice: give each value once
 
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(sweep("--points=5"), @"resonarm: the excitation is missing: give it by --drive DOF=A, with DOF one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
     insta::assert_snapshot!(sweep("--drive=joint1=0"), @r"
-    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude is 0: it must be another number
+    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude must be a number other than 0
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
-    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=23 --to-hz=23"), @"resonarm: a sweep from 23 to 23: both ends must be numbers, and different");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=1"), @"resonarm: the number of points of the sweep is 1: it must be from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=23 --to-hz=23"), @"resonarm: the sweep goes from 23 to 23: its ends must be two different numbers");
     insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
     insta::assert_snapshot!(sweep("--drive=joint1=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
     insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: give 4, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
@@ -146,16 +146,16 @@ fn bad_input_has_exit_code_2() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --drive=joint1=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --drive=joint1=60 --from=1 --to=2"), @"resonarm: the amplitude is what varies: give --drive joint1 without one");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from-hz=1 --to-hz=2"), @"resonarm: --from-hz is not for --parameter amplitude: its interval is --from a --to b");
-    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("poincare --drive=joint1=60"), @"resonarm: the frequency of the excitation is missing: give --frequency-hz F");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --drive=joint1=60 --from=1 --to=2"), @"resonarm: the amplitude is the quantity that varies: give --drive joint1 without one");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from-hz=1 --to-hz=2"), @"resonarm: --from-hz is not for --parameter amplitude; give its interval by --from a --to b");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=4000000000"), @"resonarm: the number of points of the sweep is 4000000000: it must be from 2, one at each end, to 1000000");
     insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=NaN --to-hz=21"), @r"
     error: invalid value 'NaN' for '--from-hz <F>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the response is quasi-static");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: at an excitation frequency of 1e-6 Hz, a period would take 9.2e8 steps, more than 1000000; choose at least 9.21e-4 Hz, where the response is quasi-static");
     insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
     insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --points=3"), @r"
     error: the following required arguments were not provided:
@@ -170,8 +170,8 @@ fn bad_input_has_exit_code_2() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from=2 --to=2"), @"resonarm: a sweep from 2 to 2: both ends must be numbers, and different");
-    insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --drive=joint1=60"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from=2 --to=2"), @"resonarm: the sweep goes from 2 to 2: its ends must be two different numbers");
+    insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --drive=joint1=60"), @"resonarm: --parameter frequency needs an interval: give it by --from-hz a --to-hz b");
 }
 
 /// More load than the arm can bear is not bad usage: it is found during the computation.
@@ -189,9 +189,9 @@ fn a_range_without_a_resonance_is_swept() {
     let output = resonarm(&["sweep", "--drive=joint1=60", "--from-hz=5", "--to-hz=10", "--points=6"]).output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
     insta::assert_snapshot!(String::from_utf8_lossy(&output.stdout), @r"
-    irb1600-fitted at 0°, 60°, stepped up: 6 motions
+    irb1600-fitted at 0°, 60°, stepped up: 6 responses
       largest joint1  1.329212e-4 rad at 10.000000 Hz
-    irb1600-fitted at 0°, 60°, stepped down: 6 motions
+    irb1600-fitted at 0°, 60°, stepped down: 6 responses
       largest joint1  1.329212e-4 rad at 10.000000 Hz
       up and down agree
     ");
@@ -355,7 +355,7 @@ fn results_are_not_overwritten() {
         assert_eq!(refused.status.code(), Some(2), "{file}");
         let says = errors(&refused);
         assert!(
-            says.ends_with("already exists: name another place, or allow overwriting it (--overwrite)\n"),
+            says.ends_with("already exists: choose another place, or allow overwriting it (--overwrite)\n"),
             "{says}"
         );
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");

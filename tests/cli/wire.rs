@@ -102,13 +102,13 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     100#F40101000000013D  Drive ForceY=10 N (load force_y_n=10) Enable=1 (arm) Alive=1 (counter) Crc=61 (checksum)
     100#F40101000000013D  Drive rejected: counter 1 was repeated; ForceY=10 N (load force_y_n=10) Enable=1 (arm, unchanged) Alive=1 (counter) Crc=61 (checksum)
     100#E7FF010000000445  Drive ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=4 (counter) Crc=69 (checksum); 2 lost before it
-    100#E7FF010000000AE3  Drive rejected: 5 frames were lost before it, but at most 3 may be; ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=10 (counter) Crc=227 (checksum)
+    100#E7FF010000000AE3  Drive rejected: 5 frames were lost before it, and 3 may be; ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=10 (counter) Crc=227 (checksum)
     100#3300010000000799  Drive rejected: the checksum is 0x99, expected 0xc4; ForceY=1.02 N (load force_y_n=1.02) Enable=1 (arm, unchanged) Alive=7 (counter) Crc=153 (checksum)
     201#83FF320002110382  Head HeadX=-1.25 N (head_force_x_n=-1.25) HeadY=0.5 N (head_force_y_n=0.5) State=2 "running" (operational) Sample=17 (sample) Alive=3 (counter) Crc=130 (checksum)
     200#03E80000F8300FA0  Accelerations BX=0.5 g (acceleration_b_x_m_s2=4.903325) BY=0 g (acceleration_b_y_m_s2=0) CX=-1 g (acceleration_c_x_m_s2=-9.80665) CY=2 g (acceleration_c_y_m_s2=19.6133)
     300#0A19  Cooling Speed=1000 1/min Temperature=25 °C
     300#0A  Cooling Speed=1000 1/min; 1 of 2 bytes, beyond them Temperature
-    200#00010002  Accelerations rejected: its 4 bytes end before CX; BX=0.0005 g (acceleration_b_x_m_s2=0.004903325) BY=0.001 g (acceleration_b_y_m_s2=0.00980665); 4 of 8 bytes, beyond them CX, CY
+    200#00010002  Accelerations rejected: the payload of 4 bytes ends before CX; BX=0.0005 g (acceleration_b_x_m_s2=0.004903325) BY=0.001 g (acceleration_b_y_m_s2=0.00980665); 4 of 8 bytes, beyond them CX, CY
     201#R8  Head requested by a remote frame, which the plant does not answer
     123#00  of no message in the DBC
     13 frames: 5 taken, 4 rejected, 1 of messages that are not mapped, 1 too short, 1 requests, 1 of no message; 2 lost before them
@@ -195,7 +195,7 @@ fn a_frame_that_ends_before_its_first_signal_is_explained() {
     let folder = bench();
     let said = resonarm(folder.path(), &["protocol", "decode", "--scenario", "bench.toml", "200#00"]);
     let explained = said.stdout.lines().next().unwrap_or_default();
-    assert_snapshot!(explained, @"200#00  Accelerations rejected: its 1 bytes end before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
+    assert_snapshot!(explained, @"200#00  Accelerations rejected: the payload of 1 bytes ends before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
 }
 
 #[test]
@@ -324,8 +324,8 @@ fn readings_of_a_log_are_those_of_the_bench() {
     assert_eq!((said.code, said.stderr.as_str()), (0, ""));
     assert_snapshot!(said.stdout, @"
     bench.mcap: 36153 frames of 12.051 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-    readings of 12051 samples; 0 samples missing in 0 gaps, 0 left out for want of some of their frames
-    no states and loads, which are in the frames alone: the wire does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
+    readings of 12051 samples; 0 samples missing in 0 gaps, 0 left out since some of their frames are missing
+    no states and loads, which are in the frames alone: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
     ");
     let recording = Recording::open(folder.join("bench.mcap")).unwrap();
@@ -375,14 +375,14 @@ fn what_a_log_lacks_is_a_gap() {
     assert_eq!((said.code, said.stderr.as_str()), (0, ""));
     assert_snapshot!(said.stdout, @"
     bench.mcap: 34050 frames of 12.051 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-    readings of 11348 samples; 703 samples missing in 4 gaps, 2 left out for want of some of their frames
-    no states and loads, which are in the frames alone: the wire does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
+    readings of 11348 samples; 703 samples missing in 4 gaps, 2 left out since some of their frames are missing
+    no states and loads, which are in the frames alone: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
     left out of Drive: 1, for a wrong checksum, counter or length, or a value that is no number
     left out of Head: 1, for a wrong checksum, counter or length, or a value that is no number
     left out since they repeat a sample or are late: 1; lost, by the counters: 14
     ");
-    assert_snapshot!(complaint(folder, 2, &["identify", "bench.mcap"]), @"resonarm: recording `bench.mcap` is not continuous in topic `/plant/samples`: sample 101 follows where sample 100 should (4 such gaps in all); the run lost records, or the file was recovered from a damaged one");
+    assert_snapshot!(complaint(folder, 2, &["identify", "bench.mcap"]), @"resonarm: recording `bench.mcap` is not continuous in topic `/plant/samples`: expected sample 100, got sample 101 (4 such gaps in all); the run lost records, or the file was recovered from a damaged one");
 }
 
 #[test]
@@ -398,14 +398,14 @@ fn readings_that_the_wire_does_not_carry_are_named() {
     assert_eq!((said.code, said.stderr.as_str()), (0, ""));
     assert_snapshot!(said.stdout, @"
     less.mcap: 2 frames of 0.001 s; left out 0 of other interfaces and 0 lines or objects that are no frames
-    no readings: the wire does not carry acceleration_b_x_m_s2, nor head_force_x_n, head_force_y_n every sample
-    no states and loads, which are in the frames alone: the wire does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
+    no readings: the user protocol does not carry acceleration_b_x_m_s2, nor head_force_x_n, head_force_y_n every sample
+    no states and loads, which are in the frames alone: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
     ");
     let found =
         document(folder, 0, &["import", "less.log", "less.mcap", "--scenario", "less.toml", "--overwrite", "--json"]);
     assert_eq!(found["wire"]["samples"], 0);
     assert_eq!(found["wire"]["missing_readings"][0]["channel"], "head_force_x_n");
-    assert_snapshot!(complaint(folder, 2, &["identify", "less.mcap"]), @"resonarm: the recording was imported from less.log and has no readings: `import` names those that its wire does not carry");
+    assert_snapshot!(complaint(folder, 2, &["identify", "less.mcap"]), @"resonarm: the recording was imported from less.log and has no readings: the user protocol does not carry all of them, and `import` lists the missing ones");
 }
 
 #[test]
@@ -434,7 +434,7 @@ fn responses_to_a_controller_of_the_user_are_compared() {
         complaint(folder, 2, &["compare", "other.mcap"])
     };
     assert!(compare("other.toml").contains("another controller was recorded"));
-    assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not say what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
+    assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not state what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
 }
 
 /// The scenario that the page on own protocols names.

@@ -89,12 +89,12 @@ def test_modes_with_friction_in_an_fmu_give_the_bits_of_the_native_run(make, str
 
 FOLLOW = ("continue", "--drive", "tip.x=1", "--from-hz", "1", "--to-hz", "2")
 REFUSED = {
-    ("modes",): "an FMU is stepped and read",
-    ("frf",): "an FMU is stepped and read",
-    FOLLOW: "an FMU is stepped and read",
-    ("demo",): "an FMU is stepped and read",
-    ("run", "--bus", "vcan9"): "take the mode free or lockstep",
-    ("fmu", "--out", "again.fmu"): "`kind` is fmu: the structure is an FMU already",
+    ("modes",): "which an FMU does not provide",
+    ("frf",): "which an FMU does not provide",
+    FOLLOW: "which an FMU does not provide",
+    ("demo",): "which an FMU does not provide",
+    ("run", "--bus", "vcan9"): "use the mode free or lockstep",
+    ("fmu", "--out", "again.fmu"): "`kind` is fmu: it is one already",
 }
 
 

@@ -125,7 +125,7 @@ def test_orders_beyond_the_recording_are_refused(programs):
     ("arguments", "why"),
     [
         (["--speed", "0"], "--speed is 0: with --live it must be from 0.001 to 1000"),
-        (["--from-s", "0.1"], "--from-s and --to-s are for --bus: `resonarm cut` copies a range of time"),
+        (["--from-s", "0.1"], "--from-s and --to-s are for --bus: leave them out, and copy the range of time first, by `resonarm cut`"),
         (["--id", "203"], "the argument '--live [<ADDRESS>]' cannot be used with '--id <ID,…>'"),
         (["--json"], "the argument '--live [<ADDRESS>]' cannot be used with '--json'"),
     ],

@@ -119,7 +119,7 @@ fn the_channels_of_a_recording_are_checked() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     record(&path, options(), &run(3)?)?;
-    insta::assert_snapshot!(renamed(&path, "torque2_nm", "torque9_nm")?, @"recording `renamed.mcap` has channel `torque9_nm`, which this version does not know, in topic `/plant/steps`: read it with the version of resonarm that wrote it");
-    insta::assert_snapshot!(renamed(&path, "torque2_nm", "torque1_nm")?, @"recording `renamed.mcap` has channel `torque1_nm` twice, or two channels in its field, in topic `/plant/steps`: read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(renamed(&path, "torque2_nm", "torque9_nm")?, @"recording `renamed.mcap` has channel `torque9_nm`, which this version does not know, in topic `/plant/steps`; read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(renamed(&path, "torque2_nm", "torque1_nm")?, @"recording `renamed.mcap` has channel `torque1_nm` twice, or two channels in its field, in topic `/plant/steps`; read it with the version of resonarm that wrote it");
     Ok(())
 }

@@ -331,8 +331,8 @@ fn a_chunk_that_claims_too_much_or_holds_no_records_is_refused_at_once() -> Test
         let window = [&[0x28, 0xB5, 0x2F, 0xFD, 0b1100_0000, 0x38][..], &bytes.to_le_bytes()].concat();
         [window, (0..blocks).flat_map(block).collect()].concat()
     };
-    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 30), 1 << 30)?, @"a chunk states 1073741824 bytes once decompressed, of which 67108864 are believed at most");
+    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 30), 1 << 30)?, @"a chunk states 1073741824 bytes after decompression, more than the limit of 67108864");
     insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 26), 1 << 26)?, @"a record with opcode 0 in a chunk");
-    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 17), u64::MAX)?, @"a chunk states 18446744073709551615 bytes once decompressed, of which 67108864 are believed at most");
+    insta::assert_snapshot!(with_chunk(&path, &zeros(1 << 17), u64::MAX)?, @"a chunk states 18446744073709551615 bytes after decompression, more than the limit of 67108864");
     Ok(())
 }

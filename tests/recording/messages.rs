@@ -58,7 +58,7 @@ fn of_files_that_are_no_recordings() -> TestResult {
     };
     insta::assert_snapshot!(open(b"")?, @"`file` is not an MCAP file: it begins with nothing (it is empty)");
     insta::assert_snapshot!(open(b"(0.1) vcan0 123#00\n")?, @"`file` is not an MCAP file: it begins with `(0.1) vc`");
-    insta::assert_snapshot!(open(mcap::MAGIC)?, @"recording `file` can't be read beyond byte 8, before its metadata `resonarm.recording`: nothing is left of it");
+    insta::assert_snapshot!(open(mcap::MAGIC)?, @"recording `file` can't be read beyond byte 8, before its metadata `resonarm.recording`, so nothing of it can be recovered");
     let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new()))?;
     other.finish()?;
     let said = open(&other.into_inner().into_inner())?;
@@ -94,13 +94,13 @@ fn of_recordings_of_another_kind() -> TestResult {
     };
     let (topic, schema) = ("/can/frames", "resonarm.v1.FrameBatch");
     let recording = open(&good, topic, schema)?;
-    insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
-    insta::assert_snapshot!(text(open(&[("format", "6"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 6, written by resonarm 9.1.0, and this program, resonarm 0.1.0, reads format 5: read it with the program that wrote it");
-    insta::assert_snapshot!(text(open(&[("format", "2"), ("version", "0.0.9")], topic, schema), &directory)?, @"recording `run.mcap` has format 2, written by resonarm 0.0.9, and this program, resonarm 0.1.0, reads format 5: read it with the program that wrote it");
+    insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: another tool has removed it; use the original file");
+    insta::assert_snapshot!(text(open(&[("format", "6"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 6, written by resonarm 9.1.0, but this program, resonarm 0.1.0, reads format 5; read it with the program that wrote it");
+    insta::assert_snapshot!(text(open(&[("format", "2"), ("version", "0.0.9")], topic, schema), &directory)?, @"recording `run.mcap` has format 2, written by resonarm 0.0.9, but this program, resonarm 0.1.0, reads format 5; read it with the program that wrote it");
     insta::assert_snapshot!(text(open(&[("format", "three")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `three` in its metadata `resonarm.recording`, expected a version of the format");
     insta::assert_snapshot!(text(open(&[("format", "5")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
     insta::assert_snapshot!(text(open(&[("format", "5"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
-    insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/can/frames`, expected `resonarm.v1.FrameBatch (protobuf)`: read it with the version of resonarm that wrote it");
+    insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/can/frames`, expected `resonarm.v1.FrameBatch (protobuf)`; read it with the version of resonarm that wrote it");
     Ok(())
 }
 
@@ -111,7 +111,7 @@ fn of_gaps() -> TestResult {
     let records = [0, 1, 2, 7, 8, 20].map(|sample| records_of(sample).map(|records| records[0]));
     record(&path, options(), &records.into_iter().collect::<Result<Vec<_>, _>>()?)?;
     let recording = Recording::open(&path)?;
-    insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: sample 7 follows where sample 3 should (2 such gaps in all); the run lost records, or the file was recovered from a damaged one");
+    insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` is not continuous in topic `/plant/steps`: expected sample 3, got sample 7 (2 such gaps in all); the run lost records, or the file was recovered from a damaged one");
     assert_eq!(recording.records()?.count(), 6);
     Ok(())
 }
@@ -143,18 +143,18 @@ fn of_integrity() -> TestResult {
     // The number of bytes depends on the commit and the compiler, named in the head, so the snapshot leaves it out.
     let half = &whole[..whole.len() / 2];
     insta::assert_snapshot!(without_numbers(&integrity(half)?), @"truncated: N of N bytes can be read, up to sample N");
-    insta::assert_snapshot!(without_numbers(&integrity(&whole[..1200])?), @"truncated: N of N bytes can be read, which hold no sample");
+    insta::assert_snapshot!(without_numbers(&integrity(&whole[..1200])?), @"truncated: N of N bytes can be read, which contain no sample");
     bytes[whole.len() / 2] ^= 1;
-    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (the checksum is N, expected N): what comes before can be read, up to sample N");
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (the checksum is N, expected N): the records before it can be read, up to sample N");
     fs::write(&cut, half)?;
     if let Integrity::Truncated { readable_bytes, .. } = Recording::open(&cut)?.integrity() {
         bytes.truncate(*readable_bytes as usize); // what a lost power supply leaves: the length is there, the data is not
         bytes.extend([0; 500]);
     }
-    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (a record with opcode N): what comes before can be read, up to sample N");
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (a record with opcode N): the records before it can be read, up to sample N");
     bytes = whole;
     bytes.push(0);
-    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (file has more bytes after end magic): what comes before can be read, up to sample N");
+    insta::assert_snapshot!(without_numbers(&integrity(&bytes)?), @"damaged at byte N of N (file has more bytes after end magic): the records before it can be read, up to sample N");
     Ok(())
 }
 

@@ -249,7 +249,7 @@ fn a_recording_deleted_or_replaced_meanwhile_is_reported() -> TestResult {
         let error = recorder.finish(&[]).err().ok_or("a file that is gone was called written")?.to_string();
         assert_eq!(
             error.replace(&folder.display().to_string(), "DIR"),
-            "recording `DIR/run.mcap` was deleted, moved or replaced while it was written: what was recorded is not there"
+            "recording `DIR/run.mcap` was deleted, moved or replaced while it was written, so its records are lost"
         );
     }
     Ok(())

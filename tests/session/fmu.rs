@@ -89,9 +89,9 @@ fn the_fmu_that_a_recording_names_is_not_loaded() {
         let error = error.to_string().replace(&hash, "HASH").replace(&FOLDER.path().display().to_string(), "FOLDER");
         assert_eq!(
             error,
-            "the recording was made with the FMU FOLDER/mass3.fmu, SHA-256 HASH: nothing that a recording names is loaded, \
-             since an FMU is code that runs with your rights; if you trust it, name its file by --fmu FILE (in Python \
-             fmu=FILE), whose SHA-256 is compared"
+            "the recording was made with the FMU FOLDER/mass3.fmu, SHA-256 HASH: it is not loaded from the path in the \
+             recording, since an FMU is code that runs with your rights; if you trust it, name its file with --fmu FILE (in \
+             Python fmu=FILE), whose SHA-256 is compared"
         );
     }
     assert!(recording.scenario().unwrap().plant().is_err());
@@ -264,7 +264,7 @@ fn an_fmu_that_does_not_repeat_itself_is_not_simulated_again() {
     let (report, path) = recorded(scenario(3, parameters), Mode::Free, "random.mcap");
     assert!(report.plant.error.is_none());
     let error = resimulate(&allowed(&path)).unwrap_err();
-    insta::assert_snapshot!(error, @"the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample 21, so that its run can't be simulated again");
+    insta::assert_snapshot!(error, @"the FMU is not deterministic: two simulations from its start under the recorded loads differ from each other at sample 21, so the run can't be re-simulated");
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn a_part_of_its_run_is_not_simulated_again() {
     let (whole, part) = (Recording::open(&path).unwrap(), FOLDER.path().join("part.mcap"));
     cut::cut(&whole, 100..=200, &part, Existing::Overwrite).unwrap();
     let error = resimulate(&allowed(&part)).unwrap_err();
-    insta::assert_snapshot!(error, @"the recording begins at sample 100, and its structure is an FMU, which can be simulated again from its start alone: take the whole recording");
+    insta::assert_snapshot!(error, @"the recording begins at sample 100, but its structure is an FMU, which can be simulated only from its start; use the whole recording");
 }
 
 /// Why a session of a scenario can't begin; the folder is left out.
@@ -284,7 +284,7 @@ fn refused(scenario: Scenario, mode: Mode) -> String {
 
 #[test]
 fn what_can_not_be_is_refused_before_the_run() {
-    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: take the mode free or lockstep");
+    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: use the mode free or lockstep");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { fault = 8 }"), Mode::Free), @"mass3.fmu: fmi3EnterInitializationMode returned Error");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { masse = 8 }"), Mode::Free), @"mass3.fmu: structure.parameters: the FMU has no variable `masse`, did you mean `mass`?");
     let mut other = scenario(3, "");
@@ -294,10 +294,10 @@ fn what_can_not_be_is_refused_before_the_run() {
     insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");
     let mut shaken = scenario(3, "");
     shaken.rig = Scenario::parse(SHAKER, "rig").unwrap().rig;
-    insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");
+    insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, since its armature moves with it: leave it out; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");
     let missing = Scenario::parse("structure = { kind = 'fmu' }", "test").unwrap();
     insta::assert_snapshot!(refused(missing, Mode::Free), @"structure: `file` is missing: name the FMU's file");
     let idle = Scenario::parse("structure = { kind = 'modal', inputs = { 'tip.x' = 'F' } }", "test").unwrap();
-    insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` is of a structure of kind `fmu`: leave it out");
-    insta::assert_snapshot!(scenario(3, "").under_test().unwrap_err(), @"structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are computed of equations, which it does not show");
+    insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` applies only to a structure of kind `fmu`: leave it out");
+    insta::assert_snapshot!(scenario(3, "").under_test().unwrap_err(), @"structure: `kind` is fmu: modes, responses and branches need the equations of a structure, which an FMU does not provide; use it in runs in the modes free and lockstep");
 }

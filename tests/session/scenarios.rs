@@ -201,8 +201,8 @@ fn a_load_file_is_read_from_the_scenarios_folder() {
     };
     assert_eq!(
         said(Scenario::read(&path)),
-        "can't read the load file FOLDER/load.csv: No such file or directory (os error 2); `excitation.profile.path` counts \
-         from the scenario's folder"
+        "can't read the load file FOLDER/load.csv: No such file or directory (os error 2); `excitation.profile.path` is \
+         relative to the scenario's folder"
     );
     fs::write(folder.path().join("load.csv"), "1\nx\n").unwrap();
     assert_eq!(said(Scenario::read(&path)), "load file FOLDER/load.csv: line 2: `x` is not a finite number");

@@ -109,11 +109,11 @@ fn what_a_bus_can_not_be_made_to_do_is_refused() {
     let mut scenario = scenario(1000, 2_000_000, 1, 1.5);
     let real_time = Session::new(scenario.clone(), Mode::RealTime, Options::default()).unwrap();
     let error = real_time.both(&Signals::default(), |_event| {}).unwrap_err();
-    insta::assert_snapshot!(error, @"network.bit_rate_hz is 1000000: in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or take the mode free or lockstep");
+    insta::assert_snapshot!(error, @"network.bit_rate_hz is 1000000, but in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or use the mode free or lockstep");
     scenario.network.bit_error_rate = Some(1e-6);
     let says = |mode| Session::new(scenario.clone(), mode, Options::default()).unwrap_err().to_string();
-    insta::assert_snapshot!(says(Mode::RealTime), @"network.bit_error_rate is 1e-6: the bus of the mode real-time has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
-    insta::assert_snapshot!(says(Mode::Lockstep), @"network.bit_error_rate is 1e-6: the bus of the mode lockstep has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
+    insta::assert_snapshot!(says(Mode::RealTime), @"network.bit_error_rate is 1e-6, but the bus of the mode real-time can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
+    insta::assert_snapshot!(says(Mode::Lockstep), @"network.bit_error_rate is 1e-6, but the bus of the mode lockstep can't simulate bit errors; leave it out, use --mode free, or corrupt frames with [[network.faults]]");
     scenario.simulation.rate_hz = 3900.0;
-    insta::assert_snapshot!(Session::new(scenario, Mode::Free, Options::default()).unwrap_err(), @"simulation.rate_hz is 3900: with heartbeats that is up to 2408322 bit/s, 133.0 % of what network.bit_rate_hz, 1000000, and data_bit_rate_hz, 2000000, carry; lower the rate to 2931, or raise network.data_bit_rate_hz to 2880858");
+    insta::assert_snapshot!(Session::new(scenario, Mode::Free, Options::default()).unwrap_err(), @"simulation.rate_hz is 3900: frames and heartbeats take up to 2408322 bit/s, 133.0 % of network.bit_rate_hz, 1000000, and data_bit_rate_hz, 2000000; lower the rate to 2931, or raise network.data_bit_rate_hz to 2880858");
 }

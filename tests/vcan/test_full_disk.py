@@ -41,7 +41,7 @@ def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(tmp_path, mode)
     run("unshare", "--mount", "sh", "-c", SCRIPT, Path(RESONARM).resolve(), tmp_path, *flags)
     said, cause = (tmp_path / "run.log").read_text(), "No space left on device"
     assert (tmp_path / "code").read_text() == "1\n", said
-    assert "ERROR the recording has failed: can't write recording `disk/run.mcap`: " + cause in said
+    assert "ERROR the recording failed: can't write recording `disk/run.mcap`: " + cause in said
     assert "the recording lacks the end of the run" in said
     assert json.loads((tmp_path / "run.json").read_text())["samples"] == samples
     assert int((tmp_path / "left").read_text()) == 0

@@ -64,7 +64,7 @@ def test_the_script_makes_the_bus():
 def test_a_folder_that_is_not_empty_is_left_alone():
     done = subprocess.run([RESONARM, "quickstart", FOLDER], capture_output=True, text=True)
     assert done.returncode == 2
-    assert done.stderr.endswith("quickstart is not empty: name a folder that does not exist\n"), done.stderr
+    assert done.stderr.endswith("quickstart is not empty: choose a folder that does not exist\n"), done.stderr
 
 
 def test_the_files_are_named(tmp_path):

@@ -59,6 +59,6 @@ def test_a_signal_ends_a_run_in_order(tmp_path, programs):
 
 def test_doctor_finds_the_interfaces(programs):
     findings = {f["subject"]: f for f in programs.resonarm("doctor", "--json").result()["findings"]}
-    assert findings["SocketCAN"] == {"subject": "SocketCAN", "state": "the kernel has it", "mend": None}
+    assert findings["SocketCAN"] == {"subject": "SocketCAN", "state": "supported by the kernel", "mend": None}
     assert findings["CAN interfaces"]["state"].split(", ")[:2] == ["vcan0", "vcan1"]
     assert findings["CAN interfaces"]["mend"] is None

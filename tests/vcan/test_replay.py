@@ -82,7 +82,7 @@ def test_speed_0_is_as_fast_as_it_goes(short, programs):
 def test_an_impossible_speed_is_said(short, programs):
     replay = programs.resonarm("replay", short.path, "--bus", "vcan0", "--speed", "-1")
     assert replay.wait() == 2
-    assert "the speed is -1: it must be 0, which is as fast as it goes, or from 0.001 to 1000000" in replay.stderr
+    assert "the speed is -1: it must be 0 (as fast as possible), or from 0.001 to 1000000" in replay.stderr
 
 
 def test_some_frames_again_and_again_under_other_identifiers(short, programs):

@@ -1,4 +1,4 @@
-//! Adapts the number of harmonics to the motion along a continuation.
+//! Adapts the number of harmonics to the periodic response along a continuation.
 
 use super::balance::Balance;
 use crate::continuation::{Continuation, System};
@@ -7,24 +7,24 @@ use crate::{AnalysisError, BranchOptions};
 /// Below this fraction of the truncation allowed, the last harmonic is dropped.
 const DROP_SHARE: f64 = 1e-3;
 
-/// Equations whose last unknowns are the series of a motion.
+/// Equations whose last unknowns are the Fourier series of a periodic response.
 pub(super) trait Spectral: System {
-    /// The balance, of the motion or of one with a multiple of its period.
+    /// Returns the balance of the response, or of one with a multiple of its period.
     fn balance(&self) -> &Balance;
 
-    /// The number of unknowns before the series.
+    /// Returns the number of unknowns before the series.
     fn others(&self) -> usize;
 
-    /// H of the series.
+    /// Returns the number of harmonics H of the series.
     fn harmonics(&self) -> usize;
 
-    /// ν of the series.
+    /// Returns ν, the period of the series in periods of the drive.
     fn period(&self) -> usize;
 
     /// Changes the number of harmonics H of the series.
     fn set_harmonics(&mut self, harmonics: usize);
 
-    /// Evaluates the motion of these unknowns; whether it exists.
+    /// Evaluates the response of these unknowns and returns whether it exists.
     #[must_use]
     fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool;
 }
@@ -59,8 +59,8 @@ impl Spectral for Balance {
     }
 }
 
-/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth;
-/// drops the last if it is negligible.
+/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth.
+/// Drops the last harmonic if it is negligible.
 pub(super) fn adapt<S: Spectral>(
     system: &mut S,
     continuation: &mut Continuation,

@@ -6,7 +6,7 @@
 //! 90°. With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the
 //! coordinate of the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations are R(X, Ω,
 //! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the continuation. Without dampers A is zero, and the curve is a
-//! family of free motions: a nonlinear normal mode. A then only keeps the system square.
+//! family of free periodic orbits: a nonlinear normal mode. A then only keeps the system square.
 //!
 //! The unknowns are z = (A/a₀, X) of a chain, with φᵀM b₁ = 0 beside the balance, and (A/a₀, c, X) of modes: there the
 //! first harmonic c cos Ωt of the mode is an unknown of its own, without a part along sin Ωt, with its own balance (see
@@ -35,47 +35,49 @@ const BISECTIONS: usize = 52;
 /// A backbone begins at this fraction of its end.
 const SMALLEST_PART: f64 = 1.0 / 300.0;
 
-/// A motion on a backbone.
+/// A periodic response on a backbone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackboneMotion {
-    /// Frequency of the motion, Hz.
+    /// Frequency of the response, Hz.
     pub frequency_hz: f64,
-    /// The drive's peak that sustains the motion, N, or N·m at a joint; zero without damping.
+    /// The drive's peak that sustains the response, N, or N·m at a joint; zero without damping.
     pub drive: f64,
     /// The coordinates, rad of a chain, m·√kg of modes.
     pub coordinates: Vec<Reading>,
-    /// The motion at each degree of freedom that is read.
+    /// The response at each degree of freedom that is read.
     pub readings: Vec<Reading>,
     /// Number of harmonics, H.
     pub harmonics: usize,
 }
 
-/// A backbone: the motions of one mode, from small to large amplitudes.
+/// A backbone: the periodic responses at the resonance of one mode, from small to large amplitudes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Backbone {
-    /// Its motions, from small to large.
+    /// Its periodic responses, from small to large.
     pub points: Vec<BackboneMotion>,
     /// The work of the continuation.
     pub work: Work,
 }
 
-/// How far a backbone is followed.
+/// The options with which a backbone is followed, and where it ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackboneOptions {
-    /// The linear mode in which it begins, from 0, by frequency.
+    /// The linear mode in which the backbone begins, numbered from 0 in the order of frequency.
     pub mode: usize,
-    /// It ends where the first degree of freedom that is read reaches this, m, or rad at a joint, positive.
+    /// The backbone ends where the first degree of freedom that is read reaches this, m, or rad at a joint, positive.
     pub largest: f64,
-    /// Or where the drive reaches this, N, or N·m at a joint, positive. One of the two must be finite.
+    /// The backbone ends where the drive reaches this, N, or N·m at a joint, positive. One of the two limits must be
+    /// finite.
     pub largest_drive: f64,
-    /// Where the motion is read, at least one.
+    /// Degrees of freedom at which the response is read, at least one.
     pub read: Vec<Dof>,
     /// Harmonics, points and steps; `from` and `to` bound the frequency, Hz.
     pub branch: BranchOptions,
 }
 
 impl BackboneOptions {
-    /// From a mode, from 0, with the usual settings, between a tenth of its natural frequency and ten times it.
+    /// Usual options for the backbone of a mode, numbered from 0: between a tenth of its natural frequency and ten
+    /// times it.
     pub fn new(forced: &Forced, mode: usize, largest: f64, largest_drive: f64, read: Vec<Dof>) -> BackboneOptions {
         let linear_hz = forced.assembly.modes().get(mode).map_or(f64::NAN, |mode| mode.frequency_hz);
         let ends = [0.1 * linear_hz, 10.0 * linear_hz];
@@ -84,7 +86,7 @@ impl BackboneOptions {
     }
 }
 
-/// A small motion in quadrature under the drive 1.
+/// A small vibration in quadrature under the drive 1.
 struct Beginning {
     frequency_hz: f64,
     /// The coordinates' components along cos Ωt and sin Ωt.
@@ -95,7 +97,7 @@ struct Beginning {
 }
 
 impl Beginning {
-    /// The mode's motion about rest, where its modal coordinate is 90° behind the drive.
+    /// Returns the mode's small vibration about rest at which its modal coordinate is 90° behind the drive.
     ///
     /// About rest, M ẍ + G ẋ + S x = A p sin Ωt has the response x = A (Im h cos Ωt + Re h sin Ωt), h = (S + iΩG − Ω²M)⁻¹
     /// p. A mode φ is in quadrature where its modal coordinate φᵀM x is, φᵀM Re h = 0. Without the coupling of the modes by
@@ -105,10 +107,10 @@ impl Beginning {
     /// φᵀM h = φᵀp / (ω² − Ω² + 2iζωΩ)        Re: zero at Ω = ω
     /// ```
     ///
-    /// whatever else the excitation moves (at the point where it acts, the other mode can be most of the motion). The real
-    /// part has its extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero is still between
-    /// them, unless the excitation drives the other mode so much more that the mode responds to the dampers rather than to
-    /// the excitation.
+    /// whatever else the excitation moves (at the point where it acts, the other mode can be most of the vibration).
+    /// The real part has its extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero is
+    /// still between them, unless the excitation drives the other mode so much more that the mode responds to the
+    /// dampers rather than to the excitation.
     fn new(forced: &Forced, mode: &StructureMode, weights: &[f64]) -> Option<Beginning> {
         let (linear, direction) = (forced.assembly.linear(), forced.direction_at_rest());
         let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
@@ -160,7 +162,7 @@ struct Quadrature {
     drive_unit: f64,
     /// φᵀM, of unit length.
     weights: Vec<f64>,
-    /// Of modes: what c is multiplied by, the size of φ at the places and the drive, 1/√kg.
+    /// The factor of c for modes: the size of φ at the places and the drive, 1/√kg.
     kept_scale: f64,
     /// Residual and matrix of the balance.
     inner: Vec<f64>,
@@ -280,7 +282,7 @@ impl Spectral for Quadrature {
 /// nonlinear normal mode give a structure without damping, [`Forced::undamped`].
 ///
 /// # Errors
-/// [`AnalysisError::NotLinear`] if an element keeps small motions from being linear, [`AnalysisError::NoMode`] if there
+/// [`AnalysisError::NotLinear`] if an element keeps small vibrations from being linear, [`AnalysisError::NoMode`] if there
 /// is no such mode, [`AnalysisError::NotDriven`] if the drive can't bring it to quadrature; otherwise as
 /// [`super::trace`].
 pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, EndedEarly<Backbone>> {
@@ -303,14 +305,14 @@ pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, 
     }
 }
 
-/// Where the continuation begins: at rest, in this direction, with a first step of this size.
+/// Start of the continuation: at rest, in this direction, with a first step of this size.
 struct Start {
     tangent: Vec<f64>,
     size: f64,
     frequency_hz: f64,
 }
 
-/// The equations, and the small motion that satisfies them.
+/// Returns the equations and the small vibration that satisfies them.
 fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Start), AnalysisError> {
     let assembly = &forced.assembly;
     check_small_motions(assembly)?;
@@ -347,7 +349,7 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
     Ok((system, start))
 }
 
-/// Small motions must be linear.
+/// Checks that small vibrations are linear.
 fn check_small_motions(assembly: &Assembly) -> Result<(), AnalysisError> {
     use resonarm_dynamics::structure::Law;
     let bends = |law: &Law| match *law {
@@ -364,8 +366,8 @@ fn check_small_motions(assembly: &Assembly) -> Result<(), AnalysisError> {
 }
 
 impl Quadrature {
-    /// The direction in which the branch leaves rest, and the size of the first motion: a part of what ends it, if the
-    /// structure were linear.
+    /// Returns the direction in which the branch leaves rest, and the size of the first response: a fraction of the
+    /// limit that ends the branch, as if the structure were linear.
     fn start(&self, beginning: &Beginning, options: &BackboneOptions) -> Start {
         let (n, others) = (self.balance.dimension(), self.others());
         let mut tangent = vec![0.0; n + others];
@@ -393,7 +395,7 @@ impl Quadrature {
                 .map(|part| direction.iter().zip(part).map(|(w, x)| w * x).sum::<f64>());
             libm::hypot(c, s)
         });
-        // The factor of this motion at the end; a reading may be at rest, and the drive zero.
+        // The factor of this vibration at the end; a reading may be at rest, and the drive zero.
         let end = (options.largest / read).min(options.largest_drive / beginning.drive);
         let size = if end.is_finite() && end > 0.0 {
             SMALLEST_PART * end * length
@@ -403,7 +405,7 @@ impl Quadrature {
         Start { tangent, size, frequency_hz: beginning.frequency_hz }
     }
 
-    /// The motion at a point.
+    /// Returns the periodic response at a point.
     fn motion(&mut self, point: &Point, read: &[Dof]) -> BackboneMotion {
         // The number of harmonics may have changed since the point was solved for.
         let (current, m) = (self.balance.harmonics(), self.balance.unknowns.count());
@@ -430,14 +432,15 @@ impl Quadrature {
 }
 
 impl BackboneMotion {
-    /// How far the motion or its drive is beyond the end, relative to it: negative before it.
+    /// Returns how far the response or its drive is beyond the end of the backbone, relative to that end: negative
+    /// before it.
     fn beyond(&self, options: &BackboneOptions) -> f64 {
         let read = self.readings.first().map_or(0.0, |reading| reading.largest / options.largest);
         read.max(self.drive / options.largest_drive) - 1.0
     }
 }
 
-/// Continues to where the motion or the drive is large enough, or the frequency outside.
+/// Continues until the response or the drive is large enough, or the frequency leaves its interval.
 fn follow(
     system: &mut Quadrature,
     continuation: &mut Continuation,
@@ -471,25 +474,26 @@ fn follow(
 }
 
 impl Backbone {
-    /// The band, Hz, in which the forced response around the curve is of interest.
+    /// Returns the band, Hz, in which the forced response around the curve is of interest.
     pub fn window_hz(&self) -> [f64; 2] {
         crate::bending::window_hz(self.points.iter().map(|point| point.frequency_hz))
     }
 
-    /// The frequency of the last point less that of the first, Hz.
+    /// Returns the frequency of the last point minus that of the first, Hz.
     pub fn shift_hz(&self) -> f64 {
         let ends = self.points.first().zip(self.points.last());
         ends.map_or(0.0, |(first, last)| last.frequency_hz - first.frequency_hz)
     }
 
-    /// df/d(a²) at a = 0, Hz over the square of the unit of a, the first harmonic of a degree of freedom by its number
-    /// among those read: positive where the mode hardens. None for fewer than three points, or if it doesn't move.
+    /// Returns df/d(a²) at a = 0, Hz over the square of the unit of a, the first harmonic of the degree of freedom with
+    /// this number among those read: positive where the mode hardens. `None` for fewer than three points, or if the
+    /// degree of freedom doesn't move.
     pub fn curvature(&self, reading: usize) -> Option<f64> {
         let at = |point: &BackboneMotion| Some((point.readings.get(reading)?.harmonic1.norm_sqr(), point.frequency_hz));
         crate::bending::curvature(&self.points.iter().map(at).collect::<Option<Vec<_>>>()?)
     }
 
-    /// How the curve bends, from the frequencies of its points; none if the frequency doesn't change.
+    /// Returns how the curve bends, from the frequencies of its points; `None` if the frequency doesn't change.
     pub fn bending(&self) -> Option<Bending> {
         Bending::of(self.points.iter().map(|point| point.frequency_hz))
     }

@@ -1,11 +1,12 @@
-//! Harmonic balance of a structure: periodic motions as Fourier series (M. Krack, J. Gross, "Harmonic Balance for
-//! Nonlinear Vibration Problems", 2019, Ch. 2), by alternating between frequency and time (T. M. Cameron, J. H. Griffin,
-//! "An Alternating Frequency/Time Domain Method for Calculating the Steady-State Response of Nonlinear Dynamic Systems",
-//! J. Appl. Mech. 56 (1989)). [`super::unknowns`] says what is solved for.
+//! Harmonic balance of a structure: periodic responses as Fourier series (M. Krack, J. Gross, "Harmonic Balance for
+//! Nonlinear Vibration Problems", 2019, Ch. 2), by alternating between frequency and time (T. M. Cameron, J. H.
+//! Griffin, "An Alternating Frequency/Time Domain Method for Calculating the Steady-State Response of Nonlinear Dynamic
+//! Systems", J. Appl. Mech. 56 (1989)). [`super::unknowns`] defines the unknowns.
 //!
-//! With the base frequency ω = Ω/ν and τ = ωt, ν being the periods of the drive after which the motion repeats, the
-//! unknowns X are the coefficients of 1, cos kτ, sin kτ, k = 1 … H, each of all m unknowns. Of a chain row k is the
-//! unbalance over the stiffness scale and max(1, (k/ν)²), of modes the displacement less what the forces make of it.
+//! With the base frequency ω = Ω/ν and τ = ωt, ν being the periods of the drive after which the response repeats, the
+//! unknowns X are the coefficients of 1, cos kτ, sin kτ, k = 1 … H, each of all m unknowns. For a chain, row k is the
+//! unbalance over the stiffness scale and max(1, (k/ν)²); for modes, it is the displacement minus the displacement that
+//! the forces cause.
 //!
 //! The derivatives by a parameter of the structure are differences of fourth order: rows depend on most parameters by a
 //! polynomial of degree 2 at most, so that only rounding is left, and on the others smoothly.
@@ -26,7 +27,7 @@ use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_
 use super::{Coordinate, Forced};
 use crate::continuation::System;
 
-/// Samples of a structure with a law that isn't smooth: what a kink between two of them changes in the harmonics is of
+/// Samples per period for a structure with a law that isn't smooth: a kink between two samples changes the harmonics by
 /// the order of the square of their distance.
 const ROUGH_SAMPLES: usize = 512;
 /// Steps must not miss superharmonic resonances, where Ω times one of these is a natural frequency.
@@ -49,12 +50,12 @@ pub(super) struct Balance {
     pub coordinate: Coordinate,
     pub frequency_hz: f64,
     pub samples: Samples,
-    /// Of modes along a backbone.
+    /// The mode that a backbone keeps as an unknown of its own; only for modal structures.
     pub kept: Option<Kept>,
     evaluated: Evaluated,
     harmonics: usize,
     linear: Linear,
-    /// Of a chain: the largest stiffness, N·m, and what each row is multiplied by.
+    /// For a chain, the largest stiffness, N·m, and the factor of each row.
     scale: f64,
     row_scales: Vec<f64>,
     compliances: Vec<Compliance>,
@@ -64,17 +65,17 @@ pub(super) struct Balance {
     by_frequency: Vec<f64>,
 }
 
-/// The motion that the samples are of.
+/// The response to which the samples belong.
 #[derive(Clone, Debug, Default)]
 struct Evaluated {
-    /// Whether they are of one: not after the structure or the samples have changed.
+    /// Whether the samples belong to a response: false after the structure or the samples have changed.
     is_known: bool,
     x: Vec<f64>,
     frequency_hz: f64,
     amplitude: f64,
 }
 
-/// The product of a column of weights and a row, added to a block of rows.
+/// Adds the product of a column of weights and a row to a block of rows.
 struct AddProduct<'a> {
     block: &'a mut [f64],
     weights: &'a [f64],
@@ -92,7 +93,7 @@ impl Task for AddProduct<'_> {
     }
 }
 
-/// The size of the unknowns under a static unit drive: m or rad over N or N·m.
+/// Returns the size of the unknowns under a static unit drive: m or rad over N or N·m.
 pub(super) fn unit_deflection(forced: &Forced) -> f64 {
     let unknowns = Unknowns::new(forced);
     match &unknowns.body {
@@ -144,7 +145,7 @@ impl Pair {
         Pair { first: (2 * k).saturating_sub(1) * unknowns, second }
     }
 
-    /// The coefficients of one unknown.
+    /// Returns the coefficients of one unknown.
     fn at(self, of: &[f64], unknown: usize) -> [f64; 2] {
         [of[self.first + unknown], self.second.map_or(0.0, |second| of[second + unknown])]
     }
@@ -157,18 +158,18 @@ impl Pair {
     }
 }
 
-/// The coefficients of H U, U = c − is being a harmonic c cos + s sin.
+/// Returns the coefficients of H U, U = c − is of a harmonic c cos + s sin.
 fn times(h: Complex<f64>, [c, s]: [f64; 2]) -> [f64; 2] {
     [h.re * c + h.im * s, h.re * s - h.im * c]
 }
 
 impl Balance {
-    /// Of motions with the period of the drive.
+    /// A balance for responses with the period of the drive.
     pub fn new(forced: &Forced, frequency_hz: f64, coordinate: Coordinate, harmonics: usize) -> Balance {
         Balance::of_period(forced, [1, harmonics], frequency_hz, coordinate)
     }
 
-    /// Of motions with ν periods of the drive, with H harmonics of Ω/ν.
+    /// A balance for responses with ν periods of the drive, with H harmonics of Ω/ν.
     pub fn of_period(
         forced: &Forced,
         [period, harmonics]: [usize; 2],
@@ -220,18 +221,19 @@ impl Balance {
         self.harmonics
     }
 
-    /// Number of periods of the drive after which the motion repeats, ν.
+    /// Number of periods of the drive after which the response repeats, ν.
     pub fn period(&self) -> usize {
         self.unknowns.period
     }
 
-    /// Sets the coordinate that varies; returns whether such a motion exists.
+    /// Sets the coordinate that varies and returns whether such a response exists.
     #[must_use]
     pub fn set_value(&mut self, value: f64) -> bool {
         self.set(self.coordinate, value)
     }
 
-    /// Sets a coordinate; returns whether such a motion exists. If not, a parameter of the structure is not changed.
+    /// Sets a coordinate and returns whether such a response exists. If not, a parameter of the structure keeps its
+    /// value.
     #[must_use]
     pub fn set(&mut self, coordinate: Coordinate, value: f64) -> bool {
         match coordinate {
@@ -249,7 +251,7 @@ impl Balance {
         value.is_finite() && (value > 0.0 || coordinate != Coordinate::FrequencyHz)
     }
 
-    /// The value of a coordinate; not a number if the structure has no such parameter.
+    /// Returns the value of a coordinate; not a number if the structure has no such parameter.
     pub fn value(&self, coordinate: Coordinate) -> f64 {
         match coordinate {
             Coordinate::FrequencyHz => self.frequency_hz,
@@ -258,7 +260,7 @@ impl Balance {
         }
     }
 
-    /// The unit of a coordinate.
+    /// Returns the unit of a coordinate.
     pub fn unit_of(&self, coordinate: Coordinate) -> &'static str {
         match coordinate {
             Coordinate::FrequencyHz => "Hz",
@@ -287,10 +289,11 @@ impl Balance {
         TAU * self.base_hz()
     }
 
-    /// The motion X and the forces along it, unless it was the last one. The following methods are about this motion.
+    /// Evaluates the response X and the forces along it, unless it was the last one. The following methods use this
+    /// response.
     pub fn evaluate_motion(&mut self, x: &[f64]) {
         let (frequency_hz, amplitude, known) = (self.frequency_hz, self.forced.amplitude, &mut self.evaluated);
-        // The choice of the number of harmonics and the readings of a point ask for the same motion in turn.
+        // The choice of the number of harmonics and the readings of a point ask for the same response in turn.
         if known.is_known && known.x == x && known.frequency_hz == frequency_hz && known.amplitude == amplitude {
             return;
         }
@@ -309,7 +312,7 @@ impl Balance {
         }
     }
 
-    /// The harmonic k ≤ 2H + 1 of signals of all unknowns as complex numbers, of u = Re(U e^{ikτ}).
+    /// Returns the harmonic k ≤ 2H + 1 of signals of all unknowns as complex numbers, of u = Re(U e^{ikτ}).
     fn harmonic(&self, signals: &[f64], k: usize) -> Vec<Complex<f64>> {
         let count = self.samples.count();
         let of = |i: usize| {
@@ -320,13 +323,13 @@ impl Balance {
         (0..self.unknowns.count()).map(of).collect()
     }
 
-    /// An estimate of what the truncation to H harmonics leaves out, in the unit of u: the largest of the harmonics k =
-    /// H + 1 … 2H + 1 that the linear structure makes of what the balance misses there.
+    /// Estimates the error of the truncation to H harmonics, in the unit of u: the largest of the harmonics k = H + 1 …
+    /// 2H + 1 that the linear structure makes of the balance's residual there.
     pub fn truncation_error(&self) -> f64 {
         self.missing(&self.samples.load)
     }
 
-    /// An estimate of how far a variation of the motion last linearised, a null vector of the matrix or a part of it, is
+    /// Estimates how far a variation of the response last linearised, a null vector of the matrix or a part of it, is
     /// from one that includes the harmonics left out, in its own unit. States of elements are taken as held.
     pub fn variation_error(&self, variation: &[f64]) -> f64 {
         let (m, count) = (self.unknowns.count(), self.samples.count());
@@ -344,7 +347,7 @@ impl Balance {
         self.missing(&signals)
     }
 
-    /// The largest of the harmonics k = H + 1 … 2H + 1 that the linear structure makes of forces.
+    /// Returns the largest of the harmonics k = H + 1 … 2H + 1 that the linear structure makes of forces.
     fn missing(&self, signals: &[f64]) -> f64 {
         let mut compliance = Compliance::default();
         let missing = |k: usize| {
@@ -363,7 +366,7 @@ impl Balance {
         (self.harmonics + 1..=2 * self.harmonics + 1).map(missing).fold(0.0, f64::max)
     }
 
-    /// ∂Q̂/∂X with the states' part into `self.operator`, and ∂Q̂/∂(Ω/2π) at constant X.
+    /// Computes ∂Q̂/∂X with the states' part into `self.operator`, and ∂Q̂/∂(Ω/2π) at constant X.
     fn linearise(&mut self) {
         let (m, omega, harmonics) = (self.unknowns.count(), self.omega_rad_s(), self.harmonics);
         let (size, count) = (self.load.len(), self.samples.count());
@@ -387,7 +390,7 @@ impl Balance {
         self.add_histories();
     }
 
-    /// The part of the derivatives by way of the elements' states.
+    /// Adds the part of the derivatives that comes from the elements' states.
     fn add_histories(&mut self) {
         if self.samples.histories.is_empty() {
             return;
@@ -434,7 +437,7 @@ impl Balance {
         }
     }
 
-    /// The derivatives of the rows by the drive's peak, for the motion last evaluated.
+    /// Writes the derivatives of the rows by the drive's peak, for the response last evaluated.
     pub fn by_amplitude(&self, out: &mut [f64]) {
         let (m, period) = (self.unknowns.count(), self.period());
         out[..self.load.len()].fill(0.0);
@@ -456,7 +459,7 @@ impl Balance {
         }
     }
 
-    /// The derivatives of the rows by Ω/2π, for the motion last linearised.
+    /// Writes the derivatives of the rows by Ω/2π, for the response last linearised.
     fn rows_by_frequency(&self, out: &mut [f64]) {
         let (m, period) = (self.unknowns.count(), self.period());
         if let Body::Chain = self.unknowns.body {
@@ -485,8 +488,8 @@ impl Balance {
         }
     }
 
-    /// The derivatives of the rows at the motion X by a parameter of the structure; not numbers if structures to neither
-    /// side exist. The motion then has to be evaluated again.
+    /// Writes the derivatives of the rows at the response X by a parameter of the structure; not numbers if structures
+    /// to neither side exist. The response then has to be evaluated again.
     fn rows_by_parameter(&mut self, x: &[f64], parameter: Parameter, out: &mut [f64]) {
         let here = self.forced.assembly.clone();
         let value = here.value(parameter).unwrap_or(f64::NAN);
@@ -511,7 +514,7 @@ impl Balance {
         out[..x.len()].fill(f64::NAN);
     }
 
-    /// R(X) and its derivatives by X and then by coordinates, each in a column of `stride` numbers.
+    /// Computes R(X) and its derivatives by X and then by coordinates, each in a column of `stride` numbers.
     pub fn derivatives(
         &mut self,
         x: &[f64],
@@ -522,7 +525,7 @@ impl Balance {
     ) {
         let (size, columns) = (x.len(), x.len()..);
         // Differences by a parameter evaluate other structures. They come first, so that the samples end at this
-        // motion.
+        // response.
         for (column, coordinate) in columns.clone().zip(coordinates) {
             if let Coordinate::Parameter(parameter) = *coordinate {
                 self.rows_by_parameter(x, parameter, &mut matrix[column * stride..][..size]);
@@ -543,7 +546,7 @@ impl Balance {
         }
     }
 
-    /// H of modes at every harmonic.
+    /// Computes the compliance H of a modal structure at every harmonic.
     fn set_compliances(&mut self) {
         let omega = self.omega_rad_s();
         let Body::Condensed(condensed) = &self.unknowns.body else { return };
@@ -553,8 +556,8 @@ impl Balance {
         }
     }
 
-    /// R of the motion last evaluated. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im
-    /// H s and Re H s − Im H c.
+    /// Writes R of the response last evaluated. With U = c − is of a harmonic c cos + s sin, H U has the coefficients
+    /// Re H c + Im H s and Re H s − Im H c.
     fn residual(&self, x: &[f64], residual: &mut [f64]) {
         let (m, period) = (self.unknowns.count(), self.period());
         let Body::Condensed(condensed) = &self.unknowns.body else {
@@ -582,7 +585,7 @@ impl Balance {
         }
     }
 
-    /// ∂R/∂X of the motion last linearised.
+    /// Writes ∂R/∂X of the response last linearised.
     fn rows(&self, matrix: &mut [f64], stride: usize) {
         let (m, size) = (self.unknowns.count(), self.load.len());
         let columns = || self.operator.chunks_exact(size);
@@ -612,7 +615,7 @@ impl Balance {
     }
 
     /// The balance of the mode that is kept, whose first harmonic c cos Ωt is `kept`, in cos Ωt and in sin Ωt, N/√kg:
-    /// the rows, and their derivatives by X and by Ω/2π. For the motion last evaluated, with Q its forces,
+    /// the rows, and their derivatives by X and by Ω/2π. For the response last evaluated, with Q its forces,
     ///
     /// ```text
     /// (ω² − Ω²) c + Σ φ Q_c = 0,     −2ζωΩ c − φ_d p + Σ φ Q_s = 0
@@ -637,7 +640,7 @@ impl Balance {
         }
     }
 
-    /// The displacement at a degree of freedom, as a series, for the motion last evaluated.
+    /// Returns the displacement at a degree of freedom, as a series, for the response last evaluated.
     pub fn displacement(&self, dof: Dof) -> Vec<f64> {
         let (m, count) = (self.unknowns.count(), self.samples.count());
         let Body::Condensed(condensed) = &self.unknowns.body else {
@@ -651,7 +654,7 @@ impl Balance {
         self.along(condensed, &direction_at_rest(&self.forced.assembly, dof))
     }
 
-    /// A coordinate of the structure, as a series, for the motion last evaluated.
+    /// Returns a coordinate of the structure, as a series, for the response last evaluated.
     pub fn coordinate_series(&self, coordinate: usize) -> Vec<f64> {
         let m = self.unknowns.count();
         match &self.unknowns.body {
@@ -670,7 +673,7 @@ impl Balance {
         }
     }
 
-    /// The series of a displacement Σ `direction` q of modes.
+    /// Returns the series of a displacement Σ `direction` q of modes.
     fn along(&self, condensed: &Condensed, direction: &[f64]) -> Vec<f64> {
         let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
         let mut series = Vec::with_capacity(2 * self.harmonics + 1);
@@ -709,7 +712,7 @@ impl System for Balance {
         self.unit_of(self.coordinate)
     }
 
-    /// Half the way to the nearest linear resonance, or, on top of it, half of its half-power bandwidth.
+    /// Half the way to the nearest linear resonance, or, at a resonance, half of its half-power bandwidth.
     fn parameter_step_limit(&self, lambda: f64) -> f64 {
         if self.coordinate != Coordinate::FrequencyHz {
             return f64::INFINITY;

@@ -1,8 +1,8 @@
-//! How the frequency of a backbone changes along it.
+//! The change of a backbone's frequency along it.
 
 use alloc::vec::Vec;
 
-/// How the frequency changes with the amplitude.
+/// The change of a backbone's frequency with the amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bending {
     /// It rises: the response curves lean to higher frequencies (stiff).
@@ -24,7 +24,7 @@ const STILL: f64 = 1e-9;
 const MARGIN: [f64; 2] = [0.5, 0.002];
 
 impl Bending {
-    /// The name in results.
+    /// The name of the kind in results.
     pub const fn name(self) -> &'static str {
         match self {
             Bending::Hardening => "hardening",
@@ -35,7 +35,7 @@ impl Bending {
         }
     }
 
-    /// How a curve with these frequencies bends; none if they don't change.
+    /// Returns how a curve with these frequencies bends; `None` if they don't change.
     pub(crate) fn of(frequencies_hz: impl Iterator<Item = f64>) -> Option<Bending> {
         let (mut rises, mut before) = (Vec::new(), None::<f64>);
         for hz in frequencies_hz {
@@ -58,7 +58,7 @@ impl Bending {
     }
 }
 
-/// The band, Hz, in which the forced response around a curve with these frequencies is of interest.
+/// Returns the band, Hz, in which the forced response around a curve with these frequencies is of interest.
 pub(crate) fn window_hz(frequencies_hz: impl Iterator<Item = f64>) -> [f64; 2] {
     let (low, high) = frequencies_hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
     let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);

@@ -1,4 +1,4 @@
-//! Branches of a structure's periodic motions: traced from one value of a coordinate to another, with folds, peaks,
+//! Branches of a structure's periodic responses: traced from one value of a coordinate to another, with folds, peaks,
 //! stability and other bifurcations.
 
 use alloc::boxed::Box;
@@ -19,18 +19,18 @@ use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
 use crate::{AnalysisError, BifurcationKind, EndedEarly};
 
-/// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
+/// Multiples of the frequency at which to start if Newton's method finds no periodic response from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
 const MOST_HALVINGS: usize = 16;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
 pub(super) const FRACTION: f64 = 1e-7;
 
-/// Traces a branch of motions with the period of the drive from `options.branch.from` to `options.branch.to`. The
+/// Traces a branch of responses with the period of the drive from `options.branch.from` to `options.branch.to`. The
 /// coordinate that doesn't vary is `frequency_hz`, or the amplitude of `forced`.
 ///
 /// # Errors
-/// [`EndedEarly`], with the place, the reason, advice, and the branch up to there.
+/// [`EndedEarly`], with the place, the reason, advice, and the branch up to that place.
 pub fn trace(
     forced: &Forced,
     frequency_hz: f64,
@@ -43,11 +43,11 @@ pub fn trace(
     Tracer::new(balance, options).run(continuation)
 }
 
-/// Traces the branch of motions of twice the period that leaves a period doubling of a branch in `coordinate`.
+/// Traces the branch of responses of twice the period that leaves a period doubling of a branch in `coordinate`.
 ///
-/// The first step goes along the null vector: the motion on the even harmonics of the halved base frequency, the null
+/// The first step goes along the null vector: the response on the even harmonics of the halved base frequency, the null
 /// vector on the odd ones. The branch ends where it leaves the interval of the options, or at a branch point, where it
-/// meets motions of the single period again: beyond are the same motions, shifted by one period.
+/// meets responses of the single period again: beyond are the same responses, shifted by one period.
 ///
 /// # Errors
 /// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; otherwise as [`trace`].
@@ -82,8 +82,8 @@ pub fn trace_doubled(
     Tracer::new(balance, options).run(continuation)
 }
 
-/// The doubled branches from the period doublings of a branch, each with its end; see [`trace_doubled`]. A branch that
-/// returns through another of the doublings is listed once for both.
+/// Traces the doubled branches from the period doublings of a branch, each with its end; see [`trace_doubled`]. A
+/// branch that returns through another of the doublings is listed once for both.
 pub fn trace_doublings(
     forced: &Forced,
     branch: &Branch,
@@ -105,10 +105,10 @@ pub fn trace_doublings(
     branches
 }
 
-/// The first step along a doubled branch, relative to the size of the motion.
+/// The first step along a doubled branch, relative to the size of the response.
 const FIRST_DOUBLED_STEP: f64 = 1e-2;
 
-/// Both ends, and the frequency, must be numbers at which the system exists.
+/// Checks that both ends, and the frequency, are numbers at which the system exists.
 fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
     balance.unknowns.check_held()?;
     let (from, to) = (options.branch.from, options.branch.to);
@@ -118,7 +118,7 @@ fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisEr
     if exists && known { Ok(()) } else { Err(not_there(balance, options)) }
 }
 
-/// The error that the system does not exist at both ends.
+/// The error if the system does not exist at both ends.
 fn not_there(balance: &Balance, options: &TraceOptions) -> AnalysisError {
     let domain = match balance.coordinate {
         Coordinate::FrequencyHz => "the positive frequencies",
@@ -193,7 +193,8 @@ impl<'a> Tracer<'a> {
         Tracer { balance, options, floquet: Floquet::default(), branch: Branch::default(), rejoined: false }
     }
 
-    /// The branch, whole or up to where the continuation ended, with its bifurcations in order and its peaks.
+    /// Runs the continuation and returns the branch, whole or up to where the continuation ended, with its bifurcations
+    /// in order and its peaks.
     fn run(mut self, continuation: Continuation) -> Result<Branch, EndedEarly<Branch>> {
         let mut walk = Walk::new(continuation);
         let reason = self.follow(&mut walk).err();
@@ -237,8 +238,8 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// The next point after `before`. A step that comes to another branch, which passes close by, is taken again in
-    /// halves.
+    /// Takes the step from `before` to the next point. A step that jumps to another branch, which passes close by, is
+    /// taken again in halves.
     ///
     /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step
     /// without one, the step has jumped. Where forces aren't smooth, corners change it, too.
@@ -260,7 +261,7 @@ impl<'a> Tracer<'a> {
             walk.continuation.set_step(0.5 * (reached.arclength - before.arclength));
             self.balance.set_harmonics(harmonics);
         }
-        // Even the shortest step comes to the other branch: the two count as one, and the trace goes on.
+        // Even the shortest step arrives on the other branch: the two count as one, and the trace continues.
         walk.advance(&mut self.balance, &branch.continuation)?;
         adapt(&mut self.balance, &mut walk.continuation, branch)
     }
@@ -270,12 +271,12 @@ impl<'a> Tracer<'a> {
         self.branch.orbits.push(orbit);
     }
 
-    /// The stability of the motion last evaluated, if it is asked for.
+    /// Returns the stability of the response last evaluated, if it was requested.
     fn stability(&mut self, x: &[f64]) -> Option<Stability> {
         if self.options.assess == Assess::Multipliers { self.floquet.stability(&self.balance, x) } else { None }
     }
 
-    /// Evaluates the motion at a point, with the harmonics of the point, and reads it.
+    /// Evaluates the response at a point, with the harmonics of the point, and reads it.
     fn at<T>(&mut self, point: &Point, read: impl FnOnce(&mut Self) -> T) -> T {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
         if current != needed {
@@ -291,7 +292,7 @@ impl<'a> Tracer<'a> {
         result
     }
 
-    /// All results for the motion at a point.
+    /// Returns all results for the response at a point.
     pub fn orbit(&mut self, point: &Point) -> Orbit {
         self.at(point, |tracer| {
             let (balance, read) = (&tracer.balance, &tracer.options.read);
@@ -300,13 +301,13 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// The largest displacement in the motion at a point, without the other results.
+    /// Returns the largest displacement of the response at a point, without the other results.
     pub fn largest_at(&mut self, point: &Point, dof: Dof) -> f64 {
         self.at(point, |tracer| reading(&tracer.balance, dof).largest)
     }
 }
 
-/// The motion last evaluated, without its stability.
+/// Returns the response last evaluated, without its stability.
 pub(super) fn orbit_of(balance: &Balance, read: &[Dof], x: &[f64], value: f64, arclength: f64) -> Orbit {
     Orbit {
         value,
@@ -321,12 +322,12 @@ pub(super) fn orbit_of(balance: &Balance, read: &[Dof], x: &[f64], value: f64, a
     }
 }
 
-/// The motion at a degree of freedom, of the motion last evaluated.
+/// Returns the reading of a degree of freedom in the response last evaluated.
 pub(super) fn reading(balance: &Balance, dof: Dof) -> Reading {
     reading_of(balance, &balance.displacement(dof))
 }
 
-/// The same of a series.
+/// Returns the reading of a series.
 pub(super) fn reading_of(balance: &Balance, series: &[f64]) -> Reading {
     let (largest, drive) = (largest(&balance.samples, series), 2 * balance.period());
     Reading { largest, mean: series[0], harmonic1: Complex::new(series[drive], series[drive - 1]) }

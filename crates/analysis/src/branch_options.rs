@@ -1,4 +1,4 @@
-//! How a branch is traced, and the kinds of bifurcation on it.
+//! The options with which a branch is traced, and the kinds of bifurcation on it.
 
 use super::continuation::ContinuationSettings;
 
@@ -13,7 +13,7 @@ pub struct BranchOptions {
     pub least_harmonics: usize,
     /// The most harmonics of the excitation.
     pub most_harmonics: usize,
-    /// The largest truncation error of H harmonics, relative to the size of the motion.
+    /// The largest truncation error of H harmonics, relative to the size of the response.
     pub truncation: f64,
     /// Largest number of points; a branch that needs more ends early.
     pub most_points: usize,
@@ -26,10 +26,10 @@ impl BranchOptions {
     pub const MOST_HARMONICS: usize = 64;
     /// The usual most points.
     pub const MOST_POINTS: usize = 20_000;
-    /// The usual largest step, relative to the motion's size.
+    /// The usual largest step, relative to the response's size.
     pub const LARGEST_STEP: f64 = 0.25;
 
-    /// From one value to another with the usual settings.
+    /// The usual settings for a branch from one value to another.
     pub fn new(from: f64, to: f64) -> BranchOptions {
         let floor = 0.05 * (to - from).abs();
         let parameter_floor = floor.max(f64::MIN_POSITIVE);
@@ -49,14 +49,14 @@ impl BranchOptions {
         }
     }
 
-    /// The same between other values, with the scale of the coordinate from their interval.
+    /// These options for another interval, with the scale of the coordinate taken from that interval.
     pub fn between(&self, from: f64, to: f64) -> BranchOptions {
         let mut options = BranchOptions { from, to, ..*self };
         options.continuation.parameter_floor = BranchOptions::new(from, to).continuation.parameter_floor;
         options
     }
 
-    /// The end of the interval beyond which a value is, if any.
+    /// Returns the end of the interval beyond which a value lies, if any.
     pub(crate) fn left_at(&self, value: f64) -> Option<f64> {
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));
         if value < low {
@@ -69,7 +69,7 @@ impl BranchOptions {
     }
 }
 
-/// Kinds of bifurcation of periodic motions.
+/// Kinds of bifurcation of periodic responses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BifurcationKind {
     /// `fold`: a multiplier passes 1 and the branch turns back (saddle-node, limit point).

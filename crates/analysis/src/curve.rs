@@ -1,4 +1,4 @@
-//! Curves of folds and of period doublings of a structure's motions in two coordinates.
+//! Curves of folds and of period doublings of a structure's periodic responses in two coordinates.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -13,18 +13,18 @@ use crate::continuation::{Continuation, Cut, Point, Slices, System, Work, at_par
 use crate::search::{FINE, search};
 use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly};
 
-/// A singular motion on a curve of them.
+/// A periodic response at a bifurcation, on a curve of such bifurcations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SingularPoint {
     /// The coordinate of the branch on which the bifurcation was found.
     pub lambda: f64,
     /// The coordinate that was continued in.
     pub mu: f64,
-    /// The motion, at `lambda`, without its stability.
+    /// The periodic response, at `lambda`, without its stability.
     pub orbit: Orbit,
 }
 
-/// Where a curve turns back in `mu`.
+/// A point at which a curve turns back in `mu`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Turn {
     /// Whether it is a cusp: the curve turns back in both coordinates at once, and two folds meet and vanish.
@@ -35,12 +35,12 @@ pub struct Turn {
     pub index: usize,
 }
 
-/// A curve of singular motions.
+/// A curve of folds or of period doublings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SingularCurve {
-    /// Its motions in order.
+    /// Its points in order.
     pub points: Vec<SingularPoint>,
-    /// Where it turns back, in order.
+    /// The points at which the curve turns back, in order.
     pub turns: Vec<Turn>,
     /// The work of the continuation.
     pub work: Work,
@@ -50,7 +50,8 @@ pub struct SingularCurve {
 pub type TracedCurve = (BifurcationKind, Result<SingularCurve, EndedEarly<SingularCurve>>);
 
 impl SingularCurve {
-    /// The points at the value of `mu` at which the curve begins: the first, and the last if the curve returns to it.
+    /// Returns the points at the value of `mu` at which the curve begins: the first, and the last if the curve returns
+    /// to it.
     pub fn on_the_branch(&self) -> impl Iterator<Item = &SingularPoint> {
         let first = self.points.first();
         let back = self.points.last().filter(|last| first.is_some_and(|first| near(last.mu, first.mu)));
@@ -104,14 +105,14 @@ pub fn trace_singular_curves(
     curves
 }
 
-/// The balance of a bifurcation of a branch in `lambda`; none if no such structure exists.
+/// Returns the balance at a bifurcation of a branch in `lambda`; `None` if no such structure exists.
 fn balance_at(forced: &Forced, bifurcation: &Bifurcation, lambda: Coordinate) -> Option<Balance> {
     let orbit = &bifurcation.orbit;
     let mut balance = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, lambda);
     (balance.set(Coordinate::Amplitude, orbit.drive) && balance.set_value(orbit.value)).then_some(balance)
 }
 
-/// The equations, and a continuation that begins at the bifurcation, with options for the interval from there.
+/// Returns the equations, and a continuation that begins at the bifurcation, with options for the interval from there.
 fn begin(
     forced: &Forced,
     bifurcation: &Bifurcation,
@@ -176,7 +177,7 @@ const STANDS: f64 = 1e-4;
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
 const SAME: f64 = 1e-8;
 
-/// Whether two values of a coordinate belong to the same bifurcation.
+/// Says whether two values of a coordinate belong to the same bifurcation.
 pub(super) fn near(a: f64, b: f64) -> bool {
     libm::fabs(a - b) <= SAME * libm::fabs(b)
 }

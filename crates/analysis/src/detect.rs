@@ -12,10 +12,10 @@
 //! of which the sign counts, and of the magnitude only that of the least factor: the products of many modes leave the
 //! range of numbers. The second also vanishes where two real multipliers have the product 1.
 //!
-//! A change between two points locates one bifurcation, two of a kind close together are found by [`Tracer::descend`].
+//! A change between two points locates one bifurcation; two of a kind close together are found by [`Tracer::descend`].
 //!
 //! A factor below [`ROUNDING`] has no sign: without damping |μ|² − 1 of every pair is 0 all along the branch, and its
-//! sign is rounding. Such factors are left out; if no other is left, no bifurcation is found at the motion.
+//! sign is rounding. Such factors are left out; if no other is left, no bifurcation is found at the response.
 
 use alloc::vec::Vec;
 
@@ -35,7 +35,7 @@ use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 
 /// Multipliers with a smaller imaginary part are real.
 const REAL: f64 = 1e-9;
-/// At a bifurcation of the motion a multiplier is this near its place on the unit circle.
+/// At a bifurcation of the response a multiplier is this near its place on the unit circle.
 const NEAR: f64 = 5e-3;
 /// The most steps down to a smallest magnitude.
 const DESCENT_LIMIT: usize = 8;
@@ -105,7 +105,7 @@ fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, re
     }
 }
 
-/// The same at a point whose stability is not known.
+/// Returns the test function of a kind at a point whose stability is not known.
 fn test(
     floquet: &mut Floquet,
     balance: &mut Balance,
@@ -141,8 +141,8 @@ fn is_complex(mu: Complex<f64>) -> bool {
     mu.im.abs() > REAL
 }
 
-/// Whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that have the product 1 at
-/// the motion before it, too.
+/// Says whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that also have the
+/// product 1 at the response before it.
 fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Marginal) -> bool {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
     let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);
@@ -159,7 +159,7 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Margi
     }
 }
 
-/// Whether a test function has changed its sign; not if a value is unknown.
+/// Says whether a test function has changed its sign; false if a value is unknown.
 fn crosses([a, b]: [f64; 2]) -> bool {
     a * b < 0.0
 }
@@ -189,7 +189,7 @@ struct Vertex {
 
 impl Tracer<'_> {
     /// Locates the bifurcations between the last two points of the branch, a and b, and pairs of one kind beside a, of
-    /// which `older` is the point before; or notes that it can't.
+    /// which `older` is the point before; records those that can't be located.
     pub fn detect(&mut self, older: Option<&Point>, a: &Point, b: &Point) {
         let [.., before, after] = self.branch.orbits.as_slice() else { return };
         let stabilities = [before.stability.clone(), after.stability.clone()];
@@ -218,9 +218,9 @@ impl Tracer<'_> {
         }
     }
 
-    /// Two bifurcations of a kind between two points leave the sign of the test function as it is, but the function
-    /// comes near zero between them. So if its magnitude is smallest at the middle one of three points, it is followed
-    /// down by parabolas; if the sign changes on the way, the bifurcations on both sides are located.
+    /// Locates two bifurcations of a kind between two points. They leave the sign of the test function as it is, but
+    /// the function comes near zero between them. So if its magnitude is smallest at the middle one of three points, it
+    /// is followed down by parabolas; if the sign changes on the way, the bifurcations on both sides are located.
     fn descend(&mut self, kind: BifurcationKind, points: [&Point; 3], values: [f64; 3], marginal: Marginal) {
         let sign = values[1].signum();
         let mut f = values.map(|value| value * sign);
@@ -255,13 +255,13 @@ impl Tracer<'_> {
         }
     }
 
-    /// The test function of a kind at a point of the branch.
+    /// Returns the test function of a kind at a point of the branch.
     fn test(&mut self, kind: BifurcationKind, point: &Point, reference: Determinant) -> f64 {
         test(&mut self.floquet, &mut self.balance, kind, point, reference)
     }
 
     /// Locates the bifurcation between two points at which the test function of its kind has these values, of opposite
-    /// signs; or notes that it can't.
+    /// signs; records it if it can't be located.
     fn find(&mut self, kind: BifurcationKind, ends: [&Point; 2], values: [f64; 2], marginal: Marginal) {
         let point = match self.locate(kind, ends, values) {
             Ok(Some(point)) => point,
@@ -284,10 +284,10 @@ impl Tracer<'_> {
         }
     }
 
-    /// The Neimark–Sacker point near a point that the test function has led to, where the pair of multipliers nearest
-    /// to the unit circle is on it but for rounding: |μ|² − 1 of that pair has a slope there along the branch, so that
-    /// the secant rule finds its zero in a few motions. The point itself if that leads elsewhere, or the multipliers
-    /// jump, as those of forces that aren't smooth.
+    /// Returns the Neimark–Sacker point near a point that the test function has led to, where the pair of multipliers
+    /// nearest to the unit circle is on it but for rounding: |μ|² − 1 of that pair has a slope there along the branch,
+    /// so that the secant rule finds its zero in a few responses. Returns the point itself if that leads elsewhere, or
+    /// if the multipliers jump, as those of forces that aren't smooth.
     fn on_the_circle(&mut self, ends: [&Point; 2], point: Point, marginal: Marginal) -> Point {
         if !self.balance.forced.assembly().is_smooth() {
             return point;
@@ -325,15 +325,15 @@ impl Tracer<'_> {
         None
     }
 
-    /// The multipliers of the motion at a point of the branch.
+    /// Returns the multipliers of the response at a point of the branch.
     fn multipliers_at(&mut self, point: &Point) -> Option<Vec<Complex<f64>>> {
         let exists = self.balance.set_value(point.lambda);
         let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
         found.map(|stability| stability.multipliers)
     }
 
-    /// The period doubling near a point that the multipliers have led to, by its extended system; the point itself if
-    /// that leads elsewhere, or the forces aren't smooth.
+    /// Returns the period doubling near a point that the multipliers have led to, by its extended system; the point
+    /// itself if that leads elsewhere, or the forces aren't smooth.
     fn doubling(&self, ends: [&Point; 2], point: Point) -> Point {
         let settings = &self.options.branch.continuation;
         if !self.balance.forced.assembly().is_smooth() {
@@ -344,8 +344,9 @@ impl Tracer<'_> {
         if Slices::new(size, settings, ends, Cut::Chord).hold(ends, &located) { located } else { point }
     }
 
-    /// The point where a branch of doubled period meets the single one: a period doubling of the single one, located on
-    /// it from the single-period components of a branch point. If it is not there, the branch point itself.
+    /// Returns the point where a branch of doubled period meets the single one: a period doubling of the single one,
+    /// located on it from the single-period components of a branch point. If it is not there, returns the branch point
+    /// itself.
     fn rejoin(&mut self, end: &Point, point: Point) -> Point {
         let balance = &self.balance;
         let x = halved(&point.x, balance.unknowns.count());
@@ -360,7 +361,7 @@ impl Tracer<'_> {
         Point { x: doubled(&located.x, self.balance.unknowns.count()), ..located }
     }
 
-    /// The period doubling near a motion `x` with the coordinate of a point, if there is one.
+    /// Returns the period doubling near a response `x` with the coordinate of a point, if there is one.
     fn doubling_of(&self, balance: &Balance, point: &Point, x: &[f64]) -> Option<Point> {
         let mut balance = balance.clone();
         balance.set_harmonics((x.len() / balance.unknowns.count() - 1) / 2);
@@ -372,7 +373,7 @@ impl Tracer<'_> {
         Some(Point { x: x.to_vec(), lambda, ..point.clone() })
     }
 
-    /// The branch point between two points, if the branch has one there.
+    /// Returns the branch point between two points, if the branch has one there.
     pub fn branch_point(&mut self, a: &Point, b: &Point) -> Option<Point> {
         let values = [a, b].map(|point| value(BranchPoint, point, None, a.determinant));
         let point =
@@ -385,8 +386,8 @@ impl Tracer<'_> {
         confirmed(BranchPoint, found.as_ref(), Marginal::default()).then_some(point)
     }
 
-    /// Where the test function of a kind vanishes between two points at which it has these values, of opposite signs;
-    /// none if it jumps there.
+    /// Returns where the test function of a kind vanishes between two points at which it has these values, of opposite
+    /// signs; `None` if it jumps there.
     fn locate(
         &mut self,
         kind: BifurcationKind,
@@ -423,7 +424,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// The maxima of a reading that lie between the points of the branch, located, in order.
+    /// Locates the maxima of a reading that lie between the points of the branch, in order.
     pub fn located_maxima(&mut self, reading: usize) -> Vec<Point> {
         let sizes: Vec<f64> = self.branch.orbits.iter().map(|orbit| orbit.readings[reading].largest).collect();
         let is_maximum = |k: &usize| sizes[*k] > sizes[k - 1] && sizes[*k] >= sizes[k + 1];
@@ -435,8 +436,8 @@ impl Tracer<'_> {
         found
     }
 
-    /// The largest motion between three points of these sizes, whose middle one is the largest, by parabolas through
-    /// three; none if it is that of the middle point.
+    /// Returns the largest response between three points of these sizes, whose middle one is the largest, by parabolas
+    /// through three; `None` if it is that of the middle point.
     fn peak_among(&mut self, reading: usize, mut points: [Point; 3], mut sizes: [f64; 3]) -> Option<Point> {
         let harmonics = self.balance.harmonics();
         // The points may have different numbers of harmonics: the most of them describes all three.
@@ -542,7 +543,7 @@ mod tests {
         assert!(confirmed(NeimarkSacker, Some(&of(&[a, b, c, d])), one));
     }
 
-    /// A bifurcation that is detected and can't be located is noted, and those after it are located.
+    /// A bifurcation that is detected and can't be located is recorded, and those after it are located.
     #[test]
     fn what_is_not_located_is_noted() {
         let assembly = modal(&oracles("modal")[0]);

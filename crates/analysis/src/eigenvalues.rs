@@ -8,10 +8,10 @@
 //! ```
 //!
 //! with the eigenvalues σ, σ̄ of the last two rows, until a subdiagonal element vanishes and one eigenvalue or two are
-//! split off. A complete Schur form, as the library for matrices has it, takes several times as long.
+//! split off. The complete Schur form of a matrix library takes several times as long.
 //!
-//! A large matrix has the widest registers of the processor, and rows with a margin, so that they are taken in whole
-//! lanes.
+//! A large matrix is computed with the widest registers of the processor, and its rows have a margin so that they fill
+//! whole lanes.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -38,7 +38,7 @@ const LARGE: usize = 16;
 /// A square matrix by rows.
 struct Matrix<'a> {
     n: usize,
-    /// From row to row.
+    /// Distance between the starts of two rows.
     stride: usize,
     a: &'a mut [f64],
 }
@@ -52,7 +52,8 @@ struct Reflection {
     u: [f64; 2],
 }
 
-/// All eigenvalues of a matrix of n rows, given by rows, which is overwritten; none if the algorithm doesn't converge.
+/// Returns all eigenvalues of a matrix of n rows, given by rows, which is overwritten; `None` if the algorithm doesn't
+/// converge.
 pub(crate) fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> {
     let (mut factors, mut found) = (vec![0.0; n], vec![NAN; n]);
     if n < LARGE {
@@ -151,7 +152,7 @@ fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
 }
 
 impl Reflection {
-    /// On three numbers of a column, from the left.
+    /// Applies the reflection to three numbers of a column, from the left.
     #[inline(always)]
     fn left(&self, a: &mut f64, b: &mut f64, c: &mut f64) {
         let sum = *a + self.u[0] * *b + self.u[1] * *c;
@@ -160,7 +161,7 @@ impl Reflection {
         *c -= sum * self.w[2];
     }
 
-    /// On three numbers of a row, from the right.
+    /// Applies the reflection to three numbers of a row, from the right.
     #[inline(always)]
     fn right(&self, a: &mut f64, b: &mut f64, c: &mut f64) {
         let sum = self.w[0] * *a + self.w[1] * *b + self.w[2] * *c;
@@ -169,7 +170,7 @@ impl Reflection {
         *c -= sum * self.u[1];
     }
 
-    /// On two numbers of a row.
+    /// Applies the reflection to two numbers of a row.
     #[inline(always)]
     fn right_of_two(&self, a: &mut f64, b: &mut f64) {
         let sum = self.w[0] * *a + self.w[1] * *b;
@@ -184,7 +185,7 @@ impl Matrix<'_> {
         self.a[row * self.stride + column]
     }
 
-    /// A row, and another below it.
+    /// Returns a row, and another below it.
     #[inline(always)]
     fn two(&mut self, row: usize, below: usize) -> (&mut [f64], &mut [f64]) {
         let (head, tail) = self.a.split_at_mut(below * self.stride);
@@ -218,7 +219,7 @@ impl Matrix<'_> {
         }
     }
 
-    /// To Hessenberg form: row i ← row i − yᵢ row m, column m ← column m + Σ yᵢ column i, for each m.
+    /// Reduces to Hessenberg form: row i ← row i − yᵢ row m, column m ← column m + Σ yᵢ column i, for each m.
     #[inline(always)]
     fn reduce(&mut self, y: &mut [f64]) {
         let n = self.n;
@@ -364,8 +365,8 @@ impl Matrix<'_> {
         }
     }
 
-    /// Where rows that are needed from k to `end` are taken to: whole lanes if there is room, since what is beyond
-    /// `end` no longer counts.
+    /// Returns the end to which rows that are needed from k to `end` are extended: whole lanes if there is room, since
+    /// what is beyond `end` no longer counts.
     #[inline(always)]
     fn to(&self, k: usize, end: usize) -> usize {
         let whole = k + (end - k).next_multiple_of(LANES);

@@ -43,7 +43,7 @@ fn no_resonance(damping_ratio: &f64) -> String {
     }
 }
 
-/// Why an analysis has no result, or ended early.
+/// Error of an analysis that has no result, or ended early.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum AnalysisError {
@@ -58,13 +58,13 @@ pub enum AnalysisError {
     NoSolution {
         /// Parameter at the last point.
         at: Place,
-        /// Why the step was refused.
+        /// Reason for which the step was rejected.
         refusal: StepRefusal,
     },
     /// A branch could not be followed further.
     #[error(
         "the branch could not be followed beyond {at} (arclength {arclength}, step {step:.1e}): {refusal}; \
-         take smaller steps or more harmonics, or start from the other end", arclength = rounded(.arclength, 3)
+         use smaller steps or more harmonics, or start from the other end", arclength = rounded(.arclength, 3)
     )]
     Stuck {
         /// λ at the last point.
@@ -73,18 +73,18 @@ pub enum AnalysisError {
         arclength: f64,
         /// The last step tried.
         step: f64,
-        /// Why it was refused.
+        /// Reason for which the step was rejected.
         refusal: StepRefusal,
     },
     /// A bifurcation that shows between two points could not be located.
-    #[error("a bifurcation between {from} and {to} could not be located; try smaller steps or more harmonics")]
+    #[error("a bifurcation between {from} and {to} could not be located; use smaller steps or more harmonics")]
     NotLocated {
         /// Parameter at the point before it.
         from: Place,
         /// Parameter at the point after it.
         to: Place,
     },
-    /// The series of a motion does not end.
+    /// The Fourier series of a periodic response does not converge.
     #[error(
         "at {at} the response needs more than {harmonics} harmonics; lower the excitation, or allow more harmonics"
     )]
@@ -95,7 +95,9 @@ pub enum AnalysisError {
         harmonics: usize,
     },
     /// A branch has more points than were allowed.
-    #[error("the branch has more than {points} points and has come to {at}; allow more points or larger steps")]
+    #[error(
+        "the branch was followed to {at}, where it reached the limit of {points} points; allow more points or larger steps"
+    )]
     TooManyPoints {
         /// The most that was allowed.
         points: usize,
@@ -104,12 +106,12 @@ pub enum AnalysisError {
     },
     /// The interval is invalid.
     #[error(
-        "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
+        "invalid interval from {from} to {to}{}: the ends must be two different numbers within {domain}",
         UnitSuffix(unit), from = short(.from), to = short(.to))]
     Interval {
-        /// Where the continuation was to start.
+        /// The value at which the continuation was to start.
         from: f64,
-        /// Where it was to end.
+        /// The value at which it was to end.
         to: f64,
         /// The unit of both.
         unit: &'static str,
@@ -118,7 +120,7 @@ pub enum AnalysisError {
     },
     /// The excitation does not bring a mode to quadrature.
     #[error(
-        "mode {mode}, {at}, is not driven by this excitation: its response is nowhere 90° behind the load; try another excitation"
+        "this excitation does not drive mode {mode}, {at}: the mode never lags the load by 90°; drive the structure at another point or along another axis"
     )]
     NotDriven {
         /// The mode, 1 or 2.
@@ -134,17 +136,17 @@ pub enum AnalysisError {
         /// The number of modes.
         most: usize,
     },
-    /// A mode that doesn't oscillate.
-    #[error("mode {mode} {}, so that it has no resonance: take another mode", no_resonance(damping_ratio))]
+    /// The mode doesn't oscillate.
+    #[error("mode {mode} {}, so it has no resonance: choose another mode", no_resonance(damping_ratio))]
     NoResonance {
         /// The mode, from 1.
         mode: usize,
         /// Its damping ratio; below 1 of a rigid mode.
         damping_ratio: f64,
     },
-    /// A rigid mode that an element alone holds.
+    /// Only an element holds a rigid mode.
     #[error(
-        "mode {mode} is rigid, at 0 Hz, and element {element} holds it: about which mean position the structure then vibrates is not \
+        "mode {mode} is rigid, at 0 Hz, and only element {element} holds it, so the mean position of the vibration is not \
          computed; integrate in time, or give the mode the frequency that it has on its soft supports"
     )]
     HeldByElement {
@@ -153,9 +155,9 @@ pub enum AnalysisError {
         /// The first such element, from 1.
         element: usize,
     },
-    /// Small motions of a structure are not linear.
+    /// Small vibrations of the structure are not linear.
     #[error(
-        "element {element}, {law}, acts at infinitesimal amplitude, and a backbone begins as a linear mode; leave the element out, \
+        "element {element}, {law}, acts at infinitesimal amplitude, but a backbone must begin as a linear mode; leave the element out, \
          or give a contact a gap"
     )]
     NotLinear {
@@ -164,7 +166,7 @@ pub enum AnalysisError {
         /// Law of the element, by its name.
         law: &'static str,
     },
-    /// A structure without damping can't have an element.
+    /// The undamped structure is not defined, since an element dissipates energy.
     #[error(
         "element {element}, {law}, dissipates energy, so the undamped structure is not defined: leave the element out"
     )]
@@ -174,22 +176,23 @@ pub enum AnalysisError {
         /// Law of the element, by its name.
         law: &'static str,
     },
-    /// A specification is not a structure.
+    /// The specification does not describe a valid structure.
     #[error(transparent)]
     Structure(#[from] StructureError),
-    /// Only folds and period doublings have curves, and only period doublings doubled branches.
-    #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
+    /// The bifurcation is of a kind without curves: only folds and period doublings have them, and only period
+    /// doublings have doubled branches.
+    #[error("a {kind} can't be followed this way; choose a fold or a period doubling")]
     NotSingular {
         /// Kind of the bifurcation that was given.
         kind: &'static str,
     },
 }
 
-/// A continuation that ended early: the reason, and everything found before. If it never began, that is nothing.
+/// A continuation that ended early: the reason, and the results found before. The results are empty if it never began.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{reason}")]
 pub struct EndedEarly<T: fmt::Debug> {
-    /// Why and where it ended, and what to try.
+    /// The reason and the place of the end, and the remedy.
     pub reason: AnalysisError,
     /// The results up to there.
     pub so_far: Box<T>,

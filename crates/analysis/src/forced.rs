@@ -31,10 +31,11 @@ impl Forced {
         Forced { assembly, drives: drives.to_vec(), amplitude }
     }
 
-    /// The same without damping: dampers of joints, damping ratios, losses of contacts, dampers between points.
+    /// Returns the same structure and drive without damping: dampers of joints, damping ratios, losses of contacts,
+    /// dampers between points.
     ///
     /// # Errors
-    /// [`AnalysisError::Dissipates`] for an element that has no such part to leave out.
+    /// [`AnalysisError::Dissipates`] for an element whose loss can't be left out.
     pub fn undamped(&self) -> Result<Forced, AnalysisError> {
         let mut spec = self.assembly.spec().clone();
         match &mut spec.body {
@@ -56,12 +57,12 @@ impl Forced {
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 
-    /// The same under a drive of another amplitude.
+    /// Returns the structure under a drive of another amplitude.
     pub fn with_amplitude(&self, amplitude: f64) -> Forced {
         Forced { amplitude, ..self.clone() }
     }
 
-    /// The same drive of a structure with another value of a parameter.
+    /// Returns the drive of a structure with another value of a parameter.
     ///
     /// # Errors
     /// As [`Assembly::with`].
@@ -74,12 +75,12 @@ impl Forced {
         &self.assembly
     }
 
-    /// Where it is driven, with the shares of the amplitude.
+    /// The degrees of freedom at which it is driven, with their shares of the amplitude.
     pub fn drives(&self) -> &[(Dof, f64)] {
         &self.drives
     }
 
-    /// The generalised force of the drive at the amplitude 1 in a position, n numbers.
+    /// Writes the generalised force of the drive at the amplitude 1 in a position, n numbers.
     pub(super) fn direction(&self, at: &Position<'_>, out: &mut [f64]) {
         let Some(((first, share), others)) = self.drives.split_first() else { return out.fill(0.0) };
         at.load_direction(*first, out);
@@ -91,7 +92,7 @@ impl Forced {
         }
     }
 
-    /// The same at rest.
+    /// Returns the generalised force of the drive at the amplitude 1 at rest.
     pub(super) fn direction_at_rest(&self) -> Vec<f64> {
         let rest = vec![0.0; self.assembly.coordinates()];
         let mut direction = rest.clone();
@@ -119,7 +120,7 @@ impl Forced {
     }
 }
 
-/// What varies along a branch.
+/// The coordinate that varies along a branch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinate {
     /// Frequency of the drive Ω/2π, Hz.

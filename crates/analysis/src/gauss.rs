@@ -4,7 +4,7 @@
 /// Number of stages of the Gauss–Legendre method.
 pub(crate) const S: usize = 4;
 
-/// The collocation method: a, a², b, bᵀa and c of Butcher's tableau.
+/// Butcher's tableau of the collocation method: a, a², b, bᵀa and c.
 #[derive(Clone, Debug)]
 pub(crate) struct Tableau {
     pub a: [[f64; S]; S],
@@ -29,7 +29,7 @@ impl Tableau {
     }
 }
 
-/// ∫₀^upper ℓⱼ(x) dx with ℓⱼ(x) = Π (x − cₘ)/(cⱼ − cₘ) multiplied out.
+/// Returns ∫₀^upper ℓⱼ(x) dx with ℓⱼ(x) = Π (x − cₘ)/(cⱼ − cₘ) multiplied out.
 fn lagrange_integral(c: &[f64; S], j: usize, upper: f64) -> f64 {
     let mut polynomial = [1.0, 0.0, 0.0, 0.0];
     for (_, node) in c.iter().enumerate().filter(|(m, _)| *m != j) {
@@ -43,11 +43,11 @@ fn lagrange_integral(c: &[f64; S], j: usize, upper: f64) -> f64 {
     (0..S).rev().fold(0.0, |sum, power| (sum + polynomial[power] / (power + 1) as f64) * upper)
 }
 
-/// Steps a period such that the phase error of the fastest mode over the period, in which it turns by `phase_rad`,
-/// stays below about 1e-10, and that the harmonics of the motion are resolved. A few sizes only, so that tables can be
-/// kept.
+/// Returns the steps in a period such that the phase error of the fastest mode over the period, in which it turns by
+/// `phase_rad`, stays below about 1e-10, and that the harmonics of the response are resolved. Only a few values occur,
+/// so that tables can be kept.
 pub(crate) fn steps_for(phase_rad: f64, harmonics: usize) -> usize {
-    // phase · (phase/steps)⁸ / 25 401 600 = 1e-10, with a tenth more for the motion's own effect on the frequency.
+    // phase · (phase/steps)⁸ / 25 401 600 = 1e-10, with a tenth more for the response's own effect on the frequency.
     let needed = 1.1 * phase_rad * libm::pow(phase_rad * 1e10 / 25_401_600.0, 0.125);
     let needed = needed.max(3.0 * harmonics as f64).max(8.0);
     // Rounded up to a quarter of an octave.

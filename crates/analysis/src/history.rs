@@ -1,4 +1,4 @@
-//! Elements with a state, over a period: the state follows from the motion, and its derivative too.
+//! Elements with a state, over a period: the state, and its derivative, follow from the response.
 //!
 //! From sample to sample the state changes as
 //!
@@ -11,7 +11,7 @@
 //! friction its mean over the interval around the sample, which changes smoothly where slip begins between two samples.
 //! The periodic state of friction is that of the second period, since what slips forgets; that of LuGre solves z₀ = Πe
 //! z₀ plus q, as does the derivative. Friction that doesn't slip is a spring, z = x − c, with c as near zero as the
-//! slip allows: the motion begins at rest.
+//! slip allows: the vibration begins at rest.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -33,7 +33,7 @@ struct StepDerivative {
     by_velocity: [f64; 2],
     /// Coefficient γ of the change of frequency.
     by_frequency: f64,
-    /// Of friction: whether the state ends free, and not held.
+    /// For friction, whether the state ends free, and not held.
     free: f64,
     part: f64,
     part_velocity: f64,
@@ -54,9 +54,9 @@ pub(super) struct History {
     pub mean: Vec<f64>,
     /// The step to each sample from the one before; to the first from the last.
     steps: Vec<StepDerivative>,
-    /// Whether the state depends on the motion of the period alone.
+    /// Whether the state depends on the response of the period alone.
     pub forgets: bool,
-    /// Of friction that doesn't slip: the sample at which it is about to.
+    /// For friction that doesn't slip, the sample at which it is about to.
     anchor: Option<usize>,
 }
 
@@ -81,12 +81,12 @@ impl History {
         self.direction.clear();
     }
 
-    /// Whether friction sticks at a sample.
+    /// Says whether friction sticks at a sample.
     pub fn is_free(&self, sample: usize) -> bool {
         self.steps[sample].free * self.steps[sample].by_state > 0.0
     }
 
-    /// The state over the period from `position` and `velocity`; samples are `step_s` apart.
+    /// Computes the state over the period from `position` and `velocity`; samples are `step_s` apart.
     pub fn run(&mut self, law: &Law, step_s: f64, frequency_hz: f64) {
         let samples = self.position.len();
         self.state.clear();
@@ -139,7 +139,7 @@ impl History {
         }
     }
 
-    /// The state of friction that doesn't slip.
+    /// Computes the state of friction that doesn't slip.
     fn stick(&mut self, reach: f64) {
         let x = &self.position;
         let extreme = |sign: f64| (0..x.len()).fold(0, |top, j| if sign * x[j] > sign * x[top] { j } else { top });
@@ -176,7 +176,8 @@ impl History {
         self.mean.copy_from_slice(&self.state);
     }
 
-    /// For each sample in order calls `with` with the derivative of what counts there, a row over the unknowns and,
+    /// For each sample in order, calls `with` with the derivative of the state that counts there, a row over the
+    /// unknowns and,
     /// last, the frequency. `basis` gives the functions of the unknowns, and their derivatives by time, at a sample;
     /// unknown `active[i]` of function r is in the column r · active + i.
     pub fn derivative<'a>(
@@ -219,7 +220,7 @@ impl History {
         }
     }
 
-    /// The same of friction that doesn't slip: dx, less that at the anchor.
+    /// Works like [`History::derivative`] for friction that doesn't slip: dx, minus that at the anchor.
     fn stuck_derivative<'a>(
         &self,
         direction: impl Fn(usize, usize) -> f64,
@@ -302,15 +303,15 @@ fn friction_step(z: f64, change: f64, [v0, v]: [f64; 2], reach: f64, step_s: f64
     FrictionStep { free: turning + (change - way), passed: turning == z + way, by_velocity }
 }
 
-/// The mean over the interval around a sample of z that would be `free` there and moves at v, but is held; and its
-/// derivatives by both.
+/// Returns the mean over the interval around a sample of z that would be `free` there and moves at v, but is held; and
+/// its derivatives by both.
 fn held_mean(free: f64, velocity: f64, reach: f64, step_s: f64) -> (f64, f64, f64) {
     let sign = if velocity < 0.0 { -1.0 } else { 1.0 };
     let ramp = Ramp::new(reach - sign * free, -sign * velocity, step_s);
     (sign * (reach - ramp.mean), ramp.by_position, ramp.by_velocity)
 }
 
-/// A step of LuGre's state at the velocity v, and its derivative.
+/// Takes a step of LuGre's state at the velocity v, and returns it with its derivative.
 fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64, StepDerivative) {
     let Law::Lugre { bristle_stiffness, coulomb, breakaway, stribeck, .. } = *law else {
         return (z, StepDerivative::default());
@@ -338,7 +339,7 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
     (end + (z - end) * kept, step)
 }
 
-/// Whether an element has a history.
+/// Says whether an element has a history.
 pub(super) fn has_history(element: &Element) -> bool {
     element.law().has_state()
 }

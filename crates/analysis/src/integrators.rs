@@ -26,7 +26,7 @@ pub struct ModeError {
 pub struct EnergyDrift {
     /// Number of integration steps that were made.
     pub steps: u32,
-    /// The last of `tenths` minus the first.
+    /// The mean of the last tenth minus that of the first.
     pub change: f64,
     /// Largest less smallest energy seen, over the energy at the start.
     pub spread: f64,

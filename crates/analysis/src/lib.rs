@@ -1,14 +1,15 @@
 //! Analysis of structures by computation instead of simulated measurement: the reference for bench measurements.
 //!
-//! Of the linear part of a structure: frequency responses ([`LinearResponse`]); its modes are
-//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a
-//! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]) in the frequency, the amplitude or
-//! any parameter of the structure, with folds, peaks and stability, branches of doubled period ([`trace_doubled`]),
-//! curves of folds and doublings in two coordinates ([`trace_singular`]), and backbones ([`backbone()`]); and by
-//! integration in time ([`time_domain`]) stepped sweeps, stroboscopic sections, basins of attraction.
+//! The linear part of a structure has frequency responses ([`LinearResponse`]) and modes
+//! ([`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes)). For the whole structure, harmonic balance
+//! computes periodic responses to a sinusoidal drive, and continuation ([`trace`]) follows their branches in the
+//! frequency, the amplitude or any parameter of the structure, with folds, peaks and stability. It also follows
+//! branches of doubled period ([`trace_doubled`]), curves of folds and doublings in two coordinates
+//! ([`trace_singular`]), and backbones ([`backbone()`]). Integration in time ([`time_domain`]) computes stepped sweeps,
+//! stroboscopic sections and basins of attraction.
 //!
-//! Harmonic balance is used, not collocation of a boundary value problem: forced motions are nearly sinusoidal, so a few
-//! harmonics describe them, where 40 intervals of degree 4 have 640 unknowns.
+//! Harmonic balance is used, not collocation of a boundary value problem: forced responses are nearly sinusoidal, so a
+//! few harmonics describe them, where 40 intervals of degree 4 have 640 unknowns.
 #![cfg_attr(not(test), no_std)]
 
 extern crate alloc;

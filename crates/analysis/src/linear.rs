@@ -29,9 +29,9 @@ impl LinearResponse {
         LinearResponse { assembly: assembly.clone(), linear: assembly.linear() }
     }
 
-    /// The response over the drive, complex: its modulus is the ratio of the amplitudes, its argument the phase by
-    /// which the response leads. Units: m or rad, per s⁰, s¹ or s² as `quantity` says, over N, N·m at a joint, or m/s²
-    /// of the base; the acceleration is then absolute, the transmissibility.
+    /// Returns the complex ratio of the response to the drive: its modulus is the ratio of the amplitudes, its argument
+    /// the phase by which the response leads. Units: m or rad, per s⁰, s¹ or s² as `quantity` says, over N, N·m at a
+    /// joint, or m/s² of the base; the acceleration is then absolute, the transmissibility.
     ///
     /// # Errors
     /// [`FrfError::Frequency`] if the frequency is negative or no number, [`FrfError::Rigid`] at 0 Hz of a structure that
@@ -62,7 +62,7 @@ impl LinearResponse {
         Ok(displacement * quantity.factor(omega) + carried)
     }
 
-    /// Derivative of a displacement by the coordinates at rest, ∂x/∂q.
+    /// Returns the derivative of a displacement by the coordinates at rest, ∂x/∂q.
     fn direction(&self, dof: Dof) -> Vec<f64> {
         let n = self.assembly.coordinates();
         let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
@@ -71,7 +71,7 @@ impl LinearResponse {
     }
 }
 
-/// Z Q = P in place, Z = K − ω²M + iωD. `None` if Z has no inverse.
+/// Solves Z Q = P in place, Z = K − ω²M + iωD. `None` if Z has no inverse.
 pub(super) fn dynamic_stiffness_solve(of: &Linear, omega: f64, right: &mut [Complex<f64>]) -> Option<()> {
     let entries = of.stiffness.iter().zip(&of.mass).zip(&of.damping);
     let mut z: Vec<Complex<f64>> = entries.map(|((k, m), d)| Complex::new(k - omega * omega * m, omega * d)).collect();

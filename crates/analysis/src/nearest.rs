@@ -1,8 +1,8 @@
-//! The place of a branch that is nearest to a measured motion.
+//! The point of a branch that is nearest to a measured response.
 
 use super::Orbit;
 
-/// Relative deviations that count as equal distances.
+/// Relative deviations that count as equal distances in a search for the nearest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
     /// That of the frequency.
@@ -18,19 +18,20 @@ impl Default for Distances {
     }
 }
 
-/// The place of a curve that is nearest to the origin.
+/// The point of a curve that is nearest to the origin.
 pub(crate) struct Foot<'a, T> {
-    /// Distance of that place from the origin.
+    /// Distance of that point from the origin.
     pub distance: f64,
-    /// Between two neighbours, this share of the way from the first to the second.
+    /// Position between the two neighbours, as a share of the way from the first to the second.
     pub share: f64,
-    /// The neighbours of that place on the curve.
+    /// The neighbours of that point on the curve.
     pub pair: [&'a T; 2],
 }
 
-/// The place nearest to the origin of the polygon through the places of `all`; `None` if there are fewer than two.
+/// Returns the point nearest to the origin on the polygon through the points of `all`; `None` if there are fewer than
+/// two.
 ///
-/// With p the vector to a place and d that to the next from there, the foot of the perpendicular is at −p·d/d·d of the
+/// With p the vector to a point and d that to the next from there, the foot of the perpendicular is at −p·d/d·d of the
 /// way, between 0 and 1.
 pub(crate) fn foot<T>(all: &[T], place: impl Fn(&T) -> [f64; 2]) -> Option<Foot<'_, T>> {
     let mut best: Option<Foot<'_, T>> = None;
@@ -47,7 +48,7 @@ pub(crate) fn foot<T>(all: &[T], place: impl Fn(&T) -> [f64; 2]) -> Option<Foot<
     best
 }
 
-/// The place of a branch that is nearest to a measured motion.
+/// The point of a branch that is nearest to a measured response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
     /// Measured over computed frequency, less 1.
@@ -56,13 +57,13 @@ pub struct Nearest {
     pub amplitude_deviation: f64,
     /// The phase of the fundamental there, by which it leads the drive, rad.
     pub phase_rad: f64,
-    /// Whether the computed motion is stable, as [`Orbit::is_stable`].
+    /// Whether the computed response is stable, as [`Orbit::is_stable`].
     pub is_stable: Option<bool>,
 }
 
-/// The place nearest to a motion measured at `frequency_hz` with the amplitude `amplitude` of the fundamental of the
-/// branch's reading number `reading`, in units of `distances`; `None` if the branch has fewer than two motions or no
-/// such reading. Between two motions the fundamental is taken as straight.
+/// Returns the point nearest to a response measured at `frequency_hz` with the amplitude `amplitude` of the fundamental
+/// of the branch's reading number `reading`, in units of `distances`; `None` if the branch has fewer than two points or
+/// no such reading. Between two points the fundamental is taken as straight.
 pub fn nearest(
     orbits: &[Orbit],
     reading: usize,

@@ -1,4 +1,4 @@
-//! Periodic motions of a structure, branches of them, and bifurcations: plain data.
+//! Periodic responses of a structure, branches of them, and bifurcations: plain data.
 
 use alloc::vec::Vec;
 
@@ -9,38 +9,38 @@ use super::{Coordinate, Forced};
 use crate::continuation::{ContinuationSettings, Work};
 use crate::{BifurcationKind, BranchOptions};
 
-/// Whether the stability of motions is computed.
+/// Whether the stability of the responses is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Assess {
-    /// The Floquet multipliers of every motion, and from them period doublings and Neimark–Sacker points.
+    /// Computes the Floquet multipliers of every response, and from them period doublings and Neimark–Sacker points.
     #[default]
     Multipliers,
-    /// Nothing: only folds are found. The cost of a branch then hardly depends on the number of modes.
+    /// Computes no stability: only folds are found. The cost of a branch then hardly depends on the number of modes.
     Nothing,
 }
 
-/// What is computed along a branch.
+/// Options of [`trace`](super::trace): what is computed along a branch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TraceOptions {
     /// The interval, accuracy and steps.
     pub branch: BranchOptions,
-    /// Where the motion is read.
+    /// Degrees of freedom at which the response is read.
     pub read: Vec<Dof>,
     /// Whether stability is computed.
     pub assess: Assess,
 }
 
-/// The largest truncation error of a structure with a law that isn't smooth, relative to the size of the motion: its
+/// The largest truncation error of a structure with a law that isn't smooth, relative to the size of the response: its
 /// series end with a power of the frequency.
 const TRUNCATION: f64 = 1e-5;
-/// The largest step, relative to the motion's size: a resonance, which is a circle for the continuation, has about 60
+/// The largest step, relative to the response's size: a resonance, which is a circle for the continuation, has about 60
 /// points.
 const LARGEST_STEP: f64 = 0.1;
-/// Motions below this fraction of the static deflection count as this large.
+/// Responses below this fraction of the static deflection count as this large.
 const STATE_FLOOR: f64 = 1e-2;
 
 impl TraceOptions {
-    /// From one value of a coordinate to another with the usual settings; the motion is read at `read`.
+    /// The usual settings for a branch from one value of a coordinate to another; the response is read at `read`.
     pub fn new(forced: &Forced, coordinate: Coordinate, [from, to]: [f64; 2], read: Vec<Dof>) -> TraceOptions {
         let mut branch = BranchOptions::new(from, to);
         if !forced.assembly.is_smooth() {
@@ -58,7 +58,7 @@ impl TraceOptions {
     }
 }
 
-/// A degree of freedom in a periodic motion; m, or rad at a joint.
+/// Displacement of a degree of freedom in a periodic response; m, or rad at a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// The largest displacement from rest, without its sign.
@@ -66,34 +66,34 @@ pub struct Reading {
     /// Mean displacement over the period.
     pub mean: f64,
     /// The component at Ω: Im(harmonic1 · e^{iΩt}) with the drive at sin Ωt, so that its argument is the phase by which
-    /// the motion leads the drive.
+    /// the response leads the drive.
     pub harmonic1: Complex<f64>,
 }
 
 impl Reading {
-    /// Its numbers: largest, mean, real and imaginary part of the component at Ω.
+    /// Returns its numbers: largest, mean, real and imaginary part of the component at Ω.
     pub fn numbers(&self) -> [f64; 4] {
         [self.largest, self.mean, self.harmonic1.re, self.harmonic1.im]
     }
 
-    /// The reading of [`Reading::numbers`].
+    /// Makes the reading of which these are the [`Reading::numbers`].
     pub fn from_numbers([largest, mean, re, im]: [f64; 4]) -> Reading {
         Reading { largest, mean, harmonic1: Complex::new(re, im) }
     }
 }
 
 /// A multiplier is nearer to the unit circle than this if it is on it but for rounding: without damping |μ| is 1 within
-/// 1e-10 in motions that tests compute. A damping ratio of 1e-5 makes |μ| smaller by 6e-5 at resonance.
+/// 1e-10 in the responses that tests compute. A damping ratio of 1e-5 makes |μ| smaller by 6e-5 at resonance.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// The Floquet multipliers of a motion.
+/// The Floquet multipliers of a periodic response.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stability {
     /// μ, the largest magnitude first: one for each coordinate, each velocity, and each state of an element that slips.
     pub multipliers: Vec<Complex<f64>>,
 }
 
-/// A periodic motion on a branch.
+/// A periodic response on a branch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orbit {
     /// Value of the coordinate that varies along the branch.
@@ -102,24 +102,24 @@ pub struct Orbit {
     pub frequency_hz: f64,
     /// The peak of the drive, N, or N·m at a joint.
     pub drive: f64,
-    /// ν: periods of the drive after which the motion repeats.
+    /// ν: periods of the drive after which the response repeats.
     pub period: usize,
-    /// The motion at each degree of freedom that is read.
+    /// The response at each degree of freedom that is read.
     pub readings: Vec<Reading>,
     /// The multipliers, if they are computed.
     pub stability: Option<Stability>,
     /// Number of harmonics, H.
     pub harmonics: usize,
     /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt/ν and sin kΩt/ν, k = 1 … H, each of all
-    /// unknowns. Of a chain u are its coordinates, rad; of modes the displacements of the elements, m.
+    /// unknowns. For a chain u are its coordinates, rad; for modes they are the displacements of the elements, m.
     pub coefficients: Vec<f64>,
-    /// The arclength from the start, in units of the local size of the motion.
+    /// The arclength from the start, in units of the local size of the response.
     pub arclength: f64,
 }
 
 impl Orbit {
-    /// Whether small disturbances die out; `None` if that is not computed, and if the largest |μ| is 1 within 1e-9, as
-    /// without damping: the multipliers then say neither.
+    /// Says whether small disturbances die out; `None` if that is not computed, and if the largest |μ| is 1 within
+    /// 1e-9, as without damping: the multipliers then say neither.
     pub fn is_stable(&self) -> Option<bool> {
         let largest = self.stability.as_ref()?.multipliers.first()?;
         // |μ| − 1 near the unit circle.
@@ -133,7 +133,7 @@ impl Orbit {
 pub struct Bifurcation {
     /// Kind of the bifurcation.
     pub kind: BifurcationKind,
-    /// The periodic motion at the bifurcation.
+    /// The periodic response at the bifurcation.
     pub orbit: Orbit,
     /// The number of points of the branch before it.
     pub index: usize,
@@ -150,16 +150,16 @@ pub struct Unlocated {
     pub index: usize,
 }
 
-/// A branch of periodic motions with what was found on it.
+/// A branch of periodic responses with its bifurcations and peaks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Branch {
-    /// Its motions in order.
+    /// Its periodic responses in order.
     pub orbits: Vec<Orbit>,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,
-    /// Those that were detected and could not be located, in order.
+    /// Bifurcations that were detected and could not be located, in order.
     pub unlocated: Vec<Unlocated>,
-    /// For each degree of freedom that is read, the motion with the largest displacement, located between the points;
+    /// For each degree of freedom that is read, the response with the largest displacement, located between the points;
     /// an end of the branch if the displacement is largest there.
     pub peaks: Vec<Orbit>,
     /// The work of the continuation, without the location of bifurcations and peaks.

@@ -10,8 +10,8 @@ pub struct Maximum {
     pub frequency_hz: f64,
     /// Amplitude at the maximum, rad.
     pub amplitude_rad: f64,
-    /// How far the amplitude falls before it rises higher again, on the side where it falls less, relative to the
-    /// height.
+    /// The amount by which the amplitude falls before it rises higher again, on the side where it falls less, relative
+    /// to the height.
     pub prominence: f64,
 }
 
@@ -45,8 +45,8 @@ pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f
     Some(high - low)
 }
 
-/// How far the curve falls from a summit before it rises above it, on the side where it falls less, relative to its
-/// height.
+/// Returns the amount by which the curve falls from a summit before it rises above it, on the side where it falls less,
+/// relative to its height.
 fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     let height = curve[summit].1;
     let lowest = |low: f64, point: &(f64, f64)| low.min(point.1);
@@ -55,10 +55,10 @@ fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     1.0 - before.max(after) / height
 }
 
-/// The top of the curve through three points whose middle one is the highest: both coordinates are quadratic in the
-/// number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The continuation takes steps of almost equal
-/// length; lengths in this plane would not do, since a leaning peak returns through the frequencies at which it rose.
-/// The top is above the middle point by an eighth of the larger fall to its neighbours at most.
+/// Returns the top of the curve through three points whose middle one is the highest: both coordinates are quadratic in
+/// the number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The continuation takes steps of almost
+/// equal length; lengths in this plane would not do, since a leaning peak returns through the frequencies at which it
+/// rose. The top is above the middle point by an eighth of the larger fall to its neighbours at most.
 fn vertex([before, middle, after]: [(f64, f64); 3]) -> [f64; 2] {
     let quadratic = |of: fn(&(f64, f64)) -> f64| {
         let [low, centre, high] = [&before, &middle, &after].map(of);

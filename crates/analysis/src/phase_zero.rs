@@ -1,4 +1,4 @@
-//! The states at phase 0 of the drive of the motions of a branch.
+//! States of a branch's responses at phase 0 of the drive.
 
 use alloc::vec::Vec;
 
@@ -8,9 +8,9 @@ use super::orbit::Orbit;
 use super::{Branch, Coordinate, Forced, TraceOptions};
 use crate::continuation::at_parameter;
 
-/// The states at phase 0 of the motions of a branch over the frequency at one frequency, Hz: coordinates, rates, states
-/// of elements. Each is solved for between its neighbours on the branch, or is the first of them if Newton's method
-/// fails.
+/// Returns the states, at phase 0 and at one frequency, Hz, of the responses of a branch over the frequency:
+/// coordinates, rates, states of elements. Each is solved for between its neighbours on the branch, or is the first of
+/// them if Newton's method fails.
 pub(super) fn phase_zero_states(
     forced: &Forced,
     branch: &Branch,
@@ -33,7 +33,7 @@ pub(super) fn phase_zero_states(
     branch.orbits.windows(2).filter(crosses).map(state).collect()
 }
 
-/// Of the motion last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
+/// Returns the state of the response last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
 fn at_phase_zero(balance: &Balance) -> Vec<f64> {
     let n = balance.forced.assembly.coordinates();
     let (mut state, mut rates) = (Vec::with_capacity(2 * n), Vec::<f64>::with_capacity(n));

@@ -7,8 +7,8 @@
 //! [ −Ω² −C ]
 //! ```
 //!
-//! A mode, a solution of K φ = ω² M φ, has nothing to do with damping; |λ| equals its ω only where C is diagonal. What is
-//! identified from readings are poles.
+//! A mode, a solution of K φ = ω² M φ, does not depend on damping; |λ| equals its ω only where C is diagonal.
+//! Identification from readings finds poles.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -28,12 +28,12 @@ pub struct Pole {
     pub pole_damping_ratio: f64,
 }
 
-/// The poles that belong to a structure's modes, in their order; `None` for a mode that does not oscillate.
+/// Returns the poles that belong to a structure's modes, in their order; `None` for a mode that does not oscillate.
 pub fn structure_poles(of: &Assembly) -> Vec<Option<Pole>> {
     poles(&of.modes().iter().map(|mode| TAU * mode.frequency_hz).collect::<Vec<_>>(), &modal_damping(of))
 }
 
-/// C = ΦᵀDΦ by rows.
+/// Returns C = ΦᵀDΦ by rows.
 fn modal_damping(of: &Assembly) -> Vec<f64> {
     let (n, modes, linear) = (of.coordinates(), of.modes(), of.linear());
     let mut damping = vec![0.0; n * n];
@@ -46,8 +46,8 @@ fn modal_damping(of: &Assembly) -> Vec<f64> {
     damping
 }
 
-/// The time constant of the slowest decay of a structure at rest, 1/min(−Re λ), s, with a shaker's armature on it or
-/// without; its coil does nothing. Infinite without damping.
+/// Returns the time constant of the slowest decay of a structure at rest, 1/min(−Re λ), s, with a shaker's armature on
+/// it or without; the shaker's coil has no effect. Infinite without damping.
 ///
 /// In modal coordinates with s = Φᵀw the armature makes (I + m ssᵀ) ü + (C + c ssᵀ) u̇ + (Ω² + k ssᵀ) u = 0, and
 /// (I + m ssᵀ)⁻¹ = I − m ssᵀ/(1 + m sᵀs).
@@ -87,7 +87,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The pole of each mode, by the modes' ω, ascending, and C by rows.
+/// Returns the pole of each mode, from the modes' ω, ascending, and C by rows.
 fn poles(omega: &[f64], damping: &[f64]) -> Vec<Option<Pole>> {
     let n = omega.len();
     let mut matrix = vec![0.0; 4 * n * n];

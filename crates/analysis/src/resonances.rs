@@ -20,7 +20,7 @@ impl Summit {
         self.band_hz[1] - self.band_hz[0]
     }
 
-    /// Whether none of these frequencies lies in the band.
+    /// Says whether none of these frequencies lies in the band.
     pub fn is_missed_by(&self, frequencies_hz: &[f64]) -> bool {
         let [low, high] = self.band_hz;
         !frequencies_hz.iter().any(|hz| (low..=high).contains(hz))
@@ -39,8 +39,8 @@ pub(crate) fn summits(curve: &[(f64, f64)]) -> Vec<Summit> {
     (1..curve.len().saturating_sub(1)).filter(is_summit).filter_map(summit).collect()
 }
 
-/// The least and the largest frequency on the way down from a summit to `level`; none if it rises above the summit
-/// before.
+/// Returns the least and the largest frequency on the way down from a summit to `level`; `None` if the curve rises
+/// above the summit before.
 fn falls<'a>(top: (f64, f64), way: impl Iterator<Item = &'a (f64, f64)>, level: f64) -> Option<[f64; 2]> {
     let [mut low, mut high] = [top.0; 2];
     let mut last = top;

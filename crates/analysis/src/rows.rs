@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-/// Neighbours in pairs, and whether the motions between them are stable, `stable` being `None` at a bifurcation.
+/// Neighbours in pairs, and whether the responses between them are stable, `stable` being `None` at a bifurcation.
 /// Between two bifurcations they are taken to be unstable.
 pub fn segments<T>(rows: &[T], stable: impl Fn(&T) -> Option<bool>) -> impl Iterator<Item = (&T, &T, bool)> {
     rows.windows(2).map(move |pair| {
@@ -11,8 +11,8 @@ pub fn segments<T>(rows: &[T], stable: impl Fn(&T) -> Option<bool>) -> impl Iter
     })
 }
 
-/// The stretches of equal stability as one curve, with NaN points between them. They end at the bifurcations
-/// themselves, not at the motions next to them.
+/// Returns the stretches of equal stability as one curve, with NaN points between them. They end at the bifurcations
+/// themselves, not at the responses next to them.
 pub fn stretches<T>(
     rows: &[T],
     stable: impl Fn(&T) -> Option<bool>,

@@ -1,5 +1,5 @@
-//! A motion of the unknowns on points of its period: the forces of the elements there, the unbalance of a chain, and
-//! their derivatives.
+//! A response at points of its period: the forces of the elements there, the unbalance of a chain, and their
+//! derivatives.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,13 +25,13 @@ pub(super) struct Samples {
     pub motion: [Vec<f64>; 3],
     /// u, u̇, ü of one unknown, before they are spread over `motion`.
     signals: [Vec<f64>; 3],
-    /// Q = Σ w f, of a chain with the unbalance: unknown by unknown.
+    /// Q = Σ w f, for a chain with the unbalance: unknown by unknown.
     pub load: Vec<f64>,
     /// ∂Q/∂u, ∂Q/∂u̇, ∂Q/∂ü without the states' part, pair of unknowns by pair.
     pub by: [Vec<f64>; 3],
     /// h ∂Q/∂h with the interval h between samples, unknown by unknown.
     pub by_step: Vec<f64>,
-    /// ∂Q/∂(peak of the drive) of a chain, unknown by unknown.
+    /// For a chain, ∂Q/∂(peak of the drive), unknown by unknown.
     pub by_drive: Vec<f64>,
     pub histories: Vec<History>,
     linearised: Linearised,
@@ -43,19 +43,19 @@ pub(super) struct Geometry {
     pub velocity: f64,
     /// Derivative of the displacement by the unknowns, ∂x/∂u.
     pub direction: [f64; MOST_COORDINATES],
-    /// ∂²x/∂u² by rows and ∂v/∂u, of a chain.
+    /// For a chain, ∂²x/∂u² by rows and ∂v/∂u.
     curvature: Option<([f64; MOST_LINKS * MOST_LINKS], [f64; MOST_LINKS])>,
 }
 
 impl Geometry {
-    /// ∂v/∂u of one unknown.
+    /// Returns ∂v/∂u of one unknown.
     pub fn velocity_by_position(&self, unknown: usize) -> f64 {
         self.curvature.as_ref().map_or(0.0, |(_, turning)| turning[unknown])
     }
 }
 
 impl Samples {
-    /// For the elements of a structure; [`Samples::set`] comes next.
+    /// Storage for the elements of a structure; call [`Samples::set`] next.
     pub fn new(forced: &Forced, unknowns: &Unknowns) -> Samples {
         let with_state = forced.assembly.elements().iter().enumerate().filter(|(_, element)| has_history(element));
         Samples {
@@ -74,7 +74,7 @@ impl Samples {
         }
     }
 
-    /// N points, and functions up to the harmonic `harmonics`.
+    /// Sets N points, and functions up to the harmonic `harmonics`.
     pub fn set(&mut self, harmonics: usize, samples: usize) {
         // If only the number of harmonics changes, the tables that are there stay valid.
         if self.count() != samples || self.basis.harmonics() == 0 {
@@ -88,7 +88,7 @@ impl Samples {
         self.rates.clear();
     }
 
-    /// Points at other phases than evenly spaced ones, rad, and functions up to the harmonic `harmonics`.
+    /// Sets points at other phases than evenly spaced ones, rad, and functions up to the harmonic `harmonics`.
     pub fn set_phases(&mut self, harmonics: usize, phases_rad: impl Iterator<Item = f64>) {
         self.basis.set(harmonics, phases_rad);
         self.functions.clear();
@@ -105,13 +105,14 @@ impl Samples {
         2 * self.basis.harmonics() + 1
     }
 
-    /// The first `rows` functions at a sample, and their rates.
+    /// Returns the first `rows` functions at a sample, and their rates.
     pub fn functions(&self, j: usize, rows: usize) -> (&[f64], &[f64]) {
         let start = j * self.functions_count();
         (&self.functions[start..start + rows], &self.rates[start..start + rows])
     }
 
-    /// Computes what [`Samples::functions`] gives, which only the derivatives of elements with a state need.
+    /// Computes the values that [`Samples::functions`] returns, which only the derivatives of elements with a state
+    /// need.
     pub fn set_functions(&mut self) {
         let (count, samples) = (self.functions_count(), self.count());
         if self.functions.is_empty() {
@@ -137,7 +138,8 @@ impl Samples {
         }
     }
 
-    /// u and u̇ of a series of all unknowns, and ü of a chain, whose forces depend on it; of modes ü stays zero.
+    /// Computes u and u̇ of a series of all unknowns, and ü of a chain, whose forces depend on it; of modes ü stays
+    /// zero.
     pub fn synthesise(&mut self, x: &[f64], unknowns: &Unknowns, omega_rad_s: f64) {
         if omega_rad_s != self.omega_rad_s {
             self.omega_rad_s = omega_rad_s;
@@ -171,7 +173,7 @@ impl Samples {
         }
     }
 
-    /// Q and its derivatives along the motion.
+    /// Computes Q and its derivatives along the response.
     pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64) {
         let (samples, m) = (self.count(), unknowns.count());
         let is_chain = matches!(unknowns.body, Body::Chain);
@@ -198,7 +200,7 @@ impl Samples {
         }
     }
 
-    /// The part of the elements of a chain.
+    /// Adds the part of the elements of a chain.
     fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, [step_s, frequency_hz]: [f64; 2]) {
         let (samples, m) = (self.count(), unknowns.count());
         for (e, element) in forced.assembly.elements().iter().enumerate() {
@@ -230,7 +232,7 @@ impl Samples {
         }
     }
 
-    /// The part of an element whose displacement is an unknown: its number and that of the unknown, of `m`.
+    /// Adds the part of an element whose displacement is an unknown: its number and that of the unknown, of `m`.
     fn along_one(&mut self, [e, place]: [usize; 2], m: usize, element: &Element, [step_s, frequency_hz]: [f64; 2]) {
         let samples = self.count();
         let history = self.histories.iter().position(|history| history.element == e);
@@ -256,7 +258,7 @@ impl Samples {
         }
     }
 
-    /// The unbalance of a chain under its drive.
+    /// Adds the unbalance of a chain under its drive.
     fn unbalance(&mut self, forced: &Forced, unknowns: &Unknowns) {
         let (samples, n) = (self.count(), unknowns.count());
         self.by_drive.clear();
@@ -308,7 +310,7 @@ fn add_sine(signal: &mut [f64], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64
     signal.iter_mut().zip(cosines.iter().zip(sines)).for_each(|(value, (c, s))| *value += a * c + b * s);
 }
 
-/// An element at u and u̇.
+/// Returns the geometry of an element at u and u̇.
 pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: &[f64], v: &[f64]) -> Geometry {
     let mut direction = [0.0; MOST_COORDINATES];
     if let Body::Condensed(condensed) = &unknowns.body {
@@ -334,7 +336,7 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
     Geometry { position, velocity, direction, curvature: Some((curvature, turning)) }
 }
 
-/// The force of an element at a displacement, a velocity and a state.
+/// Returns the force of an element at a displacement, a velocity and a state.
 pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], state: f64) -> Reaction {
     let mut reaction = element.force(position, velocity, state);
     if let Law::Friction { stiffness, .. } = *element.law() {
@@ -344,10 +346,10 @@ pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], s
     reaction
 }
 
-/// The force of an element without a state as it counts at a sample: where a contact opens or closes within half an
-/// interval h, its mean over the interval around the sample with x moving at v. So the mean over the samples, and its
-/// derivative, change continuously with the motion, though the law has a kink, or a jump to c δ̇ where a damped contact
-/// closes.
+/// Returns the force of an element without a state as it counts at a sample: where a contact opens or closes within
+/// half an interval h, its mean over the interval around the sample with x moving at v. So the mean over the samples,
+/// and its derivative, change continuously with the response, though the law has a kink, or a jump to c δ̇ where a
+/// damped contact closes.
 ///
 /// The second number is h ∂f/∂h.
 fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> (Reaction, f64) {

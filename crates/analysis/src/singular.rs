@@ -1,10 +1,10 @@
-//! Folds and period doublings of a structure's motions by an extended system (Govaerts, "Numerical Methods for
-//! Bifurcations of Dynamical Equilibria", SIAM 2000, Ch. 3: minimally augmented systems).
+//! Folds and period doublings of a structure's periodic responses by an extended system (Govaerts, "Numerical Methods
+//! for Bifurcations of Dynamical Equilibria", SIAM 2000, Ch. 3: minimally augmented systems).
 //!
-//! Let J be the derivative of the balance by its unknowns. At a fold J of the motion's period is singular. A period
-//! doubling is seen in the balance of twice the period: the motion X has its even harmonics, a motion of the doubled
-//! period leaves X along odd ones, and the odd rows and columns of J are singular. With that matrix A the scalar g of
-//!
+//! Let J be the derivative of the balance by its unknowns. At a fold J of the response's period is singular. A period
+//! doubling is seen in the balance of twice the period: the response X has its even harmonics, a response of the
+//! doubled period leaves X along odd ones, and the odd rows and columns of J are singular. With that matrix A the
+//! scalar g of
 //! ```text
 //! ⎡ A   b ⎤ ⎡v⎤   ⎡0⎤        ⎡ Aᵀ  c ⎤ ⎡w⎤   ⎡0⎤
 //! ⎢       ⎥ ⎢ ⎥ = ⎢ ⎥        ⎢       ⎥ ⎢ ⎥ = ⎢ ⎥
@@ -45,18 +45,19 @@ pub(super) enum Singularity {
     PeriodDoubling,
 }
 
-/// The step of the difference, relative to the size of the motion: rounding and truncation both change the gradient by
-/// some 1e-10 of itself, which costs Newton's method nothing.
+/// The step of the difference, relative to the size of the response: rounding and truncation both change the gradient
+/// by some 1e-10 of itself, which costs Newton's method nothing.
 const DIFFERENCE: f64 = 1e-5;
 /// The largest error of a null vector that counts as exact: the error of λ is of the order of its square.
 const NULL_VECTOR_ERROR: f64 = 1e-7;
 /// Harmonics added until a null vector is good enough: how many at once, and how often.
 const MORE_HARMONICS: (usize, usize) = (2, 16);
 
-/// The equations of a singular motion: unknowns z = (λ, X), with λ shifted and scaled, and a second coordinate μ.
+/// The equations of a fold or a period doubling: unknowns z = (λ, X), with λ shifted and scaled, and a second
+/// coordinate μ.
 #[derive(Clone, Debug)]
 pub(super) struct Singular {
-    /// Of the motion's period for a fold, of twice that for a doubling.
+    /// The balance of the response's period for a fold, of twice that for a doubling.
     balance: Balance,
     kind: Singularity,
     lambda: Coordinate,
@@ -83,7 +84,7 @@ fn places(unknowns: usize, harmonics: usize, first: usize, step: usize) -> Vec<u
     (first..=harmonics).step_by(step).flat_map(rows).flat_map(of_row).collect()
 }
 
-/// A motion as one of twice the period: its harmonics become the even ones.
+/// Returns a response as one of twice the period: its harmonics become the even ones.
 pub(super) fn doubled(x: &[f64], unknowns: usize) -> Vec<f64> {
     let harmonics = x.len() / unknowns - 1;
     let mut series = vec![0.0; unknowns * (2 * harmonics + 1)];
@@ -93,15 +94,14 @@ pub(super) fn doubled(x: &[f64], unknowns: usize) -> Vec<f64> {
     series
 }
 
-/// The even harmonics of a motion of twice the period, as a motion of the single one.
+/// Returns the even harmonics of a response of twice the period, as a response of the single one.
 pub(super) fn halved(x: &[f64], unknowns: usize) -> Vec<f64> {
     let harmonics = (x.len() / unknowns - 1) / 2;
     places(unknowns, harmonics, 0, 2).into_iter().map(|place| x[place]).collect()
 }
 
 impl Singular {
-    /// The equations near the motion `x` of a balance whose coordinates are set, whose matrix is nearly singular.
-    ///
+    /// The equations near the response `x` of a balance whose coordinates are set, and whose matrix is nearly singular.
     /// # Errors
     /// [`AnalysisError::Singular`] if the matrix has no inverse at all there: start slightly beside the point.
     pub fn near(
@@ -115,13 +115,13 @@ impl Singular {
         let balance = match kind {
             Singularity::Fold => balance.clone(),
             Singularity::PeriodDoubling => {
-                // The motion ends with the even harmonic 2H, its variation with the odd one beyond.
+                // The response ends with the even harmonic 2H, its variation with the odd one beyond.
                 let orders = [2 * balance.period(), 2 * harmonics + 1];
                 Balance::of_period(&balance.forced, orders, balance.frequency_hz, lambda)
             }
         };
         let lambda_origin = balance.value(lambda);
-        // A change of λ by Λ is one of z₀ by X, the size of the motion.
+        // A change of λ by Λ is one of z₀ by X, the size of the response.
         let lambda_scale = settings.lambda_scale(lambda_origin) / settings.size(x);
         let mut singular = Singular {
             balance,
@@ -150,8 +150,8 @@ impl Singular {
         Ok(singular)
     }
 
-    /// The motion near `x` that is singular, at its λ: no second coordinate, and of a smooth structure as many harmonics
-    /// as the null vector needs.
+    /// Solves for the singular response near `x`, at its λ: without a second coordinate, and for a smooth structure
+    /// with as many harmonics as the null vector needs.
     ///
     /// # Errors
     /// [`AnalysisError::Singular`], [`AnalysisError::NoSolution`] if there is none near, or if its null vector needs too
@@ -166,7 +166,7 @@ impl Singular {
         let start = singular.join(singular.lambda_origin, x);
         let mut continuation = Continuation::start(&mut singular, *settings, &start, 0.0, 1.0)?;
         for _ in 0..MORE_HARMONICS.1 {
-            // The series of a law that isn't smooth hardly ends: there are as many harmonics as the motion has.
+            // The series of a law that isn't smooth hardly ends: there are as many harmonics as the response has.
             let smooth = singular.balance.forced.assembly.is_smooth();
             if !smooth || singular.null_vector_error() < NULL_VECTOR_ERROR {
                 return Ok((singular, continuation.point().x.clone(), continuation.work()));
@@ -179,43 +179,43 @@ impl Singular {
         Err(AnalysisError::TooManyHarmonics { at: balance.place(singular.lambda_origin), harmonics })
     }
 
-    /// The same equations with a second coordinate.
+    /// Returns the same equations with a second coordinate.
     pub fn with(self, mu: Coordinate) -> Singular {
         Singular { mu: Some(mu), ..self }
     }
 
-    /// λ in its unit, and X, of a solution z.
+    /// Splits a solution z into λ, in its unit, and X.
     pub fn split<'a>(&self, z: &'a [f64]) -> (f64, &'a [f64]) {
         (self.lambda_origin + z[0] * self.lambda_scale, &z[1..])
     }
 
-    /// The z of λ and X.
+    /// Returns the z of λ and X.
     pub fn join(&self, lambda: f64, x: &[f64]) -> Vec<f64> {
         let mut z = vec![(lambda - self.lambda_origin) / self.lambda_scale];
         z.extend_from_slice(x);
         z
     }
 
-    /// v as a motion of the balance: of a doubling one of twice the period, with the odd harmonics alone.
+    /// Returns v as a response of the balance: for a doubling one of twice the period, with the odd harmonics alone.
     pub fn null_vector(&self) -> Vec<f64> {
         let mut full = vec![0.0; self.balance.dimension()];
         self.variation.iter().zip(&self.v).for_each(|(place, v)| full[*place] = *v);
         full
     }
 
-    /// How far the null vector is from one that includes the harmonics left out, relative to its size.
+    /// Returns the distance of the null vector from one that includes the harmonics left out, relative to its size.
     fn null_vector_error(&self) -> f64 {
         self.balance.variation_error(&self.null_vector())
     }
 
-    /// X among the unknowns of the balance.
+    /// Returns X among the unknowns of the balance.
     fn embedded(&self, x: &[f64]) -> Vec<f64> {
         let mut full = vec![0.0; self.balance.dimension()];
         self.motion.iter().zip(x).for_each(|(place, x)| full[*place] = *x);
         full
     }
 
-    /// J and the columns by the coordinates at a motion of the balance.
+    /// Computes J and the columns by the coordinates at a response of the balance.
     fn differentiate(&mut self, full: &[f64], which: usize) {
         let size = full.len();
         let coordinates = [self.lambda, self.mu.unwrap_or(self.lambda)];
@@ -226,7 +226,7 @@ impl Singular {
         self.balance.derivatives(full, &coordinates[..count], residual, matrix, size);
     }
 
-    /// g, with v and w of this motion; NaN if the bordered matrix has no inverse.
+    /// Returns g, with v and w of this response; NaN if the bordered matrix has no inverse.
     fn border(&mut self) -> f64 {
         let (m, size) = (self.v.len(), self.balance.dimension());
         let matrix = self.bordered.zeroed(m + 1);
@@ -272,7 +272,7 @@ impl Singular {
         write(n + 1, if self.mu.is_some() { along(size + 1) } else { 0.0 });
     }
 
-    /// The motion of a solution as an orbit's coefficients, with its balance set to it.
+    /// Returns the response of a solution as an orbit's coefficients, with its balance set to it.
     pub fn orbit(&mut self, z: &[f64], mu: f64, read: impl FnOnce(&Balance) -> Orbit) -> Orbit {
         let current = self.harmonics();
         let needed = ((z.len() - 1) / self.balance.unknowns.count() - 1) / 2;
@@ -293,7 +293,7 @@ impl Singular {
         orbit
     }
 
-    /// Sets λ and μ; whether such a structure exists.
+    /// Sets λ and μ and returns whether such a structure exists.
     #[must_use]
     fn set(&mut self, lambda: f64, mu: f64) -> bool {
         let exists = self.mu.is_none_or(|coordinate| self.balance.set(coordinate, mu));

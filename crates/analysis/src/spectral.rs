@@ -1,4 +1,4 @@
-//! The derivative of a signal's Fourier coefficients by those of the motion.
+//! The derivative of a signal's Fourier coefficients by those of the response.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -19,7 +19,7 @@ impl Line {
         Line { harmonics, orders: vec![[0.0; 2]; 4 * harmonics + 1] }
     }
 
-    /// Becomes that of a signal; returns whether the signal is other than zero anywhere.
+    /// Sets the line to that of a signal and returns whether the signal is other than zero anywhere.
     fn transform(&mut self, samples: &Samples, signal: &[f64]) -> bool {
         let (first, middle) = (signal[0], 2 * self.harmonics);
         // The derivative of a linear force is constant and needs no projections.
@@ -37,7 +37,7 @@ impl Line {
         !constant || first != 0.0
     }
 
-    /// Becomes a sum of lines, each times a factor.
+    /// Sets the line to a sum of lines, each times a factor.
     fn combine<'a>(&mut self, of: impl Iterator<Item = (f64, &'a Line)>) {
         self.orders.fill([0.0; 2]);
         for (factor, line) in of {
@@ -48,7 +48,7 @@ impl Line {
         }
     }
 
-    /// The numbers at k − l and at k + l, k = 0 … H.
+    /// Returns the numbers at k − l and at k + l, k = 0 … H.
     fn around(&self, l: usize) -> impl Iterator<Item = [&[f64; 2]; 2]> {
         let middle = 2 * self.harmonics;
         let below = self.orders[middle - l..].iter().take(self.harmonics + 1);
@@ -56,7 +56,7 @@ impl Line {
     }
 }
 
-/// The coefficients of a signal: its mean, then those of cos kτ and sin kτ, k = 1 … H.
+/// Returns the coefficients of a signal: its mean, then those of cos kτ and sin kτ, k = 1 … H.
 pub(super) fn project(samples: &Samples, signal: &[f64], harmonics: usize, mut out: impl FnMut(usize, f64)) {
     out(0, signal.iter().sum::<f64>() / signal.len() as f64);
     for k in 1..=harmonics {
@@ -66,7 +66,7 @@ pub(super) fn project(samples: &Samples, signal: &[f64], harmonics: usize, mut o
     }
 }
 
-/// ∂Q̂/∂X of the samples without the states' part, m (2H + 1) square, column by column.
+/// Returns ∂Q̂/∂X of the samples without the states' part, m (2H + 1) square, column by column.
 ///
 /// A column of cos lτ makes the signal U cos lτ − V sin lτ and one of sin lτ makes U sin lτ + V cos lτ, with U = S −
 /// l²Ω²M and V = lΩG. With A and B the lines of a signal, its product with cos lτ has along cos kτ and sin kτ the
@@ -119,8 +119,8 @@ fn put(column: &mut [f64], [m, i]: [usize; 2], mut components: impl Iterator<Ite
     }
 }
 
-/// The largest |x(τ)| of a series of one signal, with as many frequencies as the samples' functions at most: the
-/// highest samples, each polished by Newton's method on x′ = 0.
+/// Returns the largest |x(τ)| of a series of one signal, with as many frequencies as the samples' functions at most:
+/// the highest samples, each polished by Newton's method on x′ = 0.
 pub(super) fn largest(samples: &Samples, series: &[f64]) -> f64 {
     let count = samples.count();
     let mut signal = vec![series[0]; count];
@@ -147,7 +147,7 @@ const PEAK_SHARE: f64 = 0.69;
 /// Steps of Newton's method to a peak.
 const PEAK_STEPS: usize = 4;
 
-/// The height of the peak next to a phase of a grid.
+/// Returns the height of the peak next to a phase of a grid.
 fn polished(series: &[f64], mut phase_rad: f64, samples: usize) -> f64 {
     let spacing = TAU / samples as f64;
     let [mut value, mut slope, mut curvature] = values(series, phase_rad);
@@ -167,7 +167,7 @@ fn polished(series: &[f64], mut phase_rad: f64, samples: usize) -> f64 {
     value.abs()
 }
 
-/// x, x′ and x″ of a series at a phase; multiples of the angle by rotation.
+/// Returns x, x′ and x″ of a series at a phase; multiples of the angle by rotation.
 fn values(series: &[f64], phase_rad: f64) -> [f64; 3] {
     let (sine, cosine) = libm::sincos(phase_rad);
     let (mut c, mut s, mut sum) = (1.0, 0.0, [series[0], 0.0, 0.0]);

@@ -1,7 +1,8 @@
-//! What harmonic balance solves for.
+//! The unknowns of harmonic balance.
 //!
-//! Of a chain all its coordinates: every force is nonlinear in them. Of modes only the displacements u of the elements,
-//! each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics satisfy
+//! For a chain they are all its coordinates, since every force is nonlinear in them. For modes they are only the
+//! displacements u of the elements, each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics
+//! satisfy
 //!
 //! ```text
 //! uₖ + H_uu(ikΩ) Qₖ(u) − H_ud(ikΩ) pₖ = 0
@@ -10,7 +11,7 @@
 //! Q being the forces at the places, p the drive's at d. The number of modes costs only the sums in H.
 //!
 //! A rigid mode, ω = 0, has no compliance at rest. As long as no element sees it, nothing drives its mean, which is 0;
-//! with one the motions are refused ([`Condensed::held_by_element`]).
+//! a structure with such an element is rejected ([`Condensed::held_by_element`]).
 //!
 //! At the natural frequency of a mode without damping H has a pole. A backbone begins there, and so has the first
 //! harmonic of its mode as an unknown of its own ([`Kept`]), which H₁ then leaves out.
@@ -26,7 +27,7 @@ use resonarm_dynamics::structure::{Assembly, BodySpec, Dof};
 use super::Forced;
 use crate::AnalysisError;
 
-/// Displacements between points up to this part of those of the points are rounding.
+/// Displacements between points below this fraction of those of the points are rounding.
 const RIGID: f64 = 1e-9;
 
 /// The unknowns of a structure.
@@ -34,7 +35,7 @@ const RIGID: f64 = 1e-9;
 pub(super) struct Unknowns {
     pub body: Body,
     count: usize,
-    /// ν: the periods of the drive after which the motion repeats.
+    /// ν: the periods of the drive after which the response repeats.
     pub period: usize,
 }
 
@@ -77,12 +78,12 @@ pub(super) struct Compliance {
 }
 
 impl Unknowns {
-    /// Of motions with the period of the drive.
+    /// The unknowns of responses with the period of the drive.
     pub fn new(forced: &Forced) -> Unknowns {
         Unknowns::with_period(forced, 1)
     }
 
-    /// Of motions with `period` periods of the drive.
+    /// The unknowns of responses with `period` periods of the drive.
     pub fn with_period(forced: &Forced, period: usize) -> Unknowns {
         let assembly = &forced.assembly;
         match &assembly.spec().body {
@@ -96,7 +97,7 @@ impl Unknowns {
         }
     }
 
-    /// Refuses a structure with a rigid mode that an element alone holds.
+    /// Rejects a structure with a rigid mode that an element alone holds.
     pub fn check_held(&self) -> Result<(), AnalysisError> {
         let Body::Condensed(condensed) = &self.body else { return Ok(()) };
         match condensed.held_by_element() {
@@ -111,7 +112,7 @@ impl Unknowns {
     }
 }
 
-/// Derivative of a displacement by the coordinates at rest, ∂x/∂q.
+/// Returns the derivative of a displacement by the coordinates at rest, ∂x/∂q.
 pub(super) fn direction_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     let n = assembly.coordinates();
     let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
@@ -119,7 +120,7 @@ pub(super) fn direction_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     direction
 }
 
-/// The generalised forces of a unit load at rest.
+/// Returns the generalised forces of a unit load at rest.
 pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     let n = assembly.coordinates();
     let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
@@ -156,14 +157,15 @@ impl Condensed {
         Condensed { of_element, places, drive, modes }
     }
 
-    /// The rigid mode that an element alone holds, with the element, both from 0.
+    /// Returns the rigid mode that an element alone holds, with the element, both from 0.
     pub fn held_by_element(&self) -> Option<[usize; 2]> {
         let rigid = self.modes.iter().enumerate().filter(|(_, mode)| mode[0] == 0.0).map(|(mode, _)| mode);
         let by = |mode: usize| self.of_element.iter().position(|&place| self.places[place][mode] != 0.0);
         rigid.into_iter().find_map(|mode| by(mode).map(|element| [mode, element]))
     }
 
-    /// Each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate; zeros of the mode left out.
+    /// Returns each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate; zeros for the mode left
+    /// out.
     fn poles(&self, rate_rad_s: f64, without: Option<usize>) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
         self.modes.iter().enumerate().map(move |(mode, &[omega, zeta])| {
             let is_rigid_at_rest = omega == 0.0 && rate_rad_s == 0.0;
@@ -176,7 +178,7 @@ impl Condensed {
         })
     }
 
-    /// H at a frequency, rad/s, of all modes or all but one.
+    /// Computes H at a frequency, rad/s, of all modes or all but one.
     pub fn compliance(&self, rate_rad_s: f64, without: Option<usize>, out: &mut Compliance) {
         let (m, zero) = (self.places.len(), [Complex::new(0.0, 0.0); 2]);
         out.places.clear();

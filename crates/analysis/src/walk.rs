@@ -12,10 +12,10 @@ use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::dense::Lu;
 
-/// How far ahead of a corner the direction beyond it is sought, relative to the size of the motion.
+/// Distances ahead of a corner at which the direction beyond it is sought, relative to the size of the response.
 const REACHES: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];
 
-/// A continuation, with what the ones before it have come to.
+/// A continuation, with the arclength and the work of the ones before it.
 #[derive(Clone)]
 pub(super) struct Walk {
     pub continuation: Continuation,
@@ -37,14 +37,14 @@ impl Walk {
         &self.point
     }
 
-    /// Work of the walk so far, with what was undone.
+    /// Returns the work so far, including steps that were undone.
     pub fn work(&self) -> Work {
         let mut work = self.work;
         work += self.continuation.work();
         work
     }
 
-    /// The next point.
+    /// Advances to the next point and returns it.
     ///
     /// # Errors
     /// [`AnalysisError::Stuck`] if the branch can't be followed, past a corner either.
@@ -68,7 +68,7 @@ impl Walk {
     }
 }
 
-/// The direction of the branch beyond a corner: dx and dλ.
+/// Returns the direction of the branch beyond a corner: dx and dλ.
 fn beyond(balance: &mut Balance, settings: &ContinuationSettings, corner: &Point, reach: f64) -> Option<Vec<f64>> {
     let (n, size) = (corner.x.len(), settings.size(&corner.x));
     let sigma = size / settings.lambda_scale(corner.lambda);

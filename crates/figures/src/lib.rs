@@ -1,4 +1,4 @@
-//! Figures as SVG and PNG, and those of the paper with its statements.
+//! Draws figures as SVG and PNG, and reproduces the paper's figures and statements.
 
 extern crate alloc;
 

@@ -1,4 +1,4 @@
-//! A part of a recording as a recording, and parts joined.
+//! Copies a part of a recording to a recording, and joins parts.
 
 use core::ops::RangeInclusive;
 use std::collections::BTreeSet;
@@ -12,21 +12,21 @@ use crate::staged::same_file;
 use crate::starting_plant::{PLANT, noted, without_plant};
 use resonarm_numeric::number::short;
 
-/// Records that wait for the writer at most.
+/// Capacity of the queue of records to the writer.
 const CAPACITY: usize = 8192;
-/// Different names of events that are copied at most; a recorder writes a dozen.
+/// Most names of events that are copied; a recorder writes a dozen.
 const NAMES: usize = 1000;
 
-/// Copies the records of some samples into a new recording, which can be replayed and simulated again as the old one
-/// can. What the old one says of the run stays; what it says of its own build goes under the keys `cut.version` and
-/// `cut.git_commit`, and what the plant has gathered before the first sample under `cut.plant`, if the run up to there
-/// can be simulated again. Messages for plotting are made anew.
+/// Copies the records of some samples into a new recording, which can be replayed and re-simulated like the old one.
+/// The old one's description of the run is kept. The description of its build moves to the keys `cut.version` and
+/// `cut.git_commit`, and the state of the plant before the first sample to `cut.plant`, if the run up to there can be
+/// re-simulated. Messages for plotting are made again.
 ///
 /// A part of a recording that is not whole is not whole either: it opens as [`Integrity::Unfinished`].
 ///
 /// # Errors
 /// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
-/// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and one that
+/// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and a file that
 /// was to be overwritten is kept.
 pub fn cut(
     recording: &Recording,
@@ -34,8 +34,7 @@ pub fn cut(
     path: &Path,
     existing: Existing,
 ) -> Result<Summary, RecordingError> {
-    // The state of the plant at the first sample is needed to simulate the part again. From sample 0 on the scenario
-    // has it.
+    // The state of the plant at the first sample is needed to re-simulate the part. For sample 0 it is in the scenario.
     let first = recording.summary().samples.map_or(0, |(first, _)| first.max(*samples.start()));
     join(&[recording], samples, path, existing, (first > 0).then(|| noted(recording, first)).flatten())
 }
@@ -57,30 +56,30 @@ pub fn merge(recordings: &[&Recording], path: &Path, existing: Existing) -> Resu
     join(recordings, 0..=u64::MAX, path, existing, noted)
 }
 
-/// Refuses a recording that is not of the same run, or has no later samples than `last`.
+/// Rejects a recording that is not of the same run, or has no later samples than `last`.
 fn check_follows(before: &Recording, behind: &Recording, last: Option<(u64, u64)>) -> Result<(), RecordingError> {
     let (ours, theirs) = (before.origin(), behind.origin());
     let (expected, got) = match (last, behind.summary().samples) {
         _ if ours.dt_s.to_bits() != theirs.dt_s.to_bits() => {
-            let period = |dt_s: f64| format!("{} s from sample to sample", short(&dt_s));
+            let period = |dt_s: f64| format!("the sample period {} s", short(&dt_s));
             (period(ours.dt_s), period(theirs.dt_s))
         }
         _ if of_the_run(before) != of_the_run(behind) => {
-            (String::from("the same"), String::from("another configuration, which `diff` tells"))
+            (String::from("the same"), String::from("another configuration (see `resonarm diff`)"))
         }
         // Without a record a recording does not say when its run began.
         (Some(_), Some(_)) if before.summary().samples.is_some() && ours.start_unix_ns != theirs.start_unix_ns => {
             (format!("one that began {}", began(ours)), format!("a run that began {}", began(theirs)))
         }
         (Some((_, last)), Some((first, _))) if first <= last => {
-            (format!("later ones than {last}"), format!("samples from {first} on"))
+            (format!("samples after {last}"), format!("samples from {first} on"))
         }
         _ => return Ok(()),
     };
     Err(RecordingError::Apart { path: behind.path().to_path_buf(), got, expected })
 }
 
-/// When a run began, in words.
+/// Describes the time at which a run began.
 fn began(origin: &Origin) -> String {
     match origin.start_unix_ns {
         Some(ns) => format!("{}.{:09} s after the UNIX epoch", ns / 1_000_000_000, ns % 1_000_000_000),
@@ -88,7 +87,7 @@ fn began(origin: &Origin) -> String {
     }
 }
 
-/// Configuration that all parts of a run share: all of it but the plant at the first sample.
+/// Returns the configuration that all parts of a run share: all of it except the plant at the first sample.
 fn of_the_run(recording: &Recording) -> Vec<(&str, &str)> {
     without_plant(recording.configuration()).collect()
 }
@@ -142,7 +141,8 @@ fn join(
     recorder.finish_partial(&statistics, &[("source", source), ("source_integrity", integrity)])
 }
 
-/// What a part says of the run: the same as the whole, which build recorded it, and the plant at its first sample.
+/// Returns the description of the run for a part: the same as that of the whole, the build that recorded it, and the
+/// plant at its first sample.
 fn configuration(recording: &Recording, plant: Option<String>) -> Configuration {
     let build = &recording.origin().build;
     let cut = [("cut.version", &build.version), ("cut.git_commit", &build.git_commit)];
@@ -156,7 +156,7 @@ fn configuration(recording: &Recording, plant: Option<String>) -> Configuration 
     })
 }
 
-/// How the part is recorded: as the whole.
+/// Returns the options for the part: those of the whole.
 fn options(recording: &Recording, existing: Existing) -> Options {
     let origin = recording.origin();
     let clock_epoch_unix_ns = origin.start_unix_ns.unwrap_or(0);
@@ -166,7 +166,7 @@ fn options(recording: &Recording, existing: Existing) -> Options {
             RunTime::Lockstep => TimeBase::Lockstep { clock_epoch_unix_ns },
             RunTime::RealTime => TimeBase::RealTime { clock_epoch_unix_ns },
         },
-        // By samples and not by time, so that the same cut gives the same bytes.
+        // The flushes go by samples and not by time, so that the same cut produces identical bytes.
         flush: FlushPolicy::Samples(1000),
         existing,
         naming: Naming::Whole,
@@ -177,12 +177,12 @@ fn options(recording: &Recording, existing: Existing) -> Options {
     }
 }
 
-/// The names of events, which a record on its way to the recorder borrows for good: a run has a dozen of them.
+/// Names of events. A record on its way to the recorder borrows its name forever; a run has a dozen of them.
 #[derive(Default)]
 struct Names(BTreeSet<&'static str>);
 
 impl Names {
-    /// The record with a name that lives on.
+    /// Returns the record with a name of static lifetime.
     fn record(&mut self, record: Record<String>, path: &Path) -> Result<Record, RecordingError> {
         Ok(match record {
             Record::State(record) => Record::State(record),

@@ -1,6 +1,6 @@
-//! Two recordings compared, record by record.
+//! Compares two recordings, record by record.
 //!
-//! States and samples belong together by their sample, frames and events by their order. Neither recording is held in
+//! States and samples are paired by their sample, frames and events by their order. Neither recording is held in
 //! memory.
 
 use core::cmp::Ordering;
@@ -18,17 +18,17 @@ use resonarm_numeric::number::short;
 /// Selection and tolerance of a comparison of two recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DiffOptions {
-    /// The records. Those of the real-time loop's punctuality, [`RecordingPart::Ticks`], are never the same twice: they
-    /// are left out.
+    /// The records that are compared. Those of the real-time loop's punctuality, [`RecordingPart::Ticks`], differ in
+    /// every run, so they are left out.
     pub parts: Vec<RecordingPart>,
-    /// How much a channel may differ, as a share of its largest magnitude in the first recording; at 0 every bit
+    /// Largest difference of a channel, as a share of its largest magnitude in the first recording; at 0 every bit
     /// counts.
     pub tolerance: f64,
     /// Range of samples that are compared.
     pub samples: RangeInclusive<u64>,
 }
 
-/// How two recordings, A and B, differ.
+/// The difference between two recordings, A and B.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// Whether all records that were compared are the same within the tolerance, and none is in one recording alone.
@@ -37,11 +37,11 @@ pub struct Difference {
     pub tolerance: f64,
     /// Result for each kind of records.
     pub parts: Vec<PartDifference>,
-    /// What differs in what they say of themselves, by its key; it does not make them different.
+    /// Differences in the descriptions of the recordings, by key; they do not make the recordings different.
     pub configuration: Vec<KeyDifference>,
 }
 
-/// How records of one kind differ.
+/// The difference between the records of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PartDifference {
     /// Name of the kind of records.
@@ -61,9 +61,9 @@ pub struct PartDifference {
 /// Two records that differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FirstDifference {
-    /// The sample of A's.
+    /// The sample in A.
     pub sample: u64,
-    /// The channel, or the mark, `is_end` or `clipped`; of frames and events, `frame` or `event`.
+    /// The channel, or the mark, `is_end` or `clipped`; for frames and events, `frame` or `event`.
     pub what: ChannelName,
     /// Value in recording A.
     pub a: String,
@@ -71,7 +71,7 @@ pub struct FirstDifference {
     pub b: String,
 }
 
-/// How a channel differs.
+/// The difference of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ChannelDifference {
     /// Its name, with the unit.
@@ -80,18 +80,18 @@ pub struct ChannelDifference {
     pub largest: f64,
     /// Sample at which the difference is largest.
     pub sample: u64,
-    /// The largest magnitude in A, in that unit, which the tolerance is a share of.
+    /// The largest magnitude in A, in that unit, to which the tolerance is relative.
     pub magnitude: f64,
 }
 
-/// An entry that differs.
+/// An entry of the descriptions that differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KeyDifference {
-    /// The key; of a scenario with its tables, as `scenario.structure.angles_deg`.
+    /// The key; for a scenario with its tables, as `scenario.structure.angles_deg`.
     pub key: String,
-    /// In A, where it is there.
+    /// Value in A, if it has one.
     pub a: Option<String>,
-    /// In B, where it is there.
+    /// Value in B, if it has one.
     pub b: Option<String>,
 }
 
@@ -111,17 +111,17 @@ pub fn diff(a: &Recording, b: &Recording, options: &DiffOptions) -> Result<Diffe
     })
 }
 
-/// A record as it is compared.
+/// A record in the form in which it is compared.
 struct Row {
-    /// What it is found by: its sample, or its place among the frames or events.
+    /// Key by which its partner is found: its sample, or its place among the frames or events.
     key: u64,
     sample: u64,
     numbers: Vec<f64>,
-    /// What else it says, whole: the frame, the event, the marks of a state or of readings.
+    /// The other content as text: the frame, the event, the marks of a state or of readings.
     text: String,
 }
 
-/// The records of a part, as they are compared.
+/// Returns the records of a part, in the form in which they are compared.
 fn rows<'r>(
     recording: &'r Recording,
     part: RecordingPart,
@@ -159,7 +159,7 @@ fn row(part: RecordingPart, record: &Record<String>) -> Option<Row> {
     }
 }
 
-/// Which readings are marked.
+/// Describes the readings that are marked.
 fn marks(readings: &SampleRecord) -> String {
     let (bits, own) = (readings.clipped_bits(), READINGS.len());
     let name = |place: usize| match READINGS.get(place) {
@@ -223,7 +223,7 @@ fn compare(
     Ok(found.part)
 }
 
-/// The channels of a part with their magnitudes in A, and no difference yet.
+/// Returns the channels of a part with their magnitudes in A, and no difference yet.
 fn magnitudes(
     a: &Recording,
     part: RecordingPart,
@@ -289,7 +289,7 @@ impl Found {
     }
 }
 
-/// Entries in which two recordings describe themselves differently.
+/// Returns the entries in which two recordings describe themselves differently.
 fn configuration(a: &Recording, b: &Recording) -> Vec<KeyDifference> {
     let (a, b) = (entries(a), entries(b));
     let mut keys: Vec<_> = a.keys().chain(b.keys()).collect();
@@ -299,7 +299,7 @@ fn configuration(a: &Recording, b: &Recording) -> Vec<KeyDifference> {
     differences.map(|key| KeyDifference { key: key.clone(), a: a.get(key).cloned(), b: b.get(key).cloned() }).collect()
 }
 
-/// What a recording says of itself: configuration, sample period, what drove the time, bus and build.
+/// Returns a recording's description of itself: configuration, sample period, time base, bus and build.
 fn entries(recording: &Recording) -> BTreeMap<String, String> {
     let origin = recording.origin();
     let own = [
@@ -320,7 +320,7 @@ fn entries(recording: &Recording) -> BTreeMap<String, String> {
     entries
 }
 
-/// The values in a document, by their keys.
+/// Flattens a document into its values by their keys.
 fn flatten(key: &str, value: &toml::Value, entries: &mut BTreeMap<String, String>) {
     match value {
         toml::Value::Table(table) => {

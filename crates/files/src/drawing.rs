@@ -1,31 +1,32 @@
-//! What is drawn of the structure under test, and where its points are in a motion.
+//! The drawing of the structure under test, and the positions of its points as it moves.
 //!
-//! Links are drawn with their turns m times as large: link i at the angle θ_i = θ₀_i + m Σ_{k≤i} α_k, its end l_i
-//! (cos θ_i, sin θ_i) from that of the link before. Of modes the displacements are: p_a = p₀_a + m Σ_k φ_ak q_k along
-//! each axis a.
+//! Links are drawn with their turns m times as large: link i at the angle θ_i = θ₀_i + m Σ_{k≤i} α_k, its end l_i (cos
+//! θ_i, sin θ_i) from that of the link before. Modal structures are drawn with their displacements m times as large:
+//! p_a = p₀_a + m Σ_k φ_ak q_k along each axis a.
 
 use serde::Serialize;
 
 use resonarm_dynamics::structure::{Assembly, Axis};
 use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
 
-/// The largest turn of a link that is drawn where the magnification is chosen, rad.
+/// Largest turn of a link in the drawing if the magnification is chosen automatically, rad.
 const DRAWN_RAD: f64 = 0.22;
-/// The largest displacement by modes that is drawn then, over the size of the structure.
+/// Largest displacement by modes in the drawing then, relative to the size of the structure.
 const DRAWN_OF_SIZE: f64 = 0.12;
 
-/// How the points follow from the coordinates.
+/// Relation of the points to the coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DrawnMotion {
-    /// By the turns of links.
+    /// The turns of links move the points.
     Links {
         /// Lengths of the links, m.
         lengths_m: Vec<f64>,
         /// Their angles at rest against the x axis, rad.
         angles_rad: Vec<f64>,
     },
-    /// By shapes: of each point along x, y and z the displacement by each coordinate, 1/√kg; empty where there is none.
+    /// Shapes move the points: for each point along x, y and z the displacement by each coordinate, 1/√kg; empty where
+    /// there is none.
     Shapes(Vec<[Vec<f64>; 3]>),
 }
 
@@ -34,20 +35,20 @@ pub enum DrawnMotion {
 pub struct Drawing {
     /// The names of its points.
     pub points: Vec<String>,
-    /// Where they are at rest, along x, y and z, m.
+    /// Positions of the points at rest, along x, y and z, m.
     pub rest_m: Vec<[f64; 3]>,
     /// Lines from point to point, by their places in `points`.
     pub lines: Vec<Vec<usize>>,
-    /// How the points move.
+    /// Relation of the points to the coordinates.
     pub motion: DrawnMotion,
 }
 
 impl Drawing {
-    /// The structure of a scenario; `None` if nothing says where its points are: of modes without places, of a structure
-    /// that a program makes, and of an FMU.
+    /// Draws the structure of a scenario; `None` if the positions of its points are not known: for modes without
+    /// places, a structure that a program makes, and an FMU.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the scenario makes no structure.
+    /// [`ScenarioError`] if the scenario has no valid structure.
     pub fn of(scenario: &Scenario) -> Result<Option<Drawing>, ScenarioError> {
         if scenario.foreign_structure().is_some() {
             return Ok(None);
@@ -55,7 +56,7 @@ impl Drawing {
         Ok(Drawing::of_assembly(&scenario.structure, &scenario.under_test()?.assembly))
     }
 
-    /// The structure that a section makes; `None` of modes without places.
+    /// Draws the structure of a section; `None` for modes without places.
     pub fn of_assembly(section: &StructureSection, assembly: &Assembly) -> Option<Drawing> {
         match assembly.rest_m() {
             Some(rest_m) => Some(Drawing::of_links(assembly.points(), &rest_m)),
@@ -76,7 +77,7 @@ impl Drawing {
         }
     }
 
-    /// The points that have places. One that no shape moves is at rest.
+    /// Draws the points that have places. A point that no shape moves is at rest.
     fn of_modes(section: &StructureSection, assembly: &Assembly) -> Option<Drawing> {
         let rest = vec![0.0; assembly.coordinates()];
         let shape = |name: &str, axis: Axis| {
@@ -97,7 +98,7 @@ impl Drawing {
         (!drawing.points.is_empty()).then_some(drawing)
     }
 
-    /// Where the points are at these coordinates, the vibration `magnification` times as large, m.
+    /// Returns the positions of the points at these coordinates, the vibration `magnification` times as large, m.
     pub fn positions_m(&self, coordinates: &[f64], magnification: f64) -> Vec<[f64; 3]> {
         match &self.motion {
             DrawnMotion::Links { lengths_m, angles_rad } => {
@@ -121,8 +122,8 @@ impl Drawing {
         }
     }
 
-    /// How large the vibration is in the picture, against the largest that is drawn where the magnification is chosen:
-    /// the largest turn of a link, or the largest displacement over the size.
+    /// Returns the size of the vibration in the picture, relative to the largest that is drawn if the magnification is
+    /// chosen automatically: the largest turn of a link, or the largest displacement relative to the size.
     pub fn vibration(&self, coordinates: &[f64]) -> f64 {
         match &self.motion {
             DrawnMotion::Links { .. } => turns(coordinates).map(f64::abs).fold(0.0, f64::max) / DRAWN_RAD,
@@ -133,7 +134,7 @@ impl Drawing {
         }
     }
 
-    /// The diagonal of the box around the points at rest, m; 1 m of a single one.
+    /// Returns the diagonal of the box around the points at rest, m; 1 m for a single point.
     pub fn size_m(&self) -> f64 {
         let range = |axis: usize| {
             let along = || self.rest_m.iter().map(|point| point[axis]);
@@ -145,7 +146,7 @@ impl Drawing {
     }
 }
 
-/// The turns of links: sums of the deflections of their joints from the base out.
+/// Returns the turns of links: sums of the deflections of their joints from the base out.
 fn turns(coordinates: &[f64]) -> impl Iterator<Item = f64> {
     coordinates.iter().scan(0.0, |turn, deflection| {
         *turn += deflection;

@@ -8,13 +8,13 @@ use resonarm_wire::canopen::dictionary::{Address, at};
 use resonarm_wire::canopen::listen::{Heard, Listener, Sdo};
 use resonarm_wire::canopen::{NmtCommand, NmtState};
 
-/// The objects that a master commands a drive by.
+/// The objects by which a master commands a drive.
 const CONTROLWORD: Address = at(0x6040, 0);
 const MODE: Address = at(0x6060, 0);
 const TARGET: Address = at(0x6071, 0);
 
-/// The torques that a master asks for: of enabled drives in the mode cyclic synchronous torque, targets that came since
-/// they were enabled. What a gate makes of them is not in the frames.
+/// The torques that a master requests: for enabled drives in the mode cyclic synchronous torque, targets received since
+/// they were enabled. The effect of a gate is not in the frames.
 ///
 /// A drive is in the state that follows from the controlwords, unless its statusword or an emergency says another.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ struct Drive {
 }
 
 impl Targets {
-    /// Listens to drives that have just been reset.
+    /// Starts with drives that have just been reset.
     pub fn new(spec: &Cia402Spec) -> Targets {
         let drive = |spec: &DriveSpec| Drive {
             spec: *spec,
@@ -50,13 +50,13 @@ impl Targets {
         Targets { drives: spec.drives.iter().map(drive).collect() }
     }
 
-    /// Takes in the next frame on the bus; returns what each drive that it concerns makes of it.
+    /// Processes the next frame on the bus; returns its meaning for each drive that it concerns.
     pub fn hear(&mut self, frame: &Frame) -> Vec<(DriveSpec, Heard)> {
         let heard = self.drives.iter_mut().map(|drive| (drive.spec, drive.hear(frame)));
         heard.filter(|(_, heard)| *heard != Heard::Foreign).collect()
     }
 
-    /// The load that is asked for.
+    /// Returns the load that is requested.
     pub fn load(&self) -> Load {
         self.drives.iter().fold(Load::default(), |sum, drive| {
             let torque_nm = drive.torque_nm();

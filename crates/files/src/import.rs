@@ -1,12 +1,12 @@
-//! Logs of other tools as recordings.
+//! Imports logs of other tools as recordings.
 //!
-//! An imported recording of Resonarm's protocol holds frames alone. It can be replayed; with the scenario of the
-//! network that was logged, what its controller read can be read again (`replay::responses` of the crate
-//! `resonarm-session`). It has no states, so it can't be simulated again.
+//! An imported recording of Resonarm's protocol holds only frames. It can be replayed; with the scenario of the logged
+//! network, the responses that its controller read can be read again (`replay::responses` of the crate
+//! `resonarm-session`). It has no states, so it can't be re-simulated.
 //!
-//! With a scenario that has a protocol of its own the recording holds readings as well, if that carries all of them
+//! With a scenario that has a user protocol, the recording also holds readings, if the protocol carries all of them
 //! every sample, and likewise states with the commanded loads; CANopen drives have states and loads. Nothing is
-//! interpolated: what is not in the log is a gap.
+//! interpolated: missing data is a gap.
 
 mod drives;
 mod index;
@@ -38,34 +38,34 @@ use drives::DriveGatherer;
 use wire::Gatherer;
 pub use wire_import::{Missing, WireImport};
 
-/// The key in a recording's configuration of the log that it was imported from.
+/// Key of the imported log's name in a recording's configuration.
 pub const IMPORTED_FROM: &str = "imported_from";
-/// Most interfaces that are named of those left out.
+/// Most interfaces left out that are named.
 const MOST_INTERFACES: usize = 16;
-/// Records that wait for the writer at most.
+/// Capacity of the queue of records to the writer.
 const CAPACITY: usize = 8192;
 
-/// How a log is imported.
+/// Options of an import.
 #[derive(Clone, Debug)]
 pub struct ImportOptions {
-    /// What was logged: network and sample rate; put into the recording. Without one the identifiers are the usual
-    /// ones, and there are 1000 samples a second.
+    /// Scenario of the logged network, with its sample rate; put into the recording. Without one the identifiers are
+    /// the usual ones, and there are 1000 samples a second.
     pub scenario: Option<Scenario>,
-    /// The interface, or the channel, whose frames are wanted; without one that of the first frame.
+    /// The interface, or the channel, whose frames are imported; without one that of the first frame.
     pub interface: Option<String>,
-    /// What to do if the recording is there already.
+    /// The action if the recording already exists.
     pub existing: Existing,
-    /// What counts the samples of CANopen drives.
+    /// The clock that counts the samples of CANopen drives.
     pub clock: SampleClock,
 }
 
-/// What counts the samples in the log of a bus whose frames have neither index nor counter.
+/// The clock that counts samples in the log of a bus whose frames have neither index nor counter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleClock {
-    /// The time stamps, at the rate of the scenario.
+    /// Samples are counted by time stamps, at the rate of the scenario.
     #[default]
     TimeStamps,
-    /// SYNC: each begins a sample, as in lockstep, where a sample may take any time.
+    /// Samples are counted by SYNC: each begins a sample, as in lockstep, where a sample may take any time.
     Sync,
 }
 
@@ -90,7 +90,7 @@ impl WireLog {
         Ok(Gatherer::new(scenario)?.map(|gatherer| WireLog::Mapped(Box::new(gatherer))))
     }
 
-    /// Takes in a frame; which way it goes, and its sample, as far as that is known.
+    /// Processes a frame; returns its direction and its sample, as far as they are known.
     fn add(&mut self, frame: &Frame, time_ns: u64) -> (Option<Direction>, Option<u64>) {
         match self {
             WireLog::Mapped(gatherer) => (gatherer.direction(frame.id()), gatherer.add(frame, time_ns)),
@@ -113,7 +113,7 @@ impl WireLog {
     }
 }
 
-/// Result of an import: the new recording, and what was left out of it.
+/// Result of an import: the new recording, and counts of the parts that were left out.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Imported {
     /// Path of the new recording.
@@ -122,25 +122,25 @@ pub struct Imported {
     pub frames: u64,
     /// The interface, or the channel, of the frames; `None` if the log names none.
     pub interface: Option<String>,
-    /// Frames of other interfaces, left out.
+    /// Number of frames of other interfaces, left out.
     pub of_other_interfaces: u64,
     /// The names of those interfaces.
     pub other_interfaces: BTreeSet<String>,
-    /// Lines or objects that are no frames, left out: error frames, comments, other events.
+    /// Number of lines or objects that are no frames, left out: error frames, comments, other events.
     pub others: u64,
-    /// Lines or objects that can't be read, left out.
+    /// Number of lines or objects that can't be read, left out.
     pub unreadable: u64,
-    /// Why the first of them can't be read.
+    /// Error of the first of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_unreadable: Option<String>,
     /// Time from the first frame to the last, s.
     pub duration_s: f64,
-    /// What was gathered from the frames, if the scenario has a protocol of its own.
+    /// Data gathered from the frames, if the scenario has a user protocol.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wire: Option<WireImport>,
 }
 
-/// Why a log can't be imported.
+/// Error of an import.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ImportError {
@@ -150,10 +150,8 @@ pub enum ImportError {
     /// The recording can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// SYNC counts samples of CANopen drives alone.
-    #[error(
-        "SYNC counts the samples of CANopen drives alone: give a scenario that has [wire] with `preset = \"cia402\"`"
-    )]
+    /// SYNC can count only samples of CANopen drives.
+    #[error("SYNC can count only samples of CANopen drives; use a scenario that has [wire] with `preset = \"cia402\"`")]
     NoSync,
     /// The scenario has no network or rate.
     #[error(transparent)]
@@ -175,36 +173,37 @@ pub enum ImportError {
     Empty {
         /// Path of the log.
         log: PathBuf,
-        /// The interface that was asked for.
+        /// The requested interface.
         interface: Option<String>,
-        /// Why the first line or object that can't be read can't be.
+        /// Error of the first line or object that can't be read.
         unreadable: Option<String>,
     },
-    /// A frame that was seen before the first, by more than [`DISORDER_NS`].
+    /// A frame is earlier than the first by more than [`DISORDER_NS`].
     #[error("{}: frame {frame} is {early_ns} ns earlier than the first: the log is not in order", log.display())]
     Order {
         /// Path of the log.
         log: PathBuf,
         /// The frame, from 1 on.
         frame: u64,
-        /// How much earlier, ns.
+        /// The time by which the frame is earlier, ns.
         early_ns: u64,
     },
 }
 
-/// How much earlier than the first frame of a log others may be, ns: a program that logs what it sends and what it
-/// receives stamps frames that waited in a queue with when they came. The earliest is the beginning.
+/// Largest time, ns, by which frames may be earlier than the first of a log. A program that logs the frames that it
+/// sends and receives stamps frames that waited in a queue with their arrival time. The earliest frame is the
+/// beginning.
 ///
 /// On a virtual machine a program may be stopped for 150 ms at any time, and its queue waits for as long.
 pub const DISORDER_NS: u64 = 250_000_000;
 
-/// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames go the
-/// way that the log says. Where a scenario says which network was logged, its frames go the way that their senders
-/// have; so do those of the usual identifiers in a log that says nothing, if most of its frames with these identifiers
-/// have the checksum of the protocol. All others count as received by the plant.
+/// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames have the
+/// direction that the log states. With a scenario of the logged network, its frames have the direction of their
+/// senders; so do those of the usual identifiers in a log without directions, if most of its frames with these
+/// identifiers have the checksum of the protocol. All others count as received by the plant.
 ///
-/// With a protocol of the scenario's own the recording has its readings, too. Their first sample is that of their time;
-/// from there on samples are counted as the frames say, and other frames belong to the newest one.
+/// With a user protocol the recording also has readings. Their first sample is that of their time; from there on
+/// samples are counted by the frames, and other frames belong to the newest sample.
 pub struct FrameLog {
     recorder: Recorder,
     channel: Channel,
@@ -221,8 +220,8 @@ pub struct FrameLog {
 }
 
 impl FrameLog {
-    /// Begins the recording `path` of the log `log`, whose earliest frame is `first`; that is still to be written. It
-    /// has its name as `naming` says.
+    /// Begins the recording `path` of the log `log`, whose earliest frame is `first`, which has not been written yet.
+    /// The file gets its name as `naming` says.
     ///
     /// # Errors
     /// [`ImportError`] if the scenario has no network, or the recording can't be begun.
@@ -243,8 +242,9 @@ impl FrameLog {
             None => None,
         };
         let is_known = options.scenario.is_some();
-        // The log is of a plant that need not be the simulated one, so that `rig.converter` says nothing of it. What reads
-        // the recording corrects for the converter that is written there: one that changes nothing if it is not known.
+        // The log is of a plant that need not be the simulated one, so that `rig.converter` does not apply to it.
+        // Readers of the recording correct for the converter that is written there: one that changes nothing if it is
+        // not known.
         let converter = options.scenario.as_ref().and_then(|known| known.network.plant_converter);
         let converter = converter.unwrap_or(Converter::Instant);
         let configuration = match &options.scenario {
@@ -281,7 +281,7 @@ impl FrameLog {
     /// Writes a frame, and returns its time since the beginning, ns.
     ///
     /// # Errors
-    /// [`ImportError::Order`] if it is earlier than that; [`ImportError::Recording`].
+    /// [`ImportError::Order`] if it is too early; [`ImportError::Recording`].
     pub fn push(&mut self, logged: &LoggedFrame) -> Result<u64, ImportError> {
         let time_ns = logged.time_ns.checked_sub(self.first_ns).ok_or_else(|| ImportError::Order {
             log: self.log.clone(),
@@ -295,7 +295,7 @@ impl FrameLog {
         Ok(time_ns)
     }
 
-    /// Writes what was gathered from the frames.
+    /// Writes the data gathered from the frames.
     fn push_gathered(&mut self, is_end: bool) -> Result<(), ImportError> {
         let Some(wire) = &mut self.wire else { return Ok(()) };
         while let Some(record) = wire.next(is_end) {
@@ -304,7 +304,7 @@ impl FrameLog {
         Ok(())
     }
 
-    /// A logged frame as the plant would have recorded it.
+    /// Returns a logged frame as the plant would have recorded it.
     fn record(&mut self, logged: &LoggedFrame, time_ns: u64) -> FrameRecord {
         let frame = logged.frame;
         let of_wire = self.wire.as_mut().map(|wire| wire.add(&frame, time_ns));
@@ -321,8 +321,8 @@ impl FrameLog {
         }
     }
 
-    /// Which way a frame goes: with the scenario of the network as its sender has it; without one as the log has it,
-    /// and if that says nothing, as on a network with the usual identifiers if the log is of one.
+    /// Returns the direction of a frame: with the scenario of the network that of its sender; without one that of the
+    /// log, and if the log has none, that of a network with the usual identifiers if the log is of one.
     fn direction(&self, logged: &LoggedFrame) -> Option<Direction> {
         let by_sender = direction(self.network, &logged.frame);
         match self.is_known {
@@ -331,8 +331,8 @@ impl FrameLog {
         }
     }
 
-    /// Ends the recording, and returns how many frames are in it, and what was gathered from them if the scenario has a
-    /// protocol of its own.
+    /// Ends the recording, and returns how many frames are in it, and the data gathered from them if the scenario has a
+    /// user protocol.
     ///
     /// # Errors
     /// [`ImportError::Recording`].
@@ -343,9 +343,9 @@ impl FrameLog {
     }
 }
 
-/// Writes the frames of a log into a recording, as [`FrameLog`] has them.
+/// Imports a log into a recording, as described at [`FrameLog`].
 ///
-/// The log is read twice, so that none is half imported: first to see that it is one.
+/// The log is read twice, so that none is imported in part: the first pass checks it.
 ///
 /// # Errors
 /// [`ImportError`] if the log can't be read, twice, or has no frames, or the recording can't be written: it must not be
@@ -354,8 +354,8 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
     import_converted(log, (log, format.name()), format, path, options)
 }
 
-/// As [`import`], of a log that was converted from a file of another format: the recording says that it was imported
-/// from `original`, the name of that file and its format.
+/// Works like [`import`], of a log that was converted from a file of another format: the recording says that it was
+/// imported from `original`, the name of that file and its format.
 ///
 /// # Errors
 /// As [`import`].
@@ -405,7 +405,7 @@ pub fn import_converted(
     Ok(imported)
 }
 
-/// Refuses what gives nothing, or waits, when it is read again.
+/// Rejects a file that would be empty, or block, on the second reading.
 fn readable_twice(log: &Path) -> Result<(), ImportError> {
     let found = fs::metadata(log).map_err(|source| CanLogError::Read { path: log.to_path_buf(), source })?;
     if found.is_file() {
@@ -414,15 +414,15 @@ fn readable_twice(log: &Path) -> Result<(), ImportError> {
     Err(ImportError::NotAFile { log: log.to_path_buf(), got: file_kind(found.file_type()) })
 }
 
-/// Results of the first reading of a log, by which the second one imports it.
+/// Results of the first reading of a log, which the second reading uses.
 struct Checked {
-    /// The first frame that is wanted, with the time of the earliest.
+    /// The first wanted frame, with the time of the earliest.
     first: LoggedFrame,
     /// Whether most of the frames with the usual identifiers are of Resonarm's protocol.
     is_usual: bool,
 }
 
-/// Reads the whole log, to see that it can be imported.
+/// Reads the whole log to check that it can be imported.
 fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<Checked, ImportError> {
     let mut first: Option<LoggedFrame> = None;
     let mut earliest_ns = u64::MAX;
@@ -458,8 +458,8 @@ fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<Check
     }
 }
 
-/// Says whether frames are of Resonarm's protocol with the usual identifiers, which other networks use as well: by the
-/// checksums of those that have one.
+/// Decides whether frames are of Resonarm's protocol with the usual identifiers, which other networks use as well, by
+/// the checksums of those that have one.
 struct UsualNetwork {
     receivers: Vec<Receiver>,
     protected: u64,
@@ -493,7 +493,7 @@ impl UsualNetwork {
     }
 }
 
-/// Which way a frame of the network goes.
+/// Returns the direction of a frame of the network.
 fn direction(network: Network, frame: &Frame) -> Option<Direction> {
     match MessageKind::from_id(network, frame.id()).map(MessageKind::sender)? {
         Node::Plant => Some(Direction::Sent),

@@ -1,4 +1,4 @@
-//! A file that is whole under its name, or not there.
+//! Writes a file so that it is either complete under its name, or absent.
 
 use std::fs::{self, File, FileType, OpenOptions, Permissions};
 use std::io::{self, Write};
@@ -9,7 +9,7 @@ use tempfile::TempPath;
 
 use crate::recording::Existing;
 
-/// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and what was there before as it was.
+/// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and an existing file unchanged.
 pub(crate) struct Staged {
     target: PathBuf,
     existing: Existing,
@@ -26,11 +26,11 @@ enum Place {
 }
 
 impl Staged {
-    /// Begins a file that will be `path`, and gives it opened. With [`Existing::Overwrite`] a file that is there stays
-    /// as it is until it is replaced; the new one has its mode and its owner.
+    /// Begins a file that will be `path`, and returns it opened. With [`Existing::Overwrite`] an existing file stays
+    /// unchanged until it is replaced; the new one has its mode and its owner.
     ///
     /// # Errors
-    /// What the system says; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].
+    /// The error of the operating system; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].
     pub fn create(path: &Path, existing: Existing) -> io::Result<(Staged, File)> {
         let mut replaced = None;
         let target = match (existing, fs::metadata(path)) {
@@ -64,7 +64,8 @@ impl Staged {
         Ok((Staged { target, existing, place: Place::Temporary(temporary) }, file))
     }
 
-    /// As [`Staged::create`], of a file that grows under its name where nothing is there, and of pipes and devices.
+    /// Works like [`Staged::create`], for a file that grows under its name where no file exists, and for pipes and
+    /// devices.
     ///
     /// # Errors
     /// As [`Staged::create`].
@@ -80,10 +81,11 @@ impl Staged {
         Ok((Staged { target: path.to_path_buf(), existing, place: Place::Growing(created) }, file))
     }
 
-    /// Gives the file its name, once. What must be whole after a crash of the machine must have been synchronised.
+    /// Gives the file its name, once. Content that must survive a crash of the machine must have been synchronised.
     ///
     /// # Errors
-    /// What the system says; [`io::ErrorKind::AlreadyExists`] if the name was taken meanwhile and must not be.
+    /// The error of the operating system; [`io::ErrorKind::AlreadyExists`] if the name was taken meanwhile and must not
+    /// be.
     pub fn publish(&mut self) -> io::Result<()> {
         if let Place::Temporary(temporary) = core::mem::replace(&mut self.place, Place::Published) {
             match self.existing {
@@ -120,7 +122,7 @@ fn folder_of(path: &Path) -> &Path {
 /// next seconds, they may be lost.
 ///
 /// # Errors
-/// What the system says; an existing file stays as it was.
+/// The error of the operating system; an existing file stays unchanged.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
         return fs::write(path, bytes);
@@ -137,7 +139,7 @@ fn take_mode_and_owner(file: &File, replaced: &fs::Metadata) -> io::Result<()> {
     if (new.uid(), new.gid()) != (user, group) {
         fchown(file, Some(user), Some(group)).map_err(|error| {
             let what = format!(
-                "it belongs to user {user} and group {group}, and a new file can't ({error}): name another file, or remove \
+                "it belongs to user {user} and group {group}, but a new file can't ({error}); name another file, or remove \
                  it first"
             );
             io::Error::new(error.kind(), what)
@@ -148,10 +150,10 @@ fn take_mode_and_owner(file: &File, replaced: &fs::Metadata) -> io::Result<()> {
 }
 
 /// Opens a named pipe for writing, which waits for its reader, and keeps it open. `None` for anything else, also for a
-/// file that is not there. Who writes to the pipe while the returned file is open does not wait any more.
+/// missing file. Other writers to the pipe do not wait while the returned file is open.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the operating system.
 pub fn wait_for_reader(path: &Path) -> io::Result<Option<File>> {
     match fs::metadata(path) {
         Ok(found) if found.file_type().is_fifo() => OpenOptions::new().write(true).open(path).map(Some),
@@ -164,12 +166,12 @@ pub fn same_file(one: &Path, other: &Path) -> bool {
     fs::metadata(one).is_ok_and(|one| is_at(&one, other))
 }
 
-/// Whether `path` leads to this file.
+/// Says whether `path` leads to this file.
 pub(crate) fn is_at(file: &fs::Metadata, path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| (found.dev(), found.ino()) == (file.dev(), file.ino()))
 }
 
-/// Names the kind of a file, with its article, for messages.
+/// Returns the name of a kind of file, with its article, for messages.
 pub(crate) fn file_kind(kind: FileType) -> &'static str {
     match kind {
         kind if kind.is_dir() => "a folder",
@@ -185,7 +187,7 @@ pub(crate) fn file_kind(kind: FileType) -> &'static str {
 mod tests {
     use super::*;
 
-    /// What is in the folder, by name.
+    /// Returns the names in the folder, sorted.
     fn names(folder: &Path) -> Vec<String> {
         let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<_> = names.collect();

@@ -1,15 +1,15 @@
-//! The plant of a recording at its first sample: from the scenario if the recording begins with the run, else from what
-//! [`cut`](crate::cut::cut) has noted.
+//! The plant of a recording at its first sample: from the scenario if the recording begins with the run, else from the
+//! state that [`cut`](crate::cut::cut) has stored.
 
 use crate::recording::{Configuration, Recording, StateRecord};
 use resonarm_bench::plant::Plant;
 
-/// The key of a cut's configuration that holds the plant at its first sample: states, and what converters and
-/// instruments have gathered, as numbers with a space between.
+/// The key of a cut's configuration that holds the plant at its first sample: its states, and the state of converters
+/// and instruments, as numbers with a space between.
 pub const PLANT: &str = "cut.plant";
 
-/// The plant at the first sample of the recording, whose readings continue from there. `None` if it begins in the
-/// middle of a run and does not hold the plant, or its scenario makes none.
+/// Returns the plant at the first sample of the recording, whose readings continue from there. `None` if it begins in
+/// the middle of a run and does not hold the plant, or its scenario has no valid plant.
 pub fn plant(recording: &Recording) -> Option<Plant> {
     let scenario = recording.scenario().ok()?;
     let plant = scenario.plant().ok()?;
@@ -23,8 +23,8 @@ pub fn plant(recording: &Recording) -> Option<Plant> {
     }
 }
 
-/// What is noted of the plant in a cut that begins at sample `first`: the run, simulated again up to there. `None` if
-/// it can't be, or its states are not the recorded ones.
+/// Returns the state of the plant to be stored in a cut that begins at sample `first`: that of the run, re-simulated up
+/// to there. `None` if the run can't be re-simulated, or its states are not the recorded ones.
 pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
     let scenario = recording.scenario().ok()?;
     // The state of an FMU can't be set.
@@ -39,7 +39,7 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
         }
         if record.sample == first {
             let numbers = plant.save();
-            // The shortest digits that give the same bits when they are read again.
+            // The shortest digits that are read back as the same bits.
             return Some(numbers.iter().map(|number| format!("{number:e}")).collect::<Vec<_>>().join(" "));
         }
         // In the order of a run: reading first, then the step. Converters and noise advance with each reading.
@@ -49,14 +49,15 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
     None
 }
 
-/// Whether the states of the plant are the recorded ones, bit for bit; those of devices where they are recorded.
+/// Says whether the states of the plant are bit-identical to the recorded ones; those of devices where they are
+/// recorded.
 pub fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
     let states = plant.states();
     let same = |(state, recorded): (&f64, &f64)| recorded.to_bits() == state.to_bits();
     states.moving().len() == record.states.moving().len() && states.iter().zip(&*record.states).all(same)
 }
 
-/// What a recording says of itself but for the plant at its first sample.
+/// Returns a recording's description of itself, except the plant at the first sample.
 pub(crate) fn without_plant(configuration: &Configuration) -> impl Iterator<Item = (&str, &str)> {
     configuration.iter().filter(|(key, _)| *key != PLANT)
 }

@@ -17,9 +17,9 @@ pub struct RecordingStatistics {
     pub channels: Vec<ChannelStatistics>,
     /// Messages of the network, or of the scenario's own protocol, by name.
     pub messages: BTreeMap<String, u64>,
-    /// Frames of the network that a receiver refuses, by what is wrong with them.
+    /// Frames of the network that a receiver rejects, by kind of fault.
     pub refused_frames: BTreeMap<String, u64>,
-    /// Frames lost on the bus, as the counters of those that came tell.
+    /// Frames lost on the bus, according to the counters of the received ones.
     pub lost_frames: u64,
     /// Frames of other networks and protocols.
     pub foreign_frames: u64,
@@ -27,7 +27,7 @@ pub struct RecordingStatistics {
     pub events: BTreeMap<String, u64>,
 }
 
-/// A channel in numbers, in its unit.
+/// Statistics of a channel, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ChannelStatistics {
     /// Its name, with the unit.
@@ -38,7 +38,7 @@ pub struct ChannelStatistics {
     pub largest: f64,
     /// Arithmetic mean over all samples.
     pub mean: f64,
-    /// The root of the mean square.
+    /// Root mean square.
     pub rms: f64,
 }
 
@@ -68,9 +68,10 @@ pub fn statistics(recording: &Recording) -> Result<RecordingStatistics, Recordin
 
 /// Receivers that judge the frames of a recording.
 enum Listener {
-    /// Of Resonarm's protocol. Each end has counters of its own, and hears the other's frames alone.
+    /// A receiver for each end of Resonarm's protocol. Each end has counters of its own, and hears only the other's
+    /// frames.
     Network([Receiver; 2]),
-    /// Of the scenario's own protocol.
+    /// A decoder of the user protocol.
     Wire(Box<Decoder>),
 }
 
@@ -116,7 +117,7 @@ impl Listener {
     }
 }
 
-/// Names the message and the check that its frame failed, without numbers.
+/// Returns the message and the check that its frame failed, without numbers.
 fn reason(error: &DecodeError) -> String {
     let what = match error {
         DecodeError::Crc { .. } => "checksum",

@@ -115,7 +115,7 @@ impl FromStr for OverrunPolicy {
 
 /// A text that names no [`OverrunPolicy`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("unknown overrun policy `{got}`; it is one of slip, continue, fault, stop")]
+#[error("unknown overrun policy `{got}`; it must be one of slip, continue, fault, stop")]
 pub struct UnknownOverrunPolicy {
     /// Text that names no policy.
     pub got: String,

@@ -266,7 +266,7 @@ fn policies_are_read_and_written_as_text() {
         assert_eq!(serde_json::to_value(policy).unwrap(), *name);
     }
     let error = "skip".parse::<OverrunPolicy>().unwrap_err();
-    insta::assert_snapshot!(error, @"unknown overrun policy `skip`; it is one of slip, continue, fault, stop");
+    insta::assert_snapshot!(error, @"unknown overrun policy `skip`; it must be one of slip, continue, fault, stop");
 }
 
 #[test]

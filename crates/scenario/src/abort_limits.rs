@@ -54,13 +54,11 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
     let rig = &scenario.rig;
     let profile = scenario.network.profile;
     let head_n = rig.head.range.min(FORCE.limit(profile));
-    let expected =
-        "below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read";
+    let expected = "below the range of the impedance head and of the protocol (655.34 in the classic profile), or it is never read";
     refuse_unless("limits.force_n", limits.force_n, expected, |got| got < head_n)?;
     // `limits.acceleration_m_s2` applies to both accelerometers, so the smaller of their ranges decides.
     let range_m_s2 = rig.sensors.b.range.min(rig.sensors.c.range).min(ACCELERATION.limit(profile));
-    let expected =
-        "below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read";
+    let expected = "below the ranges of both accelerometers and of the protocol (1638.35 in the classic profile), or it is never read";
     refuse_unless("limits.acceleration_m_s2", limits.acceleration_m_s2, expected, |got| got < range_m_s2)
 }
 
@@ -109,14 +107,14 @@ fn check_load(limits: &LimitsSpec, amplitude: &Load, is_controlled: bool) -> Res
     // drive.
     let (own, other) = if amplitude.has_torque() { (torques, forces) } else { (forces, torques) };
     for (name, value) in other {
-        refuse_unless(name, value, "left out: the load is of the other kind, forces or torques", |_| false)?;
+        refuse_unless(name, value, "left out, since the load is of the other kind, forces or torques", |_| false)?;
     }
     let [(limit_name, limit), (above_name, above)] = own;
-    let expected = "above the amplitude of the load, or the run ends before that is there";
+    let expected = "above the amplitude of the load, or the run ends before the load reaches it";
     refuse_unless(limit_name, limit, expected, |got| got > peak)?;
     let expected = "below the amplitude of the load, or no axis is ever watched";
     refuse_unless(above_name, above, expected, |got| got < peak)?;
-    let expected = "left out: the harmonics of the force are watched of a [control] with forces only";
+    let expected = "left out, since harmonics of the force are only watched with a [control] with forces";
     refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.has_torque())
 }
 
@@ -148,16 +146,16 @@ mod tests {
         insta::assert_snapshot!(says("stuck_samples = 1", ""), @"limits.stuck_samples is 1: it must be from 2 to 1000000");
         insta::assert_snapshot!(says("clipped_samples = 0", ""), @"limits.clipped_samples is 0: it must be from 1 to 1000000");
         insta::assert_snapshot!(says("stuck_above_n = 3", forces), @"limits.stuck_above_n is 3: it must be left out, or `limits.stuck_samples` stated beside it");
-        insta::assert_snapshot!(says("force_n = 20", forces), @"limits.force_n is 20: it must be above the amplitude of the load, or the run ends before that is there");
-        insta::assert_snapshot!(says("force_n = 200", "[rig.head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read");
-        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.sensors.c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read");
-        insta::assert_snapshot!(says("torque_nm = 30", forces), @"limits.torque_nm is 30: it must be left out: the load is of the other kind, forces or torques");
-        insta::assert_snapshot!(says("force_n = 30", torques), @"limits.force_n is 30: it must be left out: the load is of the other kind, forces or torques");
-        insta::assert_snapshot!(says("torque_nm = 9", torques), @"limits.torque_nm is 9: it must be above the amplitude of the load, or the run ends before that is there");
+        insta::assert_snapshot!(says("force_n = 20", forces), @"limits.force_n is 20: it must be above the amplitude of the load, or the run ends before the load reaches it");
+        insta::assert_snapshot!(says("force_n = 200", "[rig.head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the protocol (655.34 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.sensors.c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the protocol (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("torque_nm = 30", forces), @"limits.torque_nm is 30: it must be left out, since the load is of the other kind, forces or torques");
+        insta::assert_snapshot!(says("force_n = 30", torques), @"limits.force_n is 30: it must be left out, since the load is of the other kind, forces or torques");
+        insta::assert_snapshot!(says("torque_nm = 9", torques), @"limits.torque_nm is 9: it must be above the amplitude of the load, or the run ends before the load reaches it");
         insta::assert_snapshot!(says("stuck_samples = 9\nstuck_above_nm = 10", torques), @"limits.stuck_above_nm is 10: it must be below the amplitude of the load, or no axis is ever watched");
         for rest in [forces, torques] {
             insta::allow_duplicates! {
-                insta::assert_snapshot!(says("distortion = 0.1", rest), @"limits.distortion is 0.1: it must be left out: the harmonics of the force are watched of a [control] with forces only");
+                insta::assert_snapshot!(says("distortion = 0.1", rest), @"limits.distortion is 0.1: it must be left out, since harmonics of the force are only watched with a [control] with forces");
             }
         }
         let m3 = "[rig.sensors.m3]\nat = 'tip.x'\nrange_m_s2 = 100\n[rig.sensors.enc]\nat = 'joint1'\n";

@@ -1,8 +1,8 @@
-//! What a recording states about the run that it holds.
+//! The description of a run in its recording.
 
 use std::collections::BTreeMap;
 
-/// Everything that made the run what it is, as keys and values: scenario, seed, scheme, initial state, protocol hash.
+/// Everything that determines a run, as keys and values: scenario, seed, scheme, initial state, protocol hash.
 ///
 /// It is written before the first record, so that a killed run has it, and once more at the end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -21,12 +21,12 @@ impl Configuration {
         self
     }
 
-    /// The value of `key`, if it is set.
+    /// Returns the value of `key`, if it is set.
     pub fn get(&self, key: &str) -> Option<&str> {
         self.0.get(key).map(String::as_str)
     }
 
-    /// Keys and values, in order of the keys.
+    /// Returns keys and values, in order of the keys.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
         self.0.iter().map(|(key, value)| (key.as_str(), value.as_str()))
     }

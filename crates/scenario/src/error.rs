@@ -28,7 +28,7 @@ pub enum ScenarioError {
         source: std::io::Error,
     },
     /// The load file can't be read.
-    #[error("can't read the load file {}: {source}; `excitation.profile.path` counts from the scenario's folder", path.display())]
+    #[error("can't read the load file {}: {source}; `excitation.profile.path` is relative to the scenario's folder", path.display())]
     ReadLoad {
         /// Path of the load file.
         path: PathBuf,
@@ -52,7 +52,7 @@ pub enum ScenarioError {
         /// Message of the TOML writer.
         reason: String,
     },
-    /// The structure's name can't be shown in a line.
+    /// The structure's name can't be shown in one line.
     #[error("structure.name is {got:?}: it must be 1 to {most} characters, none of them a control character")]
     Name {
         /// Name that was given.
@@ -67,9 +67,9 @@ pub enum ScenarioError {
     #[error(transparent)]
     Control(#[from] ControlError),
     /// The scenario has both an excitation and a control.
-    #[error("the scenario has both [excitation] and [control]: an exciter has one controller; leave one out")]
+    #[error("the scenario has both [excitation] and [control], but an exciter has one controller; leave one out")]
     TwoControllers,
-    /// Sample rate, steps per sample or rig make no plant.
+    /// The sample rate, the steps per sample or the rig make no valid plant.
     #[error("simulation: {0}")]
     Plant(#[from] PlantSpecError),
     /// A fault of the section `[network]` is not valid.
@@ -80,7 +80,7 @@ pub enum ScenarioError {
     Wire(Box<WireError>),
     /// A steered load acts on a degree of freedom that the structure does not have.
     #[error(
-        "the load has `{name}` = {got}: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or \
+        "the load has `{name}` = {got}, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or \
          place the exciter elsewhere", got = short(.got)
     )]
     IdleLoad {
@@ -89,7 +89,7 @@ pub enum ScenarioError {
         /// Amplitude of that load, N or N·m.
         got: f64,
     },
-    /// The section `[structure]` makes no structure, or the rig does not fit it.
+    /// The section `[structure]` describes no valid structure, or the rig does not fit it.
     #[error(transparent)]
     Structure(#[from] StructureSectionError),
     /// The base identifier or the node ids are not valid.
@@ -103,7 +103,7 @@ pub enum ScenarioError {
     },
     /// The bus can't carry the samples.
     #[error(
-        "simulation.rate_hz is {rate_hz}: with heartbeats that is up to {bits_per_second} bit/s, {percent:.1} % of what {} \
+        "simulation.rate_hz is {rate_hz}: frames and heartbeats take up to {bits_per_second} bit/s, {percent:.1} % of {} \
          lower the rate to {most_hz}{}", carried(*.rates), raised(*.enough)
     )]
     Overload {
@@ -140,7 +140,7 @@ pub enum ScenarioError {
         limit_name: &'static str,
         /// The limit, in the same unit.
         limit: f64,
-        /// The unit of both.
+        /// The unit of both values.
         unit: &'static str,
         /// Remedy that the message suggests, in words.
         fix: &'static str,
@@ -187,7 +187,7 @@ pub enum ScenarioError {
     },
     /// The run has more samples than can be counted.
     #[error(
-        "simulation.duration_s is {}, which is {} samples: at most {most} are simulated; leave it out for a run until it is stopped",
+        "simulation.duration_s is {}, which is {} samples: at most {most} can be simulated; leave it out for a run without end",
         short(.duration_s), short(.samples)
     )]
     TooLong {
@@ -198,21 +198,21 @@ pub enum ScenarioError {
         /// Largest number of samples.
         most: u64,
     },
-    /// An exciter was asked for, and the scenario has nothing to play.
+    /// The scenario has nothing for an exciter to play.
     #[error(
         "the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show"
     )]
     NoExcitation,
-    /// The recording's configuration holds no scenario.
+    /// The recording's configuration has no scenario.
     #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
     NotInRecording,
 }
 
 fn carried(BitRates { nominal_hz, data_hz }: BitRates) -> String {
     if nominal_hz == data_hz {
-        format!("network.bit_rate_hz, {nominal_hz}, carries;")
+        format!("network.bit_rate_hz, {nominal_hz};")
     } else {
-        format!("network.bit_rate_hz, {nominal_hz}, and data_bit_rate_hz, {data_hz}, carry;")
+        format!("network.bit_rate_hz, {nominal_hz}, and data_bit_rate_hz, {data_hz};")
     }
 }
 

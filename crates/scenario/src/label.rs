@@ -21,7 +21,7 @@ pub struct Change {
 }
 
 impl fmt::Display for Change {
-    /// `link2.mass_kg = 40 (preset 50.58)`.
+    /// Formats the change as `link2.mass_kg = 40 (preset 50.58)`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = {}", self.name, short(&self.value))?;
         self.preset.map_or(Ok(()), |preset| write!(f, " (preset {})", short(&preset)))
@@ -29,8 +29,8 @@ impl fmt::Display for Change {
 }
 
 impl StructureSection {
-    /// The parameters that are set to other values than those of the preset, or of the structure as it is stated; those
-    /// of angles among them.
+    /// Returns the parameters that are set to other values than those of the preset, or of the structure as it is
+    /// stated; those of angles among them.
     pub fn changes(&self) -> Vec<Change> {
         let plain = StructureSection { set: Default::default(), gravity_m_s2: None, ..self.clone() }.assembly().ok();
         let is_preset = self.kind == StructureKind::Preset;

@@ -1,6 +1,6 @@
-//! A scenario is everything about a run, in one TOML file.
+//! A scenario describes a whole run in one TOML file.
 //!
-//! Every key has a default, so that a scenario states only what it cares about. An unknown key is an error that
+//! Every key has a default, so that a scenario states only the values that differ. An unknown key is an error that
 //! suggests the closest known one. A recording holds the whole scenario with its defaults written out.
 
 extern crate alloc;
@@ -295,8 +295,8 @@ impl Scenario {
         Ok(self.structure.tested(&self.rig)?)
     }
 
-    /// Hands the structure over to the program that runs the scenario, under this name, unless the scenario
-    /// states one itself.
+    /// Leaves the structure to the program that runs the scenario, under this name, unless the scenario states one
+    /// itself.
     pub fn leave_structure_to_program(&mut self, name: Option<String>) {
         if self.states_no_structure() {
             self.structure = StructureSection::own(name);
@@ -480,7 +480,7 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::NoExcitation`] if the scenario has none, [`ScenarioError::Excitation`] if it can't be played,
-    /// [`ScenarioError::BeyondLimit`] if it is more than the exciter can produce or the wire can carry.
+    /// [`ScenarioError::BeyondLimit`] if it is more than the exciter can produce or the protocol can carry.
     pub fn profile(&self) -> Result<Profile, ScenarioError> {
         let spec = self.excitation.as_ref().ok_or(ScenarioError::NoExcitation)?;
         limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile)?;

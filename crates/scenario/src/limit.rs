@@ -59,7 +59,7 @@ struct Axis<'a> {
     unit: &'static str,
 }
 
-/// The scaling of a quantity on the wire, and the name and value of the exciter's limit, N or N·m.
+/// The scaling of a quantity in frames, and the name and value of the exciter's limit, N or N·m.
 type Limit = (Scale, &'static str, f64);
 
 impl Axis<'_> {
@@ -76,8 +76,8 @@ impl Axis<'_> {
         };
         self.check_size(got, sent, limit)?;
         let range = scale.limit(profile);
-        let fix = "lower it, or take `network.profile = \"fd\"`: a command can't say more";
-        if sent > range { Err(self.beyond(got, "the range of the wire", range, fix)) } else { Ok(()) }
+        let fix = "lower it, or use `network.profile = \"fd\"`, since a command can't state more";
+        if sent > range { Err(self.beyond(got, "the range of the protocol", range, fix)) } else { Ok(()) }
     }
 
     /// Checks a part and its size as it is sent against the exciter's limit.

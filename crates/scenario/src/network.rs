@@ -76,7 +76,7 @@ impl Default for NetworkSection {
 }
 
 impl NetworkSection {
-    /// The most samples in a sensor frame.
+    /// Returns the largest number of samples in a sensor frame.
     ///
     /// # Errors
     /// [`ScenarioError::Value`] if it is neither 1 nor 2, or 2 in the classic profile.
@@ -107,7 +107,7 @@ impl Scenario {
         self.network.plant_converter.unwrap_or(Converter::Unknown)
     }
 
-    /// The CAN network.
+    /// Returns the CAN network.
     ///
     /// # Errors
     /// [`ScenarioError::Network`] for an impossible base identifier or impossible node ids.

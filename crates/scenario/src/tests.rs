@@ -74,7 +74,7 @@ fn says_what_is_wrong_with_the_numbers() {
 fn says_what_a_bus_cannot_carry_and_which_rates_are_none() {
     let spec = |text: &str| parse(&format!("[network]\n{text}")).unwrap().timed_bus();
     let says = |text: &str| spec(text).unwrap_err().to_string();
-    insta::assert_snapshot!(says("bit_rate_hz = 500_000"), @"simulation.rate_hz is 1000: with heartbeats that is up to 541570 bit/s, 108.3 % of what network.bit_rate_hz, 500000, carries; lower the rate to 923, or raise network.bit_rate_hz to 541570");
+    insta::assert_snapshot!(says("bit_rate_hz = 500_000"), @"simulation.rate_hz is 1000: frames and heartbeats take up to 541570 bit/s, 108.3 % of network.bit_rate_hz, 500000; lower the rate to 923, or raise network.bit_rate_hz to 541570");
     insta::assert_snapshot!(says("bit_rate_hz = 2_000_000"), @"network.bit_rate_hz is 2000000: it must be from 10000 to 1000000 Hz; `data_bit_rate_hz` is that of FD frames' data");
     insta::assert_snapshot!(says("data_bit_rate_hz = 2_000_000"), @"network.data_bit_rate_hz is 2000000: it must be left out, or stated with `network.bit_rate_hz`, the rate of arbitration");
     insta::assert_snapshot!(says("bit_rate_hz = 1_000_000\ndata_bit_rate_hz = 500_000"), @"network.data_bit_rate_hz is 500000: it must be from `network.bit_rate_hz` to 8000000 Hz");
@@ -82,10 +82,10 @@ fn says_what_a_bus_cannot_carry_and_which_rates_are_none() {
     insta::assert_snapshot!(says("bit_rate_hz = 1_000_000\nbit_error_rate = 0.1"), @"network.bit_error_rate is 0.1: it must be a probability from 0 to 0.01");
     assert_eq!(spec("").unwrap(), None);
     let fd = |text: &str| says(&format!("profile = 'fd'\n{text}\n[simulation]\nrate_hz = 3900"));
-    insta::assert_snapshot!(fd("bit_rate_hz = 1_000_000\ndata_bit_rate_hz = 2_000_000"), @"simulation.rate_hz is 3900: with heartbeats that is up to 2408322 bit/s, 133.0 % of what network.bit_rate_hz, 1000000, and data_bit_rate_hz, 2000000, carry; lower the rate to 2931, or raise network.data_bit_rate_hz to 2880858");
-    insta::assert_snapshot!(fd("bit_rate_hz = 250_000\ndata_bit_rate_hz = 8_000_000"), @"simulation.rate_hz is 3900: with heartbeats that is up to 2408322 bit/s, 127.5 % of what network.bit_rate_hz, 250000, and data_bit_rate_hz, 8000000, carry; lower the rate to 3055, or raise network.bit_rate_hz to 343985");
-    insta::assert_snapshot!(fd("bit_rate_hz = 500_000"), @"simulation.rate_hz is 3900: with heartbeats that is up to 2408322 bit/s, 481.7 % of what network.bit_rate_hz, 500000, carries; lower the rate to 807, or raise network.data_bit_rate_hz to 4335577");
-    insta::assert_snapshot!(says("bit_rate_hz = 1_000_000\n[simulation]\nrate_hz = 2000"), @"simulation.rate_hz is 2000: with heartbeats that is up to 1081570 bit/s, 108.2 % of what network.bit_rate_hz, 1000000, carries; lower the rate to 1848");
+    insta::assert_snapshot!(fd("bit_rate_hz = 1_000_000\ndata_bit_rate_hz = 2_000_000"), @"simulation.rate_hz is 3900: frames and heartbeats take up to 2408322 bit/s, 133.0 % of network.bit_rate_hz, 1000000, and data_bit_rate_hz, 2000000; lower the rate to 2931, or raise network.data_bit_rate_hz to 2880858");
+    insta::assert_snapshot!(fd("bit_rate_hz = 250_000\ndata_bit_rate_hz = 8_000_000"), @"simulation.rate_hz is 3900: frames and heartbeats take up to 2408322 bit/s, 127.5 % of network.bit_rate_hz, 250000, and data_bit_rate_hz, 8000000; lower the rate to 3055, or raise network.bit_rate_hz to 343985");
+    insta::assert_snapshot!(fd("bit_rate_hz = 500_000"), @"simulation.rate_hz is 3900: frames and heartbeats take up to 2408322 bit/s, 481.7 % of network.bit_rate_hz, 500000; lower the rate to 807, or raise network.data_bit_rate_hz to 4335577");
+    insta::assert_snapshot!(says("bit_rate_hz = 1_000_000\n[simulation]\nrate_hz = 2000"), @"simulation.rate_hz is 2000: frames and heartbeats take up to 1081570 bit/s, 108.2 % of network.bit_rate_hz, 1000000; lower the rate to 1848");
     // What the message says is right, and no more than that fits.
     let at = |rate_hz: u32, bit_rate_hz: u32| {
         let text = format!("simulation.rate_hz = {rate_hz}\nnetwork.bit_rate_hz = {bit_rate_hz}");
@@ -130,7 +130,7 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
     let says = |rig: &str, amplitude: &str| plays(rig, amplitude).unwrap_err().to_string();
     insta::assert_snapshot!(says("rig.exciter.force_limit_n = 10", "exciter_x = 20"), @"excitation.amplitude.exciter_x is 20, beyond rig.exciter.force_limit_n, 10 N: lower it, or raise the limit if the exciter has more");
     insta::assert_snapshot!(says("", "joint2 = -1600.1"), @"excitation.amplitude.joint2 is -1600.1, beyond rig.exciter.torque_limit_nm, 1600 N·m: lower it, or raise the limit if the exciter has more");
-    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "exciter_y = 700"), @r#"excitation.amplitude.exciter_y is 700, beyond the range of the wire, 655.34 N: lower it, or take `network.profile = "fd"`: a command can't say more"#);
+    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "exciter_y = 700"), @r#"excitation.amplitude.exciter_y is 700, beyond the range of the protocol, 655.34 N: lower it, or use `network.profile = "fd"`, since a command can't state more"#);
     // 9.991 N is sent as 10 N, which the exciter can't produce.
     assert!(plays("rig.exciter.force_limit_n = 9.995", "exciter_x = 9.991").is_err());
     assert!(plays("rig.exciter.force_limit_n = 10", "exciter_x = 10").is_ok());

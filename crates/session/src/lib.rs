@@ -1,4 +1,4 @@
-//! Runs: both ends of the bench on a bus, in real time, in lockstep or free; replay of recordings, and identification
+//! Runs of both ends of the bench on a bus, in real time, in lockstep or free; replay of recordings and identification
 //! from them; experiments and studies.
 
 extern crate alloc;

@@ -85,10 +85,10 @@ struct Configuration {
 struct Compared {
     #[serde(flatten)]
     point: MeasuredPoint,
-    /// Measured over computed, less 1.
+    /// Measured over computed frequency, less 1.
     frequency_deviation: f64,
     amplitude_deviation: f64,
-    /// Measured less computed phase.
+    /// Measured less computed phase, degrees.
     phase_deviation_deg: Option<f64>,
     computed_stable: Option<bool>,
 }
@@ -102,7 +102,7 @@ struct Document<'a> {
     /// The unit of its displacement.
     #[serde(skip)]
     unit: &'static str,
-    /// The load of the computed branch: the mean of what acted.
+    /// The load of the computed branch: the mean of the loads that acted.
     load: String,
     points: Vec<Compared>,
     /// The largest deviations of settled points without clipped readings; none if there are no such points.
@@ -146,7 +146,7 @@ impl Compare {
         Ok(whole)
     }
 
-    /// The points of a document with their structure and its loads.
+    /// Reads the points of a document, with their structure and its loads.
     fn read(&self) -> Result<Measured, Failure> {
         let name = self.file.display();
         let read = if self.file.as_os_str() == "-" {
@@ -169,21 +169,23 @@ impl Compare {
         let tested = scenario.under_test()?;
         let drive = Drive::of_document(&drive, &tested.assembly)?;
         if drive.loads.is_empty() || !drive.size().is_finite() || drive.size() == 0.0 {
-            return Err(Failure::usage(format!("{name}: the drive in its configuration is zero")));
+            return Err(Failure::usage(format!(
+                "{name}: the load in its configuration is zero, expected a load to compute the branch at"
+            )));
         }
         configuration["drive"] = drive.document();
         Ok(Measured { configuration, scenario, tested, drive, points })
     }
 
-    /// Refuses points that can't be compared.
+    /// Rejects points that can't be compared.
     fn check(&self, points: &[MeasuredPoint], tested: &TestedAssembly) -> Result<(), Failure> {
         let usage = |problem: String| Err(Failure::usage(format!("{}: {problem}", self.file.display())));
         if points.is_empty() {
-            return usage(String::from("it has no points"));
+            return usage(String::from("it has no points to compare"));
         }
         let is_positive = |value: f64| value.is_finite() && value > 0.0;
         if let Some(at) = points.iter().position(|point| !is_positive(point.frequency_hz)) {
-            return usage(format!("point {at} has no positive frequency"));
+            return usage(format!("the frequency of point {at} must be positive"));
         }
         // A reading below the resolution of an instrument is zero.
         let is_amplitude = |value: f64| value.is_finite() && value >= 0.0;
@@ -191,7 +193,7 @@ impl Compare {
             !point.readings.is_empty() && point.readings.values().all(|reading| is_amplitude(reading.amplitude))
         };
         if let Some(at) = points.iter().position(|point| !amplitudes(point)) {
-            return usage(format!("point {at} has no readings, or one with a negative amplitude"));
+            return usage(format!("point {at} must have readings, with amplitudes of 0 or more"));
         }
         for (at, point) in points.iter().enumerate() {
             for (name, reading) in &point.readings {
@@ -200,14 +202,17 @@ impl Compare {
                 if let (Some(unit), Ok(expected)) = (&reading.unit, expected)
                     && unit != expected
                 {
-                    return usage(format!("point {at}: the reading at {name} is in {unit}: give it in {expected}"));
+                    return usage(format!("point {at}: the reading at {name} is in {unit}, expected {expected}"));
                 }
             }
         }
         match &self.at {
             Some(dof) if points.iter().all(|point| point.amplitude(dof).is_none()) => {
                 let known: Vec<&str> = points[0].readings.keys().map(String::as_str).collect();
-                usage(format!("--at {dof}: its points were measured at {}: name one of these", known.join(", ")))
+                usage(format!(
+                    "--at {dof}: the points were measured at other degrees of freedom; choose one of {}",
+                    known.join(", ")
+                ))
             }
             _ => Ok(()),
         }
@@ -216,15 +221,15 @@ impl Compare {
     fn not_on_one_branch(&self, points: &[MeasuredPoint]) -> Failure {
         let [least, most] = load_range(points);
         Failure::usage(format!(
-            "{}: its points are of loads from {least:.4} to {most:.4}: they are not on a single branch, of loads that differ by \
-             at most {} %; a backbone is drawn by `resonarm backbone`",
+            "{}: its points have loads from {least:.4} to {most:.4}, but loads on a single branch differ by \
+             at most {} %; use points at one load, or draw a backbone by `resonarm backbone`",
             self.file.display(),
             short(&(100.0 * SAME_LOAD)),
         ))
     }
 }
 
-/// The preset and the angles that a document states, `irb1600-fitted at 0°, 60°`.
+/// Names the preset and the angles that a document states, as `irb1600-fitted at 0°, 60°`.
 fn preset_name(structure: &Value) -> Option<String> {
     let (preset, angles) = (structure["preset"].as_str()?, structure["angles_deg"].as_array()?);
     let angles: Vec<String> = angles.iter().filter_map(Value::as_f64).map(captions::degrees).collect();

@@ -12,28 +12,28 @@ use resonarm::plant::TestedAssembly;
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
-/// Which recordings can be compared.
+/// The advice on recordings that can be compared.
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
                    `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording";
 
-/// The responses in a recording, with its scenario, and whether the recording is whole.
+/// Reads the responses in a recording, with its scenario, and whether the recording is whole.
 pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Verdict), Failure> {
     let recording = recordings::open(file)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let name = file.display();
     let none = |why: &str| Failure::usage(format!("{name} holds no responses: {why}; {HOW}"));
     if scenario.excitation.is_none() && scenario.control.is_none() {
-        return Err(none("its scenario does not say what the exciter played"));
+        return Err(none("its scenario does not state what the exciter played"));
     }
     let responses = replay::responses(&recording)?;
     if responses.is_empty() {
-        return Err(none("none was read before its end"));
+        return Err(none("no response was read before its end"));
     }
     Ok((scenario, responses, recordings::verdict(&recording)))
 }
 
-/// The points of a recording with the load that acted: in open loop a shaker's force on the structure is not the
-/// commanded one.
+/// Returns the points of a recording with the load that acted: in open loop a shaker's force on the structure is not
+/// the commanded one.
 pub(super) fn measured(
     file: &Path,
     (scenario, tested): (&Scenario, &TestedAssembly),
@@ -47,7 +47,7 @@ pub(super) fn measured(
     // Without an amplitude all loads are 0, which drives nothing and is rejected in the next statement.
     let amplitude = scenario.amplitude().copied().unwrap_or_default();
     let drive = Drive::of_exciter(&amplitude, tested).ok_or_else(|| {
-        Failure::usage(format!("{}: the load of its scenario drives nothing of the structure", file.display()))
+        Failure::usage(format!("{}: the load of its scenario acts at no point of the structure", file.display()))
     })?;
     Ok((drive, measured_points::points(tested, &acted)))
 }

@@ -107,20 +107,20 @@ pub(crate) struct Conformance {
     overwrite: OverwriteFlag,
 }
 
-/// The modes of a node on a bus.
+/// The modes in which a node on a bus can be tested.
 const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
 
-/// Refuses a force that the profile can't carry.
+/// Rejects a force that the profile can't carry.
 fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(), Failure> {
     let command = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
     let (Some(force_n), profile) = (force_n, network.profile()) else { return Ok(()) };
     match command(force_n).check(network) {
         // The encoder itself is asked, so that the limit is that of the frames and stated in one place only.
         Err(EncodeError::OutOfRange { limit, .. }) => {
-            let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
+            let more = if profile == Profile::Classic { "; use --profile fd, which carries more" } else { "" };
             let (force_n, limit) = (short(&force_n), short(&limit));
             Err(Failure::usage(format!(
-                "{flag} is {force_n} N, and commands of the {profile} profile go to ±{limit} N{more}"
+                "{flag} is {force_n} N, but commands of the {profile} profile reach only ±{limit} N{more}"
             )))
         }
         _ => Ok(()),
@@ -142,7 +142,7 @@ impl Conformance {
         }
     }
 
-    /// The cases of Resonarm's protocol.
+    /// Runs the cases of Resonarm's protocol.
     fn on_network(&self) -> Result<Verdict, Failure> {
         let address = self.bus.parse()?;
         let network = self.network.network()?;
@@ -152,7 +152,7 @@ impl Conformance {
         self.report_on(&address, &cases, (&configuration, &REQUIREMENTS), run)
     }
 
-    /// The cases of the scenario's own protocol.
+    /// Runs the cases of the scenario's user protocol.
     fn on_wire(&self, path: &Path) -> Result<Verdict, Failure> {
         let address = self.bus.parse()?;
         let settings = self.settings(None)?;
@@ -199,7 +199,7 @@ impl Conformance {
         Ok(Verdict::of(document.is_positive()))
     }
 
-    /// The results of the cases, and the error if the bus was lost: the cases after that are not run.
+    /// Runs the cases and returns their results, and the error if the bus was lost: the cases after that are not run.
     fn rows<S>(
         &self,
         cases: &[Case<S>],
@@ -242,7 +242,7 @@ impl Conformance {
         self.json.show(document, || document.summary(), &[])
     }
 
-    /// The settings, checked; on Resonarm's protocol for what its frames carry.
+    /// Checks and returns the settings; on Resonarm's protocol also against the range of its frames.
     fn settings(&self, network: Option<Network>) -> Result<Settings, Failure> {
         self.check_forces(network)?;
         let ns = |flag, given_s| {
@@ -263,7 +263,7 @@ impl Conformance {
         })
     }
 
-    /// Refuses forces that are invalid, beyond the profile's range, or not used for the role.
+    /// Rejects forces that are invalid, beyond the profile's range, or not used for the role.
     fn check_forces(&self, network: Option<Network>) -> Result<(), Failure> {
         let [force, beyond, beyond_travel] = [
             ("--force-n", Some(self.force_n)),
@@ -301,7 +301,7 @@ impl Conformance {
         for (flag, given) in [beyond, beyond_travel] {
             if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
                 return Err(Failure::usage(format!(
-                    "{flag} is {beyond_n} N, and --force-n {force_n} N: it must be larger"
+                    "{flag} is {beyond_n} N, but it must be larger than --force-n, {force_n} N"
                 )));
             }
         }
@@ -311,7 +311,7 @@ impl Conformance {
     fn sine(&self) -> Result<Option<ExpectedSine>, Failure> {
         let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
             (Some(_), Some(_)) => {
-                let both = "--expect-force-n and --expect-torque-nm exclude each other: a command is one of them";
+                let both = "--expect-force-n and --expect-torque-nm exclude each other, since a command is a force or a torque: give one of them";
                 return Err(Failure::usage(both));
             }
             (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
@@ -321,28 +321,28 @@ impl Conformance {
             (None, None) => Ok(None),
             (Some(frequency_hz), Some(amplitude)) => Ok(Some(ExpectedSine { frequency_hz, amplitude })),
             _ => {
-                let half = "a sine is expected by its frequency and its amplitude: --expect-frequency-hz with \
+                let half = "an expected sine needs its frequency and its amplitude: give --expect-frequency-hz with \
                             --expect-force-n or --expect-torque-nm";
                 Err(Failure::usage(half))
             }
         }
     }
 
-    /// The cases that --case selects; all of them without it.
+    /// Returns the cases that --case selects; without it all cases.
     fn chosen<S>(&self, all: impl IntoIterator<Item = Case<S>>) -> Result<Vec<Case<S>>, Failure> {
         let all: Vec<Case<S>> = all.into_iter().collect();
         let begins = |case: &Case<S>, wanted: &String| case.id.starts_with(wanted.as_str());
         // A name that selects no case is an error. In CI a misspelt name would otherwise test nothing and pass.
         if let Some(unknown) = self.cases.iter().find(|wanted| !all.iter().any(|case| begins(case, wanted))) {
             let names = all.iter().map(|case| case.id).collect::<Vec<_>>().join(", ");
-            return Err(Failure::usage(format!("there is no case {unknown:?}, only {names}")));
+            return Err(Failure::usage(format!("unknown case {unknown:?}, expected one of {names}")));
         }
         let is_wanted = |case: &Case<S>| self.cases.is_empty() || self.cases.iter().any(|wanted| begins(case, wanted));
         Ok(all.into_iter().filter(is_wanted).collect())
     }
 }
 
-/// Why the scenario's protocol has no cases.
+/// Says why the cases can't be run on the scenario's user protocol.
 fn refusal(error: UserWireError) -> Failure {
     match error {
         UserWireError::Run(error) => error.into(),

@@ -1,4 +1,4 @@
-//! The report: text, JSON, JUnit XML.
+//! The report of `conformance` as text, JSON and JUnit XML.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ pub(super) struct Row {
     heard: BTreeMap<String, u64>,
     /// Frames refused, by message and reason.
     refused: Vec<RefusedRow>,
-    /// Frames with identifiers that the network doesn't have.
+    /// Frames with identifiers of no message of the network.
     others: BTreeMap<String, u64>,
 }
 
@@ -40,9 +40,9 @@ struct RefusedRow {
     reason: String,
     /// The first of them, as candump writes it.
     frame: String,
-    /// The same with the correct CRC, if its CRC was wrong.
+    /// The first frame with the correct CRC, if its CRC was wrong.
     expected_frame: Option<String>,
-    /// The whole row, for people.
+    /// The whole row in words.
     #[serde(skip)]
     text: String,
 }
@@ -83,7 +83,7 @@ fn refused(traffic: &Traffic) -> Vec<RefusedRow> {
     own.chain(traffic.user_refused.iter().map(RefusedRow::of_user)).collect()
 }
 
-/// The verdict on a case that was not begun.
+/// The verdict on a case that was not started.
 const NOT_RUN: &str = "not run";
 
 impl Row {
@@ -113,7 +113,7 @@ impl Row {
         }
     }
 
-    /// A case after the bus was lost.
+    /// Returns the row of a case after the bus was lost.
     pub fn not_run<S>(case: &Case<S>) -> Row {
         Row {
             case: case.id,
@@ -177,7 +177,7 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
     counts.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
 }
 
-/// Escapes text for an attribute of XML, which has no control characters.
+/// Escapes text for an attribute of XML, which can hold no control characters.
 fn escaped(text: &str) -> String {
     // The ampersand comes first: it would otherwise escape the other escapes again.
     output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -199,7 +199,7 @@ pub(super) struct Document {
     untested: Vec<Untested>,
 }
 
-/// The ranges of the commands by their names, smallest and largest; none where there were none.
+/// Returns the smallest and the largest value of each command, by its name; none where it was not received.
 fn ranges(commands: &Commands) -> BTreeMap<&'static str, Option<[f64; 2]>> {
     let Commands { force_x_n, force_y_n, torque1_nm, torque2_nm, force_n, .. } = *commands;
     let all =
@@ -218,7 +218,7 @@ struct Untested {
 }
 
 impl Document {
-    /// The report on a node, of which these are all demands.
+    /// Makes the report on a node; `requirements` are all demands on it.
     pub fn new(
         (tested, requirements): (Node, &[Requirement]),
         cases: Vec<Row>,
@@ -244,7 +244,7 @@ impl Document {
         }
     }
 
-    /// Whether every case that could be run was passed: an empty bus passes none.
+    /// Says whether every case that could be run was passed: an empty bus passes none.
     pub fn is_positive(&self) -> bool {
         // A skipped case says nothing about the node: it needs a setting or a situation that this run did not have.
         self.failed + self.inconclusive + self.not_run == 0

@@ -1,4 +1,4 @@
-//! `resonarm doctor`: what this machine supports.
+//! `resonarm doctor`: the abilities of this machine, and how to add those that are missing.
 
 mod queues;
 mod reception;
@@ -34,7 +34,7 @@ impl Doctor {
     }
 }
 
-/// The findings for people, with the fixes.
+/// Lists the findings for people, with the fixes.
 pub(crate) fn in_words(findings: &[Finding]) -> String {
     let mut text = String::new();
     for Finding { subject, state, fix } in findings {
@@ -50,7 +50,7 @@ pub(crate) fn in_words(findings: &[Finding]) -> String {
 fn can() -> Finding {
     let subject = "SocketCAN";
     match socketcan::supported() {
-        Ok(()) => Finding { subject, state: String::from("the kernel has it"), fix: None },
+        Ok(()) => Finding { subject, state: String::from("supported by the kernel"), fix: None },
         Err(error) => Finding { subject, state: String::from("not available"), fix: Some(error.to_string()) },
     }
 }

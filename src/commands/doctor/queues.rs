@@ -1,4 +1,4 @@
-//! The queues between a program and the wire.
+//! The queues between a program and the bus.
 
 use std::fs;
 use std::process::Command;
@@ -12,7 +12,7 @@ use resonarm::realtime::Finding;
 const TRANSMIT_QUEUE: u32 = 100;
 /// Packets queued by the kernel until a core processes them: the kernel's default.
 const BACKLOG: usize = 1000;
-/// Disciplines that send frames in order and drop none without an error.
+/// Queue disciplines that send frames in order and drop none without an error.
 const IN_ORDER: [&str; 5] = ["pfifo_fast", "pfifo", "bfifo", "noqueue", "netem"];
 
 /// An interface in the output of `ip -json link show`.
@@ -26,7 +26,7 @@ struct Link {
     link_type: String,
 }
 
-/// The transmit queue of each CAN interface, and the kernel's limits.
+/// Reports the transmit queue of each CAN interface, and the kernel's limits.
 pub(super) fn findings() -> Vec<Finding> {
     let wanted = socketcan::Options::default();
     let limits = [
@@ -56,10 +56,10 @@ fn transmit_queue(link: &Link) -> Finding {
         None
     } else if !IN_ORDER.contains(&qdisc.as_str()) && qdisc != "noop" {
         Some(format!(
-            "{qdisc} may reorder frames or drop them unseen: `sudo tc qdisc replace dev {ifname} root pfifo_fast`"
+            "{qdisc} may reorder frames, or drop them without an error: `sudo tc qdisc replace dev {ifname} root pfifo_fast`"
         ))
     } else if *txqlen < TRANSMIT_QUEUE {
-        Some(format!("a burst finds it full: `sudo ip link set {ifname} txqueuelen 1000`"))
+        Some(format!("too short for a burst of frames: `sudo ip link set {ifname} txqueuelen 1000`"))
     } else {
         None
     };
@@ -68,7 +68,7 @@ fn transmit_queue(link: &Link) -> Finding {
     Finding { subject: "transmit queue", state, fix }
 }
 
-/// A limit of the kernel; `None` where it is not visible, as in most containers.
+/// Reports a limit of the kernel; `None` where it is not visible, as in most containers.
 fn limit(subject: &'static str, name: &str, least: usize, unit: &str) -> Option<Finding> {
     let text = fs::read_to_string(format!("/proc/sys/net/core/{name}")).ok()?;
     Some(judge(subject, name, text.trim().parse().ok()?, least, unit))
@@ -100,8 +100,8 @@ mod tests {
         let links: Vec<Link> = serde_json::from_str(json).unwrap();
         let found: Vec<String> = links.iter().skip(1).map(|link| text(&transmit_queue(link))).collect();
         insta::assert_snapshot!(found.join("\n"), @r"
-        can0: 10 frames, pfifo_fast | a burst finds it full: `sudo ip link set can0 txqueuelen 1000`
-        can1: 1000 frames, fq_codel | fq_codel may reorder frames or drop them unseen: `sudo tc qdisc replace dev can1 root pfifo_fast`
+        can0: 10 frames, pfifo_fast | too short for a burst of frames: `sudo ip link set can0 txqueuelen 1000`
+        can1: 1000 frames, fq_codel | fq_codel may reorder frames, or drop them without an error: `sudo tc qdisc replace dev can1 root pfifo_fast`
         can2: 1000 frames, pfifo_fast | ok
         vcan0: none | ok
         ");

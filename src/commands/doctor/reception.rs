@@ -1,4 +1,4 @@
-//! Whether the frames of an interface reach the programs in the order of their arrival.
+//! Checks whether the frames of an interface reach the programs in the order of their arrival.
 //!
 //! A driver without NAPI hands each frame to the core that takes the interrupt (`netif_rx`). Where interrupts go to
 //! several cores, the frames of a burst may overtake one another: `gs_usb` did so before Linux 6.6 (Linux commit "can:
@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 use resonarm::bus::socketcan;
 use resonarm::realtime::Finding;
 
-/// The order of reception of each CAN interface with hardware.
+/// Reports the order of reception of each CAN interface with hardware.
 pub(super) fn findings() -> Vec<Finding> {
     let names = socketcan::interfaces().unwrap_or_default();
     names.iter().filter_map(|name| finding(Path::new("/"), name)).collect()
 }
 
-/// `None` for an interface without a device, such as vcan, which has no interrupts.
+/// Reports on an interface; `None` for one without a device, such as vcan, which has no interrupts.
 fn finding(root: &Path, name: &str) -> Option<Finding> {
     let subject = "order of reception";
     let device = fs::canonicalize(root.join("sys/class/net").join(name).join("device")).ok()?;
@@ -40,7 +40,7 @@ fn finding(root: &Path, name: &str) -> Option<Finding> {
     Some(Finding { subject, state, fix })
 }
 
-/// The interrupt of the device, or of the controller that it is plugged into.
+/// Returns the interrupt of the device, or of the controller that it is plugged into.
 fn interrupt(device: &Path) -> Option<u32> {
     let numbers = device.ancestors().map(|folder: &Path| -> PathBuf { folder.join("irq") });
     let read = |path: PathBuf| fs::read_to_string(path).ok()?.trim().parse::<u32>().ok();
@@ -55,7 +55,7 @@ mod tests {
 
     use super::*;
 
-    /// The finding on a USB adapter as the kernel shows it: the interrupt is that of the controller above it.
+    /// Returns the finding on a USB adapter as the kernel shows it: the interrupt is that of the controller above it.
     fn in_words(cores: &str) -> String {
         let root = tempfile::tempdir().unwrap();
         let root = root.path();
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn an_adapter_whose_frames_may_overtake_is_reported_with_the_fix() {
-        insta::assert_snapshot!(in_words("0-3\n"), @"can0: gs_usb, interrupt 27 on cores 0-3 | a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core takes them in: `echo 0 | sudo tee /proc/irq/27/smp_affinity_list`");
+        insta::assert_snapshot!(in_words("0-3\n"), @"can0: gs_usb, interrupt 27 on cores 0-3 | a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core handles the interrupt: `echo 0 | sudo tee /proc/irq/27/smp_affinity_list`");
         insta::assert_snapshot!(in_words("2\n"), @"can0: gs_usb, interrupt 27 on cores 2 | ok");
     }
 

@@ -34,7 +34,7 @@ pub(crate) struct Fig9 {
     /// Force in the first zone, N.
     #[arg(long, value_name = "N", default_value_t = 100.0)]
     first_force_n: f64,
-    /// Force in the second zone, N: above about 16 N accelerations exceed the range of the wire, 1638 m/s².
+    /// Force in the second zone, N: above about 16 N accelerations exceed the range of the protocol, 1638 m/s².
     #[arg(long, value_name = "N", default_value_t = 15.0)]
     second_force_n: f64,
     /// Lowest frequency, Hz. The zones meet halfway between the natural frequencies.
@@ -58,7 +58,7 @@ pub(crate) struct Fig9 {
     json: JsonFlag,
 }
 
-/// Most steps of a stepped sine, in addition to those of the walk.
+/// The largest number of steps of a stepped sine, in addition to those of the walk.
 const MOST_STEPS: f64 = 1e4;
 const BACKBONE_POINTS: usize = 10;
 
@@ -76,7 +76,7 @@ struct Document<'a> {
 #[derive(Serialize)]
 struct ZoneDocument<'a> {
     mode_number: u8,
-    /// The load by degree of freedom, N.
+    /// The loads by the degrees of freedom, N.
     drive: Value,
     #[serde(skip)]
     force_n: f64,
@@ -147,19 +147,19 @@ impl Fig9 {
         self.json.show(&document, || text(&document), &files)?;
         if interrupted {
             tracing::error!(
-                "interrupted: zones whose runs have not all finished are not judged; the same command begins from the start"
+                "interrupted: zones with unfinished runs are not compared with the computed response; the same command begins from the start"
             );
         }
         Ok(Verdict::of(document.zones.iter().flat_map(ZoneDocument::runs).all(|(_, run)| run.end.is_finished())))
     }
 
-    /// The two zones, which meet halfway between the natural frequencies.
+    /// Returns the two zones, which meet halfway between the natural frequencies.
     fn zones(&self, tested: &TestedAssembly) -> Result<[Zone; 2], Failure> {
         let modes = tested.assembly.modes();
         let [first, second, ..] = modes else {
             let count = modes.len();
             return Err(Failure::usage(format!(
-                "the structure has {count} mode: the experiment goes through the resonances of two"
+                "the structure has {count} mode, but the experiment passes through the resonances of two"
             )));
         };
         let (first_hz, second_hz) = (first.frequency_hz, second.frequency_hz);
@@ -179,7 +179,7 @@ impl Fig9 {
         }
         if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
             let (from_hz, to_hz) = (short(&self.from_hz), short(&self.to_hz));
-            let why = format!("it must be positive, and {from_hz} to {to_hz} Hz at most {MOST_STEPS} of it");
+            let why = format!("it must be positive, with at most {MOST_STEPS} steps from {from_hz} to {to_hz} Hz");
             return Err(Failure::value("--step-hz", self.step_hz, why));
         }
         let zone = |mode_number, force_x_n, range_hz| Zone {
@@ -198,7 +198,7 @@ impl Fig9 {
     }
 }
 
-/// All runs, with one progress bar over them.
+/// Makes all runs, with one progress bar for them together.
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
     let (experiment, scenario) = (Arc::new(experiment), scenario.clone());
     let watched = Arc::clone(&experiment);
@@ -228,7 +228,7 @@ impl Run {
         self.points.iter().filter(|point| point.settled).count()
     }
 
-    /// The largest distortion of the force; none without a point.
+    /// Returns the largest distortion of the force; `None` without a point.
     fn distortion(&self) -> Option<f64> {
         self.points.iter().filter_map(|point| point.distortion).reduce(f64::max)
     }
@@ -295,7 +295,7 @@ fn text(document: &Document) -> String {
             &zone
                 .computed
                 .as_ref()
-                .map_or_else(|| String::from("  not judged: not all of its runs have finished\n"), Computed::text),
+                .map_or_else(|| String::from("  not compared: not all of its runs have finished\n"), Computed::text),
         );
     }
     let minutes = document.simulated_s / 60.0;

@@ -1,4 +1,4 @@
-//! `resonarm experiment`: whole experiments in one process, through the encoder and decoder of the wire.
+//! `resonarm experiment`: whole experiments in one process, through the encoder and decoder of the protocol.
 
 pub(crate) mod fig9;
 mod walk;

@@ -37,7 +37,7 @@ Examples:
 In JSON and CSV every point has its readings by degree of freedom: amplitude and phase of the fundamental of the
 displacement, as the accelerometers read it.";
 
-/// The name by which --drive means the direction of the scenario's shaker.
+/// The value of --drive that stands for the direction of the scenario's shaker.
 const SHAKER: &str = "shaker";
 
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
@@ -79,7 +79,7 @@ struct Document<'a> {
     configuration: Value,
     coordinates: Value,
     points: &'a [MeasuredPoint],
-    /// Against the computed branch; none at a load that grows, or if no point has settled.
+    /// The deviations from the computed branch; none at a load that grows, or if no point has settled.
     score: Option<Score>,
     #[serde(flatten)]
     end: &'a ExciterEnd,
@@ -88,7 +88,7 @@ struct Document<'a> {
 }
 
 impl WalkExperiment {
-    /// The scenario of the flags, with the walk in it.
+    /// Returns the scenario of the flags, with the walk in it.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.session.scenario_or(|| Ok(Scenario::default()))?;
         let tested = scenario.under_test()?;
@@ -117,7 +117,7 @@ impl WalkExperiment {
         self.conclude(&scenario, &end, report, wall_s)
     }
 
-    /// The walk of the flags, or of the scenario, or the default.
+    /// Returns the walk of the flags, of the scenario, or the default, in this order.
     fn spec(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<PhaseWalkSpec, Failure> {
         let of_scenario = match &scenario.control {
             Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
@@ -138,7 +138,7 @@ impl WalkExperiment {
         Ok(spec)
     }
 
-    /// The load of the flags, or that of the scenario's control or excitation.
+    /// Returns the load of the flags, or that of the scenario's control or excitation.
     fn amplitude(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Load, Failure> {
         if self.drive.is_empty() {
             let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
@@ -218,7 +218,7 @@ impl WalkExperiment {
     }
 }
 
-/// The load of one flag at a degree of freedom that the exciter drives.
+/// Returns the load of one flag, at a degree of freedom that the exciter drives.
 fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Result<Load, Failure> {
     let wanted = dof("--drive", name, &tested.assembly)?;
     let amplitude = amplitude.ok_or_else(|| lacks_amplitude(name, wanted))?;
@@ -226,7 +226,7 @@ fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Resu
     let Some(place) = loaded.iter().position(|dof| *dof == Some(wanted)) else {
         let known: Vec<String> = loaded.iter().flatten().map(|dof| tested.dof_name(*dof)).collect();
         return Err(Failure::usage(format!(
-            "--drive {name}: the exciter of the scenario acts on {}: name one of these, or place it by `rig.exciter.at`",
+            "--drive {name}: the exciter of the scenario acts on {}; choose one of these, or place the exciter there by `rig.exciter.at`",
             known.join(", ")
         )));
     };
@@ -235,11 +235,11 @@ fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Resu
     Ok(Load::from_parts(&parts))
 }
 
-/// A force along the scenario's shaker; components due to rounding of its direction are 0.
+/// Returns a force along the scenario's shaker; components due to rounding of its direction are 0.
 fn along(shaker: Option<&ShakerSpec>, force_n: f64) -> Result<Load, Failure> {
     let Some(shaker) = shaker else {
         return Err(Failure::usage(format!(
-            "--drive shaker={} acts along a shaker, and the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x",
+            "--drive shaker={} acts along a shaker, but the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x",
             short(&force_n)
         )));
     };

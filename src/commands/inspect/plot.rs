@@ -5,7 +5,7 @@ use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
 use resonarm::structure::{Channel, Kind, Quantity};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 
-/// Spans of time; each is drawn by its least and its largest value, about two spans a px.
+/// The number of spans of time; each is drawn by its least and its largest value, about two spans a px.
 const SPANS: usize = 1200;
 
 /// The quantities that are drawn, and whether as the instruments read them. Panels of one quantity have equal axes.
@@ -22,7 +22,7 @@ const QUANTITIES: [(Quantity, bool); 11] = [
     (Quantity::Angle, true),
     (Quantity::Force, true),
 ];
-/// Part of its range by which an axis goes beyond the values.
+/// The part of its range by which an axis extends beyond the values.
 const MARGIN: f64 = 0.06;
 /// Width of the bar over a clipped stretch, px.
 const BAR: f64 = 4.0;
@@ -42,7 +42,7 @@ impl Envelope {
         }
     }
 
-    /// The points of a line that covers the envelope.
+    /// Returns the points of a line that covers the envelope.
     fn points(&self, time_s: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
         let spans = self.spans.iter().enumerate().filter_map(|(span, found)| found.map(|found| (time_s(span), found)));
         // Each span is a vertical stroke from its least to its largest value. Joined to the next they fill the
@@ -56,7 +56,7 @@ impl Envelope {
         }
     }
 
-    /// A line over the clipped spans at the height `y`, with gaps between them.
+    /// Returns a line over the clipped spans at the height `y`, with gaps between them.
     fn bar(&self, y: f64, time_s: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
         let is_clipped = |span: usize| self.clipped.get(span).copied().unwrap_or(false);
         // A clipped span is drawn from its beginning to its end. The NaN after the last of a run breaks the line.
@@ -67,7 +67,7 @@ impl Envelope {
         (0..=self.clipped.len()).flat_map(ends).flatten().collect()
     }
 
-    /// Least and largest value of the channel.
+    /// Returns the least and the largest value of the channel.
     fn ends(&self) -> Option<[f64; 2]> {
         self.spans.iter().flatten().copied().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
@@ -77,7 +77,7 @@ impl Envelope {
     }
 }
 
-/// The figure of a recording. Channels that are 0 all the time are left out.
+/// Draws the figure of a recording. Channels that are 0 all the time are left out.
 pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Result<Figure, Failure> {
     let (first, last) = summary.samples.unwrap_or_default();
     // At most SPANS spans of as many samples each.
@@ -129,7 +129,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
             let bar = Series::line("clipped", Color::Vermillion, envelope.bar(high + margin / 2.0, time_s));
             let bar = bar.style(Style::Line { color: Color::Vermillion, width: BAR, dash: Dash::Solid });
             let panel = Panel::new(Axis::linear("time (s)"), y).title(envelope.channel.name.as_str()).with(line);
-            // One entry says it for all.
+            // One entry in the legend serves all panels.
             let is_first = figure.panels.iter().all(|panel| panel.series.len() == 1);
             let legend = if is_first { Legend::Bottom } else { Legend::None };
             figure = figure.with(if bar.points.is_empty() { panel } else { panel.with(bar).legend(legend) });

@@ -6,7 +6,7 @@ use resonarm_figures::paper::{
 };
 use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series};
 
-/// Fig. 3, a panel for each preset.
+/// Draws Fig. 3, a panel for each preset.
 pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figure {
     let mut figure = plot::Figure::new("Natural frequencies of the arm against the angle of link 2");
     figure.columns = 2;
@@ -35,7 +35,7 @@ pub(super) fn curves(curves: &FigureCurves) -> plot::Figure {
 
 /// The room above the highest peak of a panel, for its name.
 const HEADROOM: f64 = 1.15;
-/// The same for logarithmic panels: room for a row of names and the lines to their peaks.
+/// The same room in logarithmic panels: room for a row of names and the lines to their peaks.
 const LOG_HEADROOM: f64 = 30.0;
 /// A panel without a range shows each curve where it has at least this fraction of the panel's highest peak, or half of
 /// the curve's,
@@ -81,7 +81,7 @@ fn draw(curves: &FigureCurves, panel: &Panel) -> plot::Panel {
     if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
 }
 
-/// The panel with the measured points; readings count from 0. The marks are those of `experiment fig9`.
+/// Adds the measured points to a panel; readings count from 0. The marks are those of `experiment fig9`.
 fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], reading: usize) -> plot::Panel {
     for way in Way::ALL {
         let (color, shape) = match way {
@@ -103,7 +103,7 @@ fn abscissa(panel: &Panel, motion: &Motion) -> f64 {
     }
 }
 
-/// Where the curves of a panel without a range are large.
+/// Returns the ranges in which the curves of a panel without a range are large.
 fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) -> [f64; 2] {
     let reading = panel.reading - 1;
     let branches: Vec<&ForcedBranch> = branches.collect();
@@ -121,7 +121,7 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
     [low - MARGIN * (high - low), high + MARGIN * (high - low)]
 }
 
-/// The points of one stability, with gaps between their intervals.
+/// Returns the points of one stability, with gaps between their intervals.
 fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
     let at = |motion: &Motion| (abscissa(panel, motion), branch.size(motion, panel.reading - 1));
     analysis::stretches(&branch.motions, Motion::stable, stable, at)
@@ -130,7 +130,7 @@ fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f6
 /// A maximum between samples is a zone's peak if it reaches this fraction of the highest sample.
 const SAME: f64 = 0.999;
 
-/// The panel with the names of its curves: over their peaks; in logarithmic panels in a row for each zone, since there
+/// Adds the names of its curves to a panel: over their peaks; in logarithmic panels in a row for each zone, since there
 /// the peaks of several poses are crowded.
 fn with_names<'a>(
     mut drawn: plot::Panel,
@@ -153,9 +153,9 @@ fn with_names<'a>(
 }
 
 enum Named {
-    /// Over its peak in each zone that has one.
+    /// The name stands over the peak in each zone that has one.
     Peaks([Option<(f64, f64)>; 2]),
-    /// At its end, or at its highest point if it has no peak.
+    /// The name stands at the end of the curve, or at its highest point if it has no peak.
     End(Option<(f64, f64)>),
 }
 

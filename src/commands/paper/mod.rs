@@ -86,7 +86,7 @@ struct Made {
 }
 
 impl Paper {
-    /// The parameter set of figures of one arm.
+    /// Returns the parameter set of figures of one arm.
     pub(crate) fn preset(&self) -> Preset {
         self.preset.unwrap_or_default()
     }
@@ -109,7 +109,7 @@ impl Paper {
         Ok(Verdict::of(document.claims.is_none_or(|report| report.is_complete())))
     }
 
-    /// The files that will be written and must not exist yet; identical settings may.
+    /// Lists the files to write, which must not exist yet; identical settings may.
     fn files(&self, folder: &Path, settings: &str) -> Vec<PathBuf> {
         let figures = CURVES.iter().filter(|(what, _)| self.wants(*what)).map(|(_, figure)| figure.name());
         let figures = figures.chain(self.wants(What::Fig3).then_some("fig3"));
@@ -129,7 +129,7 @@ impl Paper {
         self.what == what || self.what == What::All
     }
 
-    /// The text of the settings, and the parsed settings.
+    /// Returns the text of the settings, and the parsed settings.
     fn settings(&self) -> Result<(String, Settings), Failure> {
         match &self.settings {
             None => Ok((Settings::EMBEDDED.to_string(), Settings::embedded().map_err(PaperError::from)?)),
@@ -137,21 +137,23 @@ impl Paper {
         }
     }
 
-    /// The measured points, if they are to be drawn.
+    /// Reads the measured points, if they are to be drawn.
     fn measured(&self) -> Result<Option<MeasuredZones>, Failure> {
         match &self.measured {
             Some(_) if self.what != What::Fig9 => {
-                Err(Failure::usage("--measured is for `paper fig9`: leave it out, or make that figure"))
+                Err(Failure::usage("--measured is for `paper fig9`: leave it out, or choose that figure"))
             }
             Some(path) => Ok(Some(MeasuredZones::read(path).map_err(PaperError::from)?)),
             None => Ok(None),
         }
     }
 
-    /// The folder for the files; required for figures.
+    /// Returns the folder for the files; figures need one.
     fn folder(&self) -> Result<Option<&Path>, Failure> {
         match &self.out {
-            None if self.what != What::Claims => Err(Failure::usage("figures need a folder: --out DIR")),
+            None if self.what != What::Claims => {
+                Err(Failure::usage("the folder for the figures is missing: give --out DIR"))
+            }
             folder => Ok(folder.as_deref()),
         }
     }

@@ -42,12 +42,12 @@ impl Eds {
         let ids = ids.join(" and ");
         match (self.node_id, drives) {
             (Some(id), _) => drives.iter().find(|drive| drive.node_id == id).ok_or_else(|| {
-                Failure::usage(format!("--node-id is {id}: the scenario has drives with the node ids {ids}"))
+                Failure::usage(format!("--node-id is {id}, but the scenario has drives with the node ids {ids}"))
             }),
             (None, [drive]) => Ok(drive),
-            (None, _) => {
-                Err(Failure::usage(format!("the scenario has drives with the node ids {ids}: give --node-id")))
-            }
+            (None, _) => Err(Failure::usage(format!(
+                "the scenario has several drives, with the node ids {ids}: choose one by --node-id"
+            ))),
         }
     }
 }

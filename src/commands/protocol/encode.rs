@@ -38,11 +38,14 @@ impl Encode {
         });
         let message = message.map_err(|error| Failure::usage(error.to_string()))?;
         if let Some((unknown, _)) = signals.iter().find(|(given, _)| !used.contains(given)) {
-            return Err(Failure::usage(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
+            return Err(Failure::usage(format!("{kind} has no signal {unknown}, expected one of {}", used.join(", "))));
         }
         let most = kind.form(network.profile()).and_then(|form| form.protection).map_or(0, |p| p.counter_max());
         if self.counter > most {
-            return Err(Failure::usage(format!("--counter is {}: of {kind} it goes from 0 to {most}", self.counter)));
+            return Err(Failure::usage(format!(
+                "--counter is {}: for {kind} it must be from 0 to {most}",
+                self.counter
+            )));
         }
         let mut transmitter = Transmitter::new(network);
         let mut frame = transmitter.frame(&message);
@@ -60,12 +63,12 @@ impl Encode {
         let known = MessageKind::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(&self.message));
         known.ok_or_else(|| {
             let names = MessageKind::ALL.map(MessageKind::name).join(", ");
-            Failure::usage(format!("there is no message {:?}, only {names}", self.message))
+            Failure::usage(format!("unknown message {:?}, expected one of {names}", self.message))
         })
     }
 }
 
-/// Refuses a signal that is given again.
+/// Rejects a signal that is given twice.
 fn once(signals: &[(&str, f64)]) -> Result<(), Failure> {
     for (place, (name, again)) in signals.iter().enumerate() {
         if let Some((_, first)) = signals[..place].iter().find(|(before, _)| before == name) {
@@ -75,7 +78,7 @@ fn once(signals: &[(&str, f64)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A name and a value; numbers may be hexadecimal.
+/// Parses a name and a value; numbers may be hexadecimal.
 fn signal(text: &str) -> Result<(&str, f64), Failure> {
     let number = |value: &str| match value.strip_prefix("0x") {
         Some(digits) => u32::from_str_radix(digits, 16).ok().map(f64::from),

@@ -1,4 +1,4 @@
-//! A line of a log: a frame alone, or a line of `candump`.
+//! Lines of a log: a frame alone, or a line of `candump`.
 
 use resonarm::can_log::{self, CanLogError, CandumpContent, CandumpLine, ErrorFrame};
 use resonarm::protocol::Frame;

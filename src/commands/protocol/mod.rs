@@ -1,5 +1,5 @@
-//! `resonarm protocol`: the specification, DBC and C header of the wire, decoding and encoding of frames, the EDS of
-//! drives.
+//! `resonarm protocol`: the specification, DBC and C header of the protocol, decoding and encoding of frames, the EDS
+//! of drives.
 
 mod decode;
 mod eds;
@@ -49,7 +49,7 @@ pub(crate) struct NetworkFlags {
     profile: Profile,
 }
 
-/// A number that is shown in hexadecimal.
+/// A number that the help shows in hexadecimal.
 #[derive(Clone, Copy, Debug)]
 struct Hexadecimal(u16);
 
@@ -59,7 +59,7 @@ impl core::fmt::Display for Hexadecimal {
     }
 }
 
-/// A number, decimal or, after 0x, hexadecimal.
+/// Parses a number, decimal or, after 0x, hexadecimal.
 fn identifier(text: &str) -> Result<Hexadecimal, String> {
     let number = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
         Some(digits) => u16::from_str_radix(digits, 16),

@@ -1,7 +1,8 @@
 //! Pseudo-arclength continuation (H. B. Keller, "Numerical Solution of Bifurcation and Nonlinear Eigenvalue Problems",
 //! 1977; R. Seydel, "Practical Bifurcation and Stability Analysis", 2010, Ch. 4).
 //!
-//! It knows n equations R(x, λ) = 0 and nothing of their meaning. With z = (x, λ) and the unit tangent t, a step
+//! The continuation sees n equations R(x, λ) = 0 and none of their meaning. With z = (x, λ) and the unit tangent t, a
+//! step
 //! predicts z⁰ = z + s t + ½ s² κ, κ being the change of the tangent per arclength in the step before, and solves
 //!
 //! ```text
@@ -35,7 +36,7 @@ use super::{AnalysisError, Place};
 
 pub use super::dense::Determinant;
 
-/// n equations in n unknowns x and a parameter λ.
+/// A system of n equations in n unknowns x and a parameter λ.
 pub trait System {
     /// Number of unknowns n.
     fn dimension(&self) -> usize;
@@ -55,7 +56,7 @@ pub trait System {
         Place { value: lambda, unit: self.unit() }
     }
 
-    /// The largest change of λ from here that can't step over a feature of the system, in the unit of λ.
+    /// Returns the largest change of λ from here that can't step over a feature of the system, in the unit of λ.
     fn parameter_step_limit(&self, _lambda: f64) -> f64 {
         f64::INFINITY
     }
@@ -109,13 +110,13 @@ pub struct Point {
     pub determinant: Determinant,
 }
 
-/// The error that a bifurcation between two points could not be located.
+/// The error if a bifurcation between two points could not be located.
 pub(super) fn not_located(system: &impl System, ends: [&Point; 2]) -> AnalysisError {
     let [from, to] = ends.map(|end| system.place(end.lambda));
     AnalysisError::NotLocated { from, to }
 }
 
-/// The work of a continuation.
+/// Counts of the work of a continuation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Evaluations of R and its derivatives.
@@ -137,7 +138,7 @@ impl AddAssign for Work {
     }
 }
 
-/// Why a step was refused.
+/// Reason for which the continuation rejected a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepRefusal {
     /// Newton's method did not converge.

@@ -15,7 +15,7 @@ pub(super) const PATIENT_LIMIT: usize = 40;
 const NEWTON_ERROR: f64 = 1e-11;
 /// Corrections below this count as being in the range of quadratic convergence.
 const NEWTON_RANGE: f64 = 1e-3;
-/// The storage of Newton's method, and its work.
+/// Storage of Newton's method, with counts of its work.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solver {
     lu: Lu,
@@ -39,7 +39,7 @@ impl Solver {
         self.correct_within(NEWTON_LIMIT, system, plane, size)
     }
 
-    /// The same with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow once.
+    /// Works like [`Solver::correct`] with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow once.
     pub fn correct_within(
         &mut self,
         limit: usize,
@@ -78,7 +78,7 @@ impl Solver {
         Err(StepRefusal::Newton)
     }
 
-    /// R into `right` and the factors of the bordered matrix into `lu`, at `z`.
+    /// Computes R into `right` and the factors of the bordered matrix into `lu`, at `z`.
     fn linearise(&mut self, system: &mut impl System, plane: &Plane) -> Result<(), StepRefusal> {
         let n = system.dimension();
         let matrix = self.lu.zeroed(n + 1);

@@ -115,10 +115,10 @@ impl Continuation {
         self.step = step;
     }
 
-    /// The next point.
+    /// Advances to the next point and returns it.
     ///
     /// # Errors
-    /// [`AnalysisError::Stuck`] with the place and the reason if even the smallest step is refused.
+    /// [`AnalysisError::Stuck`] with the place and the reason if even the smallest step is rejected.
     pub fn advance(&mut self, system: &mut impl System) -> Result<&Point, AnalysisError> {
         loop {
             let step = self.limited_step(system);
@@ -136,7 +136,7 @@ impl Continuation {
         }
     }
 
-    /// The step wanted, no longer than the system allows for λ.
+    /// Returns the wanted step, limited to the length that the system allows for λ.
     fn limited_step(&self, system: &impl System) -> f64 {
         let size = self.settings.size(&self.point.x);
         let n = self.point.x.len();
@@ -146,7 +146,7 @@ impl Continuation {
         if rate * self.step > limit { limit / rate } else { self.step }
     }
 
-    /// One step of the length `step` relative to X, if it is accepted.
+    /// Tries one step of the length `step` relative to X and returns whether it is accepted.
     fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), StepRefusal> {
         let n = system.dimension();
         let size = self.settings.size(&self.point.x);

@@ -8,12 +8,12 @@ use super::{ContinuationSettings, Point, System};
 use crate::AnalysisError;
 use crate::dense::{dot, norm};
 
-/// How a branch is cut between two of its points.
+/// The surfaces that cut a branch between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cut {
-    /// By planes that are perpendicular to their chord.
+    /// Planes that are perpendicular to the chord of the points.
     Chord,
-    /// At values of λ.
+    /// Planes of constant λ.
     Parameter,
 }
 
@@ -50,7 +50,7 @@ impl Slices {
         z
     }
 
-    /// The point a + fraction · (b − a), with the tangent of a.
+    /// Returns the point a + fraction · (b − a), with the tangent of a.
     pub fn mix(&self, [a, b]: [&Point; 2], fraction: f64) -> Point {
         let between = |a: f64, b: f64| a + fraction * (b - a);
         Point {
@@ -61,7 +61,7 @@ impl Slices {
         }
     }
 
-    /// Whether a point lies in a plane between those of a and b.
+    /// Says whether a point lies in a plane between those of a and b.
     pub fn hold(&self, [a, b]: [&Point; 2], point: &Point) -> bool {
         let [low, high, at] = [a, b, point].map(|point| dot(&self.normal, &self.z(point)));
         (low..=high).contains(&at)
@@ -94,9 +94,9 @@ impl Slices {
         })
     }
 
-    /// The same; if the plane passes so near a crossing of branches that rounding keeps Newton's method from
-    /// converging, the point in the plane halfway from there to the farther of a and b. For searches for a crossing,
-    /// which can continue from any point between.
+    /// Works like [`Slices::solve`]; if the plane passes so near a crossing of branches that rounding keeps Newton's
+    /// method from converging, returns the point in the plane halfway from there to the farther of a and b. For
+    /// searches for a crossing, which can continue from any point between.
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method finds neither.

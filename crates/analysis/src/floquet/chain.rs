@@ -1,7 +1,7 @@
 //! The flow of a chain's variations (δu, δu̇, δz): half a step of the structure that is linear about its rest, exact,
 //! the impulse of what it leaves out, and another half.
 //!
-//! At rest M₀ δü + D δu̇ + K δu = 0, with the flow e^{hA}. Along the motion M δü + G δu̇ + S δu + Σ w f_z δz = 0, and
+//! At rest M₀ δü + D δu̇ + K δu = 0, with the flow e^{hA}. Along the response M δü + G δu̇ + S δu + Σ w f_z δz = 0, and
 //! with S′ = S − M M₀⁻¹K and G′ = G − M M₀⁻¹D the impulse is
 //!
 //! ```text
@@ -19,7 +19,7 @@ use super::rows::{Rows, add, eliminate};
 use super::{StateVariation, Variations};
 use crate::samples::Geometry;
 
-/// Terms of the series of e^A; with the steps of a motion the last is far below rounding.
+/// Terms of the series of e^A; with the steps of a periodic response the last is far below rounding.
 const TERMS: usize = 16;
 
 /// The structure about its rest.
@@ -51,13 +51,13 @@ impl Rest {
     }
 }
 
-/// e^A by its series.
+/// Returns e^A by its series.
 fn exponential(a: &DMatrix<f64>) -> DMatrix<f64> {
     let one = DMatrix::identity(a.nrows(), a.nrows());
     (1..=TERMS).rev().fold(one.clone(), |sum, term| &one + a * sum / term as f64)
 }
 
-/// The flow over the period in steps over `points` points; none if it can't be computed.
+/// Returns the flow over the period in steps over `points` points; `None` if it can't be computed.
 pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
     let n = of.unknowns();
     let h = points as f64 * of.spacing_s;
@@ -94,7 +94,7 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
 struct Impulse {
     /// M, M + ½hG′, S′, G′.
     matrices: [Vec<f64>; 4],
-    /// What acts on each unknown, one row each.
+    /// Force on each unknown, one row each.
     force: Vec<f64>,
     /// δu before the last half of a step.
     before: Vec<f64>,
@@ -121,8 +121,8 @@ impl Impulse {
         (0..of.states.len()).map(state).collect()
     }
 
-    /// Half a step of the states at the motion in its middle: of friction what the turn of w adds, of others all of it,
-    /// exact at constant δv.
+    /// Advances the states by half a step at the response in its middle: for friction by the turn of w, for others by
+    /// the whole half step, exact at constant δv.
     fn turn(flow: &mut Rows, n: usize, states: &[(Geometry, StateVariation, f64)], h: f64) {
         let width = flow.width();
         for (s, (geometry, at, decay)) in states.iter().enumerate() {
@@ -143,7 +143,7 @@ impl Impulse {
         }
     }
 
-    /// Of friction the way since `before`.
+    /// Advances the states of friction by the displacement since `before`.
     fn way(&self, flow: &mut Rows, n: usize, states: &[(Geometry, StateVariation, f64)]) {
         let width = flow.width();
         for (s, (geometry, at, _)) in states.iter().enumerate().filter(|(_, (_, at, _))| at.by_state == Some(0.0)) {
@@ -156,7 +156,7 @@ impl Impulse {
         }
     }
 
-    /// The impulse at a point.
+    /// Applies the impulse at a point.
     fn act(
         &mut self,
         of: &Variations,

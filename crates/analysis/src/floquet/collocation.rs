@@ -1,8 +1,9 @@
 //! The flow of a smooth chain's variations (δu, δu′) over a period by Gauss–Legendre collocation.
 //!
-//! In the phase τ = ωt, ω the base frequency, a variation y satisfies y″ = P y + Q y′ with P = −M⁻¹S/ω² and Q = −M⁻¹G/ω, S, G and M being the
-//! derivatives of the unbalance by u, u̇ and ü along the motion. They are computed at the stages τᵢ of every step, so that
-//! the stage accelerations kᵢ solve a linear system, once for all columns of the flow together:
+//! In the phase τ = ωt, ω the base frequency, a variation y satisfies y″ = P y + Q y′ with P = −M⁻¹S/ω² and Q =
+//! −M⁻¹G/ω, S, G and M being the derivatives of the unbalance by u, u̇ and ü along the response. They are computed at
+//! the stages τᵢ of every step, so that the stage accelerations kᵢ solve a linear system, once for all columns of the
+//! flow together:
 //!
 //! ```text
 //! kᵢ = Pᵢ (y + cᵢ h y′ + h² Σⱼ (a²)ᵢⱼ kⱼ) + Qᵢ (y′ + h Σⱼ aᵢⱼ kⱼ)
@@ -24,7 +25,7 @@ use crate::samples::Samples;
 /// Steps whose stages are computed together: it bounds the storage under a slow drive.
 const CHUNK: usize = 2048;
 
-/// The stages of some steps: what the phases of [`Samples`] are set to.
+/// The stages of some steps, to which the phases of [`Samples`] are set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stages {
     harmonics: usize,
@@ -34,7 +35,8 @@ pub(super) struct Stages {
     first: usize,
 }
 
-/// The multipliers of the motion X of a balance of a smooth chain; `set` is what the phases of `samples` are set to.
+/// Returns the multipliers of the response X of a balance of a smooth chain. `set` holds the stages to which the phases
+/// of `samples` are set.
 pub(super) fn stability(
     balance: &Balance,
     x: &[f64],
@@ -55,7 +57,7 @@ pub(super) fn stability(
     multipliers(find(balance, x, samples, set)?)
 }
 
-/// The flow over the period of N coordinates, with `W` = 2N columns; none if it can't be computed.
+/// Returns the flow over the period of N coordinates, with `W` = 2N columns; `None` if it can't be computed.
 fn flow<const N: usize, const W: usize>(
     balance: &Balance,
     x: &[f64],
@@ -72,7 +74,7 @@ fn flow<const N: usize, const W: usize>(
     let mut matrix = vec![0.0; S * N * S * N];
     for first in (0..steps).step_by(CHUNK) {
         let stages = Stages { harmonics, steps, first };
-        // Usually a period is one chunk, whose tables stay as they are from one motion to the next.
+        // Usually a period is one chunk, whose tables stay as they are from one response to the next.
         if *set != Some(stages) {
             let within = S * first..S * steps.min(first + CHUNK);
             let phases = within.map(|at| TAU * ((at / S) as f64 + tableau.c[at % S]) / steps as f64);
@@ -92,7 +94,7 @@ fn flow<const N: usize, const W: usize>(
     Some(DMatrix::from_row_slice(W, W, flow.as_flattened()))
 }
 
-/// P and Q at a stage.
+/// The matrices P and Q at a stage.
 #[derive(Clone, Copy)]
 struct Rates<const N: usize> {
     by_position: [[f64; N]; N],
@@ -100,7 +102,7 @@ struct Rates<const N: usize> {
 }
 
 impl<const N: usize> Rates<N> {
-    /// From the derivatives at a point; none if M has no inverse.
+    /// Computes them from the derivatives at a point; `None` if M has no inverse.
     #[inline(always)]
     fn new<const W: usize>(samples: &Samples, point: usize, omega_rad_s: f64) -> Option<Rates<N>> {
         let count = samples.count();
@@ -124,7 +126,7 @@ impl<const N: usize> Rates<N> {
     }
 }
 
-/// One step of all columns; `matrix` is storage for (SN)² numbers.
+/// Takes one step of all columns; `matrix` is storage for (SN)² numbers.
 #[inline(always)]
 fn step<const N: usize, const W: usize>(
     tableau: &Tableau,

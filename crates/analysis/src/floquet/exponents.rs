@@ -7,10 +7,11 @@
 //! ```
 //!
 //! with the compliance H(s) = Σ φ²/(ω² + 2ζωs + s²) and the Fourier coefficients of ∂f/∂x and ∂f/∂ẋ. The multipliers
-//! are μ = e^{sT}, two a mode. Most modes hardly feel how the element varies: from their linear exponent on, sweeps
-//! find p and s at once ([`sweep`](super::sweep)). The others are begun from the flow of their own modes alone, and
-//! polished by Newton's method on all of them ([`newton`](super::newton)). As many multipliers as there are states,
-//! each a solution and no two the same, are all; their product is that of Liouville's formula.
+//! are μ = e^{sT}, two for each mode. Most modes hardly feel how the element varies: sweeps that start at their linear
+//! exponent find p and s at once ([`sweep`](super::sweep)). The search for the others starts from the flow of their own
+//! modes alone, and Newton's method on all of them polishes the result ([`newton`](super::newton)). The set is complete
+//! when there are as many multipliers as states, each a solution and no two the same; their product must be that of
+//! Liouville's formula.
 
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
@@ -24,17 +25,17 @@ use super::{Variations, modal, multipliers, sorted};
 use crate::orbit::Stability;
 use crate::unknowns::{Body, Condensed};
 
-/// From so many modes on this is faster than the flow.
+/// From this number of modes on, the search for exponents is faster than the flow.
 pub(super) const LEAST_MODES: usize = 5;
-/// The most modes that are begun from their own flow.
+/// The most modes whose search starts from their own flow.
 const MOST_TOGETHER: usize = 10;
 /// Exponents over a period that are nearer than this count as the same; their errors are far smaller.
 const APART: f64 = 1e-6;
-/// An exponent over a period that is as near to its guess is the one that was meant.
+/// An exponent over a period that is this near to its guess is accepted as the one sought.
 const NEAR: f64 = 0.03;
 /// Multipliers whose imaginary part is below this are real.
 const REAL: f64 = 1e-9;
-/// The most by which the logarithm of the product of all multipliers is off.
+/// The largest deviation of the logarithm of the product of all multipliers.
 const LIOUVILLE: f64 = 1e-7;
 
 /// e^{sT} and back: the exponent over a period, with its imaginary part within ±π.
@@ -43,25 +44,25 @@ fn over_period(s: Complex<f64>, period_s: f64) -> Complex<f64> {
     Complex::new(s.re * period_s, angle - TAU * libm::round(angle / TAU))
 }
 
-/// Exponents over a period, no two the same.
+/// Exponents over a period, all different.
 struct Found {
     exponents: Vec<Complex<f64>>,
 }
 
 impl Found {
-    /// The exponent of a multiplier, and how far over a period it is from all that are known.
+    /// Returns the exponent of a multiplier, and its distance over a period from all that are known.
     fn distant(&self, mu: &Complex<f64>, period_s: f64) -> (Complex<f64>, f64) {
         let at = Complex::new(0.5 * libm::log(mu.norm_sqr()), libm::atan2(mu.im, mu.re));
         (at / period_s, self.exponents.iter().map(|other| apart(*other, at)).fold(f64::INFINITY, f64::min))
     }
 
-    /// Whether an exponent is there already.
+    /// Says whether an exponent is already in the set.
     fn has(&self, at: Complex<f64>) -> bool {
         // First the part that takes no rounding of angles.
         self.exponents.iter().any(|other| (other.re - at.re).abs() < APART && apart(*other, at) < APART)
     }
 
-    /// Adds the nearest exponent to s that is new: the first that is near, or else the nearest of some.
+    /// Adds the nearest new exponent to s: the first that is near, or else the nearest of some.
     fn add_near(&mut self, varied: &Varied, s: Complex<f64>, fastest_rad_s: f64) {
         let (period_s, mut best) = (TAU / varied.omega, None);
         let from = over_period(s, period_s);
@@ -81,7 +82,7 @@ impl Found {
         }
     }
 
-    /// Adds an exponent that is new, and its conjugate.
+    /// Adds a new exponent and its conjugate.
     fn add(&mut self, at: Complex<f64>) {
         if self.has(at) {
             return;
@@ -97,13 +98,13 @@ impl Found {
     }
 }
 
-/// How far two exponents over a period are from each other.
+/// Returns the distance between two exponents over a period.
 fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
     let angle = a.im - b.im;
     libm::sqrt(Complex::new(a.re - b.re, angle - TAU * libm::round(angle / TAU)).norm_sqr())
 }
 
-/// The multipliers; `None` if they are not surely all, so that the flow has to be computed.
+/// Returns the multipliers; `None` if it is not certain that they are all, so that the flow has to be computed.
 pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
     let balance = of.balance;
     let Body::Condensed(condensed) = &balance.unknowns.body else { return None };
@@ -151,8 +152,8 @@ pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
     Some(sorted(found.exponents.iter().map(multiplier).collect()))
 }
 
-/// Multipliers to begin with: those of the flow of the modes up to somewhat beyond the fastest of some, where the
-/// others give way as at rest, which changes the derivatives in `of`.
+/// Returns initial guesses of multipliers: those of the flow of the modes up to somewhat beyond the fastest of some,
+/// where the others give way as at rest, which changes the derivatives in `of`.
 fn guesses(
     of: &mut Variations,
     condensed: &Condensed,

@@ -1,10 +1,10 @@
-//! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations
+//! Stability of a structure's periodic response by its Floquet multipliers, the eigenvalues of the flow of variations
 //! over a period.
 //!
-//! Of modes, and of a chain that isn't smooth: on 2L points of the period, a step goes over 2 of them with the derivatives in its middle: half a step of the
-//! linear structure, exact, the impulse of what it leaves out, and another half (G. Strang, 1968). This is symmetric,
-//! with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8 points remove the first two (W. Romberg,
-//! 1955):
+//! The flow of modes, and of a chain that isn't smooth, is computed on 2L points of the period. A step goes over 2 of
+//! them with the derivatives in its middle: half a step of the linear structure, exact, the impulse of the terms that
+//! this leaves out, and another half (G. Strang, 1968). This is symmetric, with errors in h², h⁴, …; where the response
+//! is smooth, steps over 4 and 8 points remove the first two (W. Romberg, 1955):
 //!
 //! ```text
 //! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45
@@ -18,7 +18,7 @@
 //!
 //! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
-//! Where the motion is symmetric, x(t + T/2) = −x(t), and the forces are, the derivatives repeat after half a period.
+//! Where the response is symmetric, x(t + T/2) = −x(t), and the forces are, the derivatives repeat after half a period.
 //! With the flow Φ½ over one half then Φ = Φ½², and the multipliers are the squares of the eigenvalues of Φ½.
 //!
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
@@ -43,9 +43,10 @@ use super::unknowns::Body;
 use crate::eigenvalues::eigenvalues;
 use resonarm_dynamics::structure::Law;
 
-/// Steps a period of the fastest mode, of modes and of a chain, and of the motion's highest harmonic.
+/// Steps in a period of the fastest mode, for modes and for a chain, and in a period of the response's highest
+/// harmonic.
 const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
-/// The least steps: of smooth motions, and of others.
+/// The least number of steps, for smooth responses and for others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
 /// Derivatives that differ by less than this part of the largest are the same.
@@ -53,18 +54,18 @@ const REPEATED: f64 = 1e-10;
 /// Below this ln |det Φ| damping is not small, and rounding may reach the determinant.
 const LEAST_LOG: f64 = -7.0;
 
-/// The variations along a motion.
+/// The variations along a response.
 pub(super) struct Variations<'a> {
     pub balance: &'a Balance,
     pub samples: Samples,
     /// The histories of elements whose state is one of the flow.
     pub states: Vec<usize>,
-    /// s between neighbouring points.
+    /// Time between neighbouring points, s.
     pub spacing_s: f64,
 }
 
-/// The state of an element in a variation at a point: δż = a δv + b δz, δf = f_z δz; a friction element holds z if b is
-/// none.
+/// State of an element in a variation at a point: δż = a δv + b δz, δf = f_z δz. A friction element holds z if b is
+/// `None`.
 pub(super) struct StateVariation {
     pub by_velocity: f64,
     pub by_state: Option<f64>,
@@ -72,7 +73,8 @@ pub(super) struct StateVariation {
 }
 
 impl Variations<'_> {
-    /// Along the motion X, on two points a step of at least so many steps; `samples` is storage.
+    /// Returns the variations along the response X, on two points a step of at least so many steps; `samples` is
+    /// storage.
     fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64, mut samples: Samples) -> Variations<'a> {
         // Steps over 2, 4 and 8 points must all divide the period.
         let points = 8 * libm::ceil(steps / 4.0) as usize;
@@ -93,13 +95,13 @@ impl Variations<'_> {
         self.balance.unknowns.count()
     }
 
-    /// An element of ∂Q/∂u (0), ∂Q/∂u̇ (1) or ∂Q/∂ü (2) at a point.
+    /// Returns an element of ∂Q/∂u (0), ∂Q/∂u̇ (1) or ∂Q/∂ü (2) at a point.
     pub fn by(&self, derivative: usize, [i, j]: [usize; 2], point: usize) -> f64 {
         let pair = i * self.unknowns() + j;
         self.samples.by[derivative][pair * self.samples.count() + point]
     }
 
-    /// Whether all derivatives repeat after half a period.
+    /// Says whether all derivatives repeat after half a period.
     fn repeat_after_half(&self) -> bool {
         let half = self.samples.count() / 2;
         let alike = |a: f64, b: f64, size: f64| (a - b).abs() <= REPEATED * size;
@@ -114,14 +116,14 @@ impl Variations<'_> {
             && (0..self.states.len()).all(|state| (1..half).step_by(2).all(|point| state_repeats(state, point)))
     }
 
-    /// The element of a state at a point.
+    /// Returns the element of a state at a point.
     pub fn geometry(&self, state: usize, point: usize) -> Geometry {
         let (m, history) = (self.unknowns(), &self.samples.histories[self.states[state]]);
         let [u, v] = [0, 1].map(|d| &self.samples.motion[d][point * m..(point + 1) * m]);
         geometry(&self.balance.forced, &self.balance.unknowns, history.element, u, v)
     }
 
-    /// A state in a step over `points` points around a point: friction that is held anywhere in it holds.
+    /// Returns a state in a step over `points` points around a point: friction that is held anywhere in the step holds.
     pub fn state(&self, state: usize, point: usize, points: usize) -> StateVariation {
         let history = &self.samples.histories[self.states[state]];
         let element = &self.balance.forced.assembly().elements()[history.element];
@@ -138,27 +140,27 @@ impl Variations<'_> {
     }
 }
 
-/// Largest magnitude of a signal over the period.
+/// Returns the largest magnitude of a signal over the period.
 fn largest(signal: &[f64]) -> f64 {
     signal.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
 }
 
-/// Whether the halves of a signal differ nowhere by more than a limit.
+/// Says whether the halves of a signal differ nowhere by more than a limit.
 fn repeats_after_half(signal: &[f64], limit: f64) -> bool {
     let (first, second) = signal.split_at(signal.len() / 2);
     first.iter().zip(second).all(|(a, b)| (a - b).abs() <= limit)
 }
 
-/// Computes stability, in storage that is kept from motion to motion of one structure.
+/// Computes stability, in storage that is kept between the responses of one structure.
 #[derive(Debug, Default)]
 pub(super) struct Floquet {
     samples: Option<Samples>,
-    /// Of smooth chains: the stages that the samples are at.
+    /// For smooth chains, the stages to which the samples are set.
     stages: Option<collocation::Stages>,
 }
 
 impl Floquet {
-    /// The stability of the motion X of a balance; none if the multipliers can't be computed.
+    /// Returns the stability of the response X of a balance; `None` if the multipliers can't be computed.
     pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
         let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
         if matches!(balance.unknowns.body, Body::Chain) && balance.forced.assembly().is_smooth() {
@@ -182,7 +184,7 @@ impl Floquet {
         found.or_else(|| self.with(balance, x, steps(balance), |variations| by_flow(variations)))
     }
 
-    /// What `find` finds from the variations along a motion.
+    /// Calls `find` with the variations along a response and returns its result.
     fn with(
         &mut self,
         balance: &Balance,
@@ -198,7 +200,7 @@ impl Floquet {
     }
 }
 
-/// The steps of the flow.
+/// Returns the number of steps of the flow.
 fn steps(balance: &Balance) -> f64 {
     let assembly = balance.forced.assembly();
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
@@ -208,7 +210,7 @@ fn steps(balance: &Balance) -> f64 {
     of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)])
 }
 
-/// The stability by the flow.
+/// Computes the stability by the flow.
 fn by_flow(of: &Variations) -> Option<Stability> {
     let Body::Condensed(condensed) = &of.balance.unknowns.body else {
         return extrapolated(|points| chain::flow(of, points), of.balance);
@@ -220,7 +222,7 @@ fn by_flow(of: &Variations) -> Option<Stability> {
     Some(sorted(half.multipliers.iter().map(|root| root * root).collect()))
 }
 
-/// The stability by flows over the period, of smooth motions extrapolated.
+/// Computes the stability by flows over the period, extrapolated for smooth responses.
 fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Stability> {
     let finest = flow(2)?;
     if !balance.forced.assembly().is_smooth() {
@@ -237,12 +239,12 @@ fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance)
     multipliers(if wanted > LEAST_LOG && off.is_finite() { whole * libm::exp(off) } else { whole })
 }
 
-/// Logarithm of the magnitude of the flow's determinant, ln |det Φ|.
+/// Returns the logarithm of the magnitude of the flow's determinant, ln |det Φ|.
 fn log_determinant(flow: &DMatrix<f64>) -> f64 {
     libm::log(flow.determinant().abs())
 }
 
-/// Friction that doesn't slip is a spring.
+/// Adds friction that doesn't slip as a spring.
 fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
     let (m, count) = (balance.unknowns.count(), samples.count());
     for history in samples.histories.iter().filter(|history| !history.forgets) {
@@ -258,8 +260,8 @@ fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
     }
 }
 
-/// Takes for the derivatives at a point their mean over the step around it, by the trapezoidal rule, so that where they
-/// jump does not matter to the first order.
+/// Replaces the derivatives at a point by their mean over the step around it, by the trapezoidal rule, so that jumps in
+/// them do not matter to the first order.
 fn average(samples: &mut Samples) {
     let count = samples.count();
     for signal in samples.by.iter_mut().flat_map(|signal| signal.chunks_exact_mut(count)) {
@@ -272,7 +274,7 @@ fn average(samples: &mut Samples) {
     }
 }
 
-/// Multipliers as eigenvalues of the flow; `None` if they can't be computed.
+/// Computes multipliers as eigenvalues of the flow; `None` if they can't be computed.
 fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
     let n = flow.nrows();
     if flow.iter().any(|value| !value.is_finite()) {
@@ -282,7 +284,7 @@ fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
     eigenvalues(n, flow.as_mut_slice()).map(sorted)
 }
 
-/// Multipliers, the largest magnitude first.
+/// Sorts multipliers, the largest magnitude first.
 fn sorted(mut multipliers: Vec<Complex<f64>>) -> Stability {
     // Of a conjugate pair the one with the positive imaginary part comes first, so that the order is unique.
     multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));

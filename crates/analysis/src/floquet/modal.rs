@@ -26,7 +26,7 @@ use crate::unknowns::Condensed;
 
 /// Columns at a time.
 const LANES: usize = 8;
-/// A number in each of them.
+/// One number for each of these columns.
 type Lanes = [f64; LANES];
 
 /// The flow of a mode over a time: (q, q̇) ← these rows.
@@ -50,7 +50,7 @@ fn add(target: &mut Lanes, source: &Lanes, factor: f64) {
     target.iter_mut().zip(source).for_each(|(target, source)| *target += factor * source);
 }
 
-/// A mode by itself.
+/// Advances a mode by itself.
 #[inline(always)]
 fn step(&[[a, b], [c, d]]: &Block, q: Lanes, rate: Lanes) -> [Lanes; 2] {
     let [mut next, mut next_rate] = [[0.0; LANES]; 2];
@@ -61,7 +61,7 @@ fn step(&[[a, b], [c, d]]: &Block, q: Lanes, rate: Lanes) -> [Lanes; 2] {
     [next, next_rate]
 }
 
-/// What a step needs at its middle.
+/// The impulse in the middle of a step.
 struct Impulse {
     /// S and G of each place.
     stiffness: Vec<f64>,
@@ -86,15 +86,15 @@ impl Impulse {
         Impulse { stiffness, damping, states, implicit }
     }
 
-    /// Whether no force acts, and the states of elements are held at zero already.
+    /// Says whether no force acts, and the states of elements are held at zero already.
     fn is_idle(&self, before: Option<&Impulse>) -> bool {
         let held = |of: &Impulse| of.states.iter().all(|(_, at)| at.by_state.is_none());
         let known = self.states.is_empty() || before.is_some_and(|before| held(self) && held(before));
         known && self.implicit.is_none() && self.stiffness.iter().all(|s| *s == 0.0)
     }
 
-    /// Whether the states need no value at the end of the step, but can be followed past it: those of friction that
-    /// sticks on both sides, or is about to slip.
+    /// Says whether the states need no value at the end of the step, but can be followed past it: those of friction
+    /// that sticks on both sides, or is about to slip.
     fn passes(&self, after: &Impulse) -> bool {
         let rigid = |at: &StateVariation| matches!(at.by_state, None | Some(0.0));
         let pairs = || self.states.iter().zip(&after.states).map(|((_, before), (_, after))| (before, after));
@@ -105,7 +105,7 @@ impl Impulse {
     }
 }
 
-/// What comes after the modes have moved by themselves.
+/// The event after the modes have moved by themselves.
 #[derive(Clone, Copy)]
 enum Then {
     /// The impulse of a step.
@@ -165,8 +165,8 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The flow of modes over the first of `parts` equal parts of the period, in steps over `points` points; none if it
-/// can't be computed.
+/// Returns the flow of modes over the first of `parts` equal parts of the period, in steps over `points` points; `None`
+/// if it can't be computed.
 pub(super) fn flow(of: &Variations, condensed: &Condensed, [points, parts]: [usize; 2]) -> Option<DMatrix<f64>> {
     let plan = Plan::new(of, condensed, [points, parts]);
     let (n, width) = (condensed.modes.len(), 2 * condensed.modes.len() + of.states.len());
@@ -275,7 +275,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// The forces of an impulse at x and v; v is then that after it.
+    /// Computes the forces of an impulse at x and v; v then holds the velocity after it.
     fn strike(&mut self, impulse: &Impulse) -> Option<()> {
         let (m, h, coupling) = (self.x.len(), self.plan.h, &self.plan.coupling);
         for (i, force) in self.force.iter_mut().enumerate() {
@@ -299,7 +299,7 @@ impl<'a> Columns<'a> {
         Some(())
     }
 
-    /// The states, while the places move from `before` to `x`, or for half a step at `v`.
+    /// Advances the states while the places move from `before` to `x`, or for half a step at `v`.
     fn follow(&mut self, impulse: &Impulse) {
         for ((place, at), state) in impulse.states.iter().zip(&mut self.z) {
             match at.by_state {

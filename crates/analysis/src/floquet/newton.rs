@@ -13,7 +13,7 @@ use super::varied::{OMITTED, Varied};
 
 /// Harmonics on either side, at first and at most, in steps of [`Varied::step`].
 const WINDOWS: [usize; 4] = [6, 9, 14, 24];
-/// Harmonics of which one is taken as p₀.
+/// The number of harmonics tried as p₀.
 const TRIED: usize = 4;
 /// Iterations after which Newton's method gives up.
 const ITERATIONS: usize = 8;
@@ -22,7 +22,7 @@ const CONVERGED: f64 = 1e-10;
 /// A longer step over Ω than this leads elsewhere.
 const FARTHEST: f64 = 0.1;
 
-/// An exponent near s, of a motion of which p₀ is a large part; `None` if there is none.
+/// Returns an exponent near s of a variation of which p₀ is a large part; `None` if there is none.
 pub(super) fn polish(varied: &Varied, mut s: Complex<f64>) -> Option<Complex<f64>> {
     let mut before = 0.0;
     for window in WINDOWS {
@@ -50,7 +50,7 @@ pub(super) fn polish(varied: &Varied, mut s: Complex<f64>) -> Option<Complex<f64
     None
 }
 
-/// The harmonics k with the largest H(s + ikΩ) up to a frequency, the largest first.
+/// Returns the harmonics k with the largest H(s + ikΩ) up to a frequency, the largest first.
 pub(super) fn strongest(varied: &Varied, s: Complex<f64>, fastest_rad_s: f64) -> Vec<isize> {
     let most = libm::ceil(fastest_rad_s / varied.omega) as isize + 1;
     let mut sizes: Vec<_> = (-most..=most).map(|k| (k, varied.compliance(varied.rate(s, k)).norm_sqr())).collect();
@@ -74,7 +74,7 @@ impl Solver {
         Solver { window, a: vec![zero; n * n], slopes: vec![zero; n], pivots: vec![0; n] }
     }
 
-    /// The step of s, and what the first harmonics that are left out change it by, at the sharpest resonance.
+    /// Returns the step of s, and the change of s by the first harmonics that are left out, at the sharpest resonance.
     fn iterate(&mut self, varied: &Varied, s: Complex<f64>) -> Option<(Complex<f64>, f64)> {
         let (n, window) = (self.slopes.len(), self.window);
         let harmonic = |at: usize| (at as isize - window as isize) * varied.step as isize;

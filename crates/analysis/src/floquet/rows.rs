@@ -29,12 +29,12 @@ impl Rows {
         self.width
     }
 
-    /// Some rows, one after the other.
+    /// Returns some rows, one after the other.
     pub fn rows(&self, rows: Range<usize>) -> &[f64] {
         &self.data[rows.start * self.width..rows.end * self.width]
     }
 
-    /// The first rows, and one row beyond.
+    /// Returns the first rows, and one row beyond.
     pub fn split(&mut self, first: usize, beyond: usize) -> (&[f64], &mut [f64]) {
         let (head, tail) = self.data.split_at_mut(first * self.width);
         (head, &mut tail[beyond * self.width..(beyond + 1) * self.width])
@@ -50,7 +50,7 @@ impl Rows {
         add(&mut self.data[first * self.width..], rows, factor);
     }
 
-    /// The product of a square matrix, by rows, and the first rows, in their place.
+    /// Replaces the first rows by their product with a square matrix, given by rows.
     pub fn multiply(&mut self, matrix: &[f64]) {
         let (width, n) = (self.width, matrix.len().isqrt());
         self.product.clear();
@@ -68,7 +68,7 @@ impl Rows {
     }
 }
 
-/// Overwrites B by A⁻¹B, both by rows, for a matrix A of n rows that needs no pivots, as a mass matrix; none if it has
+/// Overwrites B by A⁻¹B, both by rows, for a matrix A of n rows that needs no pivots, as a mass matrix; `None` if A has
 /// no inverse.
 pub(super) fn eliminate(a: &mut [f64], b: &mut [f64], n: usize) -> Option<()> {
     let width = b.len() / n;

@@ -19,7 +19,7 @@ const MOST: usize = 2 * LARGEST_WINDOW + 1;
 /// Sweeps at most, of all, and with the same H.
 const SWEEPS: usize = 40;
 const SWEEPS_WITH: usize = 4;
-/// A shift below this, over Ω, is a start.
+/// A shift below this, over Ω, is a good start.
 const LITTLE: f64 = 0.01;
 /// Harmonics on either side to add where too much is left out.
 const WIDER: usize = 3;
@@ -28,7 +28,7 @@ const CONVERGED: f64 = 1e-10;
 /// A mode whose other harmonics are larger than this takes many sweeps, if it ends at all.
 const TOO_LARGE: f64 = 0.5;
 
-/// s; `None` if the sweeps don't converge.
+/// Returns the exponent s of a mode; `None` if the sweeps don't converge.
 pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
     let (square, damping) = (varied.squares[mode], varied.dampings[mode]);
     let linear = Complex::new(-0.5 * damping, libm::sqrt((square - 0.25 * damping * damping).max(0.0)));
@@ -60,8 +60,8 @@ pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
     None
 }
 
-/// How far s is from where it converges: each new H changes it by the same ratio of the change before, which is near 1
-/// if H is steep, as between two modes of almost the same frequency.
+/// Estimates the distance of s from its limit: each new H changes it by the same ratio of the change before, which is
+/// near 1 if H is steep, as between two modes of almost the same frequency.
 fn left(change: f64, before: Option<f64>) -> f64 {
     match before {
         Some(before) if change < before => change * change / (before - change),
@@ -70,7 +70,7 @@ fn left(change: f64, before: Option<f64>) -> f64 {
     }
 }
 
-/// φ²/2ωΩ: a harmonic k that f = Σ Tₖₗ pₗ drives changes s by H f² times this, over Ω.
+/// Returns φ²/2ωΩ: a harmonic k that f = Σ Tₖₗ pₗ drives changes s by H f² times this, over Ω.
 fn share(varied: &Varied, mode: usize) -> f64 {
     varied.weights[mode] / (2.0 * libm::sqrt(varied.squares[mode]) * varied.omega)
 }
@@ -95,7 +95,7 @@ fn window(varied: &Varied, mode: usize) -> Option<usize> {
     None
 }
 
-/// s and p so far.
+/// The exponent s and the harmonics p of a sweep in progress.
 struct Sweep {
     s: Complex<f64>,
     p: [Complex<f64>; MOST],
@@ -103,7 +103,7 @@ struct Sweep {
 }
 
 impl Sweep {
-    /// What the first harmonics that are left out change s by, over Ω, at the sharpest resonance.
+    /// Returns the change of s, over Ω, by the first harmonics that are left out, at the sharpest resonance.
     fn omitted(&self, varied: &Varied, mode: usize) -> f64 {
         let (step, window) = (varied.step as isize, self.window as isize);
         let drive = |k: isize| {

@@ -43,7 +43,7 @@ fn distance(a: &Stability, b: &Stability) -> f64 {
     largest
 }
 
-/// The variations along a motion, without storage.
+/// The variations along a periodic response, without storage.
 fn variations<'a>(balance: &'a Balance, x: &[f64], steps: f64) -> Variations<'a> {
     Variations::new(balance, x, steps, Samples::new(&balance.forced, &balance.unknowns))
 }
@@ -61,8 +61,8 @@ fn fine_flow(balance: &Balance, x: &[f64], times: f64) -> Stability {
     multipliers((finest * 64.0 - middle * 20.0 + coarsest) / 45.0).unwrap()
 }
 
-/// Along a branch around its folds, with an element that hardens, where all motions have their exponents, and with one
-/// that damps, where most have.
+/// Along a branch around its folds, with an element that hardens, where all responses have their exponents, and with
+/// one that damps, where most have.
 #[test]
 fn exponents_of_many_modes_are_those_of_their_flow() {
     let laws = [(Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 }, 1.0), (Law::Tanh { slip: 3.0, velocity: 0.1 }, 0.5)];
@@ -104,8 +104,8 @@ fn resonant_modes(noise: &mut Noise) -> Vec<(f64, f64, f64)> {
     hz.iter().map(mode).collect()
 }
 
-/// Along motions with even harmonics or without: where modes resonate with each other, harmonics that are left out, or
-/// sweeps that end early, would show, and one exponent could be taken for two.
+/// Along responses with even harmonics or without: where modes resonate with each other, harmonics that are left out,
+/// or sweeps that end early, would show, and one exponent could be taken for two.
 #[test]
 fn exponents_of_modes_that_resonate_are_those_of_their_flow() {
     let harmonics = 9;
@@ -134,7 +134,8 @@ fn exponents_of_modes_that_resonate_are_those_of_their_flow() {
     assert!(by_exponents >= 100, "{by_exponents}");
 }
 
-/// Storage that other motions have used, with other numbers of harmonics, of points and of slips, changes no bit.
+/// Storage that other responses have used, with other numbers of harmonics, of points and of slips, does not change the
+/// result.
 #[test]
 fn storage_of_another_motion_leaves_no_trace() {
     let laws = [
@@ -156,7 +157,7 @@ fn storage_of_another_motion_leaves_no_trace() {
     }
 }
 
-/// A symmetric motion has the multipliers of its half, and one that isn't has those of the whole period.
+/// A symmetric response has the multipliers of its half, and one that isn't has those of the whole period.
 #[test]
 fn multipliers_of_half_a_period_are_those_of_the_whole() {
     for law in [Law::Gap { stiffness: 2e4, gap: 5e-4 }, Law::Friction { stiffness: 2e4, slip: 5.0 }] {

@@ -11,16 +11,16 @@ use crate::unknowns::Condensed;
 
 /// Fourier coefficients below this part of the largest are none.
 const NEGLIGIBLE: f64 = 1e-13;
-/// What harmonics that are left out may change an exponent by, over Ω, were they at the sharpest resonance.
+/// The largest change of an exponent by the harmonics that are left out, over Ω, were they at the sharpest resonance.
 pub(super) const OMITTED: f64 = 1e-10;
 
-/// Modes at the place of an element, and the element along the motion.
+/// Modes at the place of an element, and the element along the response.
 pub(super) struct Varied {
     /// φ², ω² and 2ζω of each mode.
     pub weights: Vec<f64>,
     pub squares: Vec<f64>,
     pub dampings: Vec<f64>,
-    /// Angular frequency of the motion Ω, rad/s.
+    /// Angular frequency of the response Ω, rad/s.
     pub omega: f64,
     /// S and G of the harmonics 0, `step`, 2 `step` …; all beyond are negligible.
     pub coefficients: Vec<[Complex<f64>; 2]>,
@@ -33,7 +33,7 @@ pub(super) struct Varied {
 }
 
 impl Varied {
-    /// `None` if there are not enough samples for the element.
+    /// Computes them; `None` if there are not enough samples for the element.
     pub fn new(of: &Variations, condensed: &Condensed) -> Option<Varied> {
         let phi = &condensed.places[0];
         let count = of.samples.count();
@@ -80,7 +80,7 @@ impl Varied {
         None
     }
 
-    /// S and G of a harmonic.
+    /// Returns S and G of a harmonic.
     #[inline(always)]
     pub fn coefficients_of(&self, harmonic: isize) -> [Complex<f64>; 2] {
         let Some(of) = self.coefficients.get(harmonic.unsigned_abs() / self.step) else {
@@ -89,19 +89,19 @@ impl Varied {
         if harmonic < 0 { of.map(|of| of.conj()) } else { *of }
     }
 
-    /// T of two harmonics by their difference and the second's rate s + ilΩ.
+    /// Returns T of two harmonics by their difference and the second's rate s + ilΩ.
     #[inline(always)]
     pub fn coupling(&self, difference: isize, rate: Complex<f64>) -> Complex<f64> {
         let [s, g] = self.coefficients_of(difference);
         if self.damps { s + rate * g } else { s }
     }
 
-    /// Exponent of a harmonic of the disturbance, s + ikΩ, 1/s.
+    /// Returns the exponent of a harmonic of the disturbance, s + ikΩ, 1/s.
     pub fn rate(&self, s: Complex<f64>, harmonic: isize) -> Complex<f64> {
         Complex::new(s.re, s.im + harmonic as f64 * self.omega)
     }
 
-    /// Compliance H of the linear structure at an exponent.
+    /// Returns the compliance H of the linear structure at an exponent.
     pub fn compliance(&self, s: Complex<f64>) -> Complex<f64> {
         let add = |lanes: &mut [[f64; 4]; 4], lane: usize, [weight, _]: [f64; 2], [re, im]: [f64; 2]| {
             let scale = weight / (re * re + im * im);
@@ -111,7 +111,7 @@ impl Varied {
         widest(OverModes { of: self, s, add })[0]
     }
 
-    /// 1/H and its derivative.
+    /// Returns 1/H and its derivative.
     pub fn stiffness(&self, s: Complex<f64>) -> [Complex<f64>; 2] {
         let add = |lanes: &mut [[f64; 4]; 4], lane: usize, [weight, damping]: [f64; 2], [re, im]: [f64; 2]| {
             let inverse = 1.0 / (re * re + im * im);

@@ -37,7 +37,7 @@ pub fn continuous_phase(
     all.iter().map(point).filter(|(hz, _)| frequency_hz.contains(hz)).collect()
 }
 
-/// The change of phase from one frequency to another, rad.
+/// Returns the change of phase from one frequency to another, rad.
 fn turn_rad(
     at: &dyn Fn(f64) -> Option<Complex<f64>>,
     from: (f64, Complex<f64>),

@@ -8,7 +8,7 @@ use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Which time derivative of the response is divided by the drive.
+/// The time derivative of the response that is divided by the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
@@ -44,7 +44,7 @@ impl Quantity {
     }
 }
 
-/// A text is not the name of a quantity.
+/// Error of a text that is not the name of a quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no quantity `{got}`: it must be one of {known}", known = Quantity::ALL.map(Quantity::name).join(", "))]
 pub struct UnknownQuantity {

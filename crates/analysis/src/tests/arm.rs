@@ -190,8 +190,8 @@ fn chains_have_the_equations_of_random_arms() {
     }
 }
 
-/// A motion of the arm satisfies the equations of the chain, which are divided by the stiffness scale, and has its
-/// multipliers.
+/// A periodic response of the arm satisfies the equations of the chain, which are divided by the stiffness scale, and
+/// has its multipliers.
 fn has_motion(forced: &Forced, orbit: &Value) {
     let x = numbers(&orbit["coefficients_rad"]);
     let hz = number(orbit, "frequency_hz");
@@ -211,8 +211,8 @@ fn has_motion(forced: &Forced, orbit: &Value) {
     assert!((trace - expected).abs() < 1e-9, "{hz} Hz: {trace}, expected {expected}");
 }
 
-/// Every motion of the arm's branches is one of the chain, point by point; the chain's own branches have the same
-/// bifurcations. Folds are located by equations of their own, period doublings from the multipliers beside them.
+/// Every periodic response on the arm's branches is one of the chain, point by point; the chain's own branches have the
+/// same bifurcations. Folds are located by equations of their own, period doublings from the multipliers beside them.
 #[test]
 fn chains_have_the_branches_of_the_arm() {
     let cases = oracles_of_the_arm();
@@ -300,8 +300,8 @@ fn a_fold_and_a_neimark_sacker_point_side_by_side() {
     }
 }
 
-/// Along backbones, with damping or without, of both modes. The points of both curves lie elsewhere, so the motions
-/// are put into the chain's equations; the drive may have either sign.
+/// Along backbones, with damping or without, of both modes. The points of both curves lie elsewhere, so the periodic
+/// responses are put into the chain's equations; the drive may have either sign.
 #[test]
 fn chains_have_the_backbones_of_the_arm() {
     let cases = oracles_of_the_arm();
@@ -321,7 +321,7 @@ fn chains_have_the_backbones_of_the_arm() {
     }
 }
 
-/// From the same start a period of the drive ends in the same state, and the motion settles in the same section. The
+/// From the same start a period of the drive ends in the same state, and the response settles in the same section. The
 /// structure is one of a sweep over the angle of link 2 that begins elsewhere.
 #[test]
 fn chains_settle_as_the_arm() {

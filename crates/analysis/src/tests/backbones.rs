@@ -34,7 +34,7 @@ fn arithmetic_geometric_mean(mut a: f64, mut b: f64) -> f64 {
 }
 
 /// q̈ + ω²q + βq³ = 0 has the frequency √(ω² + βa²) π/(2K(m)), m = βa²/2/(ω² + βa²); of a single mode it is that of the
-/// resonance with damping, too, whose drive balances the damper: A φ = 2ζωΩa of a nearly sinusoidal motion.
+/// resonance with damping, too, whose drive balances the damper: A φ = 2ζωΩa of a nearly sinusoidal response.
 #[test]
 fn a_cubic_spring_has_the_frequency_of_an_elliptic_function() {
     let (stiffness3, omega) = (4e7, TAU * HZ);
@@ -66,7 +66,7 @@ fn a_cubic_spring_has_the_frequency_of_an_elliptic_function() {
     }
 }
 
-/// A free motion between two stops: sinusoidal between them, and about another centre beyond.
+/// A free vibration between two stops: sinusoidal between them, and about another centre beyond.
 #[test]
 fn backlash_has_its_frequency_in_closed_form() {
     let (stiffness, gap, omega) = (2e4, 1e-3, TAU * HZ);
@@ -92,8 +92,8 @@ fn backlash_has_its_frequency_in_closed_form() {
     assert!(compared > 10 && curve.points[0].readings[0].largest < 0.1 * gap, "{compared}");
 }
 
-/// A chain of two links has the backbone that the arm's own analysis gave: the motion at a largest angle of 0.1 rad of
-/// joint 1, with damping and without.
+/// A chain of two links has the backbone that the arm's own analysis gave: the periodic response at a largest angle of
+/// 0.1 rad of joint 1, with damping and without.
 #[test]
 fn a_chain_of_two_links_has_the_backbone_of_the_arm() {
     let damped = chain_under(60.0, 1.0);
@@ -149,7 +149,7 @@ fn a_mode_that_is_not_driven_is_an_error() {
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly, tip, 1.0);
     let options = BackboneOptions::new(&forced, 0, 0.1, f64::INFINITY, vec![tip]);
-    insta::assert_snapshot!(super::super::backbone(&forced, &options).unwrap_err(), @"mode 1, 20.429754 Hz, is not driven by this excitation: its response is nowhere 90° behind the load; try another excitation");
+    insta::assert_snapshot!(super::super::backbone(&forced, &options).unwrap_err(), @"this excitation does not drive mode 1, 20.429754 Hz: the mode never lags the load by 90°; drive the structure at another point or along another axis");
 }
 
 /// A load too weak for the first amplitude still gives a curve, which ends there; one that ends early keeps its points.
@@ -165,7 +165,7 @@ fn backbones_end_at_the_load_or_keep_what_they_have() {
     assert_eq!(early.so_far.points, whole.points[..4]);
 }
 
-/// What has no linear mode to begin in is refused, and what has no free motion.
+/// A structure without a linear mode is rejected, and so is one without a free vibration.
 #[test]
 fn a_backbone_refuses_what_it_can_not_begin_with() {
     let friction = single(1e-3, Law::Friction { stiffness: 1e4, slip: 5.0 });
@@ -173,7 +173,7 @@ fn a_backbone_refuses_what_it_can_not_begin_with() {
         let options = BackboneOptions::new(forced, mode, 0.01, 10.0, vec![forced.drives()[0].0]);
         super::super::backbone(forced, &options).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, acts at infinitesimal amplitude, and a backbone begins as a linear mode; leave the element out, or give a contact a gap");
+    insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, acts at infinitesimal amplitude, but a backbone must begin as a linear mode; leave the element out, or give a contact a gap");
     insta::assert_snapshot!(friction.undamped().unwrap_err(), @"element 1, friction, dissipates energy, so the undamped structure is not defined: leave the element out");
     let cubic = single(1e-3, Law::Cubic { stiffness3: 1e7, stiffness5: 0.0 });
     insta::assert_snapshot!(refusal(&cubic, 4), @"there is no mode 5: the structure has modes 1 to 1");

@@ -88,7 +88,8 @@ fn doubled_branches_of_a_chain_are_those_of_the_arm() {
     }
 }
 
-/// Branches in parameters of the structure have the folds, and end in the motions, that the arm's had in its own.
+/// Branches in parameters of the structure have the folds, and end in the periodic responses, that the arm's had in its
+/// own.
 #[test]
 fn branches_in_any_parameter_are_those_of_the_arm() {
     let cases = [
@@ -114,7 +115,7 @@ fn branches_in_any_parameter_are_those_of_the_arm() {
     }
 }
 
-/// A torque and a force of a direction act in phase: small motions are the sum of the responses to each.
+/// A torque and a force of a direction act in phase: small vibrations are the sum of the responses to each.
 #[test]
 fn several_drives_act_at_once() {
     let assembly = chain_of(60.0);

@@ -24,7 +24,7 @@ fn traced(assembly: Assembly, force_n: f64, ends: [f64; 2]) -> Branch {
 
 const HARDENS: Law = Law::Cubic { stiffness3: 3e7, stiffness5: 0.0 };
 
-/// Without damping |μ| is 1 and its distance from 1 is rounding: no motion is called stable or unstable, and nothing
+/// Without damping |μ| is 1 and its distance from 1 is rounding: no response is called stable or unstable, and nothing
 /// bifurcates, beside a damped mode either.
 #[test]
 fn undamped_motions_are_marginal() {
@@ -58,7 +58,8 @@ fn little_damping_is_stable() {
     }
 }
 
-/// Where the first motion needs more harmonics than it is sought with, it is still at the value asked for.
+/// If the first response needs more harmonics than the search starts with, the branch still begins at the requested
+/// value.
 #[test]
 fn a_branch_begins_where_it_is_asked_to() {
     let two = [(20.0, 0.01, [0.5, 0.2]), (47.3, 0.008, [-0.4, 0.7])];
@@ -77,7 +78,7 @@ fn a_branch_begins_where_it_is_asked_to() {
     }
 }
 
-/// The harmonics with which the first motion of a smooth structure is sought.
+/// The harmonics with which the first response of a smooth structure is sought.
 fn branch_least() -> usize {
     BranchOptions::new(1.0, 2.0).least_harmonics
 }

@@ -32,8 +32,8 @@ pub(crate) fn preset_at(preset: Preset, angles_deg: [f64; 2]) -> Assembly {
     assembly_of(ChainSpec { unstated: vec![], ..chain })
 }
 
-/// The state at phase 0 of a periodic motion of a structure with two coordinates: the sum of its cosines, and of its sines
-/// times their angular frequencies.
+/// The state at phase 0 of a periodic response of a structure with two coordinates: the sum of its cosines, and of its
+/// sines times their angular frequencies.
 pub(crate) fn start_of_two(orbit: &Orbit) -> Vec<f64> {
     let mut state = orbit.coefficients[..2].to_vec();
     state.resize(4, 0.0);
@@ -119,7 +119,7 @@ pub(super) fn of_kind(branch: &Branch, kind: BifurcationKind) -> Vec<&Orbit> {
 
 /// The oracle samples the forces at 512 points without regard to where a contact opens between two of them. With 25
 /// harmonics that puts small folds around the peak, which are not there with finer points; its first and last folds and
-/// its peak are those of the motion.
+/// its peak are those of the response.
 #[test]
 fn branches_have_the_folds_and_peaks_of_independent_code() {
     for case in oracles("modal") {
@@ -148,7 +148,7 @@ fn branches_have_the_folds_and_peaks_of_independent_code() {
 }
 
 /// The contact on one side also doubles the period, twice on the way up and twice on the way down; backlash, which is
-/// symmetric, has branch points where the motion loses its symmetry.
+/// symmetric, has branch points where the response loses its symmetry.
 #[test]
 fn multipliers_find_what_is_not_a_fold() {
     let [gap, contact] = ["gap", "contact"].map(|kind| {
@@ -162,13 +162,13 @@ fn multipliers_find_what_is_not_a_fold() {
     assert_eq!(of_kind(&contact, BifurcationKind::PeriodDoubling).len(), 4);
     let crossings = of_kind(&gap, BifurcationKind::BranchPoint);
     assert_eq!(crossings.len(), 2);
-    // Before the first one the motion is symmetric: its even harmonics vanish.
+    // Before the first one the response is symmetric: its even harmonics vanish.
     let before = gap.orbits.iter().rfind(|orbit| orbit.arclength < crossings[0].arclength).unwrap();
     let even = before.coefficients.chunks(4).map(|four| four[0].abs().max(*four.get(3).unwrap_or(&0.0)));
     assert!(even.fold(0.0, f64::max) < 1e-12, "{before:?}");
 }
 
-/// Without elements the motion is that of the frequency response, at any place.
+/// Without elements the response is the linear frequency response, at any place.
 #[test]
 fn a_structure_without_elements_is_linear() {
     let mut spec = modal(&oracles("modal")[0]).spec().clone();
@@ -190,7 +190,7 @@ fn a_structure_without_elements_is_linear() {
 }
 
 /// Two masses with dampers whose damping is not modal, as springs and dampers between modes without them: the frequency
-/// response is (K − Ω²M + iΩC)⁻¹, in closed form, and a branch of forced motions the same.
+/// response is (K − Ω²M + iΩC)⁻¹, in closed form, and a branch of forced periodic responses the same.
 #[test]
 fn dampers_between_points_need_not_be_modal() {
     let modes = [26.0, 30.0].map(|omega| ModeSpec { frequency_hz: omega / TAU, damping_ratio: 0.0 }).to_vec();
@@ -223,8 +223,8 @@ fn dampers_between_points_need_not_be_modal() {
     assert!(branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)));
 }
 
-/// The arm with a spring at its elbow that hardens: at 40 N a motion almost breaks a symmetry, and a closed branch
-/// passes by at 22.856 Hz, nearer than a usual step. The branch goes by, and leaves the interval.
+/// The arm with a spring at its elbow that hardens: at 40 N a response almost breaks a symmetry, and a closed branch
+/// passes by at 22.856 Hz, nearer than a usual step. The branch passes it, and leaves the interval.
 #[test]
 fn a_branch_does_not_jump_to_one_that_passes_close_by() {
     let chain = BodySpec::Chain(Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[0.0, 60.0]));
@@ -432,7 +432,7 @@ fn says_why_there_is_no_response() {
     let says = |hz| linear.at(Quantity::Receptance, tip, tip, hz).unwrap_err();
     insta::assert_snapshot!(says(-1.0), @"frequency -1 Hz: it must be zero or a positive number");
     insta::assert_snapshot!(says(f64::NAN), @"frequency NaN Hz: it must be zero or a positive number");
-    insta::assert_snapshot!(says(8.0), @"the response at 8 Hz is infinite: nothing damps this mode; give the joints damping or move off");
+    insta::assert_snapshot!(says(8.0), @"the response at 8 Hz is infinite, since nothing damps this mode; give the structure damping, or choose another frequency");
 }
 
 /// The fitted arm as a chain, with link 2 at this angle.
@@ -447,8 +447,8 @@ fn chain_under(beta2_deg: f64, torque_nm: f64) -> Forced {
     Forced::new(assembly, joint, torque_nm)
 }
 
-/// A bolted beam of two modes whose tip and joint slip on each other. Motions near its resonance are found from those
-/// farther off, past the corner at which the slip begins; they are the same.
+/// A bolted beam of two modes whose tip and joint slip on each other. Periodic responses near its resonance are found
+/// from those farther off, past the corner at which the slip begins; they are the same.
 #[test]
 fn a_branch_begins_beyond_the_corner_of_friction() {
     let mode = |frequency_hz, damping_ratio| ModeSpec { frequency_hz, damping_ratio };
@@ -498,12 +498,12 @@ fn a_free_structure_responds_above_0_hz() {
     let got = linear.at(Quantity::Receptance, tip, tip, 31.0).unwrap();
     assert!((got - expected).norm() < 1e-12 * expected.norm(), "{got} {expected}");
     let refused = linear.at(Quantity::Accelerance, tip, tip, 0.0).unwrap_err();
-    insta::assert_snapshot!(refused, @"the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
+    insta::assert_snapshot!(refused, @"the response at 0 Hz is infinite: mode 1 is rigid, so nothing holds the structure; start above 0 Hz");
 }
 
 /// With a hardening spring between the masses their distance d = x_a − x_b moves as one oscillator, d̈ + 2ζω ḋ + ω² d =
 /// F/m − (2/m) k₃ d³, whose mode has the shape 1 at d: the same branch as that oscillator held. The rigid mode adds its own
-/// motion and two multipliers 1, so that no motion is proved stable.
+/// motion and two multipliers 1, so that no periodic response is proved stable.
 #[test]
 fn a_free_structure_with_an_inner_spring_is_continued() {
     let law = Law::Cubic { stiffness3: 1e9, stiffness5: 0.0 };
@@ -553,12 +553,12 @@ fn what_has_no_steady_state_is_refused() {
     let forced = Forced::new(assembly.clone(), tip, 6.0);
     let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 26.0], vec![tip]);
     let refused = super::trace(&forced, 15.0, Coordinate::FrequencyHz, &options).unwrap_err();
-    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, and element 1 holds it: about which mean position the structure then vibrates is not computed; integrate in time, or give the mode the frequency that it has on its soft supports");
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, and only element 1 holds it, so the mean position of the vibration is not computed; integrate in time, or give the mode the frequency that it has on its soft supports");
     let refused =
         super::backbone(&forced, &BackboneOptions::new(&forced, 0, 1e-3, f64::INFINITY, vec![tip])).unwrap_err();
-    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, so it has no resonance: choose another mode");
     let refused = time_domain::StroboscopicMap::new(&forced, 20.0).unwrap_err();
-    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency and the damping that it has on its soft supports");
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, so no response settles; give the mode the frequency and the damping that it has on its soft supports");
 }
 
 /// An overdamped mode beside one that oscillates: the closed form of the response, and, with a spring too weak to act,
@@ -619,7 +619,8 @@ fn a_base_excites_the_structure() {
     assert_eq!(linear.at(Quantity::Accelerance, base, tip, 0.0).unwrap(), Complex::new(1.0, 0.0));
 }
 
-/// An acceleration of the base does what the force −ma at the mass does, with its branches, and settled motions.
+/// An acceleration of the base does what the force −ma at the mass does, with its branches, and settled periodic
+/// responses.
 #[test]
 fn branches_under_a_moving_base_are_those_of_a_force() {
     let law = Law::Cubic { stiffness3: 1e8, stiffness5: 0.0 };

@@ -23,11 +23,11 @@ fn link(stiffness_nm_rad: f64) -> Assembly {
     Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
 }
 
-/// Small motions of the link follow Mathieu's equation, q̈ + (a − 2q cos 2t) q = 0 with a = k, 2q = F l and t shifted. At
-/// q = 1 its characteristic values are a₁ = 1.859108072514, b₂ = 3.917024772998 and a₂ = 4.371300982735 (M. Abramowitz,
-/// I. A. Stegun, "Handbook of Mathematical Functions", 1964, Ch. 20). At a₁ a motion of period 2π appears, twice that of
-/// the force: a multiplier is −1. At b₂ and a₂ one of period π does: a multiplier is 1, and since rest stays a motion,
-/// they are branch points.
+/// Small vibrations of the link follow Mathieu's equation, q̈ + (a − 2q cos 2t) q = 0 with a = k, 2q = F l and t
+/// shifted. At q = 1 its characteristic values are a₁ = 1.859108072514, b₂ = 3.917024772998 and a₂ = 4.371300982735 (M.
+/// Abramowitz, I. A. Stegun, "Handbook of Mathematical Functions", 1964, Ch. 20). At a₁ a periodic orbit of period 2π
+/// appears, twice that of the force: a multiplier is −1. At b₂ and a₂ one of period π does: a multiplier is 1, and
+/// since rest remains a solution, they are branch points.
 #[test]
 fn a_link_under_an_axial_force_has_the_characteristic_values_of_mathieu() {
     let assembly = link(0.5);
@@ -35,7 +35,7 @@ fn a_link_under_an_axial_force_has_the_characteristic_values_of_mathieu() {
     let stiffness = Coordinate::Parameter(assembly.parameter("link1.stiffness_nm_rad").unwrap());
     let forced = Forced::new(assembly, tip, 2.0);
     let mut options = TraceOptions::new(&forced, stiffness, [0.5, 6.0], vec![tip]);
-    // Rest needs no harmonics, but the motions that leave it do.
+    // Rest needs no harmonics, but the responses that leave it do.
     options.branch.least_harmonics = 9;
     options.branch.continuation = ContinuationSettings { state_floor: 0.1, ..options.branch.continuation };
     let branch = super::super::trace(&forced, 2.0 / TAU, stiffness, &options).unwrap();

@@ -1,4 +1,4 @@
-//! The stable motions of a structure at a frequency, and which states reach them.
+//! The stable periodic responses of a structure at a frequency, and the states that reach them.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -11,17 +11,17 @@ use crate::EndedEarly;
 use crate::time_domain::{Attractor, BasinOutcome, FixedPoint, SettleOptions, TimeDomainError, fates, follow};
 use crate::{Branch, Coordinate, Forced, Reading, TraceOptions, phase_zero_states, trace};
 
-/// The branch is traced between these multiples of the frequency to find the motions at it.
+/// The branch is traced between these multiples of the frequency to find the responses at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
-/// A grid of initial states reaches this many times as far as the largest stable motion.
+/// A grid of initial states reaches this many times as far as the largest stable response.
 const REACH: f64 = 1.5;
-/// A motion is followed from beside an unstable one, off by this part of its size.
+/// Distance, as a fraction of its size, from an unstable response at which a trajectory starts.
 const BESIDE: f64 = 1e-3;
 
-/// A stable periodic motion of a structure.
+/// A stable periodic response of a structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StableMotion {
-    /// Periods of the drive after which it repeats.
+    /// Periods of the drive after which the response repeats.
     pub period: u32,
     /// Largest magnitude of its Floquet multipliers, over its own period.
     pub largest_multiplier: f64,
@@ -49,8 +49,8 @@ impl StableMotion {
     }
 }
 
-/// How far a grid of initial states goes in a coordinate, from 0, or past them in a rate, to show what surrounds the
-/// motions under a drive of this frequency.
+/// Returns how far a grid of initial states extends in a coordinate, from 0, or past the responses in a rate, to show
+/// the surroundings of the responses under a drive of this frequency.
 pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
     let of = |motion: &StableMotion| {
         let n = motion.coordinates.len();
@@ -59,14 +59,14 @@ pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
     REACH * motions.iter().map(of).fold(0.0, f64::max)
 }
 
-/// The stable motions of a driven structure at a frequency, in order of the first displacement that is read: those of
-/// the branch over the frequency, traced from ¾ to 4/3 of it, and those in which the structure settles from beside an
-/// unstable motion of the branch, as one of twice the period. A branch that ended early is returned, too; motions
-/// beyond its end are missing.
+/// Finds the stable periodic responses of a driven structure at a frequency, in order of the first displacement that is
+/// read: those of the branch over the frequency, traced from ¾ to 4/3 of it, and those in which the structure settles
+/// from beside an unstable response of the branch, as one of twice the period. A branch that ended early is returned,
+/// too; responses beyond its end are missing.
 ///
 /// # Errors
-/// As [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a motion can't be followed; [`TimeDomainError::Stopped`]
-/// if `stop` said so.
+/// [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a trajectory can't be followed; [`TimeDomainError::Stopped`]
+/// if `stop` returned `true`.
 pub fn stable_motions(
     forced: &Forced,
     read: &[Dof],
@@ -90,8 +90,8 @@ pub fn stable_motions(
         Ok(true)
     };
     for state in phase_zero_states(forced, &branch, frequency_hz, &options) {
-        // Without a stable fixed point here this motion of the branch is unstable. The states beside it lead to others,
-        // as of twice the period.
+        // Without a stable fixed point here this response of the branch is unstable. The states beside it lead to
+        // others, as of twice the period.
         if !keep(FixedPoint::shoot(&map, &map.to_point(&state), 1))? {
             unstable.push(state);
         }
@@ -108,17 +108,18 @@ pub fn stable_motions(
     Ok((motions, early))
 }
 
-/// The fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode.
+/// Computes the fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode.
 ///
-/// All are integrated side by side, in stretches of a quarter of a time constant. A motion has reached a stable one once it
-/// is within 1e-9 of it, relative to its size, or once it has approached it as the linearisation there predicts: over
-/// one stretch that ends within 10 % of it, with a remainder of at most 1 % of the decay, or over several with a remainder of at most a quarter of
-/// the decay each, until the deviation has halved. From there on the remainder, which is of second order, falls faster
-/// than the deviation itself. Motions for which none of this holds by the end of the wait are undecided.
+/// All are integrated side by side, in stretches of a quarter of a time constant. A trajectory has reached a stable
+/// response once it is within 1e-9 of it, relative to its size, or once it has approached it as the linearisation there
+/// predicts: over one stretch that ends within 10 % of it, with a remainder of at most 1 % of the decay, or over
+/// several with a remainder of at most a quarter of the decay each, until the deviation has halved. From there on the
+/// remainder, which is of second order, falls faster than the deviation itself. Trajectories for which none of this
+/// holds by the end of the wait are undecided.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Step`] if a step can't be made for
-/// another reason than that the motion grows without bound, [`TimeDomainError::Stopped`] if `stop` said so.
+/// another reason than that the trajectory grows without bound, [`TimeDomainError::Stopped`] if `stop` returned `true`.
 pub fn outcomes(
     map: &StroboscopicMap,
     motions: &[StableMotion],

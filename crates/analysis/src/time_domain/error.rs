@@ -1,4 +1,4 @@
-//! Why a forced structure can't be followed through time.
+//! Errors of integration in time.
 
 use thiserror::Error;
 
@@ -6,7 +6,7 @@ use resonarm_dynamics::integrate::IntegrateError;
 use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::short;
 
-/// Why a forced structure can't be followed through time.
+/// Error of the integration of a forced structure in time.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TimeDomainError {
@@ -18,7 +18,7 @@ pub enum TimeDomainError {
     },
     /// A period of the excitation has too many steps.
     #[error(
-        "excitation frequency {got_hz} Hz: a period would take {steps:.1e} steps, more than {most}; go no lower than \
+        "at an excitation frequency of {got_hz} Hz, a period would take {steps:.1e} steps, more than {most}; choose at least \
          {lowest_hz:.2e} Hz, where the response is quasi-static", got_hz = short(.got_hz))]
     FrequencyTooLow {
         /// The given value, Hz.
@@ -33,8 +33,8 @@ pub enum TimeDomainError {
     /// The excitation's amplitude is not finite.
     #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
     Load,
-    /// Both ends of a sweep must be numbers, and different.
-    #[error("a sweep from {from} to {to}: both ends must be numbers, and different", from = short(.from), to = short(.to))]
+    /// The ends of a sweep must be numbers, and different.
+    #[error("the sweep goes from {from} to {to}: its ends must be two different numbers", from = short(.from), to = short(.to))]
     Interval {
         /// One end of the interval.
         from: f64,
@@ -42,33 +42,31 @@ pub enum TimeDomainError {
         to: f64,
     },
     /// A sweep has too few points, or too many.
-    #[error("a sweep of {got} points: it must have from 2, one at each end, to {most}")]
+    #[error("the number of points of the sweep is {got}: it must be from 2, one at each end, to {most}")]
     Points {
         /// The number of points that was given.
         got: u32,
         /// Most points of a sweep.
         most: u32,
     },
-    /// Vibration never dies out.
-    #[error(
-        "mode {mode} has the damping ratio {damping_ratio:e}: without damping no response settles; give it damping"
-    )]
+    /// Vibration never dies out, since a mode has no damping.
+    #[error("mode {mode} has the damping ratio {damping_ratio:e}, so no response settles; give the mode damping")]
     Undamped {
         /// Its number, from 1.
         mode: usize,
         /// Damping ratio ζ of the mode.
         damping_ratio: f64,
     },
-    /// Nothing holds the structure.
+    /// The structure has a rigid mode that nothing holds.
     #[error(
-        "mode {mode} is rigid, at 0 Hz: nothing brings the structure back, so that no response settles; give the mode the frequency \
+        "mode {mode} is rigid, at 0 Hz, so no response settles; give the mode the frequency \
          and the damping that it has on its soft supports"
     )]
     Rigid {
         /// Its number, from 1.
         mode: usize,
     },
-    /// A limit of the settling is no positive number.
+    /// An option is not a positive number.
     #[error("{name} is {got}: it must be a positive number", got = short(.got))]
     Option {
         /// Name of the option.
@@ -76,23 +74,23 @@ pub enum TimeDomainError {
         /// The value that was given.
         got: f64,
     },
-    /// A step can't be made.
+    /// An integration step failed.
     #[error("excited at {frequency_hz} Hz: {}", reason(source), frequency_hz = short(.frequency_hz))]
     Step {
         /// Frequency of the excitation, Hz.
         frequency_hz: f64,
-        /// Why the step can't be made.
+        /// The reason for which the step failed.
         source: StepError,
     },
-    /// No structure has this value of a parameter that is swept.
+    /// No structure has this value of the swept parameter.
     #[error(transparent)]
     Structure(#[from] StructureError),
     /// A stop was requested.
-    #[error("stopped before the response had settled")]
+    #[error("the computation was stopped before the response had settled")]
     Stopped,
 }
 
-/// The reason, with advice for users who don't choose the rate.
+/// Returns the reason, with advice for users who don't choose the step rate.
 fn reason(error: &StepError) -> alloc::string::String {
     match error {
         StepError::NotFinite { t_s } | StepError::Integrate(IntegrateError::NotFinite { t_s }) => {

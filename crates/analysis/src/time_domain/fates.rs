@@ -1,4 +1,4 @@
-//! Which stable motion a state of a forced system reaches.
+//! The stable response that a state of a forced system reaches.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -15,20 +15,20 @@ use super::settle::{CLOSURE, STRETCH};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BasinOutcome {
-    /// It reaches a stable motion.
+    /// It reaches a stable response.
     Reaches {
-        /// Index of the stable motion.
+        /// Index of the stable response.
         motion: usize,
         /// Periods of the excitation until this was certain.
         periods: u64,
     },
-    /// Within the wait it reaches none of the known stable motions.
+    /// Within the wait it reaches none of the known stable responses.
     Undecided,
     /// It grows without bound.
     Diverges,
 }
 
-/// A stable motion as fixed points of the map's power, one for each of its periods.
+/// A stable response as fixed points of the map's power, one for each of its periods.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Attractor {
     period: u32,
@@ -36,7 +36,7 @@ pub(crate) struct Attractor {
 }
 
 impl Attractor {
-    /// The motion of a fixed point, with the states of its section, which begin there.
+    /// The response of a fixed point, with the states of its section, which begin there.
     pub fn new(map: &StroboscopicMap, found: &FixedPoint, section: &[Vec<f64>]) -> Attractor {
         let later = section.get(1..).unwrap_or_default().iter();
         let mut points = vec![found.clone()];
@@ -44,13 +44,13 @@ impl Attractor {
         Attractor { period: found.period, points }
     }
 
-    /// Whether a point is one of the motion's.
+    /// Says whether a point is one of the response's.
     pub fn holds(&self, point: &DVector<f64>) -> bool {
         self.points.iter().any(|own| own.distance(point) <= SAME_POINT)
     }
 }
 
-/// The fate of each state of any forced system; see [`outcomes`](super::outcomes).
+/// Computes the fate of each state of any forced system; see [`outcomes`](super::outcomes).
 pub(crate) fn fates(
     map: &StroboscopicMap,
     attractors: &[&Attractor],
@@ -95,7 +95,7 @@ pub(crate) fn fates(
     Ok(outcomes)
 }
 
-/// A point of a stable motion, with the linearisation there.
+/// A point of a stable response, with the linearisation there.
 struct Target<'a> {
     motion: usize,
     point: &'a FixedPoint,
@@ -103,14 +103,14 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// The points of a motion; `stretch` is in periods of the excitation.
+    /// Returns the points of a response; `stretch` is in periods of the excitation.
     fn of(motion: usize, attractor: &'a Attractor, stretch: u64) -> impl Iterator<Item = Target<'a>> {
         let returns = stretch / u64::from(attractor.period);
         attractor.points.iter().map(move |point| Target { motion, point, linearised: point.linearised(returns) })
     }
 }
 
-/// A motion on its way from an initial state.
+/// A trajectory on its way from an initial state.
 struct Traveller {
     /// The index of its initial state.
     start: usize,
@@ -123,7 +123,7 @@ impl Traveller {
         Traveller { start, approaches: vec![None; targets] }
     }
 
-    /// The motion that it reaches, if that is certain after a stretch from `before` to `after`.
+    /// Returns the response that the trajectory reaches, if that is certain after a stretch from `before` to `after`.
     fn reaches(&mut self, targets: &[Target<'_>], before: &DVector<f64>, after: &DVector<f64>) -> Option<usize> {
         for (approach, target) in self.approaches.iter_mut().zip(targets) {
             *approach = target.linearised.approach(*approach, before, after);

@@ -1,4 +1,4 @@
-//! Fixed points of the stroboscopic map's powers, and how motions near them die out.
+//! Fixed points of the stroboscopic map's powers, and the decay of trajectories near them.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,12 +7,12 @@ use resonarm_numeric::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
 const MAX_ITERATIONS: usize = 8;
-/// A correction below this fraction of the motion is the last one: the remaining error is its square times at most 1/(1
-/// − μ), below 1e-12.
+/// A correction below this fraction of the response is the last one: the remaining error is its square times at most
+/// 1/(1 − μ), below 1e-12.
 const CORRECTION_LIMIT: f64 = 1e-8;
-/// Newton's method is given up at a correction of more than this many times the motion.
+/// Newton's method is given up at a correction of more than this many times the response.
 const CORRECTION_BOUND: f64 = 10.0;
-/// Two points this near each other, relative to the motion, are one.
+/// Two points this near each other, relative to the response, are one.
 pub(crate) const SAME_POINT: f64 = 1e-7;
 /// A multiplier nearer to 1 is indistinguishable from 1: the derivative's own error is near 1e-10.
 const SMALLEST_DECAY: f64 = 1e-9;
@@ -20,15 +20,15 @@ const SMALLEST_DECAY: f64 = 1e-9;
 const PREDICTED: f64 = 0.25;
 /// The remainder is negligible if it is at most this part of the decay, near the fixed point.
 const LINEAR: f64 = 0.01;
-/// A deviation of at most this part of the motion is near the fixed point.
+/// A deviation of at most this part of the response is near the fixed point.
 const NEAR: f64 = 0.1;
 /// Squarings of the derivative: they reach 2⁴⁰ periods.
 const SQUARINGS: i32 = 40;
 
-/// A stable fixed point of the map's power: a motion that repeats, to which its neighbours converge.
+/// A stable fixed point of the map's power: a periodic response to which its neighbours converge.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FixedPoint {
-    /// n: periods after which the motion repeats, the fewest.
+    /// n: periods after which the response repeats, the fewest.
     pub period: u32,
     pub point: DVector<f64>,
     /// Derivative of n periods at the point: the monodromy matrix M.
@@ -40,8 +40,8 @@ pub(crate) struct FixedPoint {
 }
 
 impl FixedPoint {
-    /// The fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x): `None` if it reaches
-    /// none, or one that isn't stable.
+    /// Returns the fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x); `None` if it
+    /// reaches none, or one that isn't stable.
     pub fn shoot(map: &StroboscopicMap, start: &DVector<f64>, period: u32) -> Option<FixedPoint> {
         let (mut point, n) = (start.clone(), start.len());
         for _ in 0..MAX_ITERATIONS {
@@ -65,12 +65,12 @@ impl FixedPoint {
         None
     }
 
-    /// The fixed point, if it is stable.
+    /// Returns the fixed point if it is stable.
     ///
     /// Squaring M k times and scaling each time gives ‖M^(2ᵏ)‖, and its 2ᵏth root tends to max |μ| (I. Gelfand,
     /// "Normierte Ringe", 1941). Q solves MᵀQM − Q + I = 0 (A. M. Lyapunov, "The General Problem of the Stability of
-    /// Motion", 1892); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith, "Matrix Equation XA + BX =
-    /// C", SIAM J. Appl. Math. 16 (1968)).
+    /// Motion", 1892); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith, "Matrix Equation XA + BX
+    /// = C", SIAM J. Appl. Math. 16 (1968)).
     fn stable(point: DVector<f64>, period: u32, derivative: DMatrix<f64>) -> Option<FixedPoint> {
         let (mut power, n) = (derivative.clone(), derivative.nrows());
         let mut log_norm = 0.0;
@@ -100,12 +100,13 @@ impl FixedPoint {
         Some(FixedPoint { period, point, derivative, largest_multiplier, norm })
     }
 
-    /// ‖e‖ = √(eᵀQe): in this norm every small deviation falls from one return to the next, ‖Me‖² = ‖e‖² − |e|².
+    /// Returns ‖e‖ = √(eᵀQe): in this norm every small deviation falls from one return to the next, ‖Me‖² = ‖e‖² −
+    /// |e|².
     fn deviation(&self, e: &DVector<f64>) -> f64 {
         libm::sqrt(e.dot(&(&self.norm * e)))
     }
 
-    /// The linearisation at the point over so many returns.
+    /// Returns the linearisation at the point over so many returns.
     pub fn linearised(&self, returns: u64) -> Linearised<'_> {
         Linearised {
             fixed_point: self,
@@ -114,7 +115,7 @@ impl FixedPoint {
         }
     }
 
-    /// Distance to the point over the motion's size.
+    /// Returns the distance to the point over the response's size.
     pub fn distance(&self, point: &DVector<f64>) -> f64 {
         (point - &self.point).norm() / size(&self.point)
     }
@@ -130,8 +131,8 @@ pub(crate) struct Linearised<'a> {
 }
 
 impl Linearised<'_> {
-    /// The approach of a motion that went from `before` to `after` in this stretch and had approached the point `so_far`;
-    /// `None` if the stretch is not what the linearisation predicts.
+    /// Returns the approach of a trajectory that went from `before` to `after` in this stretch and had approached the
+    /// point `so_far`; `None` if the stretch is not what the linearisation predicts.
     ///
     /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear
     /// part takes at least (1 − ρᵏ)‖e‖ off the deviation: the decay. The stretch is as predicted if the remainder is at
@@ -153,7 +154,7 @@ impl Linearised<'_> {
     }
 }
 
-/// The approach of a motion to a fixed point over successive stretches, each as the linearisation predicts.
+/// The approach of a trajectory to a fixed point over successive stretches, each as the linearisation predicts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Approach {
     /// Whether the last stretch ended near the fixed point and its remainder is negligible.
@@ -165,25 +166,26 @@ pub(crate) struct Approach {
 }
 
 impl Approach {
-    /// Whether the motion can only end at the fixed point.
+    /// Says whether the trajectory can only end at the fixed point.
     ///
-    /// One stretch as predicted does not show that. Far from the fixed point a motion that goes elsewhere can meet the
-    /// prediction by chance: near the boundary between two basins it is slow, and turns about both stable motions. From
-    /// where the remainder is of second order it falls faster than the deviation. That it is shows near the fixed point in
-    /// a negligible remainder, and farther away in stretches that remain as predicted until the deviation has halved.
+    /// One stretch as predicted does not show that. Far from the fixed point a trajectory that goes elsewhere can meet
+    /// the prediction by chance: near the boundary between two basins it is slow, and turns about both stable
+    /// responses. From where the remainder is of second order it falls faster than the deviation. Near the fixed point
+    /// a negligible remainder shows this; farther away, stretches that remain as predicted until the deviation has
+    /// halved.
     pub fn is_certain(self) -> bool {
         self.is_linear || self.deviation <= 0.5 * self.first
     }
 }
 
-/// A divisor of `period` after which the motion already repeats.
+/// Returns a divisor of `period` after which the response already repeats.
 fn shorter_period(map: &StroboscopicMap, point: &DVector<f64>, period: u32) -> Option<u32> {
     (1..period)
         .filter(|fewer| period.is_multiple_of(*fewer))
         .find(|fewer| map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size(point)))
 }
 
-/// Power Mᵏ of a matrix, by squaring.
+/// Returns the power Mᵏ of a matrix, by squaring.
 fn power(matrix: &DMatrix<f64>, exponent: u64) -> DMatrix<f64> {
     let n = matrix.nrows();
     let (mut result, mut square, mut left) = (DMatrix::identity(n, n), matrix.clone(), exponent);

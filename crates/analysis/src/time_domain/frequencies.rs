@@ -1,7 +1,8 @@
 //! The frequencies of a structure's sweep.
 //!
 //! A resonance of the arm is 0.004 Hz wide, and even steps over a few hertz miss it. So [`SweepFrequencies`] without a
-//! number of steps has the frequencies of the stable motions of the computed branch, too, which are dense along a peak.
+//! number of steps also has the frequencies of the stable responses of the computed branch, which are dense along a
+//! peak.
 
 use alloc::vec::Vec;
 
@@ -28,8 +29,8 @@ pub struct Resonance {
     pub width_hz: f64,
 }
 
-/// The maxima of each displacement that is read, from which the branch falls to less than 1/√2 on both sides, and in
-/// whose band none of some frequencies lies; each located between the points of the branch.
+/// Returns the maxima of each displacement that is read, from which the branch falls to less than 1/√2 on both sides,
+/// and in whose band none of some frequencies lies; each located between the points of the branch.
 fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_hz: &[f64]) -> Vec<Resonance> {
     let mut balance =
         Balance::new(forced, options.branch.from, Coordinate::FrequencyHz, options.branch.least_harmonics);
@@ -58,20 +59,21 @@ fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_
     found
 }
 
-/// The frequencies of a sweep, Hz, and what they miss.
+/// The frequencies of a sweep, Hz, and the resonances that they miss.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepFrequencies {
     /// Frequencies of the sweep, Hz.
     pub grid: Grid,
     /// The resonances in whose half-power band no step lies.
     pub stepped_over: Vec<Resonance>,
-    /// Why the resonances are known only in a part of the interval; none if they are known in all of it.
+    /// The reason for which the resonances are known only in a part of the interval; `None` if they are known in all of
+    /// it.
     pub unknown_beyond: Option<AnalysisError>,
 }
 
 impl SweepFrequencies {
-    /// `steps` frequencies between two ends, evenly spaced; without a number 101, and between them those of the stable
-    /// motions of the branch. Resonances are looked for in the displacements `read`.
+    /// Returns `steps` evenly spaced frequencies between two ends; without a number 101, and between them those of the
+    /// stable responses of the branch. Resonances are looked for in the displacements `read`.
     ///
     /// # Errors
     /// As [`Grid::new`] and [`StroboscopicMap::new`].
@@ -83,7 +85,7 @@ impl SweepFrequencies {
     ) -> Result<SweepFrequencies, TimeDomainError> {
         let mut grid = Grid::new(from_hz, to_hz, steps.unwrap_or(STEPS))?;
         let ends = [from_hz.min(to_hz), from_hz.max(to_hz)];
-        // Refuses invalid sweeps before the search for resonances.
+        // Rejects invalid sweeps before the search for resonances.
         StroboscopicMap::new(forced, ends[0])?;
         let options = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, read.to_vec());
         let (branch, unknown_beyond) = match trace(forced, ends[0], Coordinate::FrequencyHz, &options) {

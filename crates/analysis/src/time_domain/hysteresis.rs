@@ -1,10 +1,10 @@
-//! The values at which two sweeps, up and down, have different motions.
+//! The values at which two sweeps, up and down, have different responses.
 
 use alloc::vec::Vec;
 
-/// The intervals in which the motions at the same values differ, each from its first value to its last. A motion is
-/// given as its value and its amplitudes, of the arm the largest |α1| and |α2|; both sweeps go up. Amplitudes that
-/// differ by more than the part `different` belong to different motions.
+/// Returns the intervals in which the responses at the same values differ, each from its first value to its last. A
+/// response is given as its value and its amplitudes, for the arm the largest |α1| and |α2|; both sweeps go up.
+/// Amplitudes that differ by more than the part `different` belong to different responses.
 pub fn hysteresis<A: AsRef<[f64]>>(up: &[(f64, A)], down: &[(f64, A)], different: f64) -> Vec<[f64; 2]> {
     let differ = |&(a, b): &(&(f64, A), &(f64, A))| {
         let mut pairs = a.1.as_ref().iter().zip(b.1.as_ref());

@@ -12,7 +12,7 @@ use resonarm_dynamics::structure::{Assembly, Dof, STAGE_TIMES, SineSteps, StepEr
 use super::TimeDomainError;
 use crate::Forced;
 
-/// Difference for the map's derivative, relative to the motion's size: the error of central differences, its square
+/// Difference for the map's derivative, relative to the response's size: the error of central differences, its square
 /// times a sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
 const DIFFERENCE: f64 = 3e-5;
 /// Most steps whose sines are kept at once.
@@ -26,8 +26,8 @@ const FEWEST_STEPS: f64 = 40.0;
 /// Most steps in a period of the excitation.
 const MOST_STEPS: u32 = 1_000_000;
 
-/// N for modes of these frequencies, Hz, and damping ratios, and the time in which the slowest of their transients
-/// falls by e, in periods of the excitation.
+/// Returns N for modes of these frequencies, Hz, and damping ratios, and the time in which the slowest of their
+/// transients falls by e, in periods of the excitation.
 ///
 /// # Errors
 /// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`], [`TimeDomainError::Undamped`].
@@ -69,7 +69,7 @@ fn steps_in_period(modes: impl Iterator<Item = (f64, f64)>, frequency_hz: f64) -
 /// error of the scheme, −6.4e-8 (ωh)⁸ relative, below 1e-8 ζ in every mode: at resonance an amplitude changes by a
 /// relative detuning over ζ, so it is exact to about 1e-8. The effect of the scheme's damping, 2.26e-8 (ωh)⁹ against ζ,
 /// is smaller still. There are more steps if the structure asks for more; where elements need still more in some
-/// motion, that period is integrated again with them.
+/// trajectory, that period is integrated again with them.
 #[derive(Debug)]
 pub struct StroboscopicMap {
     forced: Forced,
@@ -77,7 +77,7 @@ pub struct StroboscopicMap {
     steps: u32,
     time_constant_periods: f64,
     stepper: RefCell<Stepper>,
-    /// What a state is multiplied by to be a point of the section.
+    /// Factors that turn a state into a point of the section.
     weights: Vec<f64>,
 }
 
@@ -100,7 +100,7 @@ impl StroboscopicMap {
         StroboscopicMap::with_steps(forced, frequency_hz, f64::from(steps), 1, time_constant_periods)
     }
 
-    /// With at least so many steps in a period, and a multiple of `unit`.
+    /// A map with at least so many steps in a period, and a multiple of `unit`.
     fn with_steps(
         forced: &Forced,
         frequency_hz: f64,
@@ -135,20 +135,20 @@ impl StroboscopicMap {
         })
     }
 
-    /// The same with at least this many steps a second, and twice as many as here.
+    /// Returns the same map with at least this many steps a second, and twice as many as here.
     pub(super) fn finer(&self, needed_hz: f64) -> Result<StroboscopicMap, TimeDomainError> {
         // Twice as many at least, so that few repetitions reach what an element needs.
         let steps = libm::ceil(needed_hz / self.frequency_hz).max(2.0 * f64::from(self.steps));
         StroboscopicMap::with_steps(&self.forced, self.frequency_hz, steps, 1, self.time_constant_periods)
     }
 
-    /// The same with as many steps in a period or more, a multiple of `unit`.
+    /// Returns the same map with as many steps in a period or more, a multiple of `unit`.
     pub(super) fn in_multiples_of(&self, unit: u32) -> Result<StroboscopicMap, TimeDomainError> {
         let least = f64::from(self.steps);
         StroboscopicMap::with_steps(&self.forced, self.frequency_hz, least, unit, self.time_constant_periods)
     }
 
-    /// The state one period after `state`, both at phase 0: coordinates, rates, states of elements.
+    /// Returns the state one period after `state`, both at phase 0: coordinates, rates, states of elements.
     ///
     /// # Errors
     /// [`TimeDomainError::Step`] if a step can't be made.
@@ -156,9 +156,9 @@ impl StroboscopicMap {
         self.next(state)
     }
 
-    /// Takes states at phase 0 a number of periods on. The states of a chain of at most three links with smooth elements
-    /// go side by side, each with the bits of [`StroboscopicMap::advance`]. A motion that grows without bound ends in
-    /// numbers that are not finite.
+    /// Advances states at phase 0 by a number of periods. The states of a chain of at most three links with smooth
+    /// elements are integrated side by side, bit-identical with [`StroboscopicMap::advance`]. A trajectory that grows
+    /// without bound ends in numbers that are not finite.
     ///
     /// # Errors
     /// [`TimeDomainError::Step`] if a step can't be made for another reason.
@@ -166,7 +166,7 @@ impl StroboscopicMap {
         self.advance_together(states, periods)
     }
 
-    /// The same, if the structure can go side by side; else `false`.
+    /// Advances states side by side if the structure allows it; otherwise returns `false`.
     fn advance_side_by_side(&self, states: &mut [Vec<f64>], periods: u32) -> Result<bool, TimeDomainError> {
         let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
         let stepper = self.stepper.borrow();
@@ -188,7 +188,7 @@ impl StroboscopicMap {
         Ok(true)
     }
 
-    /// The peaks of the loads, one for each degree of freedom that is driven.
+    /// Returns the peaks of the loads, one for each degree of freedom that is driven.
     fn amplitudes(&self) -> Vec<f64> {
         self.forced.drives.iter().map(|(_, share)| share * self.forced.amplitude).collect()
     }
@@ -213,7 +213,7 @@ impl StroboscopicMap {
         self.steps
     }
 
-    /// One period; calls back with each step's number, 0 to N − 1, and the structure at its start.
+    /// Runs one period; calls back with each step's number, 0 to N − 1, and the structure at its start.
     pub(super) fn visit(
         &self,
         state: &[f64],
@@ -231,28 +231,29 @@ impl StroboscopicMap {
         Ok(states(&stepper))
     }
 
-    /// Time at the start of a step, s since phase 0.
+    /// Returns the time at the start of a step, s since phase 0.
     fn time_s(&self, step: u32) -> f64 {
         f64::from(step) / (f64::from(self.steps) * self.frequency_hz)
     }
 
-    /// The drive at the start of a step.
+    /// Returns the drive at the start of a step.
     pub(super) fn load(&self, step: u32) -> f64 {
         self.forced.amplitude * libm::sin(TAU * f64::from(step) / f64::from(self.steps))
     }
 }
 
-/// The size of a motion, the reference of relative distances; the floor is for a system at rest.
+/// Returns the size of a response, the reference of relative distances; the floor is for a system at rest.
 pub(super) fn size(point: &DVector<f64>) -> f64 {
     point.norm().max(1e-12)
 }
 
-/// The state of a structure: coordinates, rates, states of elements.
+/// Returns the state of a structure: coordinates, rates, states of elements.
 pub(super) fn states(of: &Stepper) -> Vec<f64> {
     of.position().iter().chain(of.velocity()).chain(of.element_states()).copied().collect()
 }
 
-/// Rates over Ω; the state of an element over |∂x/∂q|, so that it is in the unit of the coordinates.
+/// Returns the factors of a state: 1/Ω for rates; 1/|∂x/∂q| for the state of an element, so that it is in the unit of
+/// the coordinates.
 fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
     let n = assembly.coordinates();
     let mut weights = vec![1.0; n];
@@ -266,7 +267,7 @@ fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
     weights
 }
 
-/// The error of a motion that grows without bound.
+/// Says whether the error is that of a trajectory that grows without bound.
 fn diverges(error: &TimeDomainError) -> bool {
     use StepError::{Integrate, NotFinite};
     matches!(
@@ -275,15 +276,15 @@ fn diverges(error: &TimeDomainError) -> bool {
     )
 }
 
-/// What the search for settled motions uses.
+/// Methods for the search for settled responses.
 impl StroboscopicMap {
-    /// Whether a motion may keep an arbitrary constant for good, as the state of friction that sticks: it is then no
-    /// isolated fixed point, and has settled when it returns.
+    /// Says whether a response may keep an arbitrary constant for good, as the state of friction that sticks: it is
+    /// then no isolated fixed point, and has settled when it returns.
     pub(crate) fn keeps_constants(&self) -> bool {
         self.forced.assembly.element_states() > 0
     }
 
-    /// The state one period later.
+    /// Returns the state one period later.
     pub(crate) fn next(&self, state: &[f64]) -> Result<Vec<f64>, TimeDomainError> {
         match self.visit(state, |_step, _structure| Ok(())) {
             Err(TimeDomainError::Step { source: StepError::TooStiff { needed_hz, .. }, .. }) => {
@@ -293,7 +294,7 @@ impl StroboscopicMap {
         }
     }
 
-    /// The states a number of periods later; one that grows without bound is then not finite.
+    /// Advances the states by a number of periods; one that grows without bound is then not finite.
     pub(crate) fn advance_together(&self, states: &mut [Vec<f64>], periods: u32) -> Result<(), TimeDomainError> {
         if self.advance_side_by_side(states, periods)? {
             return Ok(());
@@ -312,32 +313,32 @@ impl StroboscopicMap {
         Ok(())
     }
 
-    /// Whether all numbers of a state are finite.
+    /// Says whether all numbers of a state are finite.
     pub(crate) fn is_finite(state: &[f64]) -> bool {
         state.iter().all(|number| number.is_finite())
     }
 
-    /// The state as a point of the section, rates over Ω: all of the size of the vibration.
+    /// Returns the state as a point of the section, rates over Ω: all of the size of the vibration.
     pub(crate) fn to_point(&self, state: &[f64]) -> DVector<f64> {
         DVector::from_iterator(state.len(), state.iter().zip(&self.weights).map(|(number, weight)| number * weight))
     }
 
-    /// The state at a point of the section.
+    /// Returns the state at a point of the section.
     pub(crate) fn to_state(&self, point: &DVector<f64>) -> Vec<f64> {
         point.iter().zip(&self.weights).map(|(number, weight)| number / weight).collect()
     }
 
-    /// The point `periods` periods on.
+    /// Returns the point `periods` periods later.
     pub(crate) fn image(&self, point: &DVector<f64>, periods: u32) -> Result<DVector<f64>, TimeDomainError> {
         let state = (0..periods).try_fold(self.to_state(point), |state, _period| self.next(&state))?;
         Ok(self.to_point(&state))
     }
 
-    /// The derivative of [`StroboscopicMap::image`] by the point, by central differences; `None` if a motion beside it grows
-    /// without bound.
+    /// Returns the derivative of [`StroboscopicMap::image`] by the point, by central differences; `None` if a
+    /// trajectory beside it grows without bound.
     pub(crate) fn derivative(&self, point: &DVector<f64>, periods: u32) -> Option<DMatrix<f64>> {
         let (n, difference) = (point.len(), DIFFERENCE * size(point));
-        // Ahead and behind of each coordinate in turn.
+        // Shifts each coordinate in turn ahead and behind.
         let moved = |k: usize| {
             let mut moved = point.clone();
             moved[k / 2] += if k.is_multiple_of(2) { difference } else { -difference };

@@ -1,4 +1,4 @@
-//! Settled motions of a structure, and what is read of them.
+//! Settled responses of a structure, and their readings.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -11,26 +11,26 @@ use super::StroboscopicMap;
 use crate::Reading;
 use crate::time_domain::{SettleOptions, TimeDomainError, follow};
 
-/// Periods over which an unsettled motion is measured.
+/// Periods over which an unsettled response is measured.
 const UNSETTLED_PERIODS: u32 = 64;
-/// Bisections of a step to the turn in it.
+/// Bisections of a step to locate the turning point in it.
 const BISECTIONS: usize = 40;
 
-/// A motion after its transient.
+/// A response after its transient.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
-    /// Periods of the drive after which the motion repeats; `None` if it did not settle within the wait: it is
+    /// Periods of the drive after which the response repeats; `None` if it did not settle within the wait: it is
     /// quasi-periodic, chaotic, of a period longer than 8, or still transient.
     pub period: Option<u32>,
-    /// Largest magnitude of the Floquet multipliers over the motion's period; `None`, too, of a motion that keeps a
+    /// Largest magnitude of the Floquet multipliers over the response's period. Also `None` for a response that keeps a
     /// constant, as the state of friction that sticks.
     pub largest_multiplier: Option<f64>,
     /// Periods of plain integration until the end of the transient was proved.
     pub settling_periods: u64,
-    /// How far the motion is from its start, relative to its size, after a quarter of a time constant of plain
-    /// integration; for an unsettled motion its nearest return.
+    /// Distance of the response from its start, relative to its size, after a quarter of a time constant of plain
+    /// integration; for an unsettled response its nearest return.
     pub drift: f64,
-    /// The coordinates over the motion's period, over 64 periods if it is unsettled; rad, or m·√kg.
+    /// The coordinates over the response's period, over 64 periods if it is unsettled; rad, or m·√kg.
     pub coordinates: Vec<Reading>,
     /// The degrees of freedom that are read, likewise; m or rad.
     pub readings: Vec<Reading>,
@@ -42,21 +42,21 @@ pub struct Settled {
 }
 
 /// Follows a structure from `start`, at phase 0, to the end of its transient.
-///
 /// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time
-/// constant Newton's method looks for a motion that repeats near the present one. The transient is cut short once plain
-/// integration has approached that motion as its linearisation predicts, near it to within 1 % of the decay or until the deviation
-/// has halved, so that it can only end there (see `Approach::is_certain`). If it approaches no such motion, as after a fold, the whole transient is
-/// integrated. At the end plain integration from the motion found must return to it within 1e-9 of its size.
+/// constant Newton's method looks for a periodic response near the present state. The transient is cut short once plain
+/// integration has approached that response as its linearisation predicts, near it to within 1 % of the decay or until
+/// the deviation has halved, so that it can only end there (see `Approach::is_certain`). If it approaches no such
+/// response, as after a fold, the whole transient is integrated. At the end plain integration from the response found
+/// must return to it within 1e-9 of its size.
 ///
-/// A motion that keeps a constant has settled where it returns to within 1e-9 of its size after a quarter of a time
+/// A response that keeps a constant has settled where it returns to within 1e-9 of its size after a quarter of a time
 /// constant.
 ///
 /// `stop` is called regularly; `true` ends the wait.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Step`] if a step can't be made,
-/// [`TimeDomainError::Stopped`] if `stop` said so.
+/// [`TimeDomainError::Stopped`] if `stop` returned `true`.
 pub fn settle(
     map: &StroboscopicMap,
     read: &[Dof],
@@ -78,7 +78,7 @@ pub fn settle(
     })
 }
 
-/// The measurements of a motion.
+/// The measurements of a response.
 pub(super) struct Measured {
     pub coordinates: Vec<Reading>,
     pub readings: Vec<Reading>,
@@ -89,7 +89,7 @@ pub(super) struct Measured {
 /// A displacement, its rate and its acceleration.
 type Motion = [f64; 3];
 
-/// What is summed up of a displacement over a motion.
+/// Sums over a response for one displacement.
 #[derive(Clone, Debug, Default)]
 struct Sums {
     mean: f64,
@@ -105,7 +105,7 @@ impl Sums {
         self.turn(motion, step_s);
     }
 
-    /// Takes the largest displacement since the last one: at the end of the step or, if it turned, in it.
+    /// Updates the largest displacement with a step: its end or, if the displacement turned, the turning point in it.
     fn turn(&mut self, motion: Motion, step_s: f64) {
         self.largest = self.largest.max(libm::fabs(motion[0]));
         if let Some(last) = self.last.filter(|last| last[1] * motion[1] < 0.0) {
@@ -122,8 +122,8 @@ impl Sums {
     }
 }
 
-/// |x| where ẋ = 0 in a step, by the quintic with x, ẋ and ẍ at both ends (C. Hermite, 1878): its error is (h⁶/46080)
-/// x⁽⁶⁾ at most, 4e-10 of a sine of 40 steps a period.
+/// Returns |x| where ẋ = 0 in a step, by the quintic with x, ẋ and ẍ at both ends (C. Hermite, 1878): its error is
+/// (h⁶/46080) x⁽⁶⁾ at most, 4e-10 of a sine of 40 steps a period.
 fn peak([start, end]: [Motion; 2], step_s: f64) -> f64 {
     let h = step_s;
     // In s = t/h: x = Σ cₖ sᵏ.
@@ -148,7 +148,7 @@ fn peak([start, end]: [Motion; 2], step_s: f64) -> f64 {
     libm::fabs(c.iter().rev().fold(0.0, |sum, c| sum * s + c))
 }
 
-/// The coordinates, then the degrees of freedom that are read, at a state.
+/// Returns the coordinates, then the degrees of freedom that are read, at a state.
 fn motions(structure: &Stepper, read: &[Dof], load: f64, out: &mut [Motion]) -> Result<(), StepError> {
     let (assembly, n): (&Assembly, _) = (structure.assembly(), structure.position().len());
     let (q, v, mut a) = (structure.position(), structure.velocity(), vec![0.0; n]);

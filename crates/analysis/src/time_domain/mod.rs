@@ -1,11 +1,11 @@
-//! Structures by integration in time: the reference for bench measurements and computed branches. Stepped sweeps of the
-//! frequency or the amplitude of the drive or of any parameter, settled motions and their sections at phase 0, the paths
-//! between the points of a section, basins of attraction.
+//! Structures by integration in time: the reference for bench measurements and computed branches. The module computes
+//! stepped sweeps of the frequency or the amplitude of the drive or of any parameter, settled responses and their
+//! sections at phase 0, the paths between the points of a section, and basins of attraction.
 //!
-//! The motion is sampled once a period of the excitation, always at phase 0: that is the stroboscopic map. A motion
+//! The state is sampled once a period of the excitation, always at phase 0: that is the stroboscopic map. A response
 //! that repeats after n periods is a fixed point of its nth power, a quasi-periodic one a closed curve, a chaotic one a
-//! scatter. The map is followed until it can be proved where the transient ends ([`SettleOptions`]), or from many states
-//! to the fixed points that they reach ([`BasinOutcome`]).
+//! scatter. The map is followed until the end of the transient is proved ([`SettleOptions`]), or from many states to
+//! the fixed points that they reach ([`BasinOutcome`]).
 
 mod basins;
 mod error;

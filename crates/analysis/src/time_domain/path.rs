@@ -1,4 +1,4 @@
-//! The path of a motion through the state space.
+//! The path of a response through the state space.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -12,8 +12,8 @@ use crate::time_domain::TimeDomainError;
 /// States of a path in a period of the drive.
 const STATES: u32 = 400;
 
-/// The states of a motion over `periods` periods of the drive, from its state at phase 0: 400 a period and the last,
-/// dense enough to be drawn.
+/// Returns the states of a response over `periods` periods of the drive, from its state at phase 0: 400 a period and
+/// the last, dense enough to be drawn.
 ///
 /// # Errors
 /// [`TimeDomainError::Step`] if a step can't be made, [`TimeDomainError::FrequencyTooLow`] if a period takes too many
@@ -41,7 +41,7 @@ pub fn path(map: &StroboscopicMap, start: &[f64], periods: u32) -> Result<Vec<Ve
     Ok(passed)
 }
 
-/// The displacement, m or rad, and the velocity of a degree of freedom in a state.
+/// Returns the displacement, m or rad, and the velocity of a degree of freedom in a state.
 pub fn section_point(assembly: &Assembly, dof: Dof, state: &[f64]) -> [f64; 2] {
     let (q, rest) = state.split_at(assembly.coordinates());
     let at = assembly.at(q);

@@ -1,4 +1,4 @@
-//! Follows a motion until it has settled, proved by the stroboscopic map.
+//! Follows a trajectory until it has settled, proved by the stroboscopic map.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -13,20 +13,20 @@ use super::map::{StroboscopicMap, size};
 const LONGEST_PERIOD: u32 = 8;
 /// Returns are checked after this fraction of the slowest time constant of the linear structure.
 pub(super) const STRETCH: f64 = 0.25;
-/// A motion that returns this near, relative to its size, has settled.
+/// A response that returns this near, relative to its size, has settled.
 pub(super) const CLOSURE: f64 = 1e-9;
-/// A motion of several periods is at least this many times as far from returning after one.
+/// A response of several periods is at least this many times as far from returning after one.
 const FAR: f64 = 1e3;
-/// The return after n periods must be this much nearer than the one after 1 to look for a motion of n periods.
+/// The return after n periods must be this much nearer than the one after 1 to look for a response of n periods.
 const NEARER: f64 = 0.5;
 
-/// How long to wait, and what to keep.
+/// The options of a search for a settled response: its longest time, and the points that it keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettleOptions {
-    /// Longest wait, in time constants of the slowest mode of the linear structure; a motion that has not settled by then is
-    /// unsettled. Positive.
+    /// Longest wait, in time constants of the slowest mode of the linear structure; a response that has not settled by
+    /// then is unsettled. Positive.
     pub time_constants: f64,
-    /// How many points of the section to keep of a motion that doesn't settle.
+    /// The number of points of the section to keep of a response that doesn't settle.
     pub section_points: usize,
 }
 
@@ -40,19 +40,19 @@ impl Default for SettleOptions {
 /// The end of a transient, without measurements.
 #[derive(Clone, Debug)]
 pub(crate) struct Followed {
-    /// As [`Settled::period`](crate::time_domain::Settled::period).
+    /// The same as [`Settled::period`](crate::time_domain::Settled::period).
     pub period: Option<u32>,
-    /// As [`Settled::largest_multiplier`](crate::time_domain::Settled::largest_multiplier).
+    /// The same as [`Settled::largest_multiplier`](crate::time_domain::Settled::largest_multiplier).
     pub largest_multiplier: Option<f64>,
-    /// As [`Settled::settling_periods`](crate::time_domain::Settled::settling_periods).
+    /// The same as [`Settled::settling_periods`](crate::time_domain::Settled::settling_periods).
     pub settling_periods: u64,
-    /// As [`Settled::drift`](crate::time_domain::Settled::drift).
+    /// The same as [`Settled::drift`](crate::time_domain::Settled::drift).
     pub drift: f64,
-    /// The state from which the motion is measured.
+    /// The state from which the response is measured.
     pub start: Vec<f64>,
-    /// Of a motion that doesn't settle, its section.
+    /// The section of a response that doesn't settle.
     pub section: Vec<Vec<f64>>,
-    /// As [`Settled::end`](crate::time_domain::Settled::end).
+    /// The same as [`Settled::end`](crate::time_domain::Settled::end).
     pub end: Vec<f64>,
 }
 
@@ -73,7 +73,7 @@ pub(crate) fn follow(
     let mut candidates: Vec<Candidate> = vec![];
     while follower.periods < longest {
         let before = follower.point();
-        // Newton's method is costly: candidates are kept as long as the motion approaches them.
+        // Newton's method is costly: candidates are kept as long as the trajectory approaches them.
         if candidates.is_empty() {
             candidates = follower.candidates();
         }
@@ -97,32 +97,33 @@ pub(crate) fn follow(
     follower.unsettled(options.section_points)
 }
 
-/// A periodic motion in which the present one may end.
+/// A periodic response in which the present trajectory may end.
 struct Candidate {
     point: FixedPoint,
     approach: Option<Approach>,
 }
 
 impl Candidate {
-    /// Whether a point is within the closure of a settled motion.
+    /// Says whether a point is within the closure of a settled response.
     fn holds(&self, point: &DVector<f64>) -> bool {
         self.point.distance(point) <= CLOSURE
     }
 
-    /// Whether the present motion, after a stretch of `length` periods, still approaches this one or has reached it.
+    /// Says whether the present trajectory, after a stretch of `length` periods, still approaches this response or has
+    /// reached it.
     fn is_still_one(&mut self, before: &DVector<f64>, after: &DVector<f64>, length: u64) -> bool {
         let linearised = self.point.linearised(length / u64::from(self.point.period));
         self.approach = linearised.approach(self.approach, before, after);
         self.approach.is_some() || self.holds(before)
     }
 
-    /// Whether the present motion, which was at `before` a stretch ago, can only end in this one.
+    /// Says whether the present trajectory, which was at `before` a stretch ago, can only end in this response.
     fn is_certain(&self, before: &DVector<f64>) -> bool {
         self.holds(before) || self.approach.is_some_and(Approach::is_certain)
     }
 }
 
-/// A motion being followed.
+/// A trajectory being followed.
 struct Follower<'a> {
     map: &'a StroboscopicMap,
     /// The last points of the section, the present one last.
@@ -137,7 +138,7 @@ impl Follower<'_> {
         self.map.to_point(&self.state)
     }
 
-    /// Integrates the motion over some periods and keeps its last points.
+    /// Integrates the trajectory over some periods and keeps its last points.
     fn advance(&mut self, periods: u64) -> Result<(), TimeDomainError> {
         for period in 0..periods {
             if period % 64 == 0 && (self.stop)() {
@@ -154,14 +155,14 @@ impl Follower<'_> {
         Ok(())
     }
 
-    /// How far the present point is from that of n periods ago, for n from 1.
+    /// Returns the distance of the present point from that of n periods ago, for n from 1.
     fn returns(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
         let present = self.point();
         (1..).zip(self.trail.iter().rev().skip(1)).map(move |(periods, past)| (periods, (&present - past).norm()))
     }
 
-    /// The periodic motions near the present one: of one period, and of the number of periods after which it returns
-    /// nearest.
+    /// Returns the periodic responses near the present point: of one period, and of the number of periods after which
+    /// it returns nearest.
     fn candidates(&self) -> Vec<Candidate> {
         let mut periods = vec![1];
         let single = self.returns().next().map_or(0.0, |(_, distance)| distance);
@@ -172,7 +173,7 @@ impl Follower<'_> {
         points.map(|point| Candidate { point, approach: None }).collect()
     }
 
-    /// Continues by plain integration from the motion found: it has settled if it stays there.
+    /// Continues by plain integration from the response found: it has settled if it stays there.
     fn confirm(
         &mut self,
         found: &FixedPoint,
@@ -195,8 +196,8 @@ impl Follower<'_> {
         }))
     }
 
-    /// The present motion, if it may keep a constant and has come back to where it was a stretch before; of more than
-    /// one period only if it is far from returning after one.
+    /// Returns the present response, if it may keep a constant and has come back to where it was a stretch before; one
+    /// of more than one period only if it is far from returning after one.
     fn returned(&self, before: &DVector<f64>, waited: u64) -> Option<Followed> {
         let (present, near) = (self.point(), CLOSURE * size(before));
         let distance = (&present - before).norm();
@@ -216,7 +217,7 @@ impl Follower<'_> {
         })
     }
 
-    /// The result for a motion that doesn't settle.
+    /// Returns the result for a response that doesn't settle.
     fn unsettled(mut self, section_points: usize) -> Result<Followed, TimeDomainError> {
         let settling_periods = self.periods;
         let nearest = self.returns().map(|(_, distance)| distance).fold(f64::INFINITY, f64::min);

@@ -9,7 +9,7 @@ use crate::{Coordinate, Forced};
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
-/// Evenly spaced frequencies of a sweep whose number is not given.
+/// Number of evenly spaced frequencies in a sweep if the user gives none.
 pub(crate) const STEPS: u32 = 101;
 
 /// The order of the values.
@@ -39,7 +39,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// `points` values evenly spaced between two ends, given in either order, both among them.
+    /// Returns `points` values evenly spaced between two ends, given in either order, both among them.
     ///
     /// # Errors
     /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for fewer
@@ -56,7 +56,7 @@ impl Grid {
         Ok(Grid { values: (0..points).map(value).collect() })
     }
 
-    /// The same with further values; those beyond the ends are left out.
+    /// Returns the grid with further values; those beyond the ends are left out.
     pub fn with(mut self, values: impl IntoIterator<Item = f64>) -> Grid {
         let (low, high) = (self.values[0], self.values[self.values.len() - 1]);
         self.values.extend(values.into_iter().filter(|value| (low..=high).contains(value)));
@@ -80,16 +80,16 @@ impl Grid {
 }
 
 /// A stepped sweep: the frequency or the amplitude of the drive, or a parameter of the structure, is set to one value
-/// after the other, and the motion settles at each from where the last one ended.
+/// after the other, and the response settles at each from where the last one ended.
 ///
-/// The state is carried over as it is: coordinates count from the rest of each structure. With one value the sweep is
-/// a single motion, whose section [`settle`](super::settle()) returns; over many the sections are a bifurcation
+/// The state is carried over as it is: coordinates count from the rest of each structure. With one value the sweep is a
+/// single response, whose section [`settle`](super::settle()) returns; over many the sections are a bifurcation
 /// diagram.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
     /// The structure and its drive.
     pub forced: Forced,
-    /// The frequency of the drive, Hz, where it is not swept.
+    /// The frequency of the drive, Hz, if the frequency is not swept.
     pub frequency_hz: f64,
     /// The quantity that is swept: frequency, amplitude, or a parameter of the structure.
     pub over: Coordinate,
@@ -98,7 +98,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// The stroboscopic map at a value.
+    /// Returns the stroboscopic map at a value.
     ///
     /// # Errors
     /// [`TimeDomainError::Structure`] if no structure has this value of the parameter; otherwise as
@@ -113,7 +113,7 @@ impl Sweep {
         }
     }
 
-    /// Refuses a sweep with a value at which nothing can be computed.
+    /// Rejects a sweep with a value at which nothing can be computed.
     ///
     /// # Errors
     /// As [`Sweep::map`], for the first such value.
@@ -128,9 +128,9 @@ mod tests {
 
     #[test]
     fn values_rise_and_go_in_the_order_of_a_sweep() {
-        insta::assert_snapshot!(Grid::new(23.0, 23.0, 10).unwrap_err(), @"a sweep from 23 to 23: both ends must be numbers, and different");
-        insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"a sweep from NaN to 21: both ends must be numbers, and different");
-        insta::assert_snapshot!(Grid::new(21.0, 23.0, 1).unwrap_err(), @"a sweep of 1 points: it must have from 2, one at each end, to 1000000");
+        insta::assert_snapshot!(Grid::new(23.0, 23.0, 10).unwrap_err(), @"the sweep goes from 23 to 23: its ends must be two different numbers");
+        insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"the sweep goes from NaN to 21: its ends must be two different numbers");
+        insta::assert_snapshot!(Grid::new(21.0, 23.0, 1).unwrap_err(), @"the number of points of the sweep is 1: it must be from 2, one at each end, to 1000000");
         assert_eq!(Grid::new(23.0, 21.0, 3).unwrap().values(), [21.0, 22.0, 23.0]);
         let more = Grid::new(21.0, 23.0, 2).unwrap().with([24.0, 22.5, 21.0]);
         assert_eq!(more.in_order(Direction::Down), [23.0, 22.5, 21.0]);

@@ -54,7 +54,7 @@ fn rest(forced: &Forced) -> Vec<f64> {
     vec![0.0; 2 * forced.assembly().coordinates() + forced.assembly().element_states()]
 }
 
-/// Without elements the motion that settles is that of the frequency response.
+/// Without elements the settled response is the linear frequency response.
 #[test]
 fn small_motions_are_those_of_the_linear_structure() {
     let mut spec = forced().0.assembly().spec().clone();
@@ -86,7 +86,7 @@ fn off(map: &StroboscopicMap, state: &[f64], expected: &[f64]) -> f64 {
 }
 
 /// The shortcut ends where integration alone ends: before the jump, through it, after it, and from rest into a
-/// resonance with two stable motions.
+/// resonance with two stable periodic responses.
 #[test]
 fn ends_where_plain_integration_ends() {
     let (forced, joint) = arm(60.0, 60.0);
@@ -103,8 +103,8 @@ fn ends_where_plain_integration_ends() {
     }
 }
 
-/// A settled motion closes after its period, by another scheme with far smaller steps too: the errors of single periods
-/// of the map add up to less than 1e-8 of the amplitude over a time constant.
+/// A settled response closes after its period, by another scheme with far smaller steps too: the errors of single
+/// periods of the map add up to less than 1e-8 of the amplitude over a time constant.
 #[test]
 fn settled_motion_closes_by_another_scheme() {
     for (beta2_deg, torque1_nm, frequency_hz, period) in
@@ -112,7 +112,7 @@ fn settled_motion_closes_by_another_scheme() {
     {
         let (forced, joint) = arm(beta2_deg, torque1_nm);
         let map = StroboscopicMap::new(&forced, frequency_hz).unwrap();
-        // Into the subharmonic motion by a start of about its size.
+        // Into the subharmonic response by a start of about its size.
         let start = if period == 1 { [0.0; 4] } else { [0.05, -0.05, 5.0, 5.0] };
         let settled = settled(&forced, joint, frequency_hz, &start);
         assert_eq!(settled.period, Some(period), "{settled:?}");
@@ -135,7 +135,7 @@ fn settled_motion_closes_by_another_scheme() {
     }
 }
 
-/// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the motion is
+/// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the response is
 /// quasi-periodic and its section a closed curve; beyond them it has the period of the drive.
 #[test]
 fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
@@ -152,7 +152,7 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     let below = at(lower.orbit.frequency_hz - 0.005, &start_of_two(&lower.orbit));
     assert_eq!([above.period, between.period, below.period], [Some(1), None, Some(1)]);
     assert!(between.drift > 1e-4 && between.section.len() == 400);
-    // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has
+    // A closed curve around the response that has lost its stability: it keeps away from it, and each point has
     // neighbours.
     let map = StroboscopicMap::new(&forced, upper.orbit.frequency_hz).unwrap();
     let centre = map.to_point(&above.end);
@@ -167,7 +167,7 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     }
 }
 
-/// A wait that is too short is reported, never taken for a result.
+/// A wait that is too short is reported, and the state at its end is not taken for a settled response.
 #[test]
 fn says_when_a_motion_has_not_settled() {
     let (forced, joint) = arm(60.0, 60.0);
@@ -221,7 +221,7 @@ fn sweeps_jump_at_the_folds() {
         for (fold, from) in folds.iter().zip(ends) {
             let step = 1e-3 * fold * (fold - from).signum();
             let (begin, fine) = (fold - 3.5 * step, 7);
-            // Denser towards the fold, where a step may not disturb the motion off its stretch.
+            // Denser towards the fold, where a step may not disturb the response off its stretch.
             let left = |k: u32| (1.0 - f64::from(k) / 60.0) * (1.0 - f64::from(k) / 60.0);
             let coarse = (0..60).map(|k| begin + (from - begin) * left(k));
             let values = coarse.chain((0..fine).map(|k| begin + f64::from(k) * step)).collect();
@@ -245,7 +245,7 @@ fn sweeps_jump_at_the_folds() {
     }
 }
 
-/// Values at which no structure exists are refused before anything is computed.
+/// Values at which no structure exists are rejected before anything is computed.
 #[test]
 fn sweeps_refuse_values_without_a_structure() {
     let (forced, _) = hardening();
@@ -273,8 +273,8 @@ fn a_path_connects_the_points_of_the_section() {
     }
 }
 
-/// Between the folds each stable motion is one of the branch, with its amplitude and multiplier; states reach the one
-/// in which they settle.
+/// Between the folds each stable periodic response is one of the branch, with its amplitude and multiplier; states
+/// reach the one in which they settle.
 #[test]
 fn basins_have_the_stable_motions_of_the_branch() {
     let (forced, read) = hardening();
@@ -304,9 +304,9 @@ fn basins_have_the_stable_motions_of_the_branch() {
     assert!(reached.iter().all(|count| *count > 2), "{reached:?}");
 }
 
-/// Every fate that is named is where plain integration ends, also of the states near the boundary between the basins:
-/// such a motion passes close to the unstable one, far from both that are stable, and its approach over one stretch
-/// can look by chance as a linearisation predicts.
+/// Every fate that is reported is where plain integration ends, also for the states near the boundary between the
+/// basins: such a trajectory passes close to the unstable response, far from both stable ones, and its approach over
+/// one stretch can look by chance as a linearisation predicts.
 #[test]
 fn fates_are_where_plain_integration_ends() {
     let (forced, read) = oscillator(0.02, Law::Cubic { stiffness3: 4e6, stiffness5: 0.0 }, 2.0);
@@ -333,8 +333,8 @@ fn fates_are_where_plain_integration_ends() {
     assert_eq!((motions.len(), wrong), (2, vec![]));
 }
 
-/// A bilinear oscillator, twice as fast as its resonance driven, vibrates with two periods of the drive; that motion is
-/// found from beside the unstable one of the branch.
+/// A bilinear oscillator, twice as fast as its resonance driven, vibrates with two periods of the drive; that response
+/// is found from beside the unstable one of the branch.
 #[test]
 fn finds_the_motion_of_two_periods() {
     let stiffness = 1.25 * (TAU * 10.0) * (TAU * 10.0);
@@ -345,8 +345,8 @@ fn finds_the_motion_of_two_periods() {
     assert_eq!((periods.as_slice(), motions[0].section.len()), (&[2][..], 2), "{motions:?}");
 }
 
-/// Friction that sticks keeps the offset with which it began to stick: the motion settles where it returns, and is that
-/// of harmonic balance. Friction that slips forgets it.
+/// Friction that sticks keeps the offset with which it began to stick: the response settles where it returns, and is
+/// that of harmonic balance. Friction that slips forgets it.
 #[test]
 fn friction_settles() {
     for (force_n, multiplier) in [(1.0, false), (40.0, true)] {
@@ -393,7 +393,7 @@ fn what_is_stepped_over_is_located() {
     }
 }
 
-/// A stop is heeded, and what can't be computed is refused.
+/// A stop ends the computation, and invalid requests are rejected.
 #[test]
 fn stops_and_refuses() {
     let (forced, read) = forced();
@@ -406,9 +406,9 @@ fn stops_and_refuses() {
     insta::assert_snapshot!(refusal(&forced, 0.0), @"excitation frequency 0 Hz: it must be a positive number");
     insta::assert_snapshot!(refusal(&forced, f64::NAN), @"excitation frequency NaN Hz: it must be a positive number");
     let (arm, joint) = arm(60.0, 1.0);
-    insta::assert_snapshot!(refusal(&arm, 1e-6), @"excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the response is quasi-static");
+    insta::assert_snapshot!(refusal(&arm, 1e-6), @"at an excitation frequency of 1e-6 Hz, a period would take 9.2e8 steps, more than 1000000; choose at least 9.21e-4 Hz, where the response is quasi-static");
     insta::assert_snapshot!(refusal(&arm.with_amplitude(f64::INFINITY), 20.0), @"the amplitude of the excitation is not finite: torque and force must be numbers");
-    insta::assert_snapshot!(refusal(&forced.undamped().unwrap(), 20.0), @"mode 1 has the damping ratio 0e0: without damping no response settles; give it damping");
+    insta::assert_snapshot!(refusal(&forced.undamped().unwrap(), 20.0), @"mode 1 has the damping ratio 0e0, so no response settles; give the mode damping");
     let options = SettleOptions { time_constants: 0.0, ..SettleOptions::default() };
     insta::assert_snapshot!(settle(&map, &[read], &rest(&forced), &options, &|| false).unwrap_err(), @"time_constants is 0: it must be a positive number");
     let map = StroboscopicMap::new(&arm.with_amplitude(1e12), 20.0).unwrap();

@@ -11,17 +11,17 @@ use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Preset, StructureErr
 /// ranges do not overlap, since f2 > 1.4 f1 at all poses of both presets.
 const ZONE: f64 = 0.15;
 
-/// The frequencies of a resonance zone, Hz.
+/// Returns the frequencies of a resonance zone, Hz.
 pub(super) fn zone_hz(natural_hz: f64) -> [f64; 2] {
     [natural_hz * (1.0 - ZONE), natural_hz * (1.0 + ZONE)]
 }
 
-/// The natural frequencies of the first two modes, Hz.
+/// Returns the natural frequencies of the first two modes, Hz.
 pub(super) fn natural_hz(arm: &Assembly) -> [f64; 2] {
     [0, 1].map(|mode| arm.modes().get(mode).map_or(f64::NAN, |mode| mode.frequency_hz))
 }
 
-/// The angles of the links of a chain, degrees.
+/// Returns the angles of the links of a chain, degrees.
 fn angles_deg(arm: &Assembly) -> Vec<f64> {
     match &arm.spec().body {
         BodySpec::Chain(chain) => chain.links.iter().map(|link| link.angle_deg).collect(),
@@ -29,7 +29,7 @@ fn angles_deg(arm: &Assembly) -> Vec<f64> {
     }
 }
 
-/// β2, the angle of link 2 against link 1, degrees.
+/// Returns β2, the angle of link 2 against link 1, degrees.
 pub(super) fn beta2_deg(arm: &Assembly) -> f64 {
     angles_deg(arm).get(1).copied().unwrap_or(f64::NAN)
 }
@@ -45,7 +45,7 @@ pub enum Drive {
 }
 
 impl Drive {
-    /// The degree of freedom that is driven.
+    /// Returns the degree of freedom that is driven.
     const fn at(self) -> &'static str {
         match self {
             Drive::Torque1 => "joint1",
@@ -53,12 +53,12 @@ impl Drive {
         }
     }
 
-    /// The arm under an amplitude of it.
+    /// Returns the arm under this excitation with an amplitude.
     pub(super) fn forced(self, arm: &Assembly, amplitude: f64) -> Result<Forced, StructureError> {
         Ok(Forced::new(arm.clone(), arm.dof(self.at())?, amplitude))
     }
 
-    /// An amplitude in words.
+    /// Returns an amplitude of this excitation in words.
     pub fn words(self, amplitude: f64) -> String {
         match self {
             Drive::Torque1 => format!("{amplitude} N·m at joint 1"),
@@ -67,7 +67,7 @@ impl Drive {
     }
 }
 
-/// Whether small disturbances die out.
+/// Stability of a periodic response: whether small disturbances die out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stability {
@@ -75,7 +75,7 @@ pub enum Stability {
     Stable,
     /// Small disturbances of the orbit grow.
     Unstable,
-    /// The motion is a bifurcation, where the stability changes or the branch turns.
+    /// The response is a bifurcation, where the stability changes or the branch turns.
     Marginal,
 }
 
@@ -126,7 +126,7 @@ impl Motion {
         }
     }
 
-    /// Whether small disturbances die out; `None` at a bifurcation.
+    /// Says whether small disturbances die out; `None` at a bifurcation.
     pub fn stable(&self) -> Option<bool> {
         match self.stability {
             Stability::Stable => Some(true),
@@ -136,7 +136,7 @@ impl Motion {
     }
 }
 
-/// What of a displacement is drawn and measured.
+/// The measure of a displacement that is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Size {
@@ -147,12 +147,12 @@ pub enum Size {
     Amplitude,
 }
 
-/// Where the motions of a branch are read, and what of them is drawn.
+/// Degrees of freedom at which the responses of a branch are read, and the measure that is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Read {
     /// The degrees of freedom by their names.
     pub at: Vec<String>,
-    /// What of their displacements is drawn.
+    /// The measure of their displacements that is drawn.
     pub size: Size,
 }
 
@@ -167,7 +167,7 @@ impl Read {
     }
 }
 
-/// A branch of forced motions of an arm in a pose.
+/// A branch of an arm's periodic responses in a pose.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ForcedBranch {
     /// The name of the preset or of the structure.
@@ -176,11 +176,11 @@ pub struct ForcedBranch {
     pub angles_deg: Vec<f64>,
     /// The excitation of the arm.
     pub drive: Drive,
-    /// Where its motions are read.
+    /// The point at which its periodic responses are read.
     pub read: Read,
     /// The natural frequencies of the first two modes of the linearised arm, Hz.
     pub natural_hz: [f64; 2],
-    /// The motions in their order, bifurcations among them.
+    /// The periodic responses in their order, bifurcations among them.
     pub motions: Vec<Motion>,
 }
 
@@ -188,7 +188,7 @@ pub(super) fn by_name<S: Serializer>(preset: &Preset, serializer: S) -> Result<S
     serializer.serialize_str(preset.name())
 }
 
-/// What of an arm a branch is traced for.
+/// The arm, excitation and readings for which a branch is traced.
 pub(super) struct Traced<'a> {
     /// The name of the preset or of the structure.
     pub structure: &'a str,
@@ -198,16 +198,17 @@ pub(super) struct Traced<'a> {
 }
 
 impl Traced<'_> {
-    /// The motions over the frequency, from one value to another, under an excitation of this amplitude.
+    /// Returns the periodic responses over the frequency, from one value to another, under an excitation of this
+    /// amplitude.
     ///
     /// # Errors
-    /// [`PaperError::Analysis`] says which branch could not be followed, where and why.
+    /// [`PaperError::Analysis`] with the branch that could not be followed, the place and the reason.
     pub fn over_frequency(&self, amplitude: f64, [from_hz, to_hz]: [f64; 2]) -> Result<ForcedBranch, PaperError> {
         let forced = self.drive.forced(self.arm, amplitude)?;
         self.along(&forced, from_hz, Coordinate::FrequencyHz, [from_hz, to_hz], amplitude)
     }
 
-    /// The motions over the amplitude of the excitation, from none to `largest`, at one frequency.
+    /// Returns the periodic responses over the amplitude of the excitation, from none to `largest`, at one frequency.
     ///
     /// # Errors
     /// As [`Traced::over_frequency`].
@@ -245,11 +246,11 @@ impl Traced<'_> {
 }
 
 impl ForcedBranch {
-    /// The motions of a subject over the frequency, from one value to another, under an excitation of this amplitude,
-    /// with the angles of its joints.
+    /// Returns the periodic responses of a subject over the frequency, from one value to another, under an excitation
+    /// of this amplitude, with the angles of its joints.
     ///
     /// # Errors
-    /// [`PaperError::Analysis`] says which branch could not be followed, where and why.
+    /// [`PaperError::Analysis`] with the branch that could not be followed, the place and the reason.
     pub fn over_frequency(
         subject: &Subject,
         arm: &Assembly,
@@ -260,7 +261,8 @@ impl ForcedBranch {
         Traced { structure, arm, drive, read: &Read::joints() }.over_frequency(amplitude, range_hz)
     }
 
-    /// The same over the amplitude of the excitation, from none to `largest`, at one frequency.
+    /// Works like [`ForcedBranch::over_frequency`], over the amplitude of the excitation, from none to `largest`, at
+    /// one frequency.
     ///
     /// # Errors
     /// As [`ForcedBranch::over_frequency`].
@@ -274,7 +276,7 @@ impl ForcedBranch {
         Traced { structure, arm, drive, read: &Read::joints() }.over_amplitude(largest, frequency_hz)
     }
 
-    /// Returns the size of a motion at a reading, by its number: the largest displacement or the amplitude, as the
+    /// Returns the size of a response at a reading, by its number: the largest displacement or the amplitude, as the
     /// branch is read.
     pub fn size(&self, motion: &Motion, reading: usize) -> f64 {
         let sizes = match self.read.size {
@@ -284,13 +286,13 @@ impl ForcedBranch {
         sizes.get(reading).copied().unwrap_or(f64::NAN)
     }
 
-    /// The motions between two frequencies, Hz.
+    /// Returns the responses between two frequencies, Hz.
     pub fn within(&self, [from_hz, to_hz]: [f64; 2]) -> impl Iterator<Item = &Motion> {
         self.motions.iter().filter(move |motion| (from_hz..=to_hz).contains(&motion.frequency_hz))
     }
 
-    /// Neighbouring motions in pairs, and whether those between them are stable. Between two bifurcations they are
-    /// assumed to be unstable.
+    /// Returns neighbouring responses in pairs, and whether those between them are stable. Between two bifurcations
+    /// they are assumed to be unstable.
     pub fn segments(&self) -> impl Iterator<Item = (&Motion, &Motion, bool)> {
         segments(&self.motions, Motion::stable)
     }
@@ -300,13 +302,13 @@ impl ForcedBranch {
         self.natural_hz.map(zone_hz)
     }
 
-    /// The bifurcations of a kind.
+    /// Returns the bifurcations of a kind.
     pub fn bifurcations(&self, kind: BifurcationKind) -> impl Iterator<Item = &Motion> {
         self.motions.iter().filter(move |motion| motion.bifurcation == Some(Event(kind)))
     }
 }
 
-/// The motions of a branch, with its bifurcations inserted in order.
+/// Returns the responses of a branch, with its bifurcations inserted in order.
 fn joined(branch: &Branch) -> Vec<Motion> {
     let mut found = branch.bifurcations.iter().peekable();
     let mut motions = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
@@ -327,7 +329,7 @@ mod tests {
     use super::*;
     use crate::paper::Settings;
 
-    /// Within the folds the branch has two stable motions and one unstable between them, and the changes are at the
+    /// Within the folds the branch has two stable responses and one unstable between them, and the changes are at the
     /// folds.
     #[test]
     fn stability_changes_at_the_bifurcations() {

@@ -1,4 +1,4 @@
-//! Why a figure or a claim could not be computed.
+//! Errors of the paper's figures and claims.
 
 use thiserror::Error;
 
@@ -7,7 +7,7 @@ use resonarm_analysis::AnalysisError;
 use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::{rounded, short};
 
-/// Why a figure or a claim could not be computed.
+/// Error of a figure or claim that could not be computed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PaperError {
@@ -32,12 +32,12 @@ pub enum PaperError {
         /// The reason, and what to try.
         source: Box<AnalysisError>,
     },
-    /// A motion could not be integrated.
+    /// An integration step failed.
     #[error(transparent)]
     Step(#[from] StepError),
     /// The curve of a claim has no resonance where one is expected.
     #[error(
-        "{structure} at β2 = {beta2_deg}°: no motion between {from_hz} and {to_hz} Hz",
+        "{structure} at β2 = {beta2_deg}°: the branch has no periodic response between {from_hz} and {to_hz} Hz",
         beta2_deg = short(.beta2_deg), from_hz = rounded(.from_hz, 3), to_hz = rounded(.to_hz, 3)
     )]
     NoMotion {

@@ -7,7 +7,7 @@ use super::{Drive, ForcedBranch, MeasuredPoint, MeasuredZone, MeasuredZones, Pap
 use resonarm_dynamics::structure::{Assembly, BodySpec, Link, Preset};
 use resonarm_session::study::on_all_cores;
 
-/// The figures of the paper that show computed curves of forced motions.
+/// The figures of the paper that show computed curves of periodic responses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Figure {
@@ -22,7 +22,7 @@ pub enum Figure {
 }
 
 impl Figure {
-    /// Its name on the command line and of its files.
+    /// Returns its name on the command line and of its files.
     pub const fn name(self) -> &'static str {
         match self {
             Figure::Fig4 => "fig4",
@@ -68,7 +68,7 @@ pub struct Panel {
     pub curves: Vec<usize>,
 }
 
-/// What varies along the curves of a panel.
+/// The quantity that varies along the curves of a panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Abscissa {
@@ -110,7 +110,7 @@ pub struct FigureCurves {
     pub measured: Vec<MeasuredPoint>,
 }
 
-/// A figure before it is computed.
+/// The plan of a figure before it is computed.
 #[derive(Clone, Debug)]
 pub struct Plan {
     figure: Figure,
@@ -125,7 +125,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The curves and panels of a figure.
+    /// Plans the curves and panels of a figure.
     ///
     /// # Errors
     /// [`PaperError`] if the settings ask for an impossible pose.
@@ -169,7 +169,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Fig. 9 of a measured structure: a curve for each zone, under its force, and the points over it.
+    /// Plans Fig. 9 of a measured structure: a curve for each zone, under its force, and the points over it.
     pub fn measured(measured: &MeasuredZones) -> Plan {
         let zones = &measured.zones;
         let forces: Vec<String> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
@@ -199,7 +199,7 @@ impl Plan {
         plan
     }
 
-    /// The number of its curves.
+    /// Returns the number of its curves.
     pub fn curve_count(&self) -> usize {
         self.jobs.len()
     }
@@ -207,7 +207,7 @@ impl Plan {
     /// Computes the curves over all cores; `done` is called after each.
     ///
     /// # Errors
-    /// [`PaperError::Analysis`] says which curve could not be followed, where and why.
+    /// [`PaperError::Analysis`] with the curve that could not be followed, the place and the reason.
     pub fn compute(self, done: impl Fn() + Sync) -> Result<FigureCurves, PaperError> {
         let work = |job: &Job| {
             let traced = Traced { structure: &self.name, arm: &job.arm, drive: job.drive, read: &self.read };
@@ -336,7 +336,7 @@ pub struct NaturalFrequencies {
     pub frequency_hz: Vec<[f64; 2]>,
 }
 
-/// Natural frequencies from β2 = −180° to 180°, a degree apart.
+/// Returns natural frequencies from β2 = −180° to 180°, a degree apart.
 ///
 /// # Errors
 /// As [`Subject::new`].

@@ -1,10 +1,10 @@
-//! Values read from a branch: peaks, widths, and the ratio of its stable motions.
+//! Values read from a branch: peaks, widths, and the ratio of its stable responses.
 
 use super::{ForcedBranch, Motion, PaperError};
 use resonarm_analysis::{Maximum, half_power_width_hz, maxima};
 
 impl ForcedBranch {
-    /// The motion with the largest amplitude of a link (0 or 1).
+    /// Returns the response with the largest amplitude of a link (0 or 1).
     ///
     /// # Errors
     /// [`PaperError::NoMotion`] if the branch has none in the range.
@@ -18,12 +18,12 @@ impl ForcedBranch {
         })
     }
 
-    /// The maxima of a link's amplitude along the branch, its ends excluded, the highest first.
+    /// Returns the maxima of a link's amplitude along the branch, its ends excluded, the highest first.
     pub fn maxima(&self, link: usize) -> Vec<Maximum> {
         maxima(&self.curve(link))
     }
 
-    /// The width of a link's resonance, stable or not, by [`half_power_width_hz`].
+    /// Returns the width of a link's resonance, stable or not, by [`half_power_width_hz`].
     pub fn half_power_width_hz(&self, link: usize) -> Option<f64> {
         // Bifurcations may be beyond the steps next to them.
         let all: Vec<(f64, f64)> =
@@ -31,8 +31,8 @@ impl ForcedBranch {
         half_power_width_hz(&self.curve(link), &all)
     }
 
-    /// The largest ratio between amplitudes of a link in stable motions of one frequency, and that frequency in Hz; 1
-    /// if there is only one motion at each frequency.
+    /// Returns the largest ratio between amplitudes of a link in stable responses of one frequency, and that frequency
+    /// in Hz; 1 if there is only one response at each frequency.
     pub fn largest_ratio(&self, link: usize) -> (f64, f64) {
         let stable: Vec<[(f64, f64); 2]> = self
             .segments()
@@ -40,8 +40,8 @@ impl ForcedBranch {
             .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, self.size(motion, link))))
             .collect();
         let mut largest = (1.0, f64::NAN);
-        // Between the frequencies of two neighbouring motions all segments are straight, and the quotient of two
-        // straight lines is monotonic: the largest ratio is at the frequency of a motion.
+        // Between the frequencies of two neighbouring responses all segments are straight, and the quotient of two
+        // straight lines is monotonic: the largest ratio is at the frequency of a response.
         for motion in &self.motions {
             let hz = motion.frequency_hz;
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -58,8 +58,8 @@ impl ForcedBranch {
         largest
     }
 
-    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the continuation. Bifurcations are left out: one
-    /// can be so near to a step that the slope between them is dominated by rounding.
+    /// Returns frequencies, Hz, and amplitudes of a link, rad, at the steps of the continuation. Bifurcations are left
+    /// out: one can be so near to a step that the slope between them is dominated by rounding.
     fn curve(&self, link: usize) -> Vec<(f64, f64)> {
         let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
         steps.map(|motion| (motion.frequency_hz, self.size(motion, link))).collect()

@@ -10,7 +10,7 @@ use resonarm_dynamics::structure::Assembly;
 use resonarm_numeric::number::short;
 use resonarm_scenario::{StructureSection, StructureSectionError, text_file};
 
-/// Why a document of measured zones can't be used.
+/// Error of a document of measured zones.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum MeasuredError {
@@ -22,12 +22,12 @@ pub enum MeasuredError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// It is another document.
+    /// The file is another document.
     #[error("{origin} is not a document of `experiment fig9 --json`: {source}")]
     Parse {
         /// Name of the document.
         origin: String,
-        /// Where and how the document differs.
+        /// The place and the kind of the difference.
         source: serde_json::Error,
     },
     /// The structure is invalid.
@@ -38,8 +38,8 @@ pub enum MeasuredError {
         /// Error in the structure.
         source: StructureSectionError,
     },
-    /// It was not measured on a structure with a tip that is driven along x.
-    #[error("{origin}: its structure has no degree of freedom {name}: it has {known}")]
+    /// The measured structure has no tip that is driven along x.
+    #[error("{origin}: the structure has no degree of freedom {name}; it has {known}")]
     NoDof {
         /// Name of the document.
         origin: String,
@@ -48,8 +48,8 @@ pub enum MeasuredError {
         /// The degrees of freedom that there are.
         known: String,
     },
-    /// It has no zones.
-    #[error("{origin}: it has no zones")]
+    /// The document has no zones.
+    #[error("{origin}: the document has no zones, so there is nothing to draw; measure at least one")]
     NoZone {
         /// Name of the document.
         origin: String,
@@ -68,23 +68,23 @@ pub enum MeasuredError {
         /// Description of the valid numbers.
         expected: &'static str,
     },
-    /// No point in it settled.
-    #[error("{origin}: none of its points has settled: there is nothing to draw")]
+    /// None of the measured points settled.
+    #[error("{origin}: none of the measured points has settled, so there is nothing to draw")]
     NothingSettled {
         /// Name of the document.
         origin: String,
     },
 }
 
-/// How points were measured.
+/// The way in which points were measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Way {
-    /// By a stepped sine with rising frequency.
+    /// Stepped sine with rising frequency.
     Up,
-    /// By one with falling frequency.
+    /// Stepped sine with falling frequency.
     Down,
-    /// By a walk of the phase.
+    /// Phase-resonance test, which steps the phase lag (`experiment walk`).
     Walk,
 }
 
@@ -92,7 +92,7 @@ impl Way {
     /// All ways of measuring.
     pub const ALL: [Way; 3] = [Way::Up, Way::Down, Way::Walk];
 
-    /// In words, for figures.
+    /// Returns the name in figures.
     pub const fn label(self) -> &'static str {
         match self {
             Way::Up => "sine up",
@@ -134,7 +134,7 @@ pub struct MeasuredZones {
     pub structure: Assembly,
     /// The structure in words.
     pub label: String,
-    /// Where it was measured: of each point the axis along which it moves most.
+    /// Degrees of freedom at which it was measured: for each point the axis along which it moves most.
     pub read: Vec<String>,
     /// The zones in the order of the document, at least one.
     pub zones: Vec<MeasuredZone>,
@@ -172,7 +172,7 @@ struct Point {
     settled: bool,
 }
 
-/// A reading or a load.
+/// A reading or a load in the document.
 #[derive(Deserialize)]
 struct Reading {
     amplitude: f64,
@@ -192,7 +192,7 @@ impl MeasuredZones {
     /// Reads a document; `origin` is its name in messages. Other keys are ignored.
     ///
     /// # Errors
-    /// [`MeasuredError`] names what is missing or impossible.
+    /// [`MeasuredError`] with the key that is missing or impossible.
     pub fn parse(text: &str, origin: &str) -> Result<MeasuredZones, MeasuredError> {
         let name = || origin.to_string();
         let document: Document =
@@ -240,7 +240,7 @@ impl MeasuredZones {
     }
 }
 
-/// Of each point that was measured, as `tip`, the axis along which it moves most.
+/// Returns for each point that was measured, as `tip`, the axis along which it moves most.
 fn read_at(zones: &[Zone]) -> Vec<String> {
     let points = || {
         let runs = zones.iter().flat_map(|zone| [&zone.up, &zone.down, &zone.walk]);
@@ -350,7 +350,7 @@ mod tests {
 
     #[test]
     fn errors_say_what_is_wrong_where() {
-        insta::assert_snapshot!(says("/zones", [0; 0].into()), @"zones.json: it has no zones");
+        insta::assert_snapshot!(says("/zones", [0; 0].into()), @"zones.json: the document has no zones, so there is nothing to draw; measure at least one");
         insta::assert_snapshot!(says("/zones/0/drive/tip.x/amplitude", (-1).into()), @"zones.json: zone 1: drive.tip.x is -1: it must be a positive number, since Fig. 9 is of a force along x");
         insta::assert_snapshot!(says("/zones/1/drive", serde_json::json!({ "tip.x": { "amplitude": 1.0 }, "tip.y": { "amplitude": 3.0 } })), @"zones.json: zone 2: another drive is 3: it must be left out, since Fig. 9 is of a force along x");
         insta::assert_snapshot!(says("/zones/1/range_hz/1", 30.into()), @"zones.json: zone 2: range_hz, its end, is 30: it must be larger than its start");
@@ -365,7 +365,7 @@ mod tests {
             }
         }
         let unsettled = MeasuredZones::parse(&unsettled.to_string(), "zones.json").unwrap_err();
-        insta::assert_snapshot!(unsettled, @"zones.json: none of its points has settled: there is nothing to draw");
+        insta::assert_snapshot!(unsettled, @"zones.json: none of the measured points has settled, so there is nothing to draw");
         let absent = MeasuredZones::read("/nonexistent/zones.json".as_ref()).unwrap_err();
         insta::assert_snapshot!(absent, @"can't read /nonexistent/zones.json: No such file or directory (os error 2)");
     }

@@ -46,7 +46,7 @@ pub struct PerPreset<T> {
 }
 
 impl<T> PerPreset<T> {
-    /// The value for a preset.
+    /// Returns the value for a preset.
     pub const fn of(&self, preset: Preset) -> &T {
         match preset {
             Preset::Irb1600Fitted => &self.fitted,
@@ -151,7 +151,7 @@ pub struct Scan {
     pub strong_torque_nm: Vec<f64>,
 }
 
-/// Why settings can't be used.
+/// Error of invalid settings.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SettingsError {
@@ -163,7 +163,7 @@ pub enum SettingsError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The text is no settings file.
+    /// The text is not a settings file.
     #[error(transparent)]
     Parse(#[from] TomlError),
     /// A number is impossible.
@@ -181,9 +181,9 @@ pub enum SettingsError {
     Count {
         /// Key of the list.
         key: String,
-        /// How many there are.
+        /// The number of values.
         got: usize,
-        /// How many there must be.
+        /// The least number of values.
         least: usize,
     },
     /// A list or a range is not ascending.
@@ -199,7 +199,7 @@ pub enum SettingsError {
     /// The tip can't reach the line.
     #[error(
         "at β2 = {beta2_deg}° the tip is {reach_m} m from joint 1 and can't be on the line at a height of {height_m} m: bring \
-         line.height_m nearer to 0, or bend the arm less",
+         line.height_m closer to 0, or bend the arm less",
         beta2_deg = short(.beta2_deg), reach_m = rounded(.reach_m, 3), height_m = short(.height_m)
     )]
     Line {
@@ -238,7 +238,7 @@ impl Settings {
     /// Reads settings from their text; `origin` is its name in messages. Every key is required.
     ///
     /// # Errors
-    /// [`SettingsError`] names the key that is unknown, missing or impossible.
+    /// [`SettingsError`] with the key that is unknown, missing or impossible.
     pub fn parse(text: &str, origin: &str) -> Result<Settings, SettingsError> {
         let settings: Settings = toml::from_str(text).map_err(|error| TomlError::new(origin, &error))?;
         settings.check()?;
@@ -314,7 +314,7 @@ fn require(key: &str, got: f64, fits: bool, expected: &'static str) -> Result<()
     if fits { Ok(()) } else { Err(SettingsError::Value { key: key.to_string(), got, expected }) }
 }
 
-/// At least one angle from 0 to 180 degrees, ascending.
+/// Checks that there is at least one angle, all from 0 to 180 degrees, ascending.
 fn poses(key: &str, angles_deg: &[f64]) -> Result<(), SettingsError> {
     for angle_deg in angles_deg {
         require(key, *angle_deg, (0.0..=180.0).contains(angle_deg), "an angle from 0 to 180 degrees")?;
@@ -322,7 +322,7 @@ fn poses(key: &str, angles_deg: &[f64]) -> Result<(), SettingsError> {
     in_order(key, angles_deg, 1)
 }
 
-/// At least `least` positive numbers, ascending.
+/// Checks that there are at least `least` positive numbers, ascending.
 fn ascending(key: &str, values: &[f64], least: usize) -> Result<(), SettingsError> {
     values.iter().try_for_each(|value| positive(key, *value))?;
     in_order(key, values, least)

@@ -3,7 +3,7 @@
 use super::{PaperError, Settings, SettingsError};
 use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, StructureSpec};
 
-/// A preset with the settings' l2, and the line on which its tip is moved.
+/// A preset with the settings' l2, and the line along which its tip is moved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
     preset: Preset,
@@ -12,13 +12,13 @@ pub struct Subject {
     height_m: f64,
 }
 
-/// The chain of a preset, straight.
+/// Returns the chain of a preset, straight.
 fn straight(preset: Preset) -> Result<ChainSpec, PaperError> {
     Ok(preset.chain()?.at_angles_deg(&[0.0, 0.0]))
 }
 
 impl Subject {
-    /// The arm of a preset.
+    /// Makes the arm of a preset.
     ///
     /// # Errors
     /// [`PaperError::Structure`] if the preset's file can't be read.
@@ -39,13 +39,13 @@ impl Subject {
         &self.chain
     }
 
-    /// The lengths of its links, m.
+    /// Returns the lengths of its links, m.
     fn lengths_m(&self) -> [f64; 2] {
         let length_m = |link: usize| self.chain.links.get(link).map_or(f64::NAN, |link| link.length_m);
         [length_m(0), length_m(1)]
     }
 
-    /// The preset and the differences from it.
+    /// Returns the name of the preset and the differences from it.
     ///
     /// # Errors
     /// [`PaperError::Structure`] if the preset's file can't be read.
@@ -60,13 +60,13 @@ impl Subject {
         })
     }
 
-    /// The chain at β1 and β2.
+    /// Returns the chain at β1 and β2.
     fn posed(&self, angles_deg: [f64; 2]) -> Result<Assembly, PaperError> {
         let chain = self.chain.clone().at_angles_deg(&angles_deg);
         Ok(Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })?)
     }
 
-    /// The arm at β1 = 0, which does not matter for an arm driven at its joints.
+    /// Returns the arm at β1 = 0, which does not matter for an arm driven at its joints.
     ///
     /// # Errors
     /// [`PaperError::Structure`] for an impossible angle.
@@ -74,7 +74,7 @@ impl Subject {
         self.posed([0.0, beta2_deg])
     }
 
-    /// The arm with its tip on the line of Fig. 6, at positive x.
+    /// Returns the arm with its tip on the line of Fig. 6, at positive x.
     ///
     /// With R (cos γ, sin γ) = (l1 + l2 cos β2, l2 sin β2) the tip is at R (cos(β1 + γ), sin(β1 + γ)), so that its
     /// height h gives β1 = arcsin(h/R) − γ.
@@ -85,7 +85,7 @@ impl Subject {
         self.on_line_at(beta2_deg, self.height_m)
     }
 
-    /// As [`Subject::on_line`], on a line of another height, m.
+    /// Works like [`Subject::on_line`], on a line of another height, m.
     ///
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.
@@ -114,6 +114,6 @@ mod tests {
         }
         settings.line.height_m = 0.5;
         let beyond = subject(&settings).on_line(150.0).unwrap_err();
-        insta::assert_snapshot!(beyond, @"at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of 0.5 m: bring line.height_m nearer to 0, or bend the arm less");
+        insta::assert_snapshot!(beyond, @"at β2 = 150° the tip is 0.320 m from joint 1 and can't be on the line at a height of 0.5 m: bring line.height_m closer to 0, or bend the arm less");
     }
 }

@@ -6,8 +6,8 @@ use super::branch::Stability;
 use super::{Drive, FigureCurves, NaturalFrequencies};
 
 impl FigureCurves {
-    /// A line for each motion. `curve` counts from 0; a bifurcation has its kind in the last column. All curves of a
-    /// figure are read at the same degrees of freedom, and have as many angles.
+    /// Writes a line for each response. `curve` counts from 0; a bifurcation has its kind in the last column. All
+    /// curves of a figure are read at the same degrees of freedom, and have as many angles.
     pub fn csv(&self) -> String {
         let first = self.curves.first().map(|curve| &curve.branch);
         let mut text = String::from("curve");
@@ -51,7 +51,7 @@ impl FigureCurves {
 }
 
 impl NaturalFrequencies {
-    /// A line for each pose of each preset.
+    /// Writes a line for each pose of each preset.
     pub fn csv(presets: &[NaturalFrequencies]) -> String {
         let mut text = String::from("preset,beta2_deg,frequency1_hz,frequency2_hz\n");
         for curves in presets {

@@ -19,7 +19,7 @@ fn curves(figure: Figure, preset: Preset, settings: &Settings) -> FigureCurves {
     Plan::new(figure, preset, settings).unwrap().compute(|| ()).unwrap()
 }
 
-/// Small motions match the linearised arm.
+/// Small vibrations match the linearised arm.
 #[test]
 fn the_small_motions_of_figure_4_are_the_linear_response() {
     let settings = Settings::embedded().unwrap();

@@ -16,8 +16,8 @@ pub(super) struct AxisMap {
 }
 
 impl AxisMap {
-    /// The position of `value`, px. With g the identity or log10: from + (to − from) · (g(v) − g(low)) / (g(high) −
-    /// g(low)).
+    /// Returns the position of `value`, px. With g the identity or log10: from + (to − from) · (g(v) − g(low)) /
+    /// (g(high) − g(low)).
     pub fn px(&self, value: f64) -> f64 {
         let part = (along(self.scale, value) - along(self.scale, self.low))
             / (along(self.scale, self.high) - along(self.scale, self.low));
@@ -25,7 +25,7 @@ impl AxisMap {
     }
 }
 
-/// The value in the scale of the axis.
+/// Returns the value in the scale of the axis.
 fn along(scale: Scale, value: f64) -> f64 {
     match scale {
         Scale::Linear | Scale::Degrees => value,
@@ -33,7 +33,7 @@ fn along(scale: Scale, value: f64) -> f64 {
     }
 }
 
-/// Which of a point's coordinates.
+/// One of the two coordinates of a point.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Coordinate {
     X,
@@ -56,7 +56,7 @@ impl Coordinate {
     }
 }
 
-/// Refuses points that can't be drawn in `panel`, number `index` of the figure `title`.
+/// Rejects points that can't be drawn in `panel`, number `index` of the figure `title`.
 pub(super) fn check(title: &str, index: usize, panel: &Panel) -> Result<(), PlotError> {
     let mut drawn = 0;
     for (series_index, series) in panel.series.iter().enumerate() {
@@ -85,7 +85,7 @@ pub(super) fn check(title: &str, index: usize, panel: &Panel) -> Result<(), Plot
     if drawn == 0 { Err(PlotError::NoPoints { title: title.to_owned(), panel: index }) } else { Ok(()) }
 }
 
-/// The range of an axis: the one it states, or that of the data in `panels`, which share it, with a margin.
+/// Returns the range of an axis: the one it states, or that of the data in `panels`, which share it, with a margin.
 ///
 /// Lines may touch the ends of the x axis; everything else keeps the distance [`MARGIN`]. Data that all have one value
 /// get a range around it.

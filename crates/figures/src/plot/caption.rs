@@ -26,7 +26,7 @@ impl From<&str> for Subtitle {
 }
 
 impl Subtitle {
-    /// The subtitle with `part` appended to its line; an empty one adds nothing.
+    /// Returns the subtitle with `part` appended to its line; an empty one adds nothing.
     #[must_use]
     pub fn and(mut self, part: impl AsRef<str>) -> Subtitle {
         let part = part.as_ref();
@@ -37,7 +37,7 @@ impl Subtitle {
         self
     }
 
-    /// As many parts of the line, from its beginning, as fit in `width`; the first in any case.
+    /// Returns as many parts of the line, from its beginning, as fit in `width`; the first in any case.
     pub(super) fn fitting(&self, fonts: &Fonts, size: f64, width: f64) -> String {
         let fits = |text: &str| fonts.width(text, size, Weight::Regular) <= width;
         if fits(&self.line) {

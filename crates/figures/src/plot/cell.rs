@@ -20,7 +20,7 @@ pub(super) struct Cell<'a> {
     /// Whether the x axis is labelled below this panel.
     pub writes_x: bool,
     pub entries: Entries<'a>,
-    /// Where the legend is.
+    /// The place of the legend.
     pub legend_at: Option<LegendPlace>,
 }
 
@@ -29,6 +29,6 @@ pub(super) struct Cell<'a> {
 pub(super) struct LegendPlace {
     /// Its upper left corner.
     pub corner: Point,
-    /// How many entries are side by side.
+    /// The number of entries side by side.
     pub columns: usize,
 }

@@ -9,8 +9,8 @@ const NEAR: f64 = 0.05;
 /// Beyond this the position of a point no longer matters; px.
 const FAR: f64 = 1e7;
 
-/// The parts of the polyline through `points` inside `area`, each thinned. A NaN breaks the line; a single point
-/// between two gaps gives a run of that point twice, which a round pen draws as a dot.
+/// Returns the parts of the polyline through `points` inside `area`, each thinned. A NaN breaks the line; a single
+/// point between two gaps gives a run of that point twice, which a round pen draws as a dot.
 pub(super) fn runs(points: impl Iterator<Item = Point>, area: &Rect) -> Vec<Vec<Point>> {
     let mut runs: Vec<Vec<Point>> = Vec::new();
     let mut current: Vec<Point> = Vec::new();
@@ -86,7 +86,8 @@ pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)>
     (enter <= leave).then(|| (at(enter), at(leave)))
 }
 
-/// The visible ones of `points`. Of consecutive points within a vertical strip the first, the lowest, the highest and
+/// Returns the visible ones of `points`. Of consecutive points within a vertical strip the first, the lowest, the
+/// highest and
 /// the last cover the same ink (U. Jugel, Z. Jerzak, G. Hackenbroich, V. Markl, "M4: A Visualization-Oriented Time
 /// Series Data Aggregation", Proc. VLDB Endow. 7 (2014)); of points nearer than [`NEAR`] one is enough.
 fn thinned(points: &[Point]) -> Vec<Point> {

@@ -1,4 +1,4 @@
-//! Why a figure can't be drawn or written.
+//! Errors of drawing and writing a figure.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use resonarm_numeric::number::short;
 use thiserror::Error;
 
-/// Why a figure can't be drawn or written. Panels, series and points are counted from 0.
+/// Error of a figure that can't be drawn or written. Panels, series and points are counted from 0.
 #[derive(Debug, Error)]
 pub enum PlotError {
     /// The figure has no panel, or no column to put them in.
@@ -14,9 +14,9 @@ pub enum PlotError {
     NoPanels {
         /// Title of the figure.
         title: String,
-        /// How many panels it has.
+        /// The number of panels.
         panels: usize,
-        /// How many columns it has.
+        /// The number of columns.
         columns: usize,
     },
     /// A panel has no point to draw.
@@ -33,9 +33,9 @@ pub enum PlotError {
     NotFinite {
         /// Number of the panel.
         panel: usize,
-        /// Which series in it.
+        /// Number of the series in the panel.
         series: usize,
-        /// Which point of that.
+        /// Number of the point in the series.
         point: usize,
         /// x coordinate of the point.
         x: f64,
@@ -45,13 +45,13 @@ pub enum PlotError {
     /// A value on a logarithmic axis isn't positive.
     #[error(
         "point {point} of series {series} in panel {panel} is at {value} on the logarithmic axis `{axis}`; values must be \
-         positive there: leave the point out, put NaN for a gap, or take a linear axis", value = short(.value))]
+         positive there: leave the point out, put NaN for a gap, or use a linear axis", value = short(.value))]
     NotPositive {
         /// Number of the panel.
         panel: usize,
-        /// Which series in it.
+        /// Number of the series in the panel.
         series: usize,
-        /// Which point of that.
+        /// Number of the point in the series.
         point: usize,
         /// Label of the axis.
         axis: String,

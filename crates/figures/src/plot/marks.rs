@@ -1,4 +1,4 @@
-//! What panels and legends draw alike: sizes, the grid, and series as marks on the page.
+//! Sizes, the grid and the marks of series, which panels and legends draw alike.
 
 use super::axis::AxisMap;
 use super::scene::{Point, Shape, Stroke, WHITE};

@@ -2,7 +2,7 @@
 //!
 //! A [`Figure`] is data: panels, axes, series. It is laid out once into a scene of paths and texts, which is then
 //! written as SVG (vector, text stays text) or drawn as PNG (300 dpi), so that both look the same. The same figure
-//! gives the same bytes.
+//! produces bit-identical files.
 
 mod axis;
 mod caption;
@@ -50,25 +50,25 @@ impl Figure {
     /// The endings that [`Figure::write`] appends: SVG, PNG and the caption.
     pub const ENDINGS: [&'static str; 3] = [".svg", ".png", ".txt"];
 
-    /// A figure without panels, of one column.
+    /// Makes a figure without panels, of one column.
     pub fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), subtitle: Subtitle::default(), panels: Vec::new(), columns: 1, is_titled: true }
     }
 
-    /// The figure with a subtitle.
+    /// Sets the subtitle.
     #[must_use]
     pub fn subtitle(self, subtitle: impl Into<Subtitle>) -> Self {
         Self { subtitle: subtitle.into(), ..self }
     }
 
-    /// The figure with another panel.
+    /// Adds a panel.
     #[must_use]
     pub fn with(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
         self
     }
 
-    /// The figure as an SVG document.
+    /// Returns the figure as an SVG document.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn.
@@ -76,7 +76,7 @@ impl Figure {
         Ok(svg::document(&layout::scene(self)?))
     }
 
-    /// The figure as a PNG image of 300 dpi.
+    /// Returns the figure as a PNG image of 300 dpi.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn.
@@ -100,7 +100,7 @@ impl Figure {
         write_file(path, &self.to_png()?)
     }
 
-    /// The caption: title, subtitle in full, and its additional lines.
+    /// Returns the caption: title, subtitle in full, and its additional lines.
     pub fn caption(&self) -> String {
         let Subtitle { line, more } = &self.subtitle;
         let lines = [&self.title, line].into_iter().chain(more).filter(|line| !line.is_empty());
@@ -122,7 +122,7 @@ impl Figure {
     }
 }
 
-/// `stem` with `ending` appended, as `.csv`; text after a dot in `stem` is kept.
+/// Returns `stem` with `ending` appended, as `.csv`; text after a dot in `stem` is kept.
 pub fn beside(stem: &Path, ending: &str) -> PathBuf {
     let mut path = stem.as_os_str().to_owned();
     path.push(ending);
@@ -153,32 +153,32 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// A panel without series between two axes.
+    /// Makes a panel without series between two axes.
     pub fn new(x: Axis, y: Axis) -> Self {
         Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), rows: Vec::new(), legend: Legend::Auto }
     }
 
-    /// The panel with a title.
+    /// Sets the title.
     #[must_use]
     pub fn title(self, title: impl Into<String>) -> Self {
         Self { title: Some(title.into()), ..self }
     }
 
-    /// The panel with another series, on top of the others.
+    /// Adds a series on top of the others.
     #[must_use]
     pub fn with(mut self, series: Series) -> Self {
         self.series.push(series);
         self
     }
 
-    /// The panel with another series on top, unless that has no points.
+    /// Adds a series on top, unless that has no points.
     #[must_use]
     pub fn with_any(self, series: Series) -> Self {
         if series.points.is_empty() { self } else { self.with(series) }
     }
 
-    /// The panel with names in a row above these points, side by side in the order of the points, each with a line down
-    /// to its point. For peaks too near to each other for [`Panel::notes`]. A name whose point is outside of the axes
+    /// Adds names in a row above these points, side by side in the order of the points, each with a line down to its
+    /// point. This is for peaks too near to each other for [`Panel::notes`]. A name whose point is outside of the axes
     /// isn't drawn.
     #[must_use]
     pub fn row(mut self, names: Vec<Note>) -> Self {
@@ -186,7 +186,7 @@ impl Panel {
         self
     }
 
-    /// The panel with its legend at this place.
+    /// Sets the place of the legend.
     #[must_use]
     pub fn legend(self, legend: Legend) -> Self {
         Self { legend, ..self }
@@ -229,22 +229,22 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// A linear axis that spans the data.
+    /// Makes a linear axis that spans the data.
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Linear, range: None }
     }
 
-    /// A linear axis for angles in degrees, that spans the data.
+    /// Makes a linear axis for angles in degrees, that spans the data.
     pub fn degrees(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Degrees, range: None }
     }
 
-    /// A logarithmic axis that spans the data.
+    /// Makes a logarithmic axis that spans the data.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Log, range: None }
     }
 
-    /// The axis from `low` to `high`; data beyond are cut off.
+    /// Limits the axis to the range from `low` to `high`; data beyond are cut off.
     #[must_use]
     pub fn range(self, low: f64, high: f64) -> Self {
         Self { range: Some((low, high)), ..self }
@@ -258,7 +258,7 @@ pub enum Scale {
     Linear,
     /// Evenly, with ticks at fractions of a turn: multiples of 15, 30, 45, 90 or 180, where these are dense enough.
     Degrees,
-    /// By their logarithm, with ticks at powers of ten; values must be positive.
+    /// Logarithmic, with ticks at powers of ten; values must be positive.
     Log,
 }
 
@@ -269,38 +269,39 @@ pub struct Series {
     pub label: Option<String>,
     /// The points (x, y). One with a NaN isn't drawn, and breaks a line.
     pub points: Vec<(f64, f64)>,
-    /// How they are drawn.
+    /// The style in which the points are drawn.
     pub style: Style,
 }
 
 impl Series {
-    /// A solid line of the usual width.
+    /// Makes a solid line of the usual width.
     pub fn line(label: impl Into<String>, color: Color, points: Vec<(f64, f64)>) -> Self {
         Self { label: Some(label.into()), points, style: Style::Line { color, width: 1.6, dash: Dash::Solid } }
     }
 
-    /// Stable motions of a branch: a solid blue line.
+    /// Makes a solid blue line for the stable periodic responses of a branch.
     pub fn stable(points: Vec<(f64, f64)>) -> Self {
         Self::line("stable", Color::Stable, points)
     }
 
-    /// Unstable motions of a branch: a dashed red line, distinct from a stable one without colours.
+    /// Makes a dashed red line for the unstable periodic responses of a branch, distinct from a stable one without
+    /// colours.
     pub fn unstable(points: Vec<(f64, f64)>) -> Self {
         let style = Style::Line { color: Color::Unstable, width: 1.6, dash: Dash::Dashed };
         Self::line("unstable", Color::Unstable, points).style(style)
     }
 
-    /// Markers of the usual size.
+    /// Makes markers of the usual size.
     pub fn markers(label: impl Into<String>, color: Color, shape: Marker, points: Vec<(f64, f64)>) -> Self {
         Self { label: Some(label.into()), points, style: Style::Markers { color, shape, size: 6.0, filled: true } }
     }
 
-    /// A rectangle around each point, in units of the axes: cells of a grid.
+    /// Makes a rectangle around each point, in units of the axes: cells of a grid.
     pub fn tiles(label: impl Into<String>, color: Color, [width, height]: [f64; 2], points: Vec<(f64, f64)>) -> Self {
         Self { label: Some(label.into()), points, style: Style::Tiles { color, width, height } }
     }
 
-    /// The series with markers of another size, px, which are open unless they are `filled`; a line stays as it is.
+    /// Sets another size of the markers, px, which are open unless they are `filled`; a line stays as it is.
     #[must_use]
     pub fn marked(mut self, new_size: f64, is_filled: bool) -> Self {
         if let Style::Markers { size, filled, .. } = &mut self.style {
@@ -309,13 +310,13 @@ impl Series {
         self
     }
 
-    /// The series in another style.
+    /// Sets another style.
     #[must_use]
     pub fn style(self, style: Style) -> Self {
         Self { style, ..self }
     }
 
-    /// The series without an entry in the legend.
+    /// Removes the series' entry in the legend.
     #[must_use]
     pub fn unlabelled(self) -> Self {
         Self { label: None, ..self }

@@ -54,7 +54,8 @@ fn series_shape(series: &Series, plot: &Rect, x: &AxisMap, y: &AxisMap) -> Optio
     (!empty).then_some(shape)
 }
 
-/// How far a tile reaches over the next, px: without it a viewer that smooths edges shows the ground between them.
+/// The length by which a tile overlaps the next, px: without it a viewer that smooths edges shows the ground between
+/// them.
 const OVERLAP: f64 = 0.4;
 
 /// The rectangles of a series, those beside each other in a row as one.

@@ -61,7 +61,7 @@ pub(super) enum Weight {
     Bold,
 }
 
-/// Which point of the baseline is at [`Text::at`].
+/// The point of the baseline that is at [`Text::at`].
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -89,7 +89,7 @@ impl Rect {
         (self.left..=self.right).contains(&x) && (self.top..=self.bottom).contains(&y)
     }
 
-    /// Whether the interiors have a point in common.
+    /// Says whether the interiors have a point in common.
     pub fn meets(&self, other: &Self) -> bool {
         let across = self.left < other.right && other.left < self.right;
         across && self.top < other.bottom && other.top < self.bottom

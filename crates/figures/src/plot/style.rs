@@ -47,7 +47,7 @@ impl Color {
     }
 }
 
-/// How the points of a series are drawn. Lengths are in px of 1/96 inch.
+/// The style in which the points of a series are drawn. Lengths are in px of 1/96 inch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Style {
     /// Joined by a line.

@@ -60,7 +60,7 @@ fn text_element(text: &Text) -> String {
     format!("<text {place} font-size=\"{size}\"{weight}{anchor} fill=\"{fill}\">{content}</text>")
 }
 
-/// The attributes of a pen. Ends are round, so that a dot is visible, except for dashes, which would merge.
+/// Returns the attributes of a pen. Ends are round, so that a dot is visible, except for dashes, which would merge.
 fn pen(stroke: &Stroke) -> String {
     let (line, width) = (color(stroke.color), number(stroke.width));
     if stroke.dash == Dash::Solid {
@@ -73,8 +73,8 @@ fn pen(stroke: &Stroke) -> String {
     format!("stroke=\"{line}\" stroke-width=\"{width}\" stroke-dasharray=\"{dashes}\" stroke-linejoin=\"round\"")
 }
 
-/// Path commands for a polyline: the first point absolute, the others relative to the one before, in whole hundredths,
-/// so that rounding doesn't add up.
+/// Returns path commands for a polyline: the first point absolute, the others relative to the one before, in whole
+/// hundredths, so that rounding doesn't add up.
 fn polyline(points: &[Point]) -> String {
     let mut out = String::new();
     let mut before = [0_i64, 0];
@@ -115,7 +115,7 @@ fn color([red, green, blue]: Rgb) -> String {
     format!("#{red:02X}{green:02X}{blue:02X}")
 }
 
-/// A length or a position, to hundredths of a px.
+/// Formats a length or a position, to hundredths of a px.
 fn number(value: f64) -> String {
     decimal(hundredths(value))
 }
@@ -124,7 +124,7 @@ fn hundredths(value: f64) -> i64 {
     libm::round(value * 100.0) as i64
 }
 
-/// A number of hundredths without trailing zeros.
+/// Formats a number of hundredths without trailing zeros.
 fn decimal(hundredths: i64) -> String {
     let sign = if hundredths < 0 { "-" } else { "" };
     let (whole, part) = (hundredths.unsigned_abs() / 100, hundredths.unsigned_abs() % 100);
@@ -136,7 +136,7 @@ fn decimal(hundredths: i64) -> String {
     }
 }
 
-/// Text for XML 1.0: markup characters escaped, forbidden ones replaced.
+/// Escapes text for XML 1.0: markup characters escaped, forbidden ones replaced.
 fn escaped(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {

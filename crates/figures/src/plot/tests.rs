@@ -262,7 +262,7 @@ fn figures_that_cannot_be_drawn_are_refused() {
     insta::assert_snapshot!(refused(linear().with(line(&[(1.0, f64::NAN)]))), @"panel 0 of the figure `Test` has no point to draw");
     insta::assert_snapshot!(refused(linear().with(line(&[(1.0, 1.0), (2.0, f64::INFINITY)]))), @"point 1 of series 0 in panel 0 is at (2, inf); coordinates must be finite, or NaN for a gap");
     let log = Panel::new(Axis::linear("f (Hz)"), Axis::log("a (rad)"));
-    insta::assert_snapshot!(refused(log.with(line(&[(1.0, 1.0), (2.0, 0.0)]))), @"point 1 of series 0 in panel 0 is at 0 on the logarithmic axis `a (rad)`; values must be positive there: leave the point out, put NaN for a gap, or take a linear axis");
+    insta::assert_snapshot!(refused(log.with(line(&[(1.0, 1.0), (2.0, 0.0)]))), @"point 1 of series 0 in panel 0 is at 0 on the logarithmic axis `a (rad)`; values must be positive there: leave the point out, put NaN for a gap, or use a linear axis");
     let range = |low, high| {
         refused(Panel::new(Axis::linear("f (Hz)").range(low, high), Axis::linear("a")).with(line(&[(1.0, 1.0)])))
     };

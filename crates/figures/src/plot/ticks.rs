@@ -155,7 +155,7 @@ fn log_label(multiple: i32, exponent: i32, plain: bool) -> String {
     }
 }
 
-/// Whether neighbouring labels do not overlap.
+/// Says whether neighbouring labels do not overlap.
 fn have_room(axis: &AxisMap, labelled: &[(f64, String)], room: &dyn Fn(&str) -> f64) -> bool {
     labelled.windows(2).all(|pair| {
         let apart = (axis.px(pair[1].0) - axis.px(pair[0].0)).abs();

@@ -16,7 +16,7 @@ use crate::recording::Direction;
 /// Writes frames of channel 1, with hexadecimal numbers and times relative to the start of the log.
 pub(super) struct Writer<W> {
     out: W,
-    /// When the log begins, ms of the UNIX epoch.
+    /// Start of the log, ms of the UNIX epoch.
     start_ms: u64,
     has_head: bool,
 }
@@ -77,12 +77,12 @@ impl<W: Write> LogWriter for Writer<W> {
 
 /// The settings from the head of a log, and the time reached so far.
 pub(super) struct Reader {
-    /// When the log begins, ns of the UNIX epoch; 0 without a date.
+    /// Start of the log, ns of the UNIX epoch; 0 without a date.
     start_ns: u64,
     radix: u32,
-    /// Times are relative to the line before.
+    /// Whether times are relative to the line before.
     is_relative: bool,
-    /// Before the start of the log it is negative.
+    /// Time reached so far, ns; negative before the start of the log.
     time_ns: i64,
     /// Whether a trigger block has begun that has not ended.
     is_in_block: bool,
@@ -93,7 +93,7 @@ impl Reader {
         Reader { start_ns: 0, radix: 16, is_relative: false, time_ns: 0, is_in_block: false }
     }
 
-    /// The frame in a line; `None` for the head, comments and events of other kinds.
+    /// Returns the frame in a line; `None` for the head, comments and events of other kinds.
     pub fn line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
@@ -120,7 +120,8 @@ impl Reader {
         }
     }
 
-    /// As [`Reader::line`], of a last line without an end: an event that is no frame may be the beginning of one.
+    /// Works like [`Reader::line`], for a last line without an end: an event that is no frame may be the beginning of
+    /// one.
     pub fn last_line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
         // Such as `0.5000` of `0.500000 1 201 Rx …`: it would pass for an event of another kind.
         let is_event = line.split_whitespace().next().is_some_and(|time| signed_nanoseconds(time).is_some());
@@ -130,7 +131,7 @@ impl Reader {
         }
     }
 
-    /// Refuses a log that is cut short, once there is no further line.
+    /// Rejects a log that is cut short, once there is no further line.
     pub fn end(&self) -> Result<(), CanLogError> {
         if self.is_in_block { Err(CanLogError::Truncated { inside: "inside a trigger block" }) } else { Ok(()) }
     }
@@ -142,7 +143,7 @@ impl Reader {
         Ok(())
     }
 
-    /// An event with its time.
+    /// Returns an event with its time.
     fn event(&mut self, time_ns: i64, words: &[&str]) -> Result<Option<LoggedFrame>, CanLogError> {
         // Every event counts, also those that are no frames: relative times are relative to the line before, whatever
         // it holds.
@@ -168,7 +169,7 @@ impl Reader {
         }))
     }
 
-    /// `ID Rx d DLC BYTES …` and `ID Rx r [DLC …]`.
+    /// Parses `ID Rx d DLC BYTES …` and `ID Rx r [DLC …]`.
     fn classic(&self, id: &str, kind: &str, words: &[&str]) -> Result<Frame, CanLogError> {
         let length = words.first().map(|dlc| self.number(dlc)).transpose();
         if kind == "r" {
@@ -181,8 +182,8 @@ impl Reader {
         Ok(Frame::classic(self.id(id)?, &data)?)
     }
 
-    /// `ID [NAME] BRS ESI DLC LENGTH BYTES … [DURATION BITS FLAGS …]`. Classical frames on a CAN FD channel have this
-    /// form, too; the flags show it. A remote frame has no bytes, and its DLC says how many it asks for.
+    /// Parses `ID [NAME] BRS ESI DLC LENGTH BYTES … [DURATION BITS FLAGS …]`. Classical frames on a CAN FD channel have
+    /// this form, too; the flags show it. A remote frame has no bytes, and its DLC says how many it requests.
     fn fd(&self, id: &str, words: &[&str]) -> Result<Frame, CanLogError> {
         let is_bit = |word: Option<&&str>| matches!(word, Some(&("0" | "1")));
         // The symbolic name is optional. Without it the two bits BRS and ESI follow the identifier at once.
@@ -224,13 +225,13 @@ impl Reader {
     }
 }
 
-/// As [`nanoseconds`], with a minus before times that are earlier than the start of the log.
+/// Works like [`nanoseconds`], with a minus before times that are earlier than the start of the log.
 fn signed_nanoseconds(text: &str) -> Option<i64> {
     let (text, sign) = text.strip_prefix('-').map_or((text, 1), |text| (text, -1));
     Some(sign * i64::try_from(nanoseconds(text)?).ok()?)
 }
 
-/// Whether words begin, or end, a trigger block: the first is the wanted one.
+/// Says whether words begin, or end, a trigger block: the first is the wanted one.
 fn is_trigger_block((wanted, first): (&str, &str), block: &str) -> bool {
     first.eq_ignore_ascii_case(wanted) && block.eq_ignore_ascii_case("triggerblock")
 }

@@ -9,10 +9,10 @@ use super::date;
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
-/// Set in the identifiers of error frames, which report the state of the bus and were never on it (linux/can.h).
+/// Marks the identifiers of error frames, which report the state of the bus and were never on it (linux/can.h).
 const ERROR_FRAME: u32 = 0x2000_0000;
 
-/// What the bits of an error frame's identifier report (linux/can/error.h).
+/// Meanings of the bits of an error frame's identifier (linux/can/error.h).
 const ERROR_CLASSES: [(u32, &str); 10] = [
     (0x001, "transmission timeout"),
     (0x002, "lost arbitration"),
@@ -57,13 +57,13 @@ impl<W: Write> LogWriter for Writer<W> {
 /// A line of `candump`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CandumpLine {
-    /// When it was logged, ns, if the line has a time stamp.
+    /// Time at which it was logged, ns, if the line has a time stamp.
     pub time_ns: Option<u64>,
     /// The interface, if the line names one.
     pub interface: Option<String>,
     /// Whether the logging node received or sent it, if the line says so.
     pub direction: Option<Direction>,
-    /// What was on the bus.
+    /// The frame or error frame.
     pub content: CandumpContent,
 }
 
@@ -76,7 +76,7 @@ pub enum CandumpContent {
     ErrorFrame(ErrorFrame),
 }
 
-/// A report of the CAN controller about the state of the bus. As text it says what is reported.
+/// A report of the CAN controller about the state of the bus, which `Display` describes in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
     /// The identifier without the mark of error frames.
@@ -138,8 +138,8 @@ pub fn parse_line(line: &str) -> Result<CandumpLine, CanLogError> {
     }
 }
 
-/// The time at the beginning of a line, ns, and the words behind it: `(12.345678)`, or `(2015-07-10 08:17:32.249713)`
-/// of `candump -t A`.
+/// Returns the time at the beginning of a line, ns, and the words behind it: `(12.345678)`, or `(2015-07-10
+/// 08:17:32.249713)` of `candump -t A`.
 fn time<'a, 'b>(words: &'a [&'b str]) -> Result<(Option<u64>, &'a [&'b str]), CanLogError> {
     let failed = |got: &str| CanLogError::Time { got: got.to_owned() };
     match words {
@@ -158,13 +158,13 @@ fn time<'a, 'b>(words: &'a [&'b str]) -> Result<(Option<u64>, &'a [&'b str]), Ca
     }
 }
 
-/// An identifier of the mark of error frames.
+/// Returns the error frame if an identifier has the mark of error frames.
 fn error_frame(id: &str) -> Option<ErrorFrame> {
     let id = u32::from_str_radix(id, 16).ok().filter(|_| id.len() == 8)?;
     (id & ERROR_FRAME != 0).then_some(ErrorFrame { classes: id & !ERROR_FRAME })
 }
 
-/// `123 [2] 11 22`, `123 [02] 11 22` of CAN FD, `123 {9} 11 22 …` with a raw DLC, `123 [2] remote request`.
+/// Parses `123 [2] 11 22`, `123 [02] 11 22` of CAN FD, `123 {9} 11 22 …` with a raw DLC, `123 [2] remote request`.
 fn view(words: &[&str], bit_rate_switch: bool, error_state_indicator: bool) -> Result<CandumpContent, CanLogError> {
     let [id, length, data @ ..] = words else { return Err(CanLogError::CandumpLine) };
     if let Some(error) = error_frame(id) {
@@ -207,7 +207,7 @@ fn hexadecimal_byte(digits: &str) -> Option<u8> {
     is_byte.then(|| u8::from_str_radix(digits, 16).ok())?
 }
 
-/// Decimal seconds as whole nanoseconds, without floating-point rounding; further digits are cut off.
+/// Returns decimal seconds as whole nanoseconds, without floating-point rounding; further digits are cut off.
 pub(super) fn nanoseconds(text: &str) -> Option<u64> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, ""));
     let is_number = |digits: &str| digits.bytes().all(|byte| byte.is_ascii_digit());
@@ -223,7 +223,7 @@ pub(super) fn nanoseconds(text: &str) -> Option<u64> {
 mod tests {
     use super::*;
 
-    /// The frame of a line as text, or what else it is.
+    /// Returns the frame of a line as text, or a description of its other content.
     fn frame(line: &str) -> String {
         match parse_line(line) {
             Ok(CandumpLine { content: CandumpContent::Frame(frame), .. }) => frame.to_string(),

@@ -36,54 +36,54 @@ pub enum CanLogError {
     Blf {
         /// Path of the BLF log.
         path: PathBuf,
-        /// Where the object, or its container, begins, bytes from the start of the file.
+        /// Position of the object, or of its container, bytes from the start of the file.
         offset: u64,
-        /// Reason why the log can't be read from there on.
+        /// Reason for which the log can't be read from there on.
         fault: BlfFault,
     },
     /// A line is too long.
-    #[error("it is longer than {most} bytes")]
+    #[error("the line is longer than {most} bytes")]
     LongLine {
-        /// The longest that is read, bytes.
+        /// Longest accepted line, bytes.
         most: usize,
     },
-    /// A line that is not of candump.
+    /// The line is not one of candump.
     #[error(
-        "it is not a line of candump: expected (12.345678) vcan0 201#1122 of `candump -L`, or vcan0 201 [2] 11 22 of \
+        "the line is not one of candump: expected (12.345678) vcan0 201#1122 of `candump -L`, or vcan0 201 [2] 11 22 of \
          its view"
     )]
     CandumpLine,
-    /// A line without a time.
-    #[error("it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`")]
+    /// The line has no time.
+    #[error("the line has no time stamp: log with `candump -L`, or with `candump -t a` instead of `candump`")]
     NoTime,
     /// A frame before the UNIX epoch, or before the start of a log without a date.
-    #[error("its time, {time_ns} ns, is before the start of a log that has no date")]
+    #[error("the frame's time, {time_ns} ns, is before the start of the log, which has no date")]
     BeforeEpoch {
         /// The time from the start of the log, ns.
         time_ns: i64,
     },
-    /// A frame of a candump log that can't be read.
+    /// The frame in a line of candump can't be read.
     #[error(transparent)]
     FrameText(FrameTextError),
-    /// A line of an ASC log that begins like a frame but is not one.
-    #[error("it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22")]
+    /// The line of an ASC log begins like a frame but is not one.
+    #[error("the line is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22")]
     AscLine,
-    /// The end of an ASC log that isn't its end.
+    /// The ASC log is cut short.
     #[error("the log is cut short: it ends {inside}")]
     Truncated {
         /// Element of the log within which it ends, in words.
         inside: &'static str,
     },
-    /// A date of an ASC log.
+    /// The date of an ASC log is invalid.
     #[error("{got:?} is not a date such as Sat Sep 30 15:06:13.191 2017")]
     Date {
-        /// Text that stands in place of the date.
+        /// Text found instead of the date.
         got: String,
     },
-    /// A time of a candump log.
+    /// The time in a line of candump is invalid.
     #[error("{got:?} is not a time in brackets such as (12.345678)")]
     Time {
-        /// Text that stands in place of the time.
+        /// Text found instead of the time.
         got: String,
     },
     /// The line describes a frame that CAN does not allow.

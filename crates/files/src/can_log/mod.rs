@@ -22,10 +22,10 @@ pub use error::CanLogError;
 use reader::Entry;
 pub use reader::{LoggedFrames, read};
 
-/// A frame as a log has it.
+/// A frame in a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedFrame {
-    /// When it was logged, ns: of the UNIX epoch, or from the start of a log that has no date.
+    /// Time at which it was logged, ns: of the UNIX epoch, or from the start of a log that has no date.
     pub time_ns: u64,
     /// Its interface or channel, if the log names one.
     pub interface: Option<String>,
@@ -51,7 +51,7 @@ impl LogFormat {
     /// All formats that can be read.
     pub const ALL: [LogFormat; 3] = [LogFormat::Candump, LogFormat::Asc, LogFormat::Blf];
 
-    /// The name, as flags use it.
+    /// Returns the name, as flags use it.
     pub const fn name(self) -> &'static str {
         match self {
             LogFormat::Candump => "candump",
@@ -60,7 +60,7 @@ impl LogFormat {
         }
     }
 
-    /// The extension of its files.
+    /// Returns the extension of its files.
     pub const fn ending(self) -> &'static str {
         match self {
             LogFormat::Candump => ".log",
@@ -69,8 +69,8 @@ impl LogFormat {
         }
     }
 
-    /// A writer of this format. A candump log names `interface` in every line; the others call it channel 1, and their
-    /// times count from the millisecond of `start_ns`, ns. No frame may be earlier.
+    /// Makes a writer of this format. A candump log names `interface` in every line; the others call it channel 1, and
+    /// their times count from the millisecond of `start_ns`, ns. No frame may be earlier.
     pub fn writer<'a, W: Write + Seek + 'a>(self, out: W, interface: &str, start_ns: u64) -> Box<dyn LogWriter + 'a> {
         match self {
             LogFormat::Candump => Box::new(candump::Writer::new(out, interface)),
@@ -85,14 +85,14 @@ pub trait LogWriter {
     /// Writes one frame. Its interface is the log's.
     ///
     /// # Errors
-    /// The system's; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if the frame is earlier than the start of a
-    /// log that counts from there.
+    /// The error of the operating system; [`InvalidInput`](std::io::ErrorKind::InvalidInput) if the frame is earlier
+    /// than the start of a log that counts from there.
     fn write(&mut self, frame: &LoggedFrame) -> std::io::Result<()>;
 
     /// Writes the end of the log. A log without it may not be readable.
     ///
     /// # Errors
-    /// The system's.
+    /// The error of the operating system.
     fn finish(&mut self) -> std::io::Result<()>;
 }
 

@@ -17,8 +17,8 @@ pub(super) enum Entry {
     Unreadable(CanLogError),
 }
 
-/// The frames of a log, in its order. A line or object that can't be read is left out and counted, as one odd line must
-/// not cost a whole log; the frames end with the first error behind which nothing can be read.
+/// Iterator over the frames of a log, in its order. A line or object that can't be read is left out and counted, as one
+/// odd line must not cost a whole log; the frames end with the first error behind which nothing can be read.
 pub struct LoggedFrames {
     entries: Entries,
     others: u64,
@@ -73,17 +73,18 @@ pub fn read(path: &Path, format: LogFormat) -> Result<LoggedFrames, CanLogError>
 }
 
 impl LoggedFrames {
-    /// Lines or objects so far that are not frames: error frames, comments and other events, the head of an ASC log.
+    /// Returns the number of lines or objects so far that are not frames: error frames, comments and other events, the
+    /// head of an ASC log.
     pub fn others(&self) -> u64 {
         self.others
     }
 
-    /// Lines or objects so far that are left out since they can't be read.
+    /// Returns the number of lines or objects so far that were left out since they can't be read.
     pub fn unreadable(&self) -> u64 {
         self.unreadable
     }
 
-    /// Why the first of them can't be read.
+    /// Returns the error of the first of them.
     pub fn first_unreadable(&self) -> Option<&CanLogError> {
         self.first_unreadable.as_ref()
     }
@@ -119,7 +120,7 @@ impl Lines {
         }
     }
 
-    /// The entry in the next line that is not empty; `None` at the end.
+    /// Returns the entry in the next line that is not empty; `None` at the end.
     fn next(&mut self) -> Result<Option<Entry>, CanLogError> {
         loop {
             self.bytes.clear();
@@ -160,7 +161,7 @@ impl Lines {
     }
 }
 
-/// The frame in a line of candump; `None` of an error frame.
+/// Returns the frame in a line of candump; `None` for an error frame.
 fn candump(line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
     let line = parse_line(line)?;
     let CandumpContent::Frame(frame) = line.content else { return Ok(None) };

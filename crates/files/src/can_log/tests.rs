@@ -40,7 +40,7 @@ fn written(format: LogFormat, frames: &[LoggedFrame]) -> Vec<u8> {
     out.into_inner()
 }
 
-/// The frames of a log, and how many lines were no frames.
+/// Returns the frames of a log, and how many lines were no frames.
 fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), CanLogError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log");
@@ -53,7 +53,7 @@ fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), 
     }
 }
 
-/// The frames of a log as text, and how many lines or objects can't be read.
+/// Returns the frames of a log as text, and how many lines or objects can't be read.
 fn readable(format: LogFormat, text: &[u8]) -> (Vec<String>, u64) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log");
@@ -163,29 +163,28 @@ fn errors_name_their_line() {
         error.rsplit_once("/log").map(|(_, said)| said.to_owned()).unwrap_or(error)
     };
     let good = "(1.0) can0 123#00\n";
-    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`");
+    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: the line has no time stamp: log with `candump -L`, or with `candump -t a` instead of `candump`");
     insta::assert_snapshot!(said(LogFormat::Candump, b"(-1.0) can0 123#00"), @r#", line 1: "(-1.0)" is not a time in brackets such as (12.345678)"#);
     insta::assert_snapshot!(said(LogFormat::Candump, b"(1.0) can0 123#0"), @", line 1: the data must be pairs of hexadecimal digits");
-    insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: the line is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
     insta::assert_snapshot!(said(LogFormat::Asc, b"date today"), @r#", line 1: "today" is not a date such as Sat Sep 30 15:06:13.191 2017"#);
     let head = "0.1 1 201 Rx d 1 00\n   0.2 1  203             ";
     for cut in ["   0.2", "   0.2 1", "   0.2 1  20", "   0.2 1  203             T"] {
         let said = said(LogFormat::Asc, format!("0.1 1 201 Rx d 1 00\n{cut}").as_bytes());
         assert!(said.starts_with(", line 2: the log is cut short: it ends inside this line"), "{cut}: {said}");
     }
-    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
-    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx\n").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx").as_bytes()), @", line 2: the line is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx\n").as_bytes()), @", line 2: the line is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
     insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx  d 1 0\n0.3").as_bytes()), @", line 3: the log is cut short: it ends inside this line");
     let whole = "Begin Triggerblock\n0.1 1 201 Rx d 2 11 22\n";
     insta::assert_snapshot!(said(LogFormat::Asc, whole.as_bytes()), @", line 2: the log is cut short: it ends inside a trigger block");
     insta::assert_snapshot!(said(LogFormat::Asc, &whole.as_bytes()[..whole.len() - 2]), @", line 2: the log is cut short: it ends inside a trigger block");
     assert_eq!(read_text(LogFormat::Asc, format!("{whole}End Triggerblock").as_bytes()).unwrap().0.len(), 1);
-    insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: it is longer than 1048576 bytes");
+    insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: the line is longer than 1048576 bytes");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");
 }
 
-/// A line that can't be read costs that line alone: of a log that was cut off, and with a raw DLC as `candump -8` writes
-/// it.
+/// Only a line that can't be read is lost: in a log that was cut off, and with a raw DLC as `candump -8` writes it.
 #[test]
 fn odd_lines_are_counted_and_left_out() {
     let log =
@@ -261,21 +260,21 @@ fn damage_in_a_blf_log_is_reported() {
         changed[at..at + bytes.len()].copy_from_slice(bytes);
         blf_error(&changed)
     };
-    insta::assert_snapshot!(said(0, b"LOGO"), @r#"byte 0: it is not a BLF log: it begins with "LOGO", not with LOGG"#);
+    insta::assert_snapshot!(said(0, b"LOGO"), @r#"byte 0: the file is not a BLF log: it begins with "LOGO", expected LOGG"#);
     insta::assert_snapshot!(said(4, &[40]), @"byte 0: an object states a length of 40 bytes, expected 56 to 16777216");
-    insta::assert_snapshot!(said(42, &[13]), @"byte 0: the head states no date: [2026, 13, 6, 25, 17, 20, 0, 123] (year, month, weekday, day, hour, minute, second, millisecond)");
-    insta::assert_snapshot!(said(144, b"LOGG"), @"byte 144: there is no object: one begins with LOBJ");
+    insta::assert_snapshot!(said(42, &[13]), @"byte 0: the head of the file has the invalid date [2026, 13, 6, 25, 17, 20, 0, 123] (year, month, weekday, day, hour, minute, second, millisecond)");
+    insta::assert_snapshot!(said(144, b"LOGG"), @"byte 144: expected an object, which begins with LOBJ");
     insta::assert_snapshot!(said(152, &[15]), @"byte 144: an object states a length of 15 bytes, expected 16 to 16777216");
-    insta::assert_snapshot!(said(160, &[1]), @"byte 144: a container is compressed by method 1; known are 0, none, and 2, deflate");
+    insta::assert_snapshot!(said(160, &[1]), @"byte 144: a container has compression method 1, expected 0 (none) or 2 (deflate)");
     insta::assert_snapshot!(said(160, &[2]), @"byte 144: a container can't be inflated: corrupt deflate stream");
-    insta::assert_snapshot!(said(168, &[95]), @"byte 144: a container holds 96 bytes and states 95");
-    insta::assert_snapshot!(said(176, b"LOB?"), @"byte 144: there is no object: one begins with LOBJ");
+    insta::assert_snapshot!(said(168, &[95]), @"byte 144: a container holds 96 bytes, expected 95 as its head states");
+    insta::assert_snapshot!(said(176, b"LOB?"), @"byte 144: expected an object, which begins with LOBJ");
     insta::assert_snapshot!(said(180, &[16]), @"byte 144: the head of a frame states a length of 16 bytes, expected at least 32");
-    insta::assert_snapshot!(said(182, &[3]), @"byte 144: the head of a frame has version 3; known are 1 and 2");
+    insta::assert_snapshot!(said(182, &[3]), @"byte 144: the head of a frame has version 3, expected 1 or 2");
     insta::assert_snapshot!(said(184, &[40]), @"byte 144: an object of kind 1 has 40 bytes, expected at least 48");
-    insta::assert_snapshot!(said(184 + 48, &[49]), @"byte 272: the log ends inside an object: the last container has 48 bytes of it");
-    insta::assert_snapshot!(said(192, &[3]), @"byte 144: the time of a frame has unit 3; known are 1, 10 µs, and 2, 1 ns");
-    insta::assert_snapshot!(said(200, &[0xFF; 8]), @"byte 144: a frame is 18446744073709551615 time units after the start of the log: its time in ns does not fit 64 bits");
+    insta::assert_snapshot!(said(184 + 48, &[49]), @"byte 272: the log ends inside an object, of which the last container has 48 bytes");
+    insta::assert_snapshot!(said(192, &[3]), @"byte 144: the time of a frame has unit 3, expected 1 (10 µs) or 2 (1 ns)");
+    insta::assert_snapshot!(said(200, &[0xFF; 8]), @"byte 144: a frame is 18446744073709551615 time units after the start of the log, so its time in ns does not fit 64 bits");
     insta::assert_snapshot!(said(212, &[0, 8]), @"byte 144: identifier 0x800 does not fit 11 bits (at most 0x7FF)");
     insta::assert_snapshot!(said(212, &[0, 0, 1]), @"byte 144: identifier 0x10000 does not fit 11 bits, and is not marked as extended");
 }
@@ -284,11 +283,11 @@ fn damage_in_a_blf_log_is_reported() {
 fn a_truncated_blf_log_is_reported() {
     let good = written(LogFormat::Blf, &frames(0));
     (0..good.len()).for_each(|length| drop(blf_error(&good[..length])));
-    insta::assert_snapshot!(blf_error(&good[..200]), @"byte 0: the log is cut short: it has 200 bytes, its head states 716");
+    insta::assert_snapshot!(blf_error(&good[..200]), @"byte 0: the log is cut short: it has 200 bytes, expected 716 as its head states");
     // A log that was not finished does not state its length.
     let mut unfinished = good.clone();
     unfinished[16..24].fill(0);
-    insta::assert_snapshot!(blf_error(&unfinished[..200]), @"byte 144: the log is cut short: 556 bytes are expected, 40 are there");
+    insta::assert_snapshot!(blf_error(&unfinished[..200]), @"byte 144: the log is cut short: expected 556 more bytes, got 40");
     assert_eq!(read_text(LogFormat::Blf, &unfinished).unwrap().0.len(), 7);
 }
 

@@ -1,4 +1,4 @@
-//! Common parts of Vector's formats, ASC and BLF.
+//! Code that Vector's formats, ASC and BLF, share.
 
 use std::io;
 
@@ -17,17 +17,17 @@ pub(super) const EDL: u32 = 1 << 12;
 pub(super) const BRS: u32 = 1 << 13;
 pub(super) const ESI: u32 = 1 << 14;
 
-/// The DLC of a frame's length.
+/// Returns the DLC of a frame's length.
 pub(super) fn dlc(frame: &Frame) -> usize {
     LENGTHS.iter().position(|length| *length == frame.len()).unwrap_or(0)
 }
 
-/// The length that a DLC of CAN FD means.
+/// Returns the length of a CAN FD frame with a DLC.
 pub(super) fn length(dlc: usize) -> Option<usize> {
     LENGTHS.get(dlc).copied()
 }
 
-/// The flags of a format.
+/// Returns the flags of a format.
 pub(super) fn flags(format: FrameFormat) -> u32 {
     let set = |flag: u32, is: bool| if is { flag } else { 0 };
     match format {
@@ -39,7 +39,7 @@ pub(super) fn flags(format: FrameFormat) -> u32 {
     }
 }
 
-/// The format according to the flags: a CAN FD channel also logs classical frames.
+/// Returns the format of a frame with these flags: a CAN FD channel also logs classical frames.
 pub(super) fn format(flags: u32) -> FrameFormat {
     let is = |flag: u32| flags & flag != 0;
     match (is(EDL), is(REMOTE)) {
@@ -50,7 +50,7 @@ pub(super) fn format(flags: u32) -> FrameFormat {
     }
 }
 
-/// Time of a frame, ns, from the start of the log at `start_ms` of the UNIX epoch.
+/// Returns the time of a frame, ns, from the start of the log at `start_ms` of the UNIX epoch.
 pub(super) fn since(logged: &LoggedFrame, start_ms: u64) -> io::Result<u64> {
     logged.time_ns.checked_sub(start_ms * 1_000_000).ok_or_else(|| {
         let cause = format!("a frame at {} ns, earlier than the start of the log, {start_ms} ms", logged.time_ns);

@@ -5,23 +5,23 @@ use thiserror::Error;
 use resonarm_bench::node::mapped::mapping::{ProtectionFault, Unreadable};
 use resonarm_wire::canopen::listen::Malformed;
 
-/// Why the receiver of a message refuses a frame of it.
+/// Reason for which the receiver of a message rejects a frame.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Fault {
     /// The payload ends before a signal that the mapping uses.
-    #[error("its {got} bytes end before {signal}")]
+    #[error("the payload of {got} bytes ends before {signal}")]
     Short {
-        /// The bytes of the payload.
+        /// Number of bytes in the payload.
         got: usize,
         /// Name of the first signal that does not fit into the payload.
         signal: String,
     },
-    /// Its checksum or counter is wrong.
+    /// The checksum or counter is wrong.
     #[error(transparent)]
     Protection(#[from] ProtectionFault),
-    /// A signal that the mapping uses is no finite number.
-    #[error("{signal} is {value}, no finite number")]
+    /// A signal that the mapping uses is not a finite number.
+    #[error("{signal} is {value}, expected a finite number")]
     NotFinite {
         /// Name of the signal that is not finite.
         signal: String,
@@ -34,7 +34,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Names the kind of fault, without its numbers, for counts.
+    /// Returns the kind of fault, without its numbers, for counts.
     pub const fn kind(&self) -> &'static str {
         match self {
             Fault::Protection(ProtectionFault::Checksum(_)) => "checksum",
@@ -50,7 +50,7 @@ impl Fault {
 }
 
 impl Fault {
-    /// A signal that can't be read in a payload of `got` bytes.
+    /// Makes the fault of a signal that can't be read in a payload of `got` bytes.
     pub(super) fn of_signal(signal: &str, got: usize, unreadable: Unreadable) -> Fault {
         let signal = signal.to_string();
         match unreadable {

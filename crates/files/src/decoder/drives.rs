@@ -23,13 +23,14 @@ struct Drive {
 }
 
 impl Drives {
-    /// Listens to drives that have just been reset.
+    /// Starts with drives that have just been reset.
     pub fn new(spec: &Cia402Spec) -> Drives {
         let drive = |spec: &DriveSpec| Drive { spec: *spec, listener: Listener::new(spec.node_id, spec.dictionary()) };
         Drives { drives: spec.drives.iter().map(drive).collect() }
     }
 
-    /// Explains the next frame on the bus. One that several drives take, as a master may map it, has the values of all.
+    /// Explains the next frame on the bus. If several drives accept it, as a master may map it, the explanation has the
+    /// values of all.
     pub fn decode(&mut self, frame: &Frame) -> Decoded {
         let mut all: Option<DecodedMessage> = None;
         for drive in &mut self.drives {
@@ -45,7 +46,7 @@ impl Drives {
     }
 }
 
-/// Adds what a further drive makes of a frame, unless it is for all.
+/// Adds a further drive's explanation of a frame, unless the frame is for all.
 fn join(all: &mut DecodedMessage, other: DecodedMessage) {
     if all.message == other.message {
         return;
@@ -109,7 +110,7 @@ impl Drive {
         Decoded::Message(self.message(frame, name, signals))
     }
 
-    /// A message of this name, sent by the drive or by the master, that is right.
+    /// Makes a valid message of this name, sent by the drive or by the master.
     fn message(
         &self,
         frame: &Frame,
@@ -204,7 +205,7 @@ impl Drive {
         DecodedMessage { means: vec![Meaning::Object { action, object }], ..message }
     }
 
-    /// Whether a frame of an SDO is a request or an answer.
+    /// Says whether a frame of an SDO is a request or an answer.
     fn side(&self, frame: &Frame) -> Part {
         let request = resonarm_wire::canopen::SDO_REQUEST_BASE + u16::from(self.spec.node_id);
         if frame.id() == resonarm_protocol::Id::Standard(request) { Part::Request } else { Part::Answer }
@@ -223,7 +224,7 @@ impl Drive {
         }
     }
 
-    /// A value in words, and what it means to the plant.
+    /// Describes a value and its meaning to the plant.
     fn signal(&self, address: Address, value: &Value, before: u16) -> DecodedSignal {
         let number = value.number().unwrap_or(0);
         let dictionary: &Dictionary = self.listener.dictionary();
@@ -253,7 +254,7 @@ impl Drive {
     }
 }
 
-/// The name of a message of a node.
+/// Returns the name of a message of a node.
 fn part_name(part: Part, node: u8) -> String {
     match part {
         Part::Nmt => String::from("NMT"),

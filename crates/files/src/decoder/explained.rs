@@ -1,4 +1,4 @@
-//! What a frame says.
+//! The explanation of a frame.
 
 use super::check::Fault;
 use super::meaning::Meaning;
@@ -6,12 +6,13 @@ use super::roles::{MessageRoles, action_name};
 use resonarm_protocol::Frame;
 use resonarm_scenario::dbc::{Message, Signal};
 
-/// Explanation of one frame: whether it belongs to the protocol, and what it says.
+/// Explanation of one frame: whether it belongs to the protocol, and its content.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Decoded {
-    /// No message of the DBC has its identifier, or the one that has it can't be used; of CANopen drives, none has it.
+    /// No message of the DBC has its identifier, or the one that has it can't be used. For CANopen drives, no object
+    /// has it.
     Foreign,
-    /// It asks for a message: a remote frame, or one without data of a message that is sent on request.
+    /// A request for a message: a remote frame, or one without data of a message that is sent on request.
     Request {
         /// Name of the requested message.
         message: String,
@@ -25,14 +26,14 @@ pub enum Decoded {
 /// Outcome of a receiver's checks of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// Its form and protection are right.
+    /// The receiver accepts the frame: its form and protection are right.
     Taken {
-        /// The frames lost before it, according to the counter.
+        /// Number of frames lost before it, according to the counter.
         lost: u64,
     },
-    /// It must not be used.
+    /// The receiver rejects the frame.
     Refused(Fault),
-    /// The mapping does not use the message, or there is none: nothing is checked.
+    /// The mapping does not use the message, or there is no mapping: nothing is checked.
     Unmapped,
 }
 
@@ -41,13 +42,13 @@ pub enum Outcome {
 pub struct DecodedMessage {
     /// Name of the message in the DBC.
     pub message: String,
-    /// The nodes that send it, according to the DBC; of CANopen drives the master, or a node and its joint.
+    /// The nodes that send it, according to the DBC; for CANopen drives the master, or a node and its joint.
     pub senders: Vec<String>,
     /// Outcome of the receiver's checks.
     pub outcome: Outcome,
-    /// The bytes of the payload.
+    /// Number of bytes in the payload.
     pub bytes: usize,
-    /// The bytes of the message in the DBC.
+    /// Number of bytes in the message of the DBC.
     pub expected_bytes: usize,
     /// Its signals in the order of the DBC, without those that the switches do not select.
     pub signals: Vec<DecodedSignal>,
@@ -56,7 +57,7 @@ pub struct DecodedMessage {
 }
 
 impl DecodedMessage {
-    /// The signals that the payload ends before.
+    /// Returns the signals that lie beyond the end of the payload.
     pub fn beyond(&self) -> impl Iterator<Item = &DecodedSignal> {
         self.signals.iter().filter(|signal| signal.value.is_none())
     }
@@ -69,11 +70,11 @@ pub struct DecodedSignal {
     pub name: String,
     /// Its value, in its unit; `None` if the payload ends before it.
     pub value: Option<f64>,
-    /// What `value` rounds, if the signal is an integer of more bits than that holds.
+    /// The exact integer, if the signal has more bits than `value` can hold.
     pub large: Option<LargeInteger>,
     /// Its unit, as in the DBC; empty without one.
     pub unit: String,
-    /// The text that the DBC's value table has for it, or CANopen's words.
+    /// The text of the DBC's value table, or CANopen's words.
     pub text: Option<String>,
     /// Meanings of the signal's value to the plant.
     pub means: Vec<Meaning>,
@@ -88,7 +89,7 @@ pub struct LargeInteger {
     pub value: Option<i128>,
 }
 
-/// A message, its outcome still open.
+/// Makes a message whose outcome is still unknown.
 pub(super) fn message(
     message: &Message,
     frame: &Frame,

@@ -1,4 +1,4 @@
-//! What a signal or a message means to the plant.
+//! The meaning of a signal or a message to the plant.
 
 use core::fmt;
 use resonarm_bench::structure::ChannelName;
@@ -16,7 +16,7 @@ pub enum Meaning {
     Counter,
     /// The checksum of the message.
     Checksum,
-    /// A load that the plant is commanded.
+    /// A load that is commanded to the plant.
     Load {
         /// Its key in a scenario.
         name: &'static str,
@@ -29,21 +29,21 @@ pub enum Meaning {
     Request {
         /// Its key in a scenario: `arm`, `disarm`, `reset` or `stop`.
         action: &'static str,
-        /// Whether it counts in this frame: if a value counts when it changes, not while it stays.
+        /// Whether the request counts in this frame: a value counts when it changes, not while it stays.
         is_new: bool,
     },
-    /// A condition of loads.
+    /// A condition for loads to count.
     Required {
         /// Whether loads count with this value.
         is_fulfilled: bool,
     },
-    /// The message that answers samples in lockstep, or asks for readings.
+    /// The message that answers samples in lockstep, or requests readings.
     Sync,
     /// A reading, a state of the arm or a held load.
     Quantity {
         /// The name of its channel.
         name: ChannelName,
-        /// In the unit of the channel.
+        /// Value in the unit of the channel.
         value: f64,
         /// Unit of the channel.
         unit: &'static str,
@@ -69,9 +69,9 @@ pub enum Meaning {
     Sample,
     /// A step of the transfer of an object of a CANopen drive.
     Object {
-        /// What the frame does: `read`, `value of`, `write`, `written`, `abort` and those of segments.
+        /// The action of the frame: `read`, `value of`, `write`, `written`, `abort` and those of segments.
         action: &'static str,
-        /// The object; `None` if no frame before says which it is.
+        /// The object; `None` if no earlier frame says which it is.
         object: Option<ObjectName>,
     },
 }
@@ -105,7 +105,7 @@ impl fmt::Display for Meaning {
             Meaning::Request { action, is_new: true } => f.write_str(action),
             Meaning::Request { action, is_new: false } => write!(f, "{action}, unchanged"),
             Meaning::Required { is_fulfilled: true } => f.write_str("loads count"),
-            Meaning::Required { is_fulfilled: false } => f.write_str("loads do not count"),
+            Meaning::Required { is_fulfilled: false } => f.write_str("loads are ignored"),
             Meaning::Sync => f.write_str("sync"),
             Meaning::Quantity { name, value, .. } => write!(f, "{name}={}", short(&rounded(*value))),
             Meaning::Clipped { name, is_clipped: true } => write!(f, "{name} clipped"),
@@ -113,13 +113,13 @@ impl fmt::Display for Meaning {
             Meaning::State { name } => f.write_str(name.unwrap_or("no state")),
             Meaning::Reason { name } => f.write_str(name.unwrap_or("no reason")),
             Meaning::Sample => f.write_str("sample"),
-            Meaning::Object { action, object: None } => write!(f, "{action} an object that no frame before names"),
+            Meaning::Object { action, object: None } => write!(f, "{action} an object that no earlier frame names"),
             Meaning::Object { action, object: Some(object) } => write!(f, "{action} {object}"),
         }
     }
 }
 
-/// To nine significant digits: products of scales have more, which mean nothing.
+/// Rounds to nine significant digits: products of scales have more, which mean nothing.
 fn rounded(value: f64) -> f64 {
     format!("{value:.8e}").parse().unwrap_or(value)
 }

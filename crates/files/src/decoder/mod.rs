@@ -1,12 +1,12 @@
-//! Frames of a user's own protocol explained: by a DBC alone, or also by what a scenario's `[wire]` makes of them,
-//! which may also be CANopen drives.
+//! Explains the frames of a user protocol: by a DBC alone, or also by the mapping in a scenario's `[wire]`, which may
+//! also be that of CANopen drives.
 //!
 //! A decoder listens as the plant and its controller do: it checks length, checksum and counter of every mapped
-//! message, and keeps the last value of every signal with requests. What the plant refuses for another reason, such as
-//! a load beyond a limit, is not in a frame.
+//! message, and keeps the last value of every signal with requests. It can't see other reasons for which the plant
+//! rejects a frame, such as a load beyond a limit.
 //!
-//! Of CANopen drives the PDOs have the mapping of the scenario, until the frames say otherwise: a decoder follows what
-//! the master writes and the drives confirm.
+//! The PDOs of CANopen drives have the mapping of the scenario, until the frames change it: a decoder follows the
+//! objects that the master writes and the drives confirm.
 
 mod check;
 mod drives;
@@ -48,15 +48,15 @@ enum Protocol {
 }
 
 impl Decoder {
-    /// A decoder by a DBC alone: signals have values, and no meaning to the plant.
+    /// Makes a decoder from a DBC alone: signals have values, and no meaning to the plant.
     pub fn new(database: Database) -> Decoder {
         Decoder { protocol: Protocol::Dbc { database: Box::new(database), mapped: HashMap::new() }, lost: 0 }
     }
 
-    /// The decoder of a scenario's own protocol; `None` if the scenario has no `[wire]`.
+    /// Makes the decoder of a scenario's user protocol; `None` if the scenario has no `[wire]`.
     ///
     /// # Errors
-    /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
+    /// [`ScenarioError::Wire`] with the invalid part of `[wire]`.
     pub fn of_scenario(scenario: &Scenario) -> Result<Option<Decoder>, ScenarioError> {
         let protocol = match (scenario.wire_spec()?, scenario.wire_database()?) {
             (Some(WireSpec::Cia402(spec)), _) => Protocol::CanOpen(Drives::new(&spec)),
@@ -69,12 +69,12 @@ impl Decoder {
         Ok(Some(Decoder { protocol, lost: 0 }))
     }
 
-    /// Whether the frames are those of CANopen drives, else of a DBC.
+    /// Says whether the frames are those of CANopen drives, and not of a DBC.
     pub const fn is_canopen(&self) -> bool {
         matches!(self.protocol, Protocol::CanOpen(_))
     }
 
-    /// Whether it knows what messages mean to the plant.
+    /// Says whether it knows what messages mean to the plant.
     pub fn is_mapped(&self) -> bool {
         match &self.protocol {
             Protocol::Dbc { mapped, .. } => !mapped.is_empty(),
@@ -82,7 +82,7 @@ impl Decoder {
         }
     }
 
-    /// Where the DBC is from; `None` of CANopen drives.
+    /// Returns the source of the DBC; `None` for CANopen drives.
     pub fn origin(&self) -> Option<&str> {
         match &self.protocol {
             Protocol::Dbc { database, .. } => Some(database.origin()),
@@ -90,7 +90,7 @@ impl Decoder {
         }
     }
 
-    /// Faults of the DBC in the order of the file. What they concern is not decoded.
+    /// Returns the faults of the DBC in the order of the file. The parts that they concern are not decoded.
     pub fn problems(&self) -> Vec<Found> {
         match &self.protocol {
             Protocol::Dbc { database, .. } => database.problems(),
@@ -98,7 +98,7 @@ impl Decoder {
         }
     }
 
-    /// Frames lost so far, according to the counters of mapped messages.
+    /// Returns the number of frames lost so far, according to the counters of mapped messages.
     pub const fn lost(&self) -> u64 {
         self.lost
     }
@@ -141,7 +141,7 @@ fn mapped(database: &Database, mapping: &Mapping, quantities: &Quantities) -> Ha
     incoming.chain(outgoing).collect()
 }
 
-/// The name of the signal of `message` with these bits, scale and presence.
+/// Returns the name of the signal of `message` with these bits, scale and presence.
 fn name_of(message: &Message, of: &resonarm_bench::node::mapped::mapping::MappedSignal) -> Option<String> {
     let mut signals = message.signals();
     signals

@@ -1,4 +1,4 @@
-//! What the messages of a mapping are, signal by signal.
+//! The roles of the messages and signals of a mapping.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ use resonarm_scenario::dbc::Message;
 use resonarm_scenario::wire::{Quantities, REASONS, STATES};
 use resonarm_wire::layout::Layout;
 
-/// Rounding of a value by the scale of its signal, as a share.
+/// Relative rounding of a value by the scale of its signal.
 const ROUNDING: f64 = 1e-9;
 
 /// Role of a signal in the plant's mapping.
@@ -34,18 +34,18 @@ enum Role {
 #[derive(Clone, Debug)]
 pub(super) struct MessageRoles {
     protection: ProtectionCheck,
-    /// By the names of the signals.
+    /// The roles by the names of the signals.
     roles: HashMap<String, Vec<Role>>,
-    /// What every frame asks for.
+    /// The requests that every frame makes.
     requests: Vec<Action>,
     is_sync: bool,
     is_on_request: bool,
-    /// The signals without which a frame is refused.
+    /// The signals without which a frame is rejected.
     needed: Vec<(String, MappedSignal)>,
 }
 
 impl MessageRoles {
-    /// The roles of a message that the plant takes.
+    /// Returns the roles of a message that the plant receives.
     pub fn incoming(message: &Message, of: &Incoming) -> MessageRoles {
         let mut roles = MessageRoles::protected(message, of.form(), &of.protection);
         roles.is_sync = of.is_sync;
@@ -61,7 +61,7 @@ impl MessageRoles {
         roles
     }
 
-    /// The roles of a message that the plant sends.
+    /// Returns the roles of a message that the plant sends.
     pub fn outgoing(message: &Message, of: &Outgoing, quantities: &Quantities) -> MessageRoles {
         let mut roles = MessageRoles::protected(message, of.form(), &of.protection);
         roles.is_on_request = of.is_on_request;
@@ -110,17 +110,17 @@ impl MessageRoles {
         self.roles.entry(name).or_default().push(role);
     }
 
-    /// Whether the message is sent when it is asked for.
+    /// Says whether the message is sent on request.
     pub const fn is_on_request(&self) -> bool {
         self.is_on_request
     }
 
-    /// Whether the message answers samples in lockstep, or asks for readings.
+    /// Says whether the message answers samples in lockstep, or requests readings.
     pub const fn is_sync(&self) -> bool {
         self.is_sync
     }
 
-    /// Returns the actions for which every frame of the message asks.
+    /// Returns the actions that every frame of the message requests.
     pub fn requests(&self) -> &[Action] {
         &self.requests
     }
@@ -128,7 +128,7 @@ impl MessageRoles {
     /// Checks a frame; returns how many were lost before it.
     ///
     /// # Errors
-    /// [`Fault`]: its receiver must not use it.
+    /// [`Fault`] if its receiver must not use it.
     pub fn check(&mut self, frame: &Frame) -> Result<u64, Fault> {
         let lost = self.protection.lost(frame)?;
         let payload = frame.data();
@@ -138,7 +138,7 @@ impl MessageRoles {
         Ok(lost)
     }
 
-    /// What a signal of this value means; with `is_taken` it counts as the last one.
+    /// Returns the meaning of a signal with this value; with `is_taken` it counts as the last one.
     pub fn meanings(&mut self, signal: &str, value: f64, is_taken: bool) -> Vec<Meaning> {
         let Some(roles) = self.roles.get_mut(signal) else { return Vec::new() };
         roles.iter_mut().flat_map(|role| role.meanings(value, is_taken)).collect()
@@ -176,7 +176,7 @@ impl Role {
     }
 }
 
-/// Whether a value is this number, but for the rounding of its scale.
+/// Says whether a value equals this number, up to the rounding of its scale.
 fn is_same(number: f64, value: f64) -> bool {
     (number - value).abs() <= ROUNDING * (1.0 + number.abs())
 }
@@ -204,7 +204,7 @@ fn report(source: &Source, value: f64) -> Option<Meaning> {
     }
 }
 
-/// The key of a load in a scenario, and what it is.
+/// Returns the key of a load in a scenario, and its quantity.
 fn load(input: LoadInput) -> (&'static str, Quantity) {
     match input {
         LoadInput::Torque(joint) => (LOAD_NAMES.get(joint).copied().unwrap_or("torque"), Quantity::Torque),
@@ -215,7 +215,7 @@ fn load(input: LoadInput) -> (&'static str, Quantity) {
     }
 }
 
-/// The key of a request in a scenario.
+/// Returns the key of a request in a scenario.
 pub(super) const fn action_name(action: Action) -> &'static str {
     match action {
         Action::Arm => "arm",

@@ -78,7 +78,7 @@ fn loads_and_requests_have_their_meaning() {
     assert_eq!(meanings(&message(&mut decoder, "080#")), "stop");
 }
 
-/// A refused frame changes nothing: its value is not the last one.
+/// A rejected frame changes nothing: its value is not the last one.
 #[test]
 fn what_is_wrong_is_named() {
     let mut decoder = decoder();

@@ -1,4 +1,4 @@
-//! Values of CANopen drives in words (CiA 301 v4.2, CiA 402-2).
+//! Describes values of CANopen drives in words (CiA 301 v4.2, CiA 402-2).
 
 use resonarm_wire::canopen::Abort;
 use resonarm_wire::canopen::cia402::{Command, DriveState, FOLLOWS, LIMITED, REMOTE, VOLTAGE, halts};
@@ -19,7 +19,7 @@ const STATUS_BITS: [(u16, &str); 7] = [
 const REGISTER_BITS: [&str; 8] =
     ["generic", "current", "voltage", "temperature", "communication", "of the profile", "reserved", "manufacturer's"];
 
-/// The name of an object, and of its entry if it has several.
+/// Returns the name of an object, and of its entry if it has several.
 pub(super) fn object(dictionary: &Dictionary, address: Address) -> String {
     let Some(object) = dictionary.object(address.index) else { return String::from("unknown object") };
     match (object.kind, dictionary.entry(address)) {
@@ -29,7 +29,7 @@ pub(super) fn object(dictionary: &Dictionary, address: Address) -> String {
     }
 }
 
-/// The unit of an object.
+/// Returns the unit of an object.
 pub(super) const fn unit(address: Address) -> &'static str {
     match (address.index, address.subindex) {
         (0x1017, 0) | (0x1800..=0x1803, 5) => "ms",
@@ -42,7 +42,7 @@ pub(super) const fn unit(address: Address) -> &'static str {
     }
 }
 
-/// A value in words, if it has some; `before` is the controlword before it.
+/// Describes a value in words, if it has some; `before` is the controlword before it.
 pub(super) fn value(dictionary: &Dictionary, address: Address, number: i64, before: u16) -> Option<String> {
     Some(match (address.index, address.subindex) {
         (0x1001, 0) => error_register(number as u8),
@@ -80,7 +80,7 @@ fn statusword(word: u16) -> String {
     format!("{word:#06x}: {state}{}", bits.collect::<String>())
 }
 
-/// A mode of operation (object 6060).
+/// Returns the name of a mode of operation (object 6060).
 const fn mode(number: i64) -> Option<&'static str> {
     Some(match number {
         0 => "none",
@@ -120,17 +120,17 @@ pub(super) fn error_register(register: u8) -> String {
 /// The error codes that the drives of this program send.
 const ERRORS: [(u16, &str); 9] = [
     (0x6100, "internal software: the simulation failed"),
-    (0x8100, "communication: the bus was lost, or took no frames"),
+    (0x8100, "communication: the bus was lost, or accepted no frames"),
     (0x8130, "heartbeat error: a heartbeat that the drive watches was lost"),
     (0x8200, "protocol error: a second SYNC for one sample"),
     (0x8210, "protocol error: a PDO is shorter than its mapping, and not processed"),
     (0x8220, "protocol error: a PDO is longer than its mapping"),
-    (0x8250, "RPDO timeout: no target was taken in time"),
+    (0x8250, "RPDO timeout: no target was accepted in time"),
     (0xFF01, "the exciter tripped, by travel"),
     (0xFF02, "ticks were missed"),
 ];
 
-/// An error code in words, or its class (CiA 301, table 26).
+/// Describes an error code in words, or its class (CiA 301, table 26).
 pub(super) fn error(code: u16) -> &'static str {
     // The drive's own codes first: they say more than their class.
     if let Some((_, words)) = ERRORS.iter().find(|(own, _)| *own == code) {
@@ -155,7 +155,7 @@ pub(super) fn error(code: u16) -> &'static str {
     }
 }
 
-/// Why a transfer is aborted (CiA 301, table 22).
+/// Returns the reason for which a transfer is aborted (CiA 301, table 22).
 pub(super) fn abort(code: u32) -> String {
     if let Some(abort) = Abort::of(code) {
         return abort.to_string();

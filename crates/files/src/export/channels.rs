@@ -5,7 +5,7 @@ use core::ops::RangeInclusive;
 use super::{ExportError, RecordingPart};
 use crate::recording::{Origin, Recording, RecordingError, Topic};
 
-/// How long before its sample a channel was read, in samples: the delay of the instruments' converters.
+/// Returns how long before its sample a channel was read, in samples: the delay of the instruments' converters.
 pub(super) fn lead(topic: Topic, origin: &Origin) -> f64 {
     match topic {
         Topic::Samples => origin.reading_delay_samples,
@@ -43,7 +43,7 @@ pub(super) fn visit(
     Ok(())
 }
 
-/// The records up to the first that is beyond what is wanted.
+/// Returns the records up to the first that is beyond the wanted ones.
 fn within<T>(
     records: impl Iterator<Item = Result<T, RecordingError>>,
     is_before_end: impl Fn(&T) -> bool,
@@ -51,7 +51,7 @@ fn within<T>(
     records.take_while(move |record| record.as_ref().map_or(true, &is_before_end))
 }
 
-/// The first sample of a part among the wanted ones, and how many there are.
+/// Returns the first sample of a part among the wanted ones, and their number.
 ///
 /// # Errors
 /// As [`visit`]; [`ExportError::Recording`] as well if the part has no samples there.

@@ -1,7 +1,8 @@
-//! Tables of comma-separated values (RFC 4180, lines ended by a line feed): a file a part, a row a record.
+//! Writes tables of comma-separated values (RFC 4180, lines ended by a line feed): a file for each part, a row for each
+//! record.
 //!
-//! Numbers have as few digits as tell them from every other, so that what is read is what was recorded. What the
-//! recording doesn't say is an empty cell.
+//! Numbers have the fewest digits that identify them, so that reading gives the recorded value. Missing information is
+//! an empty cell.
 
 use core::fmt::{self, Display};
 use std::fs::File;
@@ -18,7 +19,7 @@ use crate::staged::Staged;
 use resonarm_numeric::number::short;
 use resonarm_realtime::OverrunCause;
 
-/// Names of the columns.
+/// Returns the names of the columns.
 fn columns(channels: &Channels, part: RecordingPart) -> Vec<String> {
     let own: &[&str] = match part {
         RecordingPart::States => &["is_end"],
@@ -148,7 +149,7 @@ fn frame(f: &mut fmt::Formatter<'_>, record: &FrameRecord) -> fmt::Result {
     frame.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
 }
 
-/// Nanoseconds as seconds, to the last digit.
+/// Displays nanoseconds as seconds, to the last digit.
 struct Seconds(u64);
 
 impl Display for Seconds {

@@ -10,7 +10,7 @@ use crate::recording::RecordingError;
 use resonarm_numeric::number::short;
 use resonarm_scenario::ScenarioError;
 
-/// Why a recording can't be exported.
+/// Error of an export.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ExportError {
@@ -25,37 +25,37 @@ pub enum ExportError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// The format can't hold what was asked for.
-    #[error("{format} holds no {part}, only {}; csv holds all", names(.format.parts()))]
+    /// The format can't hold the requested records.
+    #[error("{format} can't hold {part}, only {}; use csv, which can hold all", names(.format.parts()))]
     RecordingPart {
         /// Export format that was requested.
         format: ExportFormat,
-        /// What was asked for.
+        /// Records that were requested.
         part: RecordingPart,
     },
-    /// The moving arm in a format that has no room for it.
-    #[error("{format} holds no moving arm, only foxglove does")]
+    /// The format can't hold the moving arm.
+    #[error("{format} can't hold the moving arm; use foxglove")]
     MovingArm {
         /// Export format that was requested.
         format: ExportFormat,
     },
-    /// Vibrations can't be drawn so many times as large.
-    #[error("vibrations can't be drawn {} times as large: it must be above 0", short(.got))]
+    /// The magnification of the vibrations is not positive.
+    #[error("the magnification of the vibrations is {}: it must be above 0", short(.got))]
     Magnification {
         /// Requested magnification of the vibrations.
         got: f64,
     },
-    /// Nothing says where the points of the structure are.
+    /// The positions of the structure's points are not known.
     #[error(
-        "nothing says where the points of the structure are, so it can't be drawn: leave out --moving-arm; a scenario places \
-         them in [structure.points]"
+        "the positions of the structure's points are not known, so it can't be drawn; leave out --moving-arm, or place the points \
+         in [structure.points] of the scenario"
     )]
     NoPlaces,
-    /// The recording's scenario makes nothing that could be drawn.
+    /// The recording's scenario has no structure that can be drawn.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// There is nothing to write.
-    #[error("the recording has nothing that {format} holds: {}", names(.format.parts()))]
+    /// The recording has no records that the format can hold.
+    #[error("the recording has no records that {format} can hold: {}", names(.format.parts()))]
     Nothing {
         /// Export format that was requested.
         format: ExportFormat,
@@ -75,14 +75,14 @@ pub enum ExportError {
         /// The recording's last sample, s.
         last_s: f64,
     },
-    /// A sound file has a whole number of samples a second.
-    #[error("a sound file has a whole number of samples a second, the recording {}", short(.rate_hz))]
+    /// A sound file needs a whole number of samples a second.
+    #[error("a sound file needs a whole number of samples a second, but the recording has {}", short(.rate_hz))]
     Rate {
         /// Sampling rate of the recording, Hz.
         rate_hz: f64,
     },
     /// A sound file states its length in 32 bits.
-    #[error("{rows} samples of {channels} channels are more than a sound file holds, 4 GiB: choose a time range")]
+    #[error("{rows} samples of {channels} channels exceed the limit of a sound file, 4 GiB; choose a time range")]
     Long {
         /// Number of samples to be written.
         rows: u64,
@@ -95,7 +95,7 @@ fn names(parts: &[RecordingPart]) -> String {
     parts.iter().map(|part| part.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// A text that names no [`ExportFormat`].
+/// Error of a text that is not the name of an [`ExportFormat`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{}", unknown_format(.got))]
 pub struct UnknownExportFormat {
@@ -106,15 +106,15 @@ pub struct UnknownExportFormat {
 fn unknown_format(got: &str) -> String {
     match got {
         "parquet" | "mf4" => {
-            format!("the Python package writes it: `python3 -m resonarm export RECORDING --to {got}` (docs/python.md)")
+            format!("use the Python package: `python3 -m resonarm export RECORDING --to {got}` (docs/python.md)")
         }
-        _ => format!("it is one of {}", ExportFormat::ALL.map(ExportFormat::name).join(", ")),
+        _ => format!("it must be one of {}", ExportFormat::ALL.map(ExportFormat::name).join(", ")),
     }
 }
 
-/// A text that names no [`RecordingPart`].
+/// Error of a text that is not the name of a [`RecordingPart`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("it is one of {}", names(&RecordingPart::ALL))]
+#[error("it must be one of {}", names(&RecordingPart::ALL))]
 pub struct UnknownRecordingPart {
     /// Text that names no part of a recording.
     pub got: String,

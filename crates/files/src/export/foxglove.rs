@@ -1,8 +1,8 @@
-//! A copy for viewers: an MCAP file with a JSON message for every state and sample, which Foxglove, Lichtblick and
-//! PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments; the moving arm,
-//! or the structure in its place, as `foxglove.SceneUpdate`, if it is asked for.
+//! Writes a copy for viewers: an MCAP file with a JSON message for every state and sample, which Foxglove, Lichtblick
+//! and PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments; the moving arm, or
+//! another structure, as `foxglove.SceneUpdate`, if requested.
 //!
-//! It has no frames and is no recording: what has to be kept is the recording.
+//! The copy has no frames and does not replace the recording.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -132,7 +132,7 @@ fn add_topic(
     Ok(Topic { id, messages: 0 })
 }
 
-/// The fields of `foxglove.Log` that its documentation requires.
+/// Returns the fields of `foxglove.Log` that its documentation requires.
 fn log_schema() -> Value {
     let (integer, text) = (json!({ "type": "integer" }), json!({ "type": "string" }));
     json!({
@@ -145,7 +145,7 @@ fn log_schema() -> Value {
     })
 }
 
-/// Part, time and content of a record's message.
+/// Returns part, time and content of a record's message.
 fn message(recording: &Recording, record: &Record<String>) -> Option<(RecordingPart, u64, Value)> {
     let origin = recording.origin();
     let row = |part: RecordingPart| {
@@ -167,7 +167,8 @@ fn message(recording: &Recording, record: &Record<String>) -> Option<(RecordingP
     }
 }
 
-/// Simulated time, ns; in real time of the UNIX epoch. The readings of sample 0 are of the sample itself.
+/// Returns simulated time, ns; in real time the time of the UNIX epoch. The readings of sample 0 belong to the sample
+/// itself.
 fn sample_ns(origin: &Origin, sample: u64, lead: f64) -> u64 {
     let samples = (sample as f64 - lead).max(0.0);
     origin.log_start_ns().saturating_add(libm::round(samples * origin.dt_s * 1e9) as u64)
@@ -177,7 +178,7 @@ fn log(event: &Event<String>, time_ns: u64) -> Value {
     let Event { sample, name, value, .. } = event;
     let (level, message) = match name.as_str() {
         "emergency" => (ERROR, RecordedFault::new(*sample, *value).to_string()),
-        "partner.emergency" => (ERROR, format!("the exciter said: {}", RecordedFault::new(*sample, *value))),
+        "partner.emergency" => (ERROR, format!("the exciter reported: {}", RecordedFault::new(*sample, *value))),
         "state.fault" => (ERROR, format!("{name} at sample {sample}")),
         name if name.starts_with("state.") || name.ends_with(".leaving") => {
             (INFO, format!("{name} at sample {sample}"))
@@ -187,7 +188,7 @@ fn log(event: &Event<String>, time_ns: u64) -> Value {
     json!({ "timestamp": time(time_ns), "level": level, "message": message, "name": name, "file": "", "line": 0 })
 }
 
-/// Attaches the scenario, and the DBC of its network or of its own protocol.
+/// Attaches the scenario, and the DBC of its network or of its user protocol.
 fn attach(recording: &Recording, writer: &mut Writer<BufWriter<File>>) -> Result<(), McapError> {
     let scenario = recording.configuration().get("scenario");
     let found = Scenario::from_configuration(recording.configuration()).ok();

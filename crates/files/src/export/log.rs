@@ -1,4 +1,4 @@
-//! Frames as a log of another tool.
+//! Writes frames as a log of another tool.
 
 use std::io::BufWriter;
 use std::path::PathBuf;
@@ -10,9 +10,9 @@ use crate::staged::Staged;
 
 /// Longest name of a network interface, bytes (IFNAMSIZ of Linux, without the terminator).
 const LONGEST_NAME: usize = 15;
-/// What a recording says of the interface of a run without a bus.
+/// Name of the interface in a recording of a run without a bus.
 const NO_BUS: &str = "none";
-/// Stands for a bus that has no interface of that kind.
+/// Name in the log for a bus without such an interface.
 const NO_NAME: &str = "can0";
 
 /// Writes the frames of the wanted samples.
@@ -29,7 +29,7 @@ pub(super) fn write(
         let frames = recording.frames()?.filter(move |record| record.as_ref().map_or(true, wanted));
         Ok::<_, RecordingError>(frames.map(|record| record.map(|record| logged_frame(origin, &record))))
     };
-    // Frames need not be in order: what the times of a log count from is the earliest.
+    // Frames need not be in order: the times of a log count from the earliest.
     let mut start_ns: Option<u64> = None;
     for frame in logged()? {
         let time_ns = frame?.time_ns;
@@ -58,7 +58,7 @@ fn logged_frame(origin: &Origin, record: &FrameRecord) -> LoggedFrame {
     LoggedFrame { time_ns, interface: None, direction: Some(record.direction), frame: record.frame }
 }
 
-/// The name of the bus, if it is one that an interface can have.
+/// Returns the name of the bus, if an interface can have this name.
 fn interface(name: &str) -> &str {
     let is_name = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_' | b'.');
     let fits = name != NO_BUS && (1..=LONGEST_NAME).contains(&name.len()) && name.bytes().all(is_name);

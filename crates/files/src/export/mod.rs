@@ -1,8 +1,8 @@
-//! Recordings in the formats of other tools.
+//! Exports recordings to the formats of other tools.
 //!
-//! States, samples, ticks, frames and events become tables; states and samples, which have one instant a sample,
-//! waveforms as well; frames logs. One record after the other is read and written, so that a recording may be longer
-//! than the memory.
+//! States, samples, ticks, frames and events become tables. States and samples, which have one instant for each sample,
+//! also become waveforms, and frames become logs. Records are read and written one by one, so that a recording may be
+//! larger than the memory.
 
 mod channels;
 mod csv;
@@ -27,7 +27,7 @@ pub use selection::{RecordingPart, Selection, samples};
 /// File format to which a recording is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportFormat {
-    /// A table of comma-separated values a part, with a line of names.
+    /// A table of comma-separated values for each part, with a line of names.
     Csv,
     /// The frames as a log.
     Log(LogFormat),
@@ -52,7 +52,7 @@ impl ExportFormat {
         ExportFormat::Wav,
     ];
 
-    /// The name, as flags have it.
+    /// Returns the name, as flags have it.
     pub const fn name(self) -> &'static str {
         match self {
             ExportFormat::Csv => "csv",
@@ -63,7 +63,7 @@ impl ExportFormat {
         }
     }
 
-    /// The kinds of records that the format can hold.
+    /// Returns the kinds of records that the format can hold.
     pub const fn parts(self) -> &'static [RecordingPart] {
         match self {
             ExportFormat::Csv => &RecordingPart::ALL,
@@ -73,7 +73,7 @@ impl ExportFormat {
         }
     }
 
-    /// Checks that the format can hold what is selected.
+    /// Checks that the format can hold the selection.
     ///
     /// # Errors
     /// [`ExportError::RecordingPart`], [`ExportError::MovingArm`] and [`ExportError::Magnification`].
@@ -88,7 +88,7 @@ impl ExportFormat {
         }
     }
 
-    /// The files that STEM stands for, with what is in each.
+    /// Returns the files that STEM stands for, with the content of each.
     pub fn files(self, stem: &Path, parts: &[RecordingPart]) -> Vec<(PathBuf, Vec<RecordingPart>)> {
         let named = |ending: String| {
             let mut name = stem.as_os_str().to_owned();
@@ -134,12 +134,11 @@ pub struct ExportedFile {
     pub columns: Vec<String>,
 }
 
-/// Writes what is selected of a recording to the files that STEM stands for, over what is there: what may be written
-/// over is asked before, by [`ExportFormat::files`].
+/// Writes a selection of a recording to the files that STEM stands for, overwriting existing ones: the caller checks
+/// first, with [`ExportFormat::files`], which may be overwritten.
 ///
 /// # Errors
-/// [`ExportError`] if the format can't hold what is selected, there is nothing of it, or a file can't be read or
-/// written.
+/// [`ExportError`] if the format can't hold the selection, the selection is empty, or a file can't be read or written.
 pub fn export(
     recording: &Recording,
     format: ExportFormat,

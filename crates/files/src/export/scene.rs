@@ -1,5 +1,5 @@
-//! The moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: its lines, and a sphere at
-//! each of its points.
+//! Draws the moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: its lines, and a
+//! sphere at each of its points.
 
 use serde_json::{Value, json};
 
@@ -10,11 +10,11 @@ use resonarm_scenario::Scenario;
 
 /// The full name of the schema.
 pub const SCHEMA: &str = "foxglove.SceneUpdate";
-/// The frame in which the points stand: the base frame.
+/// The frame of the points' coordinates: the base frame.
 const FRAME: &str = "base";
-/// Of a line (foxglove.dev, "LineType"): from each point to the next.
+/// Type of a line (foxglove.dev, "LineType") that goes from each point to the next.
 const LINE_STRIP: u8 = 0;
-/// Thickness of lines, and diameter of points, over the size of the structure.
+/// Thickness of lines, and diameter of points, relative to the size of the structure.
 const THICKNESS: f64 = 0.015;
 const DIAMETER: f64 = 0.03;
 
@@ -24,16 +24,16 @@ pub const TOPIC: &str = "/structure";
 /// Draws the structure of a recording.
 pub struct Scene {
     drawing: Drawing,
-    /// How many times as large as they are the vibrations are drawn.
+    /// Magnification of the drawn vibrations.
     magnification: f64,
 }
 
 impl Scene {
-    /// The structure of the recording's scenario.
+    /// Draws the structure of the recording's scenario.
     ///
     /// # Errors
-    /// [`ExportError::Magnification`], [`ExportError::NoPlaces`] if nothing says where the points of the structure are,
-    /// and [`ExportError::Scenario`] if the recording's scenario makes no structure.
+    /// [`ExportError::Magnification`], [`ExportError::NoPlaces`] if the positions of the structure's points are not
+    /// known, and [`ExportError::Scenario`] if the recording's scenario has no valid structure.
     pub fn new(recording: &Recording, magnification: f64) -> Result<Scene, ExportError> {
         if !(magnification.is_finite() && magnification > 0.0) {
             return Err(ExportError::Magnification { got: magnification });
@@ -42,14 +42,14 @@ impl Scene {
         Ok(Scene { drawing: drawing.ok_or(ExportError::NoPlaces)?, magnification })
     }
 
-    /// The message of a state.
+    /// Returns the message of a state.
     pub fn message(&self, state: &StateRecord, time_ns: u64) -> Value {
         message(&self.drawing, state.states.coordinates(), self.magnification, time_ns)
     }
 }
 
-/// The message of a structure at its coordinates, its vibration drawn `magnification` times as large, which the
-/// metadata say.
+/// Returns the message of a structure at its coordinates, its vibration drawn `magnification` times as large, which the
+/// metadata state.
 pub fn message(drawing: &Drawing, coordinates: &[f64], magnification: f64, time_ns: u64) -> Value {
     let positions: Vec<Value> =
         drawing.positions_m(coordinates, magnification).iter().map(|[x, y, z]| vector(*x, *y, *z)).collect();
@@ -97,7 +97,8 @@ fn sphere(at: &Value, diameter_m: f64) -> Value {
     json!({ "pose": pose(at), "size": vector(diameter_m, diameter_m, diameter_m), "color": color() })
 }
 
-/// The fields of `foxglove.SceneUpdate` that are written. The lists of other primitives are always empty.
+/// Returns the schema of the fields of `foxglove.SceneUpdate` that are written. The lists of other primitives are
+/// always empty.
 pub fn schema() -> Value {
     let numbers = |names: &[&str]| -> Value {
         let fields = names.iter().map(|name| ((*name).to_owned(), json!({ "type": "number" })));
@@ -158,13 +159,13 @@ pub fn schema() -> Value {
     })
 }
 
-/// A `time` or a `duration` of Foxglove's schemas.
+/// Returns the schema of a `time` or a `duration` of Foxglove.
 pub(super) fn time_schema(title: &str) -> Value {
     let integer = json!({ "type": "integer" });
     json!({ "type": "object", "title": title, "properties": { "sec": integer, "nsec": integer } })
 }
 
-/// A point in time, ns.
+/// Returns a point in time, ns, as JSON.
 pub(super) fn time(time_ns: u64) -> Value {
     json!({ "sec": time_ns / 1_000_000_000, "nsec": time_ns % 1_000_000_000 })
 }

@@ -1,4 +1,4 @@
-//! What of a recording is exported.
+//! The selection of a recording that is exported.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -16,7 +16,7 @@ pub enum RecordingPart {
     Samples,
     /// The frames on the bus.
     Frames,
-    /// How punctual the real-time loop was.
+    /// Punctuality of the real-time loop.
     Ticks,
     /// Events of the run, such as changes of state and faults.
     Events,
@@ -32,7 +32,7 @@ impl RecordingPart {
         RecordingPart::Events,
     ];
 
-    /// The name, as flags and files have it.
+    /// Returns the name, as flags and files have it.
     pub const fn name(self) -> &'static str {
         match self {
             RecordingPart::States => "states",
@@ -43,7 +43,7 @@ impl RecordingPart {
         }
     }
 
-    /// The topic with these records.
+    /// Returns the topic with these records.
     pub const fn topic(self) -> Topic {
         match self {
             RecordingPart::States => Topic::States,
@@ -70,24 +70,24 @@ impl FromStr for RecordingPart {
     }
 }
 
-/// Part of a recording that is wanted.
+/// The selected part of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
-    /// Which records, in order and each at most once.
+    /// The kinds of records, in order and each at most once.
     pub parts: Vec<RecordingPart>,
     /// Range of samples whose records are wanted.
     pub samples: RangeInclusive<u64>,
-    /// The moving arm as well, its vibrations drawn so many times as large; only [`ExportFormat::Foxglove`] holds it.
+    /// Magnification of the moving arm's vibrations, if it is drawn; only [`ExportFormat::Foxglove`] can hold it.
     pub magnification: Option<f64>,
 }
 
 impl Selection {
-    /// The records of `parts`, or if there are none all that the format holds and the recording has, of the samples
-    /// from one simulated time to another, both included, s from sample 0 on; no moving arm.
+    /// Selects the records of `parts`, or if it is empty all that the format can hold and the recording has, of the
+    /// samples from one simulated time to another, both included, s from sample 0 on; no moving arm.
     ///
     /// # Errors
-    /// [`ExportError::Interval`] if there is no sample between them, [`ExportError::Nothing`] if the recording has
-    /// nothing that the format holds.
+    /// [`ExportError::Interval`] if there is no sample between them, [`ExportError::Nothing`] if the recording has no
+    /// records that the format can hold.
     pub fn of(
         recording: &Recording,
         format: ExportFormat,
@@ -112,8 +112,8 @@ impl Selection {
     }
 }
 
-/// The samples from one simulated time to another, both included; all of a recording without a record. What is off by a
-/// millionth of a sample is a time written in decimals.
+/// Returns the samples from one simulated time to another, both included; all for a recording without a record. A
+/// deviation of a millionth of a sample counts as rounding of a time in decimals.
 ///
 /// # Errors
 /// [`ExportError::Interval`] if there is no sample between them.
@@ -126,7 +126,7 @@ pub fn samples(
     let dt_s = recording.origin().dt_s;
     // Of a recording without a record there is nothing, whatever is asked for.
     let Some((first, last)) = recording.summary().samples else { return Ok(0..=u64::MAX) };
-    // Rounded inwards, so that both ends are within the range that was asked for.
+    // Rounded inwards, so that both ends are within the requested range.
     let from = from_s.map_or(first, |from_s| libm::ceil(from_s / dt_s - TOLERANCE) as u64);
     let to = to_s.map_or(last, |to_s| libm::floor(to_s / dt_s + TOLERANCE) as u64);
     let is_negative = [from_s, to_s].iter().flatten().any(|time_s| *time_s < 0.0);

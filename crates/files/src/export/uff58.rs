@@ -1,8 +1,8 @@
-//! States and samples in the Universal File Format: dataset 58, function at nodal degree of freedom, in ASCII, behind
-//! dataset 164, units (SDRC 1988; the University of Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff).
+//! Writes states and samples in the Universal File Format: dataset 58, function at nodal degree of freedom, in ASCII,
+//! behind dataset 164, units (SDRC 1988; the University of Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff).
 //!
-//! Numbers stand in fixed columns of lines of 80. A dataset holds one channel, so the recording is read once for each:
-//! that needs no memory, and no file beside. Values have 13 digits.
+//! Numbers are in fixed columns of lines of 80. A dataset holds one channel, so the recording is read once for each:
+//! this needs no memory, and no temporary file. Values have 13 digits.
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
 use resonarm_bench::structure::{Axis, Channel, Quantity};
 
-/// Begins and ends a dataset.
+/// Delimits a dataset.
 const DELIMITER: &str = "    -1";
 /// Values in a line.
 const IN_LINE: u64 = 4;
@@ -21,8 +21,7 @@ const IN_LINE: u64 = 4;
 const TIME: u32 = 17;
 const NONE: u32 = 0;
 
-/// What a channel says of itself in the file: specific data type, label, unit, exponents of length, force and
-/// temperature.
+/// Description of a channel in the file: specific data type, label, unit, exponents of length, force and temperature.
 const fn ordinate(quantity: Quantity) -> (u32, &'static str, &'static str, [i32; 3]) {
     match quantity {
         Quantity::Angle => (8, "Angle", "rad", [0, 0, 0]),
@@ -97,14 +96,14 @@ fn units(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{one:>25}{one:>25}{one:>25}\n{:>25}\n{DELIMITER}", "0.00000000000000000D+00")
 }
 
-/// Where the values of a channel stand in time.
+/// Position of a channel's values in time.
 struct Abscissa {
     count: u64,
     start_s: f64,
     dt_s: f64,
 }
 
-/// The first eleven lines of dataset 58.
+/// Writes the first eleven lines of dataset 58.
 fn head(out: &mut impl Write, recording: &Recording, channel: &Channel, abscissa: &Abscissa) -> io::Result<()> {
     let (kind, label, unit, [length, force, temperature]) = ordinate(channel.quantity);
     let file = recording.path().file_name().map_or(String::from("NONE"), |name| line80(&name.to_string_lossy()));
@@ -128,12 +127,13 @@ fn axis(out: &mut impl Write, kind: u32, exponents: [i32; 3], label: &str, unit:
     writeln!(out, "{kind:10}{length:5}{force:5}{temperature:5} {label:20} {unit:20}")
 }
 
-/// A text in one line of 80 ASCII characters.
+/// Formats a text as one line of 80 ASCII characters.
 fn line80(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).take(80).collect()
 }
 
-/// FORTRAN's E20.12, with the exponent of two or three digits behind the first digit of the value.
+/// Formats a number like FORTRAN's E20.12, with the exponent of two or three digits behind the first digit of the
+/// value.
 fn e20(value: f64) -> String {
     format!("{:>20}", exponential(value, 12))
 }

@@ -1,4 +1,4 @@
-//! States and samples as sound files: a file a part, 32-bit floating-point numbers in SI units.
+//! Writes states and samples as sound files: a file for each part, 32-bit floating-point numbers in SI units.
 
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
@@ -49,7 +49,7 @@ pub(super) fn write(
     Ok(exported)
 }
 
-/// Samples a second, which a sound file has as a whole number.
+/// Returns the samples a second, which a sound file has as a whole number.
 fn whole_rate_hz(dt_s: f64) -> Result<u32, ExportError> {
     let rate_hz = 1.0 / dt_s;
     let whole = libm::round(rate_hz);

@@ -1,4 +1,4 @@
-//! States and loads in the frames of CANopen drives.
+//! Gathers states and loads from the frames of CANopen drives.
 
 use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec};
 use resonarm_protocol::{Frame, Id};
@@ -16,7 +16,8 @@ use crate::recording::{Direction, Record};
 use resonarm_scenario::wire::Quantities;
 
 /// Gathers states and loads frame by frame: angles and rates from PDOs, wherever the master maps them, torques from
-/// targets. A sample needs the angle and the rate of every joint. Readings, which are accelerations and forces, no drive has.
+/// targets. A sample needs the angle and the rate of every joint. Drives have no readings, which are accelerations and
+/// forces.
 #[derive(Debug)]
 pub(super) struct DriveGatherer {
     targets: Targets,
@@ -24,19 +25,19 @@ pub(super) struct DriveGatherer {
     states: Rows,
     quantities: Quantities,
     clock: SampleClock,
-    /// By node and number of the PDO.
+    /// Indices by node and number of the PDO.
     indices: Vec<((u8, u16), FrameIndex)>,
     rate_hz: f64,
     last: Option<Anchor>,
     now: Option<u64>,
-    /// One bit for each state that has come.
+    /// One bit for each state that has arrived.
     came: u64,
     gaps: Gaps,
     found: WireImport,
 }
 
 impl DriveGatherer {
-    /// The gatherer of these drives, of a plant with these quantities.
+    /// Makes the gatherer of these drives, for a plant with these quantities.
     pub fn new(spec: &Cia402Spec, quantities: Quantities, rate_hz: f64, clock: SampleClock) -> DriveGatherer {
         let missing_readings =
             quantities.readings().iter().map(|channel| Missing { channel: channel.name, is_carried: false });
@@ -62,8 +63,8 @@ impl DriveGatherer {
         }
     }
 
-    /// Takes in a frame. Returns the way that it goes, if a drive or its master sends such frames, and the sample that
-    /// it belongs to, if one is known.
+    /// Processes a frame. Returns its direction, if a drive or its master sends such frames, and its sample, if one is
+    /// known.
     pub fn add(&mut self, frame: &Frame, time_ns: u64) -> (Option<Direction>, Option<u64>) {
         let heard = self.targets.hear(frame);
         let direction = heard.first().map(|(spec, heard)| direction(frame, spec, heard));
@@ -95,8 +96,7 @@ impl DriveGatherer {
         *self.found.refused_frames.entry(message.to_string()).or_default() += 1;
     }
 
-    /// Takes in the states that a PDO carries. One at the end of what 32 bits can represent is none: the drive limits
-    /// it.
+    /// Reads the states that a PDO carries. A value at the limit of 32 bits is none, since the drive clips to it.
     fn read(&mut self, spec: &DriveSpec, number: u16, values: &[(Address, Value)], time_ns: u64) {
         let joints = self.quantities.moving().len() / 2;
         let states = values.iter().filter_map(|(address, value)| {
@@ -131,7 +131,7 @@ impl DriveGatherer {
         }
     }
 
-    /// The sample of a PDO by its time stamp; `None` if it is before the beginning.
+    /// Returns the sample of a PDO by its time stamp; `None` if it is before the beginning.
     fn place(&mut self, pdo: (u8, u16), time_ns: u64) -> Option<u64> {
         let order = match self.indices.iter().position(|(other, _)| *other == pdo) {
             Some(order) => order,
@@ -150,7 +150,7 @@ impl DriveGatherer {
         Some(sample)
     }
 
-    /// The next record; after the last frame `is_end`.
+    /// Returns the next record; `is_end` after the last frame.
     pub fn next(&mut self, is_end: bool) -> Option<Record> {
         let states = if is_end { self.states.next_of_rest() } else { self.states.next() };
         let (sample, row) = states?;
@@ -159,7 +159,7 @@ impl DriveGatherer {
         Some(Record::State(state_record(sample, &row, (self.changes.at(sample), self.quantities.loads()))))
     }
 
-    /// Returns what was gathered from all frames.
+    /// Returns the data gathered from all frames.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
         let missing = self.quantities.moving().iter().enumerate().filter(|(place, _)| self.came >> place & 1 == 0);
@@ -171,7 +171,7 @@ impl DriveGatherer {
     }
 }
 
-/// The way that a frame goes which a drive has heard: what a node sends is sent by the plant.
+/// Returns the direction of a frame that a drive has heard: frames of a node are sent by the plant.
 fn direction(frame: &Frame, spec: &DriveSpec, heard: &Heard) -> Direction {
     let answer = Id::Standard(resonarm_wire::canopen::SDO_ANSWER_BASE + u16::from(spec.node_id));
     let is_sent = match heard {

@@ -1,26 +1,26 @@
-//! Which sample a frame of a user's protocol belongs to.
+//! Assigns the frames of a user protocol to samples.
 
 use resonarm_wire::counter::Step;
 
-/// Source of the numbers by which a message's frames are placed.
+/// Source of the numbers by which a message's frames are assigned to samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Numbering {
     /// A signal with the index of the sample, modulo this.
     Sample(u64),
     /// The alive counter, modulo this: one frame a sample.
     Counter(u64),
-    /// Nothing but the time stamps of the frames.
+    /// Only the time stamps of the frames.
     Time,
 }
 
-/// Where a frame belongs.
+/// Result of the assignment of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Placed {
-    /// To this sample of the recording.
+    /// The frame belongs to this sample of the recording.
     At(u64),
-    /// It repeats the frame before.
+    /// The frame repeats the one before.
     Repeated,
-    /// To a sample before the beginning.
+    /// The frame belongs to a sample before the beginning.
     Before,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct Anchor {
     pub sample: u64,
     /// Number in the frame: index or counter.
     pub raw: Option<u64>,
-    /// When it came, ns.
+    /// Arrival time, ns.
     pub time_ns: u64,
     /// The place of its message among those of a sample.
     pub order: usize,
@@ -39,11 +39,11 @@ pub(super) struct Anchor {
     pub numbering: Numbering,
 }
 
-/// Places the frames of one message.
+/// Assigns the frames of one message to samples.
 ///
-/// Index and counter go round: how often is taken from the time stamps, the nearest number of samples to the time since
-/// the frame before. A frame whose counter is the next and whose index is, too, follows the one before, whatever the
-/// time.
+/// Index and counter wrap around: the number of wraps follows from the time stamps, as the nearest number of samples to
+/// the time since the frame before. A frame whose counter and index are both the next follows the one before, whatever
+/// the time.
 #[derive(Clone, Debug)]
 pub(super) struct FrameIndex {
     order: usize,
@@ -62,7 +62,7 @@ impl FrameIndex {
         self.numbering
     }
 
-    /// The frame placed last.
+    /// Returns the frame placed last.
     pub const fn last(&self) -> Option<Anchor> {
         self.last
     }
@@ -88,8 +88,8 @@ impl FrameIndex {
         Placed::At(sample)
     }
 
-    /// The time to count from. If time stamps alone number the frames, it follows theirs by a part of the difference,
-    /// so that neither late frames nor another speed of the log's clock add up.
+    /// Returns the time from which to count. If only time stamps number the frames, it follows them by a part of the
+    /// difference, so that neither late frames nor another speed of the log's clock add up.
     fn followed(&self, sample: u64, time_ns: u64) -> u64 {
         // A first-order filter: jitter of the stamps is averaged over some 16 frames, and a drift of the clock is
         // followed.
@@ -103,7 +103,7 @@ impl FrameIndex {
         }
     }
 
-    /// Samples from the frame before.
+    /// Returns the number of samples since the frame before.
     fn after(&self, last: Anchor, raw: Option<u64>, step: Option<Step>, time_ns: u64) -> i64 {
         let expected = self.samples(last.time_ns, time_ns);
         match (self.numbering, last.raw, raw) {
@@ -116,8 +116,8 @@ impl FrameIndex {
         }
     }
 
-    /// The sample of the first frame, beside one of another message: of the same sample if that comes before it in each
-    /// sample and less than a period ago, or as the indices of both say.
+    /// Returns the sample of the first frame, beside one of another message: the same sample if that message comes
+    /// before it in each sample and less than a period ago, or the sample that the indices of both give.
     fn beside(&self, other: Anchor, raw: Option<u64>, time_ns: u64) -> Option<u64> {
         let since = self.samples(other.time_ns, time_ns);
         // Messages of one sample come in their order. If this one comes before the other in each sample, the next
@@ -139,7 +139,7 @@ impl FrameIndex {
     }
 }
 
-/// The number that is `difference` modulo `modulus` and nearest to `expected`.
+/// Returns the number that is `difference` modulo `modulus` and nearest to `expected`.
 fn nearest(difference: u64, modulus: u64, expected: f64) -> i64 {
     let (difference, modulus) = (difference as f64, modulus as f64);
     // difference + k·modulus for the whole k that is nearest to (expected − difference)/modulus.

@@ -1,4 +1,4 @@
-//! The loads that commands of a user's protocol ask for.
+//! Gathers the loads that commands of a user protocol request.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ struct Command {
 /// The commanded load from sample to sample, of armed drives.
 #[derive(Debug)]
 pub(super) struct Loads {
-    /// Whether the changes are wanted.
+    /// Whether the changes are needed.
     is_wanted: bool,
     commands: Vec<Command>,
     armed: Vec<bool>,
@@ -31,19 +31,19 @@ pub(super) struct Loads {
 /// A load that changes from sample to sample.
 #[derive(Debug, Default)]
 pub(super) struct LoadChanges {
-    /// The load from these samples on.
+    /// The load from each of these samples on.
     changes: BTreeMap<u64, Load>,
     /// The load before them.
     before: Load,
 }
 
 impl LoadChanges {
-    /// The load is this from a sample on.
+    /// Sets the load from a sample on.
     pub fn insert(&mut self, sample: u64, load: Load) {
         self.changes.insert(sample, load);
     }
 
-    /// The load held from a sample on; later ones are asked for next.
+    /// Returns the load held from a sample on; later calls must be for later samples.
     pub fn at(&mut self, sample: u64) -> Load {
         while let Some(entry) = self.changes.first_entry().filter(|entry| *entry.key() <= sample) {
             self.before = entry.remove();
@@ -53,7 +53,7 @@ impl LoadChanges {
 }
 
 impl Loads {
-    /// No load; `is_wanted` if [`Loads::at`] will be asked. Drives that no message arms count as armed.
+    /// Starts without a load; `is_wanted` if [`Loads::at`] will be called. Drives that no message arms count as armed.
     pub fn new(mapping: &Mapping, is_wanted: bool, name: impl Fn(Id) -> String) -> Loads {
         let drives = mapping.incoming.iter().map(|message| message.drive + 1).max().unwrap_or(1);
         let command = |message: &Incoming| Command {
@@ -73,7 +73,7 @@ impl Loads {
         }
     }
 
-    /// Takes in a frame of sample `now`, if it is one of a command or a request.
+    /// Processes a frame of sample `now`, if it is one of a command or a request.
     pub fn add(&mut self, frame: &Frame, now: u64, found: &mut WireImport) {
         let Some(place) = self.commands.iter().position(|command| command.message.id == frame.id()) else { return };
         let command = &mut self.commands[place];
@@ -105,7 +105,7 @@ impl Loads {
         }
     }
 
-    /// The load held from a sample on; later ones are asked for next.
+    /// Returns the load held from a sample on; later calls must be for later samples.
     pub fn at(&mut self, sample: u64) -> Load {
         self.changes.at(sample)
     }
@@ -118,10 +118,10 @@ impl Loads {
 }
 
 impl Command {
-    /// Takes in a load, and returns what the payload asks for.
+    /// Processes a load, and returns the actions that the payload requests.
     ///
     /// # Errors
-    /// [`Unreadable`] if a signal can't be read: the plant refuses the frame then, whatever else it asks for.
+    /// [`Unreadable`] if a signal can't be read: the plant then rejects the frame with all of its requests.
     fn take(&mut self, payload: &[u8]) -> Result<Vec<Action>, Unreadable> {
         self.message.check(payload)?;
         let mut actions = Vec::new();

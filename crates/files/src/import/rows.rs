@@ -1,21 +1,21 @@
-//! Numbers of samples gathered from several messages.
+//! Gathers the numbers of samples from several messages.
 
 use std::collections::BTreeMap;
 
-/// The numbers of a sample, as far as they came.
+/// The numbers of a sample, as far as they have arrived.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Row {
-    /// The numbers; those that did not come are not used.
+    /// The numbers; those that did not arrive are not used.
     pub values: Vec<f64>,
-    /// The number of each is one bit: beyond the range of its sensor.
+    /// One bit for each number: whether it is beyond the range of its sensor.
     pub clipped: u32,
     came: u64,
 }
 
-/// Gathers the numbers of samples, and gives those of which every message came, in order.
+/// Gathers the numbers of samples, and returns the complete ones, in order.
 #[derive(Clone, Debug)]
 pub(super) struct Rows {
-    /// How many numbers a sample has.
+    /// Number of values in a sample.
     width: usize,
     /// One bit for each message.
     needed: u64,
@@ -23,25 +23,25 @@ pub(super) struct Rows {
     waiting: BTreeMap<u64, Row>,
     newest: u64,
     next: Option<u64>,
-    /// Samples of which something came, and not everything.
+    /// Samples of which only a part arrived.
     pub incomplete: u64,
-    /// Frames of samples that were given up before, or of a message that came for the sample already.
+    /// Frames of samples that were given up before, or of a message that had already arrived for the sample.
     pub too_late: u64,
 }
 
 impl Rows {
-    /// Rows of `width` numbers. `needed` has one bit for each message; a sample waits for the missing until one is `hold`
-    /// samples newer.
+    /// Makes rows of `width` numbers. `needed` has one bit for each message; a sample waits for missing messages until
+    /// one is `hold` samples newer.
     pub fn new(width: usize, needed: u64, hold: u64) -> Rows {
         Rows { width, needed, hold, waiting: BTreeMap::new(), newest: 0, next: None, incomplete: 0, too_late: 0 }
     }
 
-    /// Whether the message of this number is needed.
+    /// Says whether the message of this number is needed.
     pub const fn needs(&self, message: u32) -> bool {
         self.needed >> message & 1 == 1
     }
 
-    /// Takes in what a message says of a sample.
+    /// Processes the data of a message for a sample.
     pub fn add(&mut self, sample: u64, message: u32, write: impl FnOnce(&mut Row)) {
         let is_past = self.next.is_some_and(|next| sample < next);
         let empty = || Row { values: vec![0.0; self.width], clipped: 0, came: 0 };
@@ -57,12 +57,12 @@ impl Rows {
         self.newest = self.newest.max(sample);
     }
 
-    /// The next whole sample, if there is one and no older one can come.
+    /// Returns the next complete sample, if there is one and no older one can become complete.
     pub fn next(&mut self) -> Option<(u64, Row)> {
         self.take(self.hold)
     }
 
-    /// The same after the last frame.
+    /// Works like [`Rows::next`], after the last frame.
     pub fn next_of_rest(&mut self) -> Option<(u64, Row)> {
         self.take(0)
     }

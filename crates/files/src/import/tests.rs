@@ -85,8 +85,9 @@ fn the_view_of_candump_is_imported_with_its_times() {
     let options = ImportOptions { scenario: None, interface: None, existing, clock };
     let refused = import(&log, LogFormat::Candump, &folder.path().join("bus.mcap"), &options).unwrap_err().to_string();
     assert!(
-        refused
-            .ends_with("line 1: it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`"),
+        refused.ends_with(
+            "line 1: the line has no time stamp: log with `candump -L`, or with `candump -t a` instead of `candump`"
+        ),
         "{refused}"
     );
 }

@@ -1,4 +1,4 @@
-//! Readings, states and loads in the frames of a scenario's own protocol.
+//! Gathers readings, states and loads from the frames of a user protocol.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ struct Reader {
     index: FrameIndex,
 }
 
-/// How many samples a sample waits for frames that are late.
+/// Returns the number of samples for which a sample waits for late frames.
 pub(super) fn hold(rate_hz: f64) -> u64 {
     libm::ceil(DISORDER_NS as f64 * 1e-9 * rate_hz) as u64 + 1
 }
@@ -51,7 +51,7 @@ pub(super) struct Gatherer {
 }
 
 impl Gatherer {
-    /// The gatherer of a scenario; `None` if it has no protocol of its own.
+    /// Makes the gatherer of a scenario; `None` if the scenario has no user protocol.
     pub fn new(scenario: &Scenario) -> Result<Option<Gatherer>, ScenarioError> {
         let (Some(database), Some(WireSpec::Mapped(mapping))) = (scenario.wire_database()?, scenario.wire_spec()?)
         else {
@@ -86,12 +86,12 @@ impl Gatherer {
         }))
     }
 
-    /// Which way the frames of an identifier go; `None` if the mapping has no message with it.
+    /// Returns the direction of frames with an identifier; `None` if the mapping has no message with it.
     pub fn direction(&self, id: Id) -> Option<Direction> {
         self.ids.get(&id).copied()
     }
 
-    /// Takes in a frame. Returns the sample that it belongs to, if readings tell it.
+    /// Processes a frame. Returns its sample, if its readings determine it.
     pub fn add(&mut self, frame: &Frame, time_ns: u64) -> Option<u64> {
         if frame.format() == FrameFormat::Remote {
             return self.now();
@@ -148,7 +148,7 @@ impl Gatherer {
         Some(sample)
     }
 
-    /// The next record; after the last frame `is_end`.
+    /// Returns the next record; `is_end` after the last frame.
     pub fn next(&mut self, is_end: bool) -> Option<Record> {
         let readings = self.readings.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
         if let Some((sample, row)) = readings {
@@ -166,7 +166,7 @@ impl Gatherer {
         Some(Record::State(state_record(sample, &row, (self.loads.at(sample), self.taken))))
     }
 
-    /// Returns what was gathered from all frames.
+    /// Returns the data gathered from all frames.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
         if let Some(rows) = &self.readings {
@@ -197,7 +197,7 @@ impl Reader {
         self.index.numbering() == Numbering::Time
     }
 
-    /// How the counter follows, and what numbers the frame.
+    /// Returns how the counter follows, and the number of the frame.
     fn check(&mut self, frame: &Frame) -> Result<(Option<Step>, Option<u64>), Unusable> {
         let step = self.protection.step(frame).map_err(|fault| match fault {
             ProtectionFault::Counter(CounterFault::Repeated { .. }) => Unusable::Repeated,
@@ -206,8 +206,8 @@ impl Reader {
         Ok((step, self.number(frame.data()).ok_or(Unusable::Wrong)?))
     }
 
-    /// What numbers a frame, if its message has something that does; `None` if the payload ends before a signal, or one
-    /// is no number.
+    /// Returns the number of a frame, if its message has one; `None` if the payload ends before a signal, or a signal
+    /// is not a number.
     fn number(&self, payload: &[u8]) -> Option<Option<u64>> {
         let mut index = None;
         for ReadingSignal { signal, source } in &self.message.signals {
@@ -223,7 +223,7 @@ impl Reader {
     }
 }
 
-/// Why a frame of readings can't be used.
+/// Reason for which a frame of readings can't be used.
 enum Unusable {
     /// Its counter is that of the frame before.
     Repeated,
@@ -231,7 +231,7 @@ enum Unusable {
     Wrong,
 }
 
-/// Whether a message is sent every sample: by the samples, or by a clock of their rate.
+/// Says whether a message is sent every sample: by the samples, or by a clock of their rate.
 fn is_every_sample(message: &Outgoing, mapping: &Mapping, rate_hz: f64) -> bool {
     match message.trigger {
         Trigger::Every(samples) => samples == 1,
@@ -241,7 +241,7 @@ fn is_every_sample(message: &Outgoing, mapping: &Mapping, rate_hz: f64) -> bool 
     }
 }
 
-/// Rows of `channels`, if the messages of every sample carry all of them, and what is missing.
+/// Returns rows of `channels`, if the messages of every sample carry all of them, and the missing channels.
 fn rows(
     channels: &[Channel],
     mapping: &Mapping,
@@ -276,8 +276,8 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
     incoming.chain(mapping.outgoing.iter().map(|message| (message.id, Direction::Sent))).collect()
 }
 
-/// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
-/// signal can represent, where a plant limits it.
+/// Writes a reading in its SI unit, and whether it is beyond its range: if a mark says so, or at the limit of its
+/// signal, to which a plant clips it.
 fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row) {
     let (place, is_clipped) = match of.reading(payload) {
         Ok(Some(Said::Value { place, value, is_at_end })) => {
@@ -302,7 +302,7 @@ fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row) {
     }
 }
 
-/// The states of a sample, with the load from it on, of a plant that takes these loads.
+/// Returns the states of a sample, with the load from it on, of a plant that accepts these loads.
 pub(super) fn state_record(sample: u64, row: &Row, (load, taken): (Load, LoadSet)) -> StateRecord {
     let count = row.values.len();
     let states = States::written(count, count, |numbers| numbers.copy_from_slice(&row.values));

@@ -1,4 +1,4 @@
-//! Rows of consecutive samples gathered into one message, and taken apart again.
+//! Gathers rows of consecutive samples into one message, and takes them apart again.
 
 use alloc::vec::Vec;
 
@@ -16,29 +16,29 @@ pub trait Batch: prost::Message {
     /// Type of the message on its topic.
     const TYPE: MessageType;
 
-    /// An empty batch for samples from `first_sample` on.
+    /// Makes an empty batch for samples from `first_sample` on.
     fn begin(&mut self, first_sample: u64, dt_s: f64);
     /// Index of the first sample.
     fn first_sample(&self) -> u64;
     /// Sample of a row.
     fn sample(row: &Self::Row) -> u64;
-    /// Appends a row. Its sample is the next one: the caller has seen to that.
+    /// Appends a row, which must be that of the next sample.
     fn append(&mut self, row: &Self::Row);
     /// Length of every column.
     fn columns(&self) -> Vec<usize>;
-    /// Row `index`, if every column has it.
+    /// Returns row `index`, if every column has it.
     fn row(&self, index: usize) -> Option<Self::Row>;
 
-    /// Whether the row can stand behind those that it has.
+    /// Says whether the row can follow the rows of the batch.
     fn takes(&self, _row: &Self::Row) -> bool {
         true
     }
 
-    /// Whether every number that stands for a mark or a cause is that of a known one.
+    /// Says whether every mark and cause has a known number.
     fn has_known_marks(&self) -> bool;
 
-    /// The samples of the first row and of the last, if it has a row. Errors: what is wrong, if columns differ in
-    /// length, have an unknown mark, or the samples run out of range.
+    /// Returns the samples of the first row and of the last, if it has a row. The error describes columns of different
+    /// lengths, an unknown mark, or samples that run out of range.
     fn samples(&self) -> Result<Option<(u64, u64)>, String> {
         let (columns, first) = (self.columns(), self.first_sample());
         let length = columns.iter().copied().max().unwrap_or(0);
@@ -55,7 +55,7 @@ pub trait Batch: prost::Message {
         format!("a batch from sample {} with columns of {:?} rows", self.first_sample(), self.columns())
     }
 
-    /// Hands all rows to `visit`, in order. Errors: as of [`Batch::samples`].
+    /// Passes all rows to `visit`, in order. Errors: as of [`Batch::samples`].
     fn rows(&self, mut visit: impl FnMut(Self::Row)) -> Result<(), String> {
         let Some((first, last)) = self.samples()? else { return Ok(()) };
         (0..=(last - first) as usize).try_for_each(|index| self.row(index).map(&mut visit)).ok_or_else(|| self.wrong())
@@ -72,12 +72,12 @@ pub struct Batcher<B> {
 }
 
 impl<B: Batch> Batcher<B> {
-    /// Gathers at most `limit` rows, `dt_s` apart, in `batch`, which is empty.
+    /// Makes a batcher that gathers at most `limit` rows, `dt_s` apart, in `batch`, which is empty.
     pub fn new(batch: B, limit: u32, dt_s: f64) -> Batcher<B> {
         Batcher { batch, rows: 0, limit, dt_s }
     }
 
-    /// Whether `row` can't be appended before the batch is taken.
+    /// Says whether `row` can't be appended before the batch is taken.
     pub fn must_take_before(&self, row: &B::Row) -> bool {
         self.rows == self.limit
             || (self.rows > 0 && !self.batch.takes(row))
@@ -95,7 +95,7 @@ impl<B: Batch> Batcher<B> {
         self.rows += 1;
     }
 
-    /// The batch, if it holds a row; the next row starts another.
+    /// Returns the batch, if it holds a row; the next row starts another.
     pub fn take(&mut self) -> Option<&B> {
         let rows = core::mem::take(&mut self.rows);
         (rows > 0).then_some(&self.batch)
@@ -151,7 +151,7 @@ impl Batch for TickBatch {
     }
 }
 
-/// As in the file.
+/// Returns the number of a cause in the file.
 fn cause_number(cause: Option<OverrunCause>) -> i32 {
     let number = match cause {
         None => Cause::None,
@@ -162,7 +162,7 @@ fn cause_number(cause: Option<OverrunCause>) -> i32 {
     number.into()
 }
 
-/// From the file; `None` if there is no such number.
+/// Returns the cause with a number in the file; `None` if there is no such number.
 fn cause_of(number: i32) -> Option<Option<OverrunCause>> {
     let cause = match Cause::try_from(number).ok()? {
         Cause::None => return Some(None),

@@ -1,21 +1,21 @@
-//! Which build of the library this is.
+//! The build of the library.
 
-/// Which build of the library this is: what a recording must state so that it can be simulated again bit for bit.
+/// The build of the library. A recording must state it so that it can be re-simulated with bit-identical results.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct BuildInfo {
     /// Version of the crate.
     pub version: String,
-    /// Commit of the sources, `-dirty` behind it if they were edited since; `unknown` for a build without git.
+    /// Commit of the sources, with `-dirty` behind it if they were edited since; `unknown` for a build without git.
     pub git_commit: String,
     /// Target triple for which the program was compiled.
     pub target: String,
     /// Profile of the build: `debug` or `release`.
     pub profile: String,
-    /// What `rustc --version` says.
+    /// Output of `rustc --version`.
     pub compiler: String,
 }
 
-/// The build that runs now.
+/// Returns the build that runs now.
 pub fn build_info() -> BuildInfo {
     BuildInfo {
         version: env!("CARGO_PKG_VERSION").to_string(),

@@ -13,18 +13,20 @@ pub struct Channels {
 }
 
 impl Channels {
-    /// The channels of the two-link arm, with or without the coil of a shaker.
+    /// Returns the channels of the two-link arm, with or without the coil of a shaker.
     pub fn arm(has_coil: bool) -> Channels {
         let states = STATES.into_iter().filter(|channel| has_coil || channel.kind != Kind::Internal).collect();
         Channels { states, readings: READINGS.into() }
     }
 
-    /// The channels of a structure: coordinates and rates, loads, states of devices; and the readings of its outputs.
+    /// Returns the channels of a structure: coordinates and rates, loads, states of devices; and the readings of its
+    /// outputs.
     pub fn of_structure(structure: &dyn Structure) -> Channels {
         Channels::new(structure.states(), structure.inputs(), structure.outputs())
     }
 
-    /// The channels of a plant with these states, loads and outputs, each in the order in which the plant has them.
+    /// Returns the channels of a plant with these states, loads and outputs, each in the order in which the plant has
+    /// them.
     pub fn new(states: &[Channel], loads: LoadSet, outputs: &[Channel]) -> Channels {
         let (coordinates, devices): (Vec<Channel>, Vec<Channel>) =
             states.iter().partition(|channel| channel.kind == Kind::State);
@@ -45,12 +47,12 @@ impl Channels {
         }
     }
 
-    /// The vectors of a topic: the name and the components of each.
+    /// Returns the vectors of a topic: the name and the components of each.
     pub fn vectors(&self, topic: Topic) -> impl Iterator<Item = (&str, &[Channel])> {
         self.of(topic).chunk_by(|one, next| one.vector == next.vector).map(|vector| (vector[0].vector.as_str(), vector))
     }
 
-    /// The channels in the batches of a topic, in order; empty for frames, ticks and events.
+    /// Returns the channels in the batches of a topic, in order; empty for frames, ticks and events.
     pub fn of(&self, topic: Topic) -> &[Channel] {
         match topic {
             Topic::States => &self.states,
@@ -77,7 +79,7 @@ pub struct Values {
 pub(super) const MOST_NUMBERS: usize = MOST_STATES + LOADS.len();
 
 impl Values {
-    /// The numbers of these vectors, in order, at most [`MOST_NUMBERS`].
+    /// Makes the numbers of these vectors, in order, at most [`MOST_NUMBERS`].
     pub(super) fn new(vectors: &[&[f64]]) -> Values {
         let mut values = Values { numbers: [0.0; MOST_NUMBERS], count: 0 };
         for vector in vectors {

@@ -1,4 +1,4 @@
-//! Reads a recording once, record by record, with every checksum checked before anything is handed out.
+//! Reads a recording once, record by record, and checks every checksum before it returns a record.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,7 +13,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use super::contents::{Contents, Fault, LONGEST, parse};
 use super::{RecordingError, lengths, source};
 
-/// Bytes asked for at a time, so that a wrong length costs no more memory than the file has bytes.
+/// Bytes read at a time, so that a wrong length takes no more memory than the file has bytes.
 const READ: usize = 1 << 16;
 /// Opcode and length before every record, bytes (MCAP specification, "Records").
 const RECORD_HEAD: u64 = 9;
@@ -28,21 +28,21 @@ pub(super) struct CheckedReader {
     offset: u64,
     contents: Contents,
     messages: u64,
-    /// Where the first message outside a chunk begins: the checksum of the data section alone covers it.
+    /// Position of the first message outside a chunk: only the checksum of the data section covers it.
     first_bare_message: Option<u64>,
     layout: FileLayout,
 }
 
-/// Where things are in the file, to compare with what its index and its footer say: other readers go by these.
+/// Positions of records in the file, to be compared with its index and its footer, which other readers use.
 #[derive(Default)]
 struct FileLayout {
     /// Offset and length of every chunk, attachment and metadata record, in order.
     indexable: Vec<(u64, u64)>,
     chunks: u64,
     indexed_chunks: u64,
-    /// Whether the record that ends the data section has come.
+    /// Whether the record that ends the data section has been read.
     has_data_end: bool,
-    /// Where the first record behind the data section begins, and the first summary offset.
+    /// Position of the first record behind the data section, and of the first summary offset.
     summary_start: Option<u64>,
     summary_offset_start: Option<u64>,
 }
@@ -53,13 +53,13 @@ pub(super) enum TopLevelRecord {
     Header(String),
     /// A metadata record: name and content.
     Metadata(String, BTreeMap<String, String>),
-    /// Messages: they are in [`CheckedReader::contents`] until the next record is read.
+    /// Messages, which are in [`CheckedReader::contents`] until the next record is read.
     Chunk,
-    /// A message outside a chunk; it is in [`CheckedReader::contents`] likewise.
+    /// A message outside a chunk; it is also in [`CheckedReader::contents`].
     BareMessage,
-    /// The file's own statistics: how many messages it has.
+    /// The file's own statistics: its number of messages.
     Statistics(u64),
-    /// One that carries no data: an index, a schema.
+    /// A record without data: an index, a schema.
     Other,
 }
 
@@ -95,32 +95,32 @@ impl CheckedReader {
         })
     }
 
-    /// Where the next record begins, bytes from the start of the file: everything before is good.
+    /// Returns the position of the next record, bytes from the start of the file: everything before is valid.
     pub fn offset(&self) -> u64 {
         self.offset
     }
 
-    /// Size of the file when it was opened, bytes.
+    /// Returns the size of the file when it was opened, bytes.
     pub fn file_bytes(&self) -> u64 {
         self.file_bytes
     }
 
-    /// What is declared, and the messages of the chunk read last.
+    /// Returns the declarations, and the messages of the chunk read last.
     pub fn contents(&self) -> &Contents {
         &self.contents
     }
 
-    /// Messages read so far, of all topics, also of those that others added.
+    /// Returns the number of messages read so far, of all topics, also of those that others added.
     pub fn messages(&self) -> u64 {
         self.messages
     }
 
-    /// The error for a record at `offset` that is not what it should be.
+    /// Makes the error for a damaged record at `offset`.
     pub fn damaged(&self, offset: u64, cause: String) -> RecordingError {
         RecordingError::Damaged { path: self.path.clone(), offset, cause }
     }
 
-    /// What comes next, `None` at the end of a whole file. After an error there is nothing more to be had.
+    /// Returns the next record; `None` at the end of a whole file. After an error it must not be called again.
     pub fn next(&mut self) -> Result<Option<TopLevelRecord>, RecordingError> {
         self.next_top_level().map_err(|fault| {
             let (path, offset) = (self.path.clone(), self.offset);
@@ -152,7 +152,7 @@ impl CheckedReader {
         record.map(Some)
     }
 
-    /// Puts the next record into `self.body` and returns its opcode.
+    /// Reads the next record into `self.body` and returns its opcode.
     fn next_record(&mut self) -> Result<Option<u8>, Fault> {
         while let Some(event) = self.reader.next_event() {
             match event? {
@@ -172,7 +172,7 @@ impl CheckedReader {
         Ok(None)
     }
 
-    /// Makes sense of a record at the top level of the file.
+    /// Interprets a record at the top level of the file.
     fn top_level(&mut self, opcode: u8, body: &[u8]) -> Result<TopLevelRecord, Fault> {
         if !lengths::fit(opcode, body) {
             return Err(Fault::Damaged(String::from("a length that is longer than its record")));
@@ -210,7 +210,7 @@ impl CheckedReader {
 }
 
 impl FileLayout {
-    /// Takes in the record at `offset`. Errors: how index or footer contradict what was found.
+    /// Tracks the record at `offset`. The error describes how index or footer contradict the file.
     fn follow(&mut self, opcode: u8, body: &[u8], offset: u64) -> Result<(), String> {
         let number = |place: usize| lengths::number_at(body, place);
         if self.has_data_end && opcode != op::FOOTER {
@@ -248,7 +248,7 @@ impl FileLayout {
         }
     }
 
-    /// Compares what the footer states with what was found; 0 states nothing (MCAP specification, "Footer").
+    /// Compares the statements of the footer with the file; 0 states nothing (MCAP specification, "Footer").
     fn check_footer(&self, offset: u64, summary_start: u64, summary_offset_start: u64) -> Result<(), String> {
         if !self.has_data_end {
             return Err(String::from("a footer without the record that ends the data section"));

@@ -13,23 +13,23 @@ use super::layout::{ChannelsError, Layout};
 use super::lengths;
 use super::schema::{MessageType, Topic};
 
-/// Longest record that is believed: 256 MiB, far above what a recorder writes.
+/// Longest accepted record: 256 MiB, far above what a recorder writes.
 pub(super) const LONGEST: usize = 1 << 28;
-/// Longest chunk once decompressed that is believed: 64 MiB, where a recorder writes some 1 MiB, and other tools up to
-/// 4 MiB. A few bytes may decompress to any length.
+/// Longest accepted chunk after decompression: 64 MiB, where a recorder writes some 1 MiB, and other tools up to 4 MiB.
+/// A few bytes may decompress to any length.
 const LONGEST_CHUNK: u64 = 1 << 26;
 /// Fields of a chunk before its compressed records, without the name of the compression, bytes (MCAP, "Chunk").
 pub(super) const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 8;
 
-/// The reason why a record can't be used.
+/// Reason for which a record can't be used.
 pub(super) enum Fault {
-    /// The file ends inside it.
+    /// The file ends inside the record.
     Truncated,
-    /// Its content contradicts the MCAP format.
+    /// The content of the record contradicts the MCAP format.
     Damaged(String),
-    /// The checksum of the whole data section is wrong: any record before its end may be.
+    /// The checksum of the whole data section is wrong: any record before its end may be damaged.
     DataSection(String),
-    /// It can't be read.
+    /// The record can't be read.
     Io(io::Error),
     /// A topic has another message type than it should.
     Schema(Topic, String),
@@ -55,7 +55,7 @@ impl From<McapError> for Fault {
     }
 }
 
-/// Whether a decompressor said that it got no memory: Zstandard's `ZSTD_error_memory_allocation`, LZ4's
+/// Says whether a decompressor reported that it got no memory: Zstandard's `ZSTD_error_memory_allocation`, LZ4's
 /// `LZ4F_ERROR_allocation_failed`.
 fn says_no_memory(said: &str) -> bool {
     said.contains("not enough memory") || said.contains("ERROR_allocation_failed")
@@ -65,24 +65,24 @@ fn checksum(saved: u32, calculated: u32) -> String {
     format!("the checksum is {calculated:#010x}, expected {saved:#010x}")
 }
 
-/// What the chunks read so far have declared, and the messages of the last.
+/// Declarations of the chunks read so far, and the messages of the last.
 #[derive(Default)]
 pub(super) struct Contents {
     schemas: BTreeMap<u16, (String, Vec<u8>)>,
     channels: BTreeMap<u16, Option<Declared>>,
     bytes: Vec<u8>,
     messages: Vec<Message>,
-    /// Messages of all topics, also of those that others added, in the chunk read last.
+    /// Number of messages of all topics, also of those that others added, in the chunk read last.
     message_count: u64,
 }
 
-/// A topic of ours that is declared.
+/// A declared topic of this program.
 #[derive(Clone)]
 pub(super) struct Declared {
     pub message_type: MessageType,
     /// The schema as it is in the file.
     pub schema: Vec<u8>,
-    /// Where the numbers of its messages are, of states and readings.
+    /// Positions of the numbers in its messages, for states and readings.
     pub layout: Option<Arc<Layout>>,
 }
 
@@ -94,7 +94,7 @@ struct Message {
     range: Range<usize>,
 }
 
-/// A message as it stands in the file.
+/// A message as it is in the file.
 #[derive(Clone, Copy)]
 pub(super) struct RawMessage<'a> {
     pub message_type: MessageType,
@@ -107,17 +107,17 @@ pub(super) struct RawMessage<'a> {
 }
 
 impl Contents {
-    /// Topics of ours declared so far.
+    /// Returns the topics of this program declared so far.
     pub fn declared(&self) -> impl Iterator<Item = &Declared> {
         self.channels.values().flatten()
     }
 
-    /// The messages of the chunk read last, in the order in which they were written.
+    /// Returns the messages of the chunk read last, in the order in which they were written.
     pub fn messages(&self) -> impl Iterator<Item = RawMessage<'_>> {
         self.messages_from(0).map(|(_, message)| message)
     }
 
-    /// The same from place `first` on, with their places.
+    /// Works like [`Contents::messages`], from place `first` on, with their places.
     pub fn messages_from(&self, first: usize) -> impl Iterator<Item = (usize, RawMessage<'_>)> {
         self.messages.iter().enumerate().skip(first).filter_map(|(place, message)| {
             let declared = self.channels.get(&message.channel)?.as_ref()?;
@@ -133,7 +133,7 @@ impl Contents {
         })
     }
 
-    /// Messages of all topics, also of those that others added, in the chunk read last.
+    /// Returns the number of messages of all topics, also of those that others added, in the chunk read last.
     pub fn message_count(&self) -> u64 {
         self.message_count
     }
@@ -155,7 +155,7 @@ impl Contents {
         if let McapRecord::Chunk { header, data } = parse(op::CHUNK, body)? {
             if header.uncompressed_size > LONGEST_CHUNK {
                 return Err(Fault::Damaged(format!(
-                    "a chunk states {} bytes once decompressed, of which {LONGEST_CHUNK} are believed at most",
+                    "a chunk states {} bytes after decompression, more than the limit of {LONGEST_CHUNK}",
                     header.uncompressed_size
                 )));
             }
@@ -188,7 +188,7 @@ impl Contents {
         Ok(())
     }
 
-    /// Makes sense of a record inside a chunk, or of one that stands outside: a declaration, a message.
+    /// Interprets a record inside a chunk, or one outside: a declaration or a message.
     pub fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
         match parse(opcode, body)? {
             McapRecord::Schema { header, data } => {
@@ -238,12 +238,12 @@ impl Contents {
     }
 }
 
-/// Whether a chunk may hold such a record (MCAP specification, "Chunk").
+/// Says whether a chunk may hold such a record (MCAP specification, "Chunk").
 const fn is_for_chunks(opcode: u8) -> bool {
     matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
 }
 
-/// The fields of a record.
+/// Parses the fields of a record.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<McapRecord<'_>, Fault> {
     if !lengths::fit(opcode, body) {
         return Err(Fault::Damaged(String::from("a length that is longer than its record")));

@@ -1,4 +1,4 @@
-//! Every n-th row of a series, filtered so that nothing is left of what the lower rate can't tell.
+//! Keeps every n-th row of a series, filtered against aliases.
 //!
 //! A linear-phase FIR filter: the ideal low-pass under a Kaiser window (J. F. Kaiser, "Nonrecursive digital filter
 //! design using the I0-sinh window function", Proc. IEEE Int. Symp. Circuits Syst. 1974). With n the decimation, f_s
@@ -10,8 +10,8 @@
 //! w_i = I0(β √(1 − (i/h)²)) · sinc(0.9 i/n),   i = −h … h,   divided by Σ w_i
 //! ```
 //!
-//! Both bands ripple by 10^(−A/20) = 1e-4 of the amplitude at most. The taps are symmetric about the row that a value
-//! is given for, so nothing is delayed. Beyond the ends of the series its first and last row are taken to go on.
+//! Both bands ripple by 10^(−A/20) = 1e-4 of the amplitude at most. The taps are symmetric about the output row, so
+//! nothing is delayed. The series is extended beyond its ends by its first and last row.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -22,10 +22,10 @@ use resonarm_numeric::registers::{Task, widest};
 const BETA: f64 = 0.1102 * (80.0 - 8.7);
 /// Half the length of the filter, rows for each of the decimation.
 const HALF_LENGTH: usize = 26;
-/// Where the ideal low-pass ends, in f_N: in the middle of the transition.
+/// The cut-off of the ideal low-pass, in f_N: in the middle of the transition.
 const CUT_OFF: f64 = 0.9;
 
-/// What the filter of a decimation is, in words.
+/// Describes the filter of a decimation in words.
 pub(super) fn describe(every: u64) -> String {
     match every {
         0 => String::from("none: nothing is repeated"),
@@ -43,7 +43,7 @@ pub(super) fn describe(every: u64) -> String {
 /// Numbers of a row that are filtered at once: as many sums as hide the latency of an addition.
 const LANES: usize = 8;
 
-/// Takes rows of numbers, and gives every n-th filtered.
+/// Takes rows of numbers, and returns every n-th row filtered.
 pub(super) struct Decimator {
     every: u64,
     taps: Vec<f64>,
@@ -60,16 +60,16 @@ pub(super) struct Decimator {
 /// A row that has passed the low-pass filter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Decimated {
-    /// The index of the row for which it stands.
+    /// The index of the row that it replaces.
     pub index: u64,
     pub values: Vec<f64>,
-    /// The flags of all rows that it was made of.
+    /// The flags of all rows that contributed to it.
     pub flags: u32,
 }
 
 impl Decimator {
-    /// Gives the rows, of `width` numbers each, whose index is a multiple of `every`; none for 0, and for 1 all as they
-    /// are.
+    /// Makes a decimator that returns the rows, of `width` numbers each, whose index is a multiple of `every`; none for
+    /// 0, and for 1 all unchanged.
     pub fn new(every: u64, width: usize) -> Decimator {
         let taps = if every < 2 { vec![1.0] } else { taps(every) };
         let windows = vec![VecDeque::with_capacity(taps.len() + 1); width.div_ceil(LANES)];
@@ -77,7 +77,7 @@ impl Decimator {
         Decimator { every, taps, width, windows, flags, series: None }
     }
 
-    /// Takes the next row; a row that doesn't follow the last begins another series. Hands over what is ready.
+    /// Takes the next row; a row that doesn't follow the last begins another series. Appends finished rows to `ready`.
     pub fn push(&mut self, index: u64, values: &[f64], flags: u32, ready: &mut Vec<Decimated>) {
         if self.every == 0 {
             return;
@@ -99,7 +99,7 @@ impl Decimator {
         self.give(index, ready);
     }
 
-    /// Ends the series, and hands over the rest of it.
+    /// Ends the series, and appends its remaining rows to `ready`.
     pub fn end(&mut self, ready: &mut Vec<Decimated>) {
         let (Some((_, next)), Some(last)) = (self.series, self.last()) else { return };
         for index in 0..self.half_length() {
@@ -109,14 +109,14 @@ impl Decimator {
         self.series = None;
     }
 
-    /// The newest row as it is.
+    /// Returns the newest row unchanged.
     fn last(&self) -> Option<Decimated> {
         let blocks = self.windows.iter().filter_map(VecDeque::back).flatten();
         let (values, flags) = (blocks.take(self.width).copied().collect(), *self.flags.back()?);
         Some(Decimated { index: self.series?.1.wrapping_sub(1), values, flags })
     }
 
-    /// Takes a row into the windows in place of the oldest.
+    /// Replaces the oldest row in the windows by a new one.
     fn take(&mut self, values: &[f64], flags: u32) {
         let is_full = self.flags.len() == self.taps.len();
         for (window, values) in self.windows.iter_mut().zip(values.chunks(LANES)) {
@@ -135,7 +135,7 @@ impl Decimator {
         (self.taps.len() / 2) as u64
     }
 
-    /// Gives the row in the middle of the windows up to `newest`, if it is asked for.
+    /// Appends the row in the middle of the windows up to `newest`, if it is wanted.
     fn give(&self, newest: u64, ready: &mut Vec<Decimated>) {
         let middle = newest.wrapping_sub(self.half_length());
         // The differences wrap, since at first the middle lies before the series.
@@ -158,7 +158,7 @@ impl Decimator {
     }
 }
 
-/// The sums of the rows of a window, each times its tap.
+/// The weighted sums of the rows of a window.
 struct Weighted<'a> {
     taps: &'a [f64],
     window: &'a VecDeque<[f64; LANES]>,
@@ -181,7 +181,7 @@ impl Task for Weighted<'_> {
     }
 }
 
-/// The weights of the filter, oldest first; their sum is 1.
+/// Returns the weights of the filter, oldest first; their sum is 1.
 fn taps(every: u64) -> Vec<f64> {
     let half = HALF_LENGTH * every as usize;
     let weight = |place: usize| {
@@ -199,8 +199,8 @@ fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(PI * x) / (PI * x) }
 }
 
-/// The modified Bessel function of the first kind and order 0: Σ ((x/2)^k / k!)², to the last digit for the x in use,
-/// below 8.
+/// Returns the modified Bessel function of the first kind and order 0: Σ ((x/2)^k / k!)², to the last digit for the x
+/// in use, below 8.
 fn bessel_i0(x: f64) -> f64 {
     let (mut sum, mut term) = (1.0, 1.0);
     // For x = 8 the last term is (4⁴⁰/40!)² = 2e-48, far below the last digit of the sum.
@@ -215,7 +215,7 @@ fn bessel_i0(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Every 10th row of a sine of 1 at `frequency`, in parts of the rate.
+    /// Returns every 10th row of a sine of 1 at `frequency`, in parts of the rate.
     fn decimated(frequency: f64) -> Vec<f64> {
         let mut decimator = Decimator::new(10, 1);
         let mut ready = Vec::new();

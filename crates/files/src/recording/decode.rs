@@ -1,4 +1,4 @@
-//! Messages back into records.
+//! Converts messages back to records.
 
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ use super::schema::MessageType;
 use super::schema::proto::{self, TickBatch};
 use super::{Event, FrameRecord, Record, TickRecord};
 
-/// Hands the records in a message to `visit`, in order. The messages for plotting repeat others and give none. Errors:
-/// what is wrong with the message.
+/// Passes the records in a message to `visit`, in order. The messages for plotting repeat others and have none. The
+/// error describes an invalid message.
 pub(super) fn decode(raw: RawMessage<'_>, mut visit: impl FnMut(Record<String>)) -> Result<(), String> {
     match raw.message_type {
         MessageType::StepBatch => numbers(raw, |row| visit(Record::State(row))),
@@ -25,7 +25,7 @@ pub(super) fn decode(raw: RawMessage<'_>, mut visit: impl FnMut(Record<String>))
     }
 }
 
-/// The states or readings in a message.
+/// Passes the states or readings in a message to `visit`.
 pub(super) fn numbers<R: Numbers>(raw: RawMessage<'_>, visit: impl FnMut(R)) -> Result<(), String> {
     match number_batch(raw)? {
         Some(batch) => batch.rows(visit),
@@ -33,24 +33,24 @@ pub(super) fn numbers<R: Numbers>(raw: RawMessage<'_>, visit: impl FnMut(R)) -> 
     }
 }
 
-/// The ticks in a message.
+/// Passes the ticks in a message to `visit`.
 pub(super) fn ticks(raw: RawMessage<'_>, visit: impl FnMut(TickRecord)) -> Result<(), String> {
     message::<TickBatch>(raw.bytes)?.rows(visit)
 }
 
-/// The frames in a message.
+/// Passes the frames in a message to `visit`.
 pub(super) fn frames(raw: RawMessage<'_>, visit: impl FnMut(FrameRecord)) -> Result<(), String> {
     frames::batch(&message(raw.bytes)?, visit)
 }
 
-/// The event in a message.
+/// Passes the event in a message to `visit`.
 pub(super) fn events(raw: RawMessage<'_>, mut visit: impl FnMut(Event<String>)) -> Result<(), String> {
     let proto::Event { step, time_ns, name, value } = message(raw.bytes)?;
     visit(Event { sample: step, time_ns, name, value });
     Ok(())
 }
 
-/// The batch of states or readings that a message is, if its topic has channels.
+/// Returns a message as a batch of states or readings, if its topic has channels.
 pub(super) fn number_batch<R: Numbers>(raw: RawMessage<'_>) -> Result<Option<NumberBatch<R>>, String> {
     let Some(layout) = raw.layout else { return Ok(None) };
     let mut batch = NumberBatch::new(Arc::clone(layout));

@@ -1,4 +1,4 @@
-//! What can go wrong with a recording.
+//! Errors of recordings.
 
 use std::io;
 use std::ops::RangeInclusive;
@@ -11,10 +11,10 @@ use super::Integrity;
 use super::layout::ChannelsError;
 use super::schema::FORMAT;
 
-/// Why a recording can't be written or read.
+/// Error of a recording that can't be written or read.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The file is there already, and overwriting was not asked for.
+    /// The file already exists, and overwriting was not requested.
     #[error("recording `{path}` already exists: name another file, or allow overwriting it (--overwrite)")]
     Exists {
         /// Path of the existing file.
@@ -28,14 +28,14 @@ pub enum RecordingError {
         /// Error of the operating system.
         source: Arc<io::Error>,
     },
-    /// An option has a value that makes no sense.
+    /// An option has an invalid value.
     #[error("recording option `{option}` is {got}, expected {expected}")]
     Option {
         /// Name of the option.
         option: &'static str,
         /// Value that the option has.
         got: String,
-        /// Which values it may have.
+        /// Description of the valid values.
         expected: &'static str,
     },
     /// Writing failed, for example because the disk is full.
@@ -46,7 +46,7 @@ pub enum RecordingError {
         /// Error of the operating system.
         source: Arc<io::Error>,
     },
-    /// The MCAP library refused a record.
+    /// The MCAP library rejected a record.
     #[error("can't write recording `{path}`: {source}")]
     Format {
         /// Path of the recording that can't be written.
@@ -54,8 +54,8 @@ pub enum RecordingError {
         /// Error of the MCAP library.
         source: Arc<McapError>,
     },
-    /// The writer thread ended by itself.
-    #[error("the thread that writes recording `{path}` has died")]
+    /// The writer thread ended unexpectedly.
+    #[error("the thread that writes recording `{path}` ended unexpectedly")]
     WriterDied {
         /// Path of the recording that is incomplete.
         path: PathBuf,
@@ -68,7 +68,7 @@ pub enum RecordingError {
         /// Error of the operating system.
         source: Arc<io::Error>,
     },
-    /// The path leads to a folder, a pipe or a device.
+    /// The path is that of a folder, a pipe or a device.
     #[error("can't read recording `{path}`: it is {got}, expected a regular file")]
     NotAFile {
         /// Path at which there is no regular file.
@@ -76,7 +76,7 @@ pub enum RecordingError {
         /// Kind of file that is there, such as a folder.
         got: &'static str,
     },
-    /// The file is something else.
+    /// The file is not an MCAP file.
     #[error("`{path}` is not an MCAP file: it begins with {}", begins(.got))]
     NotMcap {
         /// Path of the file that is not MCAP.
@@ -89,7 +89,7 @@ pub enum RecordingError {
     Truncated {
         /// Path of the truncated recording.
         path: PathBuf,
-        /// Where the first record begins that is not whole, bytes.
+        /// Position of the first incomplete record, bytes.
         offset: u64,
         /// Size of the file, bytes.
         file_bytes: u64,
@@ -99,7 +99,7 @@ pub enum RecordingError {
     Damaged {
         /// Path of the damaged recording.
         path: PathBuf,
-        /// Where the record begins, bytes.
+        /// Position of the record, bytes.
         offset: u64,
         /// Checksum or layout that is wrong.
         cause: String,
@@ -116,19 +116,19 @@ pub enum RecordingError {
         /// The library that wrote the file, as its head says; empty if it doesn't.
         library: String,
     },
-    /// The file was cut off, or is damaged, before its head was whole: nothing can be had from it.
+    /// The file was cut off, or is damaged, before its head was whole, so nothing can be recovered.
     #[error(
-        "recording `{path}` can't be read beyond byte {readable_bytes}, before its metadata `{name}`: nothing is left of it"
+        "recording `{path}` can't be read beyond byte {readable_bytes}, before its metadata `{name}`, so nothing of it can be recovered"
     )]
     NothingLeft {
         /// Path of the unreadable recording.
         path: PathBuf,
         /// Name of the metadata record.
         name: &'static str,
-        /// How much of the file can be read, bytes.
+        /// Number of bytes that can be read.
         readable_bytes: u64,
     },
-    /// An entry of the metadata is missing or has a value that makes no sense.
+    /// An entry of the metadata is missing or invalid.
     #[error("recording `{path}` states `{key}` as `{got}` in its metadata `{name}`, expected {expected}")]
     Metadata {
         /// Path of the recording with this metadata.
@@ -142,10 +142,10 @@ pub enum RecordingError {
         /// Description of the valid values.
         expected: &'static str,
     },
-    /// The file has a format that this version does not read.
+    /// The file has a format that this version can't read.
     #[error(
-        "recording `{path}` has format {format}, written by resonarm {writer}, and this program, resonarm {version}, reads \
-         format {FORMAT}: read it with the program that wrote it", version = env!("CARGO_PKG_VERSION")
+        "recording `{path}` has format {format}, written by resonarm {writer}, but this program, resonarm {version}, reads \
+         format {FORMAT}; read it with the program that wrote it", version = env!("CARGO_PKG_VERSION")
     )]
     OtherFormat {
         /// Path of the recording in the other format.
@@ -155,9 +155,9 @@ pub enum RecordingError {
         /// Version of the program that wrote it.
         writer: String,
     },
-    /// A topic has another message type than it should.
+    /// A topic has another message type than expected.
     #[error(
-        "recording `{path}` has messages `{got}` in topic `{topic}`, expected `{expected} (protobuf)`: read it with the \
+        "recording `{path}` has messages `{got}` in topic `{topic}`, expected `{expected} (protobuf)`; read it with the \
          version of resonarm that wrote it"
     )]
     Schema {
@@ -170,8 +170,8 @@ pub enum RecordingError {
         /// Message type and encoding that it has.
         got: String,
     },
-    /// A topic has other channels than the table.
-    #[error("recording `{path}` has {cause}, in topic `{topic}`: read it with the version of resonarm that wrote it")]
+    /// A topic has other channels than this version knows.
+    #[error("recording `{path}` has {cause}, in topic `{topic}`; read it with the version of resonarm that wrote it")]
     Channels {
         /// Path of the recording with this topic.
         path: PathBuf,
@@ -180,7 +180,7 @@ pub enum RecordingError {
         /// Error in its channels.
         cause: ChannelsError,
     },
-    /// A record does not have the channels of its recording.
+    /// A record does not match the channels of its recording.
     #[error(
         "a record of {got} numbers can't be written to recording `{path}`, whose topic `{topic}` has {expected} channels: \
          set `Options::channels` to those of the plant"
@@ -190,24 +190,22 @@ pub enum RecordingError {
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
-        /// How many channels the topic has.
+        /// Number of channels of the topic.
         expected: usize,
-        /// How many numbers the record has.
+        /// Number of values of the record.
         got: usize,
     },
-    /// The file has no such topic.
-    #[error(
-        "recording `{path}` has no topic `{topic}`: it was taken out by another tool; go back to the original file"
-    )]
+    /// The file lacks a topic.
+    #[error("recording `{path}` has no topic `{topic}`: another tool has removed it; use the original file")]
     MissingTopic {
         /// Path of the recording without the topic.
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
     },
-    /// Samples are missing, so that the recording can't be taken as continuous.
+    /// Samples are missing, so the recording is not continuous.
     #[error(
-        "recording `{path}` is not continuous in topic `{topic}`: sample {got} follows where sample {expected} should{}; {}",
+        "recording `{path}` is not continuous in topic `{topic}`: expected sample {expected}, got sample {got}{}; {}",
         in_all(*.gaps), why_not_continuous(*.expected, *.got)
     )]
     Gap {
@@ -215,11 +213,11 @@ pub enum RecordingError {
         path: PathBuf,
         /// Name of the topic.
         topic: &'static str,
-        /// The sample that should have come first after the gap.
+        /// The sample expected first after the gap.
         expected: u64,
-        /// The sample that came.
+        /// The sample found there.
         got: u64,
-        /// How many gaps there are.
+        /// Number of gaps.
         gaps: u64,
     },
     /// There is nothing to recover.
@@ -228,7 +226,7 @@ pub enum RecordingError {
         /// Path of the undamaged recording.
         path: PathBuf,
     },
-    /// A file is damaged or cut short so that no message is left.
+    /// The file is so damaged, or cut so short, that no message is left.
     #[error("nothing of recording `{path}` could be recovered: {integrity}; no file was written")]
     NothingRecovered {
         /// Path of the recording from which nothing was recovered.
@@ -236,27 +234,27 @@ pub enum RecordingError {
         /// Damage of the recording.
         integrity: Integrity,
     },
-    /// There is no record to copy: of the samples that were asked for, or at all.
+    /// There is no record to copy: for the selected samples, or at all.
     #[error("there is nothing to copy: {}; no file was written", nothing_of(.sources, .samples))]
     NothingToCopy {
-        /// The recordings, with what is wrong with them.
+        /// The recordings, with their damage.
         sources: Vec<(PathBuf, Integrity)>,
-        /// The samples that were asked for.
+        /// The selected samples.
         samples: RangeInclusive<u64>,
     },
-    /// The file is not at its path any more.
-    #[error("recording `{path}` was deleted, moved or replaced while it was written: what was recorded is not there")]
+    /// The file is no longer at its path.
+    #[error("recording `{path}` was deleted, moved or replaced while it was written, so its records are lost")]
     Gone {
         /// Path at which the recording was created.
         path: PathBuf,
     },
-    /// A recording can't be read and written over at once.
+    /// A recording would be written over itself.
     #[error("recording `{path}` can't be written over itself: name another file for the result")]
     SameFile {
         /// Path that is both source and destination.
         path: PathBuf,
     },
-    /// A recording is not of the run that the one before it is of, or does not follow it.
+    /// A recording is not of the same run as the one before it, or does not follow it.
     #[error("recording `{path}` can't be joined to the one before it: it has {got}, expected {expected}")]
     Apart {
         /// Path of the recording that does not follow.
@@ -266,16 +264,16 @@ pub enum RecordingError {
         /// Property that would fit the recording before it.
         expected: String,
     },
-    /// More names of events than can be copied.
-    #[error("recording `{path}` has events of more than {most} names: it can't be copied")]
+    /// The events have more names than can be copied.
+    #[error("recording `{path}` has events of more than {most} names, so it can't be copied")]
     Names {
         /// Path of the recording with these events.
         path: PathBuf,
-        /// How many there may be.
+        /// Largest number of names.
         most: usize,
     },
-    /// A record came after the recording was finished.
-    #[error("recording `{path}` is finished: it takes no more records")]
+    /// A record arrived after the recording was finished.
+    #[error("recording `{path}` is finished and accepts no more records")]
     Finished {
         /// Path of the finished recording.
         path: PathBuf,
@@ -283,7 +281,7 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
-    /// The file can't be created.
+    /// Makes the error of a file that can't be created.
     pub(super) fn create(path: &std::path::Path, source: io::Error) -> RecordingError {
         let path = path.to_path_buf();
         match source.kind() {
@@ -292,7 +290,7 @@ impl RecordingError {
         }
     }
 
-    /// The file can't be given its name.
+    /// Makes the error of a file that can't be given its name.
     pub(super) fn publish(path: &std::path::Path, source: io::Error) -> RecordingError {
         let path = path.to_path_buf();
         match source.kind() {
@@ -301,7 +299,7 @@ impl RecordingError {
         }
     }
 
-    /// A failure while writing `path`.
+    /// Makes the error of a failure while writing `path`.
     pub(super) fn write(path: &std::path::Path, error: McapError) -> RecordingError {
         let path = path.to_path_buf();
         match error {
@@ -311,20 +309,20 @@ impl RecordingError {
     }
 }
 
-/// How many gaps there are, for a message.
+/// Describes the number of gaps, for a message.
 fn in_all(gaps: u64) -> String {
     if gaps == 0 { String::new() } else { format!(" ({gaps} such gaps in all)") }
 }
 
-/// What may have made a recording discontinuous, for a message.
+/// Describes possible reasons for a discontinuous recording, for a message.
 const fn why_not_continuous(expected: u64, got: u64) -> &'static str {
     match got < expected {
-        true => "records are there more than once, or late: go back to the original file",
+        true => "records are repeated or late; use the original file",
         false => "the run lost records, or the file was recovered from a damaged one",
     }
 }
 
-/// Who wrote a file, for a message.
+/// Describes which library wrote a file, for a message.
 fn but_by(library: &str) -> String {
     match library {
         "" => String::new(),
@@ -335,7 +333,7 @@ fn but_by(library: &str) -> String {
     }
 }
 
-/// Recordings without a record of these samples, for a message.
+/// Describes recordings without a record of these samples, for a message.
 fn nothing_of(sources: &[(PathBuf, Integrity)], samples: &RangeInclusive<u64>) -> String {
     let of = match samples.clone().into_inner() {
         (0, u64::MAX) => String::new(),
@@ -348,7 +346,7 @@ fn nothing_of(sources: &[(PathBuf, Integrity)], samples: &RangeInclusive<u64>) -
     sources.iter().map(each).collect::<Vec<_>>().join(", ")
 }
 
-/// The first bytes of a file, for a message.
+/// Describes the first bytes of a file, for a message.
 fn begins(bytes: &[u8]) -> String {
     match bytes {
         [] => String::from("nothing (it is empty)"),

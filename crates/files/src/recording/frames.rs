@@ -1,4 +1,4 @@
-//! Frames gathered into messages, and taken apart again.
+//! Gathers frames into messages, and takes them apart again.
 //!
 //! A message for each frame would be 60 % of a file: its head and index entry alone take 47 bytes. In columns the
 //! repeating identifiers, lengths and times take a quarter of a byte a frame, and bytes of one meaning compress: 12
@@ -10,10 +10,9 @@ use super::schema::proto::FrameBatch;
 use super::schema::proto::frame_batch::Direction as Way;
 use super::{Direction, FrameRecord};
 
-/// Frames in a batch, at most: so many come in the time of a batch only on a bus that is jammed by somebody else.
+/// Most frames in a batch: so many arrive in the time of a batch only on a bus that another node jams.
 const MOST_FRAMES: usize = 4096;
-/// Frames in a batch that are believed, at most: with their payloads taken apart they are 64 times as large as in the
-/// file.
+/// Most frames in a batch that are accepted: with their payloads taken apart they are 64 times as large as in the file.
 const MOST_FRAMES_READ: usize = 1 << 16;
 /// Longest payload, bytes (ISO 11898-1, CAN FD).
 const LONGEST_DATA: usize = 64;
@@ -38,13 +37,13 @@ pub struct FrameBatcher {
 }
 
 impl FrameBatcher {
-    /// Gathers the frames of at most `samples` samples on the bus `interface`.
+    /// Makes a batcher of the frames of at most `samples` samples on the bus `interface`.
     pub fn new(samples: u32, interface: &str) -> FrameBatcher {
         let batch = FrameBatch { interface: interface.to_string(), ..FrameBatch::default() };
         FrameBatcher { frames: Vec::new(), batch, samples: samples.into() }
     }
 
-    /// Whether `frame` can't be appended before the batch is taken.
+    /// Says whether `frame` can't be appended before the batch is taken.
     pub fn must_take_before(&self, frame: &FrameRecord) -> bool {
         self.frames.len() == MOST_FRAMES
             || self.frames.first().is_some_and(|first| {
@@ -57,7 +56,7 @@ impl FrameBatcher {
         self.frames.push(*frame);
     }
 
-    /// The sample of the first frame and the batch, if it holds a frame; the next frame starts another.
+    /// Returns the sample of the first frame and the batch, if it holds a frame; the next frame starts another.
     pub fn take(&mut self) -> Option<(u64, &FrameBatch)> {
         let first = self.frames.first()?.sample;
         fill(&mut self.batch, &self.frames);
@@ -66,7 +65,7 @@ impl FrameBatcher {
     }
 }
 
-/// Makes the columns of `frames`.
+/// Fills the columns of a batch with `frames`.
 fn fill(batch: &mut FrameBatch, frames: &[FrameRecord]) {
     difference(&mut batch.step_difference, frames.iter().map(|record| record.sample));
     difference(&mut batch.time_difference_ns, frames.iter().map(|record| record.time_ns));
@@ -81,9 +80,8 @@ fn fill(batch: &mut FrameBatch, frames: &[FrameRecord]) {
     by_column(&batch.id, |row| payloads[row].len(), |row, place| data.push(payloads[row][place]));
 }
 
-/// Visits every byte of every payload, as row and place, in the order in which they stand in the column `data`: by
-/// ascending identifier the first bytes of all rows, then the second, and so on. So bytes of one meaning stand
-/// together.
+/// Visits every byte of every payload, as row and place, in their order in the column `data`: by ascending identifier
+/// the first bytes of all rows, then the second, and so on. So bytes of one meaning are adjacent.
 fn by_column(ids: &[u32], length: impl Fn(usize) -> usize, mut visit: impl FnMut(usize, usize)) {
     let mut rows: Vec<usize> = (0..ids.len()).collect();
     rows.sort_by_key(|row| ids[*row]); // stable: rows of one identifier stay in order
@@ -100,13 +98,13 @@ fn column<T>(column: &mut Vec<T>, values: impl Iterator<Item = T>) {
     column.extend(values);
 }
 
-/// d_i = x_i − x_{i−1} with x_{−1} = 0, modulo 2⁶⁴; so x_i = d_0 + … + d_i.
+/// Appends the differences d_i = x_i − x_{i−1} with x_{−1} = 0, modulo 2⁶⁴; so x_i = d_0 + … + d_i.
 fn difference(differences: &mut Vec<i64>, values: impl Iterator<Item = u64>) {
     let mut before = 0;
     column(differences, values.map(|value| value.wrapping_sub(core::mem::replace(&mut before, value)) as i64));
 }
 
-/// The values of which these are the differences.
+/// Returns the values with these differences.
 fn sums(differences: &[i64]) -> impl Iterator<Item = u64> {
     differences.iter().scan(0_u64, |value, difference| {
         *value = value.wrapping_add(*difference as u64);
@@ -142,7 +140,7 @@ fn flags(record: &FrameRecord) -> u32 {
     format | set(flag::EXTENDED, extended) | set(flag::TIMED, record.bus_timestamp_ns.is_some())
 }
 
-/// Hands the frames of a batch to `visit`, in order. Errors: what is wrong with it.
+/// Passes the frames of a batch to `visit`, in order. The error describes an invalid batch.
 pub(super) fn batch(batch: &FrameBatch, mut visit: impl FnMut(FrameRecord)) -> Result<(), String> {
     let rows = batch.id.len();
     let lengths = [batch.step_difference.len(), batch.time_difference_ns.len(), batch.direction.len()];
@@ -150,7 +148,7 @@ pub(super) fn batch(batch: &FrameBatch, mut visit: impl FnMut(FrameRecord)) -> R
         return Err(format!("a batch of frames with columns of different lengths, {rows} rows in `id`"));
     }
     if rows > MOST_FRAMES_READ {
-        return Err(format!("a batch of {rows} frames, of which {MOST_FRAMES_READ} are believed at most"));
+        return Err(format!("a batch of {rows} frames, more than the limit of {MOST_FRAMES_READ}"));
     }
     let payloads = payloads(batch)?;
     let mut bus_timestamps = sums(&batch.bus_timestamp_difference_ns);
@@ -173,7 +171,7 @@ pub(super) fn batch(batch: &FrameBatch, mut visit: impl FnMut(FrameRecord)) -> R
     }
 }
 
-/// The payload of each frame, from the columns of bytes.
+/// Returns the payload of each frame, from the columns of bytes.
 fn payloads(batch: &FrameBatch) -> Result<Vec<[u8; LONGEST_DATA]>, String> {
     let length = |row: usize| match batch.flags[row] & flag::REMOTE {
         // A remote frame states a length and has no data.
@@ -194,7 +192,7 @@ fn payloads(batch: &FrameBatch) -> Result<Vec<[u8; LONGEST_DATA]>, String> {
     Ok(payloads)
 }
 
-/// The frame, of whose `payload` only as much as it states counts.
+/// Makes the frame with the first `length` bytes of `payload`.
 fn frame(id: u32, flags: u32, length: u32, payload: &[u8; LONGEST_DATA]) -> Result<Frame, String> {
     let is = |flag: u32| flags & flag != 0;
     let id = match (is(flag::EXTENDED), u16::try_from(id)) {
@@ -219,7 +217,7 @@ mod tests {
 
     use super::*;
 
-    /// A batch of two frames: 3 bytes, then 2 with a bus timestamp.
+    /// Returns a batch of two frames: 3 bytes, then 2 with a bus timestamp.
     fn two() -> FrameBatch {
         let record = |sample, id, data: &[u8], bus_timestamp_ns| FrameRecord {
             sample,
@@ -250,7 +248,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// Columns of any values are refused, or are those of the frames that they give.
+        /// Columns of any values are rejected, or are those of the frames that they contain.
         #[test]
         fn any_columns_are_refused_or_come_back(
             rows in proptest::collection::vec((any::<i64>(), any::<i64>(), 0..4, 0..0x900_u32, 0..80_u32, 0..70_u32), 0..6),
@@ -291,7 +289,7 @@ mod tests {
             length: vec![0; rows],
             ..FrameBatch::default()
         };
-        insta::assert_snapshot!(batch(&columns, |_| {}).unwrap_err(), @"a batch of 65537 frames, of which 65536 are believed at most");
+        insta::assert_snapshot!(batch(&columns, |_| {}).unwrap_err(), @"a batch of 65537 frames, more than the limit of 65536");
     }
 
     #[test]

@@ -22,7 +22,7 @@ const MARK: u32 = 3;
 /// The field of the first channel.
 const FIRST: u32 = 4;
 
-/// As much of `google/protobuf/descriptor.proto` as the schemas use.
+/// The part of `google/protobuf/descriptor.proto` that the schemas use.
 mod descriptor {
     pub const OPTIONAL: i32 = 1;
     pub const REPEATED: i32 = 3;
@@ -72,7 +72,7 @@ mod descriptor {
 
 use descriptor::{BOOL, DOUBLE, Field, File, FileSet, OPTIONAL, REPEATED, Type, UINT32, UINT64};
 
-/// The channels of a message with the numbers of their fields.
+/// Returns the channels of a message with the numbers of their fields.
 fn numbered(message_type: MessageType, channels: &Channels) -> impl Iterator<Item = (u32, &Channel)> {
     let topic = match message_type {
         MessageType::State | MessageType::Command => Topic::States,
@@ -88,7 +88,7 @@ fn numbered(message_type: MessageType, channels: &Channels) -> impl Iterator<Ite
 }
 
 impl MessageType {
-    /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
+    /// Returns its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP requires.
     pub fn descriptor(self, channels: &Channels) -> Vec<u8> {
         match self {
             MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin").into(),
@@ -99,7 +99,7 @@ impl MessageType {
     }
 }
 
-/// The schema of a message of states, loads or readings: a serialised `google.protobuf.FileDescriptorSet`.
+/// Returns the schema of a message of states, loads or readings: a serialised `google.protobuf.FileDescriptorSet`.
 fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
     let is_batch = matches!(message_type, MessageType::StepBatch | MessageType::SampleBatch);
     let label = if is_batch { REPEATED } else { OPTIONAL };
@@ -123,16 +123,16 @@ fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
     FileSet { files: vec![File { name: file, package, messages, syntax }] }.encode_to_vec()
 }
 
-/// Why the channels of a recording can't be read.
+/// Error of the channels of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ChannelsError {
-    /// The schema is not one.
+    /// The schema is invalid.
     #[error("a schema that can't be read: {cause}")]
     Schema {
         /// Error in the schema, in words.
         cause: String,
     },
-    /// A channel that this version does not know.
+    /// This version does not know a channel.
     #[error("channel `{name}`, which this version does not know")]
     Unknown {
         /// Name of the unknown channel.
@@ -144,30 +144,30 @@ pub enum ChannelsError {
         /// Name of the missing channel.
         name: String,
     },
-    /// Two channels have one name or one field.
+    /// Two channels have the same name or field.
     #[error("channel `{name}` twice, or two channels in its field")]
     Doubled {
-        /// Name that two channels have.
+        /// Name of the two channels.
         name: String,
     },
-    /// A field has another type than it should.
-    #[error("field `{name}` of another type than it should have")]
+    /// A field has another type than expected.
+    #[error("field `{name}` of an unexpected type")]
     Type {
         /// Name of the field with the other type.
         name: String,
     },
 }
 
-/// Where the channels of a batch are.
+/// Positions of the channels in a batch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     channels: Vec<Channel>,
-    /// The field of each.
+    /// The field of each channel.
     pub(super) fields: Vec<u32>,
     pub(super) mark: u32,
-    /// How many of the channels are coordinates and rates.
+    /// Number of channels that are coordinates and rates.
     pub(super) moving: usize,
-    /// Which loads are among them.
+    /// The loads among the channels.
     pub(super) taken: LoadSet,
 }
 
@@ -187,10 +187,10 @@ impl Layout {
         Layout::of(channels.into_iter().copied().collect(), fields, MARK)
     }
 
-    /// The layout that the schema of a batch states.
+    /// Reads the layout from the schema of a batch.
     ///
     /// # Errors
-    /// [`ChannelsError`]: the schema is damaged, or has other channels than the table.
+    /// [`ChannelsError`] if the schema is damaged, or has other channels than the table.
     pub fn read(message_type: MessageType, schema: &[u8]) -> Result<Layout, ChannelsError> {
         let set = FileSet::decode(schema).map_err(|error| ChannelsError::Schema { cause: error.to_string() })?;
         let mut types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
@@ -234,13 +234,14 @@ impl Layout {
         Ok(Layout::of(channels, fields, mark))
     }
 
-    /// The channels, in the order of the table.
+    /// Returns the channels, in the order of the table.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
 }
 
-/// The channels of the readings in a batch: those of every rig, then those of other sensors in the order of their fields.
+/// Returns the channels of the readings in a batch: those of every rig, then those of other sensors in the order of
+/// their fields.
 fn readings(fields: &[Field]) -> Result<Vec<Channel>, ChannelsError> {
     let is_other = |field: &&Field| {
         let name = field.name.as_str();
@@ -254,8 +255,8 @@ fn readings(fields: &[Field]) -> Result<Vec<Channel>, ChannelsError> {
     Ok([&READINGS[..], &others].concat())
 }
 
-/// The first channel that a recording lacks: a native load, a reading, a coordinate or a rate up to the last joint, mode or
-/// displacement of which there is a state. Without any state it is the first of the arm.
+/// Returns the first channel that a recording lacks: a native load, a reading, a coordinate or a rate up to the last
+/// joint, mode or displacement of which there is a state. Without any state it is the first of the arm.
 fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Option<ChannelName> {
     let of_motion = || known.iter().enumerate().filter(|(_, of)| of.kind == Kind::State);
     let last = |coordinates| {
@@ -276,16 +277,16 @@ fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Optio
 /// A message for plotting: the numbers of one sample.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// The type of the message.
+    /// Type of the message.
     pub message_type: MessageType,
-    /// The sample for which it stands.
+    /// The sample that it describes.
     pub sample: u64,
     clipped: u32,
     numbers: Vec<(u32, f64)>,
 }
 
 impl Plot {
-    /// The message of a row: of its numbers, in the order of the table, those that the message has.
+    /// Makes the message of a row: the numbers of the row, in the order of the table, that the message has.
     pub fn new(message_type: MessageType, channels: &Channels, sample: u64, row: &[f64], clipped: u32) -> Plot {
         let fields = numbered(message_type, channels).map(|(field, _)| field);
         let numbers = fields.filter_map(|field| Some((field, *row.get((field - FIRST) as usize)?))).collect();
@@ -293,7 +294,7 @@ impl Plot {
     }
 }
 
-/// Zeros are left out, as proto3 has it.
+/// Leaves out zeros, as proto3 does.
 impl Message for Plot {
     fn encode_raw(&self, buf: &mut impl BufMut) {
         if self.sample != 0 {

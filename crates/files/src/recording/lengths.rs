@@ -1,11 +1,11 @@
-//! Lengths inside a record, checked before the MCAP library takes memory for as much as a damaged one says, up to 4
+//! Checks lengths inside a record before the MCAP library allocates as much memory as a damaged length states, up to 4
 //! GiB.
 
 use mcap::records::op;
 
-/// Whether every field of the record, and every length in it, fits into it (MCAP specification, "Records"): after
-/// fields of fixed size stand texts and the like, each as its length (`u32`) and that many bytes; the last may be a
-/// map, a row of texts in its turn.
+/// Says whether every field of the record, and every length in it, fits into it (MCAP specification, "Records"): fields
+/// of fixed size are followed by texts and the like, each as its length (`u32`) and that many bytes; the last may be a
+/// map, which is itself a row of texts.
 pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     let rest = match opcode {
         op::HEADER => after_texts(2, Some(body)),
@@ -32,19 +32,19 @@ pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     rest.is_some()
 }
 
-/// The number of eight bytes at `place` of a record whose fields fit.
+/// Returns the number of eight bytes at `place` of a record whose fields fit.
 pub(super) fn number_at(body: &[u8], place: usize) -> u64 {
     let bytes = body.get(place..).and_then(<[u8]>::first_chunk);
     bytes.map_or(0, |bytes| u64::from_le_bytes(*bytes))
 }
 
-/// The first text, and what follows it.
+/// Returns the first text, and the bytes behind it.
 fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk()?;
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }
 
-/// What follows the data of an attachment, whose length has eight bytes.
+/// Returns the bytes behind the data of an attachment, whose length has eight bytes.
 fn after_data(bytes: &[u8]) -> Option<&[u8]> {
     let (length, rest) = bytes.split_first_chunk()?;
     rest.get(usize::try_from(u64::from_le_bytes(*length)).ok()?..)

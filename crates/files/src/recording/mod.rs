@@ -1,6 +1,6 @@
-//! Recordings: MCAP files written by a thread of their own, and read back.
+//! Recordings: MCAP files that a separate thread writes, and that are read back.
 //!
-//! Nothing here knows of the arm: the recorder is handed plain numbers ([`Record`]), and a clock where it needs one.
+//! Nothing here depends on the arm: the recorder is passed plain numbers ([`Record`]), and a clock where it needs one.
 //!
 //! ```no_run
 //! use resonarm_files::recording::{Configuration, Options, Record, Recorder};

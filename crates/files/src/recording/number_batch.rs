@@ -1,4 +1,4 @@
-//! Batches of states and readings, column by column, and the records that their rows are.
+//! Batches of states and readings, column by column, and conversion of their rows to records.
 
 use core::marker::PhantomData;
 use std::sync::Arc;
@@ -24,9 +24,9 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
     fn sample(&self) -> u64;
     /// Its numbers, in the order of the table.
     fn values(&self) -> Values;
-    /// Whether it is the end of a run, or which readings are clipped.
+    /// Returns the mark: whether it is the end of a run, or which readings are clipped.
     fn mark(&self) -> u32;
-    /// The record of the numbers in the channels of a layout; `None` if one is wrong.
+    /// Makes the record of the numbers in the channels of a layout; `None` if one is invalid.
     fn of(sample: u64, number: impl Fn(usize) -> f64, layout: &Layout, mark: u32) -> Option<Self>;
 }
 
@@ -109,12 +109,12 @@ impl<R: Numbers> NumberBatch<R> {
 
     const IS_STATES: bool = matches!(R::TYPE, MessageType::StepBatch);
 
-    /// Time from sample to sample that it states, s.
+    /// Returns the sample period that it states, s.
     pub fn dt_s(&self) -> f64 {
         self.dt_s
     }
 
-    /// Samples with a reading beyond the range of its sensor.
+    /// Returns the number of samples with a reading beyond the range of its sensor.
     pub fn clipped_samples(&self) -> usize {
         self.clipped.iter().filter(|bits| **bits != 0).count()
     }

@@ -6,31 +6,32 @@ use super::channels::Channels;
 use super::{RecordingError, RunTime};
 use resonarm_numeric::number::short;
 
-/// What the times in a recording count from. Log times are simulated time: that of the sample to which a message
-/// belongs. Publish times are those of the machine's clock, if the run went by it.
+/// Origin of the times in a recording. Log times are simulated time: that of the sample to which a message belongs.
+/// Publish times are those of the machine's clock, if the run went by it.
 ///
 /// The run loops have a monotonic clock; `clock_epoch_unix_ns` is the time of the UNIX epoch at which that clock read
 /// 0. With what it read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the moment at
 /// which the run began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeBase {
-    /// Simulated time alone: log times from 0, publish times equal to them, so that the same run gives the same bytes.
+    /// Only simulated time: log times from 0, publish times equal to them, so that the same run produces identical
+    /// bytes.
     Simulated,
     /// Simulated time that waits for a partner: log times from 0, publish times of the UNIX epoch.
     Lockstep {
-        /// When the run loop's clock read 0, ns of the UNIX epoch.
+        /// Time at which the run loop's clock read 0, ns of the UNIX epoch.
         clock_epoch_unix_ns: u64,
     },
     /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on,
     /// publish times of the UNIX epoch.
     RealTime {
-        /// When the run loop's clock read 0, ns of the UNIX epoch.
+        /// Time at which the run loop's clock read 0, ns of the UNIX epoch.
         clock_epoch_unix_ns: u64,
     },
 }
 
 impl TimeBase {
-    /// When the run began, ns of the UNIX epoch; `None` for simulated time alone.
+    /// Returns the start of the run, ns of the UNIX epoch; `None` for simulated time alone.
     pub(super) const fn start_unix_ns(self, clock_ns: u64) -> Option<u64> {
         match self {
             TimeBase::Simulated => None,
@@ -40,7 +41,7 @@ impl TimeBase {
         }
     }
 
-    /// Name of the time base in the file.
+    /// Returns the name of the time base in the file.
     pub(super) const fn name(self) -> &'static str {
         match self {
             TimeBase::Simulated => RunTime::Simulated.name(),
@@ -50,22 +51,23 @@ impl TimeBase {
     }
 }
 
-/// When what was recorded goes to the file. A run that is killed loses at most what came after the last flush.
+/// The times at which records are flushed to the file. A run that is killed loses at most the records after the last
+/// flush.
 #[derive(Clone, Copy, Debug)]
 pub enum FlushPolicy {
-    /// As soon as this much time has passed since the last flush, give or take the 5 ms at which the writer polls.
+    /// Flushes when this much time has passed since the last flush, give or take the 5 ms at which the writer polls.
     Interval {
         /// Time between two flushes.
         interval: Duration,
         /// A monotonic clock; only differences count.
         clock: fn() -> Duration,
     },
-    /// When the first record of a sample this many samples after the last flush comes. The bytes of the file then
+    /// Flushes at the first record of a sample this many samples after the last flush. The bytes of the file then
     /// depend on the records alone, provided that they all come through one channel.
     Samples(u64),
 }
 
-/// How chunks are compressed.
+/// The compression of chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
     /// Chunks are written without compression.
@@ -74,22 +76,23 @@ pub enum Compression {
     Zstd,
 }
 
-/// What to do if the file is there already.
+/// The action if the file already exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
     /// Return [`RecordingError::Exists`] and leave the file unchanged.
     Refuse,
-    /// Replace it, at the time that [`Naming`] says; until then it stays as it is. What is no regular file, such as a
-    /// pipe, is written to.
+    /// Replace it, at the time that [`Naming`] says; until then it stays unchanged. A pipe, or any other file that is
+    /// not regular, is written to.
     Overwrite,
 }
 
-/// When the file has its name. If the recorder is given up before, the file is removed, and what was there stays.
+/// The time at which the file gets its name. If the recorder is dropped before, the file is removed, and an existing
+/// file stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Naming {
-    /// From the first record on: a run that is killed leaves what was flushed.
+    /// The file gets its name at the first record: a run that is killed leaves the flushed records.
     FirstRecord,
-    /// When it is whole: for recordings made of others, which can be made again.
+    /// The file gets its name when it is complete: for recordings made from others, which can be made again.
     Whole,
 }
 
@@ -100,30 +103,30 @@ pub struct Options {
     pub dt_s: f64,
     /// Name of the bus interface, noted with every frame.
     pub interface: String,
-    /// What times count from.
+    /// The origin of times.
     pub time_base: TimeBase,
-    /// When what was recorded goes to the file.
+    /// The times at which records are flushed to the file.
     pub flush: FlushPolicy,
-    /// How chunks are compressed.
+    /// The compression of chunks.
     pub compression: Compression,
-    /// What to do if the file is there already.
+    /// The action if the file already exists.
     pub existing: Existing,
-    /// When the file has its name.
+    /// The time at which the file gets its name.
     pub naming: Naming,
     /// Samples in a batch, from 1 to 100000.
     pub batch_samples: u32,
-    /// Every how many samples the plotting topics hold a message, at most 1000: 1 is every sample, as it is, 0 none.
-    /// From 2 on they are filtered against aliases, as `docs/recording.md` states.
+    /// Interval of the messages in the plotting topics, in samples, at most 1000: 1 is every sample, unfiltered, 0
+    /// none. From 2 on they are filtered against aliases, as `docs/recording.md` states.
     pub plot_every_samples: u64,
-    /// How long before its sample a reading was, in samples, 0 or more: noted in the file. By default 0.5.
+    /// Delay of a reading against its sample, in samples, 0 or more: noted in the file. By default 0.5.
     pub reading_delay_samples: f64,
-    /// What states and readings consist of. By default the arm's, without the coil of a shaker.
+    /// Channels of states and readings. By default the arm's, without the coil of a shaker.
     pub channels: Channels,
 }
 
 impl Options {
-    /// For a run in real time: `clock` read 0 at `clock_epoch_unix_ns` of the UNIX epoch; flushes every half second of
-    /// it.
+    /// Options for a run in real time: `clock` read 0 at `clock_epoch_unix_ns` of the UNIX epoch; flushes every half
+    /// second of it.
     pub fn real_time(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
         Options {
             time_base: TimeBase::RealTime { clock_epoch_unix_ns },
@@ -132,13 +135,14 @@ impl Options {
         }
     }
 
-    /// For a run in lockstep: as [`Options::real_time`], but log times count from 0.
+    /// Options for a run in lockstep: as [`Options::real_time`], but log times count from 0.
     pub fn lockstep(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
         let time_base = TimeBase::Lockstep { clock_epoch_unix_ns };
         Options { time_base, ..Options::real_time(dt_s, interface, clock_epoch_unix_ns, clock) }
     }
 
-    /// For a run of simulated time alone: starts at 0, flushes every 1000 samples; the same run gives the same bytes.
+    /// Options for a run of simulated time alone: starts at 0, flushes every 1000 samples; the same run produces
+    /// identical bytes.
     pub fn virtual_time(dt_s: f64, interface: &str) -> Options {
         Options {
             dt_s,
@@ -155,12 +159,13 @@ impl Options {
         }
     }
 
-    /// When a sample is in simulated time, ns from the start of the run: sample·dt, rounded to the nearest nanosecond.
+    /// Returns the simulated time of a sample, ns from the start of the run: sample·dt, rounded to the nearest
+    /// nanosecond.
     pub(super) fn simulated_ns(&self, sample: u64) -> u64 {
         libm::round(sample as f64 * self.dt_s * 1e9) as u64
     }
 
-    /// Refuses values that make no sense.
+    /// Rejects invalid values.
     pub(super) fn check(&self) -> Result<(), RecordingError> {
         // A batch of so many takes some 10 MB, far less than a chunk may.
         const MOST_IN_A_BATCH: u32 = 100_000;

@@ -1,4 +1,4 @@
-//! The plotting topics: states, loads and readings once more, every n-th sample, a message each.
+//! The plotting topics: states, loads and readings again, every n-th sample, one message each.
 
 use super::channels::Channels;
 use super::decimate::{Decimated, Decimator};
@@ -7,8 +7,8 @@ use super::schema::MessageType;
 use super::{SampleRecord, StateRecord, Topic};
 use resonarm_bench::rig::Load;
 
-/// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since
-/// the bits below can't be compressed. A value of no filter stays as it is.
+/// Returns the value as it is plotted: a filtered value, which is exact to 1e-4 of the amplitude, rounded to 24 bits,
+/// since the bits below can't be compressed. An unfiltered value stays unchanged.
 fn plotted(every: u64, value: f64) -> f64 {
     const DROPPED: u64 = (1 << 29) - 1;
     match value.is_finite() && every > 1 {
@@ -19,9 +19,9 @@ fn plotted(every: u64, value: f64) -> f64 {
     }
 }
 
-/// Gathers what is to be plotted.
+/// Gathers the messages for plotting.
 pub struct Plots {
-    /// Every how many samples something is plotted.
+    /// Interval of the messages, in samples.
     every: u64,
     channels: Channels,
     states: Decimator,
@@ -35,7 +35,7 @@ pub struct Plots {
 }
 
 impl Plots {
-    /// For every `every`-th sample of these channels; 0 is none.
+    /// Makes messages for every `every`-th sample of these channels; 0 makes none.
     pub fn new(every: u64, channels: &Channels) -> Plots {
         let [states, readings] = [Topic::States, Topic::Samples].map(|topic| channels.of(topic).len());
         Plots {

@@ -1,4 +1,4 @@
-//! A recording read back.
+//! Reads a recording.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,25 +17,25 @@ use resonarm_scenario::{Scenario, ScenarioError};
 
 /// A recording whose every checksum has been checked.
 ///
-/// Only what the file says about itself is held in memory; records are read from the file when they are asked for.
+/// Only the description of the file is held in memory; records are read from the file on request.
 #[derive(Clone, Debug)]
 pub struct Recording {
     path: PathBuf,
     scan: Scan,
     origin: Origin,
     configuration: Configuration,
-    /// The FMU that may be loaded to simulate the run again.
+    /// The FMU that may be loaded for a re-simulation of the run.
     fmu: Option<PathBuf>,
 }
 
 impl Recording {
-    /// Reads the file once from end to end, checks every checksum, and notes what it says about itself.
+    /// Reads the file once from end to end, checks every checksum, and keeps the file's description of itself.
     ///
-    /// A truncated or damaged file opens as well: [`Recording::integrity`] says so, and the records before the first
-    /// bad byte can be had.
+    /// A truncated or damaged file opens as well: [`Recording::integrity`] reports this, and the records before the
+    /// first bad byte can be read.
     ///
     /// # Errors
-    /// [`RecordingError`] if the file can't be read, is no recording, or was cut off before anything was in it.
+    /// [`RecordingError`] if the file can't be read, is not a recording, or was cut off before its head was complete.
     pub fn open(path: impl AsRef<Path>) -> Result<Recording, RecordingError> {
         let path = path.as_ref();
         let scan = scan(path)?;
@@ -51,14 +51,14 @@ impl Recording {
         Ok(Recording { path: path.to_path_buf(), scan, origin, configuration, fmu: None })
     }
 
-    /// Allows an FMU to be loaded from `file` where the run of one is simulated again. A recording is data, so that the
-    /// file that it names is never loaded; it counts as the recorded FMU if its SHA-256 is the recorded one.
+    /// Allows an FMU to be loaded from `file` for a re-simulation. A recording is data, so the file that it names is
+    /// never loaded; `file` counts as the recorded FMU if its SHA-256 is the recorded one.
     #[must_use]
     pub fn allow_fmu(self, file: impl Into<PathBuf>) -> Recording {
         Recording { fmu: Some(file.into()), ..self }
     }
 
-    /// The scenario of the run.
+    /// Returns the scenario of the run.
     ///
     /// # Errors
     /// As [`Scenario::from_configuration`].
@@ -75,7 +75,7 @@ impl Recording {
         &self.path
     }
 
-    /// Whether the file is whole.
+    /// Returns whether the file is whole.
     pub fn integrity(&self) -> &Integrity {
         &self.scan.integrity
     }
@@ -85,7 +85,7 @@ impl Recording {
         &self.origin
     }
 
-    /// The configuration of the run.
+    /// Returns the configuration of the run.
     pub fn configuration(&self) -> &Configuration {
         &self.configuration
     }
@@ -95,7 +95,7 @@ impl Recording {
         &self.scan.tally.channels
     }
 
-    /// The statistics handed in at the end of the run, if its end is in the file.
+    /// Returns the statistics passed at the end of the run, if its end is in the file.
     pub fn statistics(&self) -> Option<&BTreeMap<String, String>> {
         self.scan.metadata.get(metadata::STATISTICS)
     }
@@ -120,7 +120,7 @@ impl Recording {
         }
     }
 
-    /// All records as they stand in the file, gaps and all. Within a topic they are in order; rows of a batch come
+    /// Returns all records in the file, also beyond gaps. Within a topic they are in order; rows of a batch come
     /// together, so that topics are interleaved only roughly.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ impl Recording {
         })
     }
 
-    /// Every state, in order and without a gap.
+    /// Returns every state, in order and without a gap.
     ///
     /// # Errors
     /// [`RecordingError::Gap`] before anything is returned if samples are missing; [`RecordingError::MissingTopic`] if
@@ -141,7 +141,7 @@ impl Recording {
         self.continuous(&[Topic::States], |message, queue| decode::numbers(message, |record| queue.push_back(record)))
     }
 
-    /// Every sample, in order and without a gap.
+    /// Returns every sample, in order and without a gap.
     ///
     /// # Errors
     /// As [`Recording::states`].
@@ -149,7 +149,7 @@ impl Recording {
         self.continuous(&[Topic::Samples], |message, queue| decode::numbers(message, |record| queue.push_back(record)))
     }
 
-    /// Every tick of the real-time loop, in order and without a gap.
+    /// Returns every tick of the real-time loop, in order and without a gap.
     ///
     /// # Errors
     /// As [`Recording::states`].
@@ -157,7 +157,7 @@ impl Recording {
         self.continuous(&[Topic::Ticks], |message, queue| decode::ticks(message, |record| queue.push_back(record)))
     }
 
-    /// Every frame on the bus, in order.
+    /// Returns every frame on the bus, in order.
     ///
     /// # Errors
     /// [`RecordingError::MissingTopic`] if the file has no such topic.
@@ -165,7 +165,7 @@ impl Recording {
         self.continuous(&[Topic::Frames], |message, queue| decode::frames(message, |record| queue.push_back(record)))
     }
 
-    /// Every event, in order.
+    /// Returns every event, in order.
     ///
     /// # Errors
     /// [`RecordingError::MissingTopic`] if the file has no such topic.
@@ -173,7 +173,7 @@ impl Recording {
         self.continuous(&[Topic::Events], |message, queue| decode::events(message, |record| queue.push_back(record)))
     }
 
-    /// The records of one topic, if it is there and has no gap.
+    /// Returns the records of one topic, if the file has it and it has no gap.
     fn continuous<T>(&self, topics: &'static [Topic; 1], decode: Decode<T>) -> Result<Records<T>, RecordingError> {
         let [topic] = *topics;
         let found = &self.scan.tally.topics[topic as usize];

@@ -1,4 +1,5 @@
-//! What a run hands to the recorder: small values of fixed size, so that they pass through a ring without allocation.
+//! Records that a run passes to the recorder: small values of fixed size, so that they pass through a ring without
+//! allocation.
 
 use resonarm_protocol::Frame;
 
@@ -9,7 +10,7 @@ use resonarm_bench::rig::Readings;
 use resonarm_bench::structure::{LoadSet, States};
 use resonarm_realtime::OverrunCause;
 
-/// One thing worth recording.
+/// A record of a run.
 ///
 /// `Name` is the type of an event's name: `&'static str` on the way in, so that a record needs no allocation, and
 /// [`String`] when read back.
@@ -22,14 +23,14 @@ pub enum Record<Name = &'static str> {
     Sample(SampleRecord),
     /// A frame on the bus.
     Frame(FrameRecord),
-    /// How punctual a tick of the real-time loop was.
+    /// Punctuality of a tick of the real-time loop.
     Tick(TickRecord),
-    /// Something that happened: a state change, a fault, an overrun.
+    /// An event: a state change, a fault, an overrun.
     Event(Event<Name>),
 }
 
 impl<Name> Record<Name> {
-    /// Index of the sample it belongs to.
+    /// Returns the index of its sample.
     pub const fn sample(&self) -> u64 {
         match self {
             Record::State(record) => record.sample,
@@ -40,7 +41,7 @@ impl<Name> Record<Name> {
         }
     }
 
-    /// Where it is recorded.
+    /// Returns the topic in which it is recorded.
     pub const fn topic(&self) -> Topic {
         match self {
             Record::State(_) => Topic::States,
@@ -51,7 +52,7 @@ impl<Name> Record<Name> {
         }
     }
 
-    /// Its numbers in the order of the channels of its topic; none of frames, ticks and events.
+    /// Returns its numbers in the order of the channels of its topic; none for frames, ticks and events.
     pub fn values(&self) -> Values {
         match self {
             Record::State(record) => record.values(),
@@ -63,22 +64,19 @@ impl<Name> Record<Name> {
 
 /// The structure at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
 ///
-/// From these alone the run can be simulated again bit for bit: states and load of a sample give the states of the
-/// next.
+/// They alone allow a bit-identical re-simulation of the run: states and load of a sample give the states of the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateRecord {
     /// Index of the sample; sample k is at k times the sample period.
     pub sample: u64,
-    /// Coordinates, their rates, and states of devices and elements, in the order of the recording's channels; of the
+    /// Coordinates, their rates, and states of devices and elements, in the order of the recording's channels; for the
     /// arm α1, α2, α̇1, α̇2, and the current in the coil of its shaker.
     pub states: States,
-    /// The load: torques at joints, N·m, and the force of the exciter, N; of a shaker, the force that it would exert were
-    /// it blocked.
+    /// The load: torques at joints, N·m, and the force of the exciter, N; for a shaker, its blocked force.
     pub load: Load,
-    /// Which parts of it the plant takes, and a recording has.
+    /// The parts of the load that the plant accepts, and a recording has.
     pub taken: LoadSet,
-    /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
-    /// nothing.
+    /// Whether this is the end of the run: no step starts here, so the load is not held, and is 0 without a meaning.
     pub is_end: bool,
 }
 
@@ -88,7 +86,7 @@ impl StateRecord {
         self.values_with(&self.load)
     }
 
-    /// The same with another load.
+    /// Returns its numbers with another load.
     pub(super) fn values_with(&self, load: &Load) -> Values {
         let mut values = Values::new(&[self.states.moving()]);
         self.taken.parts(load).for_each(|part| values.push(part));
@@ -97,7 +95,7 @@ impl StateRecord {
     }
 }
 
-/// What the sensors said at sample `sample`: after range, noise and quantisation, before the wire's scaling.
+/// Readings of the sensors at sample `sample`: after range, noise and quantisation, before the scaling of a protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleRecord {
     /// Index of the sample.
@@ -108,7 +106,7 @@ pub struct SampleRecord {
     pub acceleration_c_m_s2: [f64; 2],
     /// Force in the impedance head at C along x and y, N.
     pub head_force_n: [f64; 2],
-    /// Which of these were beyond the range of their sensor.
+    /// The readings that are beyond the range of their sensor.
     pub clipped: Clipped,
     /// The readings of the other sensors, with their own marks.
     pub more: Readings,
@@ -120,19 +118,19 @@ impl SampleRecord {
         Values::new(&self.vectors())
     }
 
-    /// Which of all its numbers are clipped, a bit each in their order.
+    /// Returns which of its numbers are clipped, one bit each in their order.
     pub fn clipped_bits(&self) -> u32 {
         // The six readings of every rig come first, so their bits are the same in all recordings.
         self.clipped.bits() | self.more.clipped() << Clipped::COUNT
     }
 
-    /// The numbers of [`SampleRecord::values`] as the vectors of a batch.
+    /// Returns the numbers of [`SampleRecord::values`] as the vectors of a batch.
     pub(super) fn vectors(&self) -> [&[f64]; 4] {
         [&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n, self.more.values()]
     }
 }
 
-/// Which readings of a sample were beyond the range of their sensor, so that the value is the last within it.
+/// The readings of a sample that are beyond the range of their sensor, so that the value is the last within it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Clipped {
     /// Acceleration of point B along x and y.
@@ -151,48 +149,48 @@ impl Clipped {
     /// The number of bits.
     pub const COUNT: usize = 6;
 
-    /// One by one: of B, of C, of the head, x before y.
+    /// Returns the marks one by one: of B, of C, of the head, x before y.
     pub(crate) fn marks(self) -> [bool; 6] {
         let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b, self.acceleration_c, self.head_force);
         [b_x, b_y, c_x, c_y, x, y]
     }
 
-    /// As in the file: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
+    /// Returns the bits in the file: 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head, x before y.
     pub fn bits(self) -> u32 {
         self.marks().into_iter().enumerate().map(|(bit, clipped)| u32::from(clipped) << bit).sum()
     }
 
-    /// From the file; the bits beyond [`Clipped::COUNT`] are those of other sensors.
+    /// Makes the marks from the bits in the file; bits beyond [`Clipped::COUNT`] are those of other sensors.
     pub(super) fn from_bits(bits: u32) -> Clipped {
         let pair = |bit: u32| [bits >> bit & 1 == 1, bits >> (bit + 1) & 1 == 1];
         Clipped { acceleration_b: pair(0), acceleration_c: pair(2), head_force: pair(4) }
     }
 
-    /// Whether there is any.
+    /// Says whether any reading is clipped.
     pub fn any(self) -> bool {
         self != Clipped::NONE
     }
 }
 
-/// Which way a frame went, seen from the plant.
+/// Direction of a frame, seen from the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// Came in from the bus.
+    /// Received from the bus.
     Received,
-    /// Was sent to the bus.
+    /// Sent to the bus.
     Sent,
 }
 
-/// A frame and when it was on the bus.
+/// A frame and its times on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameRecord {
-    /// The sample in which the frame took effect (received) or of which it tells (sent).
+    /// The sample in which the frame took effect (received) or which it describes (sent).
     pub sample: u64,
-    /// Which way it went.
+    /// Direction of the frame.
     pub direction: Direction,
-    /// When the run loop handled it, nanoseconds since the start of the run.
+    /// Time at which the run loop handled it, nanoseconds since the start of the run.
     pub time_ns: u64,
-    /// When the kernel or the adapter saw it, nanoseconds of the UNIX epoch, where known.
+    /// Time at which the kernel or the adapter saw it, nanoseconds of the UNIX epoch, where known.
     pub bus_timestamp_ns: Option<u64>,
     /// The frame as it was sent or received.
     pub frame: Frame,
@@ -203,25 +201,25 @@ pub struct FrameRecord {
 pub struct TickRecord {
     /// Index of the sample.
     pub sample: u64,
-    /// How late the loop woke after the tick's deadline, ns.
+    /// Delay of the loop's waking after the tick's deadline, ns.
     pub wakeup_ns: u64,
-    /// How long the tick's work took, ns.
+    /// Execution time of the tick, ns.
     pub exec_ns: u64,
     /// Deadlines missed since the tick before: 0 when on time.
     pub overruns: u32,
-    /// Why; `None` if none was missed, and in recordings made before it was recorded.
+    /// Cause of the missed deadlines; `None` if none was missed, and in old recordings without causes.
     pub cause: Option<OverrunCause>,
 }
 
-/// Something that happened at a sample.
+/// An event at a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event<Name = &'static str> {
     /// Index of the sample.
     pub sample: u64,
-    /// When, nanoseconds since the start of the run.
+    /// Time of the event, nanoseconds since the start of the run.
     pub time_ns: u64,
-    /// What, as a short stable name, for example `state.fault`.
+    /// Short stable name, for example `state.fault`.
     pub name: Name,
-    /// A number that belongs to it (a fault code, a count), 0 where none does.
+    /// Number that belongs to it (a fault code, a count), 0 if it has none.
     pub value: i64,
 }

@@ -1,4 +1,4 @@
-//! The recorder as the run loops see it: channels that take records, and an end.
+//! The recorder's interface to the run loops: channels that accept records, and an end.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,7 +11,7 @@ use super::slots::{self, MOST_SLOTS, Slot};
 use super::writer::{Summary, Writer};
 use super::{Configuration, Options, Record, RecordingError};
 
-/// How long a full channel waits before it looks again.
+/// Wait before a full channel is checked again.
 const FULL_WAIT: Duration = Duration::from_micros(50);
 
 /// Writes a recording on a thread of its own.
@@ -19,9 +19,9 @@ const FULL_WAIT: Duration = Duration::from_micros(50);
 /// The thread inherits scheduling policy and affinity of the thread that calls [`Recorder::create`]: call it before the
 /// set-up of a real-time thread.
 ///
-/// Dropping a recorder gives the recording up: the file has no end, so that it opens as
-/// [`Integrity::Truncated`](super::Integrity::Truncated) with what came until then. Without a record, or before it has
-/// its name ([`Naming`](super::Naming)), it is removed.
+/// Dropping a recorder abandons the recording: the file has no end, so that it opens as
+/// [`Integrity::Truncated`](super::Integrity::Truncated) with the records written until then. Without a record, or
+/// before it has its name ([`Naming`](super::Naming)), it is removed.
 #[derive(Debug)]
 pub struct Recorder {
     control: mpsc::Sender<Control>,
@@ -32,13 +32,13 @@ pub struct Recorder {
 /// Fate of a record given to [`Channel::push`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pushed {
-    /// It is on its way to the file.
+    /// The record is on its way to the file.
     Stored,
-    /// The channel was full, or the recorder has failed: it is lost, and counted.
+    /// The channel was full, or the recorder has failed: the record is lost, and counted.
     Lost,
 }
 
-/// One producer's way into a recording: a ring that takes records without waiting.
+/// One producer's channel into a recording: a ring that accepts records without waiting.
 #[derive(Debug)]
 pub struct Channel {
     ring: rtrb::Producer<Slot>,
@@ -51,9 +51,9 @@ impl Recorder {
     /// Creates the file, writes `configuration` into it and starts the thread.
     ///
     /// # Errors
-    /// [`RecordingError::Exists`] if the file is there already, [`RecordingError::Create`] if it can't be created,
-    /// [`RecordingError::Write`] if not even its head can be written, [`RecordingError::Option`] if `options` make no
-    /// sense.
+    /// [`RecordingError::Exists`] if the file already exists, [`RecordingError::Create`] if it can't be created,
+    /// [`RecordingError::Write`] if not even its head can be written, [`RecordingError::Option`] if `options` are
+    /// invalid.
     pub fn create(
         path: impl AsRef<Path>,
         configuration: &Configuration,
@@ -103,13 +103,13 @@ impl Recorder {
         &self.shared.path
     }
 
-    /// Whether nothing is recorded any more: [`Recorder::failure`] says why. Cheap, but not for the real-time loop.
+    /// Says whether the recorder has failed: [`Recorder::failure`] returns the reason. Cheap, but not for the real-time
+    /// loop.
     pub fn has_failed(&self) -> bool {
         self.shared.failure.get().is_some() || self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Why nothing is recorded any more, if so: a full disk, for example. The first failure also goes to the log at
-    /// once.
+    /// Returns the failure of the recorder, if any: a full disk, for example. The first failure is also logged at once.
     pub fn failure(&self) -> Option<RecordingError> {
         let dead = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
         match self.shared.failure.get() {
@@ -119,8 +119,8 @@ impl Recorder {
         }
     }
 
-    /// Writes what is in the channels, the configuration again, `statistics` and the count of lost records, and closes
-    /// the file. What a channel takes after this call began is not recorded.
+    /// Writes the records in the channels, the configuration again, `statistics` and the count of lost records, and
+    /// closes the file. Records pushed after this call began are not recorded.
     ///
     /// # Errors
     /// [`RecordingError`] if writing failed, now or at any time before; [`RecordingError::Gone`] if the file was
@@ -130,8 +130,8 @@ impl Recorder {
         self.end(Ending::Whole(statistics))
     }
 
-    /// As [`Recorder::finish`], of a recording made from others that are not whole. It says so, by `made_from`, and opens
-    /// as [`Integrity::Unfinished`](super::Integrity::Unfinished).
+    /// Works like [`Recorder::finish`], for a recording made from others that are not whole. `made_from` states this in
+    /// the file, and it opens as [`Integrity::Unfinished`](super::Integrity::Unfinished).
     ///
     /// # Errors
     /// As [`Recorder::finish`].
@@ -145,7 +145,7 @@ impl Recorder {
         self.end(Ending::Partial { statistics, made_from })
     }
 
-    /// Ends the thread. A thread that has ended before takes no command; its result says why.
+    /// Ends the thread. A thread that has ended before accepts no command; its result states the reason.
     fn end(&mut self, ending: Ending) -> Result<Summary, RecordingError> {
         let _ended_before = self.control.send(Control::End(ending));
         match self.thread.take() {
@@ -168,8 +168,8 @@ impl Drop for Recorder {
 }
 
 impl Channel {
-    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record, by the
-    /// loop itself, so that its times and those of the bus have one origin. Never blocks, locks or allocates.
+    /// Sets the start of the run on the loop's clock, ns. Must be called before the first record, by the loop itself,
+    /// so that its times and those of the bus have one origin. Never blocks, locks or allocates.
     pub fn begin(&mut self, clock_ns: u64) {
         self.shared.start_clock_ns.store(clock_ns, Ordering::Release);
     }
@@ -206,12 +206,12 @@ impl Channel {
         }
     }
 
-    /// Whether nothing that it takes is recorded any more. Neither blocks, locks nor allocates: for the real-time loop.
+    /// Says whether its records are no longer written. Neither blocks, locks nor allocates: for the real-time loop.
     pub fn has_failed(&self) -> bool {
         self.shared.failure.get().is_some()
     }
 
-    /// Records this channel has lost so far.
+    /// Returns the number of records this channel has lost so far.
     pub fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
     }

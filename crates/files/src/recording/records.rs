@@ -1,4 +1,4 @@
-//! The records of a recording, one after the other.
+//! Iterates over the records of a recording.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -8,7 +8,7 @@ use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::RawMessage;
 use super::schema::Topic;
 
-/// Appends the records in a message. Errors: what is wrong with it.
+/// Appends the records in a message. The error describes an invalid message.
 pub(super) type Decode<T> = fn(RawMessage<'_>, &mut VecDeque<T>) -> Result<(), String>;
 
 /// Records of a recording, read from the file chunk by chunk. Ends after the first error.
@@ -17,16 +17,16 @@ pub struct Records<T> {
     readable_bytes: u64,
     topics: &'static [Topic],
     decode: Decode<T>,
-    /// Where the chunk read last begins in the file.
+    /// Position in the file of the chunk read last.
     chunk: u64,
-    /// The first of its messages that has not been decoded. One at a time is decoded: it fits a cache, a chunk does
-    /// not.
+    /// The first of its messages that has not been decoded. Messages are decoded one at a time: one fits a cache, a
+    /// chunk does not.
     next: usize,
     queue: VecDeque<T>,
 }
 
 impl<T> Records<T> {
-    /// What `decode` makes of the messages in `topics`, as far as the file is good.
+    /// Iterates over the records that `decode` returns for the messages in `topics`, as far as the file is valid.
     pub(super) fn new(
         path: &Path,
         readable_bytes: u64,
@@ -55,7 +55,7 @@ impl<T> Records<T> {
         Ok(())
     }
 
-    /// Reads on until there is a record to hand out or the good part ends. After an error it has ended.
+    /// Reads until there is a record to return or the valid part ends. After an error it has ended.
     fn fill(&mut self) -> Result<(), RecordingError> {
         while self.queue.is_empty() {
             match self.decode_message().and_then(|is_decoded| Ok(is_decoded || self.read_chunk()?)) {
@@ -82,7 +82,7 @@ impl<T> Records<T> {
         Ok(true)
     }
 
-    /// Reads the next chunk, if there is one in the good part.
+    /// Reads the next chunk, if there is one in the valid part.
     fn read_chunk(&mut self) -> Result<bool, RecordingError> {
         while self.walk.offset() < self.readable_bytes {
             self.chunk = self.walk.offset();

@@ -1,4 +1,4 @@
-//! A truncated or damaged recording made whole again.
+//! Recovers a truncated or damaged recording.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::sink::Sink;
 use super::{Compression, Existing, Integrity, RecordingError};
 use crate::staged::{Staged, same_file};
 
-/// Result of a recovery: the new file, and what the old one lacks.
+/// Result of a recovery: the new file, and the data that the old one lacks.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Recovered {
     /// Path of the new file.
@@ -21,14 +21,14 @@ pub struct Recovered {
     pub messages: u64,
     /// Damage of the old file.
     pub source: Integrity,
-    /// The parts of the old file from which nothing could be had.
+    /// The parts of the old file from which nothing could be read.
     pub lost_chunks: Vec<LostChunk>,
-    /// States that are missing between others that were recovered. What is missing before the first or behind the last
-    /// is not known.
+    /// States that are missing between others that were recovered. Missing states before the first or behind the last
+    /// are unknown.
     pub missing_samples: Vec<MissingSamples>,
 }
 
-/// Samples that are missing.
+/// A range of missing samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct MissingSamples {
     /// Index of the first missing sample.
@@ -39,14 +39,14 @@ pub struct MissingSamples {
 
 /// Copies everything that can be read of `input` into a new file `output`, which is whole. Damaged chunks are left out.
 ///
-/// The messages are copied byte for byte. The new file says in its metadata `resonarm.recovered` what it was made from,
-/// and opens as [`Integrity::Unfinished`]. It takes its name when it is on the disk, so that nothing that was there
-/// before is lost if recovery fails.
+/// The messages are copied byte for byte. The new file states its source in its metadata `resonarm.recovered`, and
+/// opens as [`Integrity::Unfinished`]. It gets its name when it is on the disk, so that an existing file is kept if the
+/// recovery fails.
 ///
 /// # Errors
 /// [`RecordingError::Whole`] if nothing is wrong with `input`, [`RecordingError::SameFile`] if `output` is `input`,
-/// [`RecordingError::NothingRecovered`] if no message is left, [`RecordingError::Metadata`] if `input` does not say any
-/// more when and by what it was made; else as for opening the one and creating the other.
+/// [`RecordingError::NothingRecovered`] if no message is left, [`RecordingError::Metadata`] if the description of
+/// `input` is lost; else as for opening the one and creating the other.
 pub fn recover(
     input: impl AsRef<Path>,
     output: impl AsRef<Path>,
@@ -63,7 +63,7 @@ pub fn recover(
     if same_file(input, output) {
         return Err(RecordingError::SameFile { path: input.to_path_buf() });
     }
-    // What can't be opened afterwards is not recovered.
+    // A file that could not be opened afterwards would not be recovered.
     scan.origin(input)?;
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
     let (mut staged, file) = Staged::create(output, existing).map_err(|error| RecordingError::create(output, error))?;
@@ -88,7 +88,7 @@ pub fn recover(
     Ok(Recovered { path: output.to_path_buf(), bytes, messages, source: scan.integrity, lost_chunks, missing_samples })
 }
 
-/// Writes the messages that are left, of which there must be one.
+/// Writes the remaining messages, of which there must be at least one.
 fn fill(sink: &mut Sink, salvage: Salvage, input: &Path, scan: &Scan) -> Result<Copied, RecordingError> {
     if let Some(start) = scan.metadata.get(metadata::START) {
         sink.metadata(metadata::START, start)?;
@@ -102,7 +102,7 @@ fn fill(sink: &mut Sink, salvage: Salvage, input: &Path, scan: &Scan) -> Result<
     Ok(copied)
 }
 
-/// Writes what is known of the end of the run, and what the new file was made from.
+/// Writes the known statistics of the end of the run, and the source of the new file.
 fn finish(sink: &mut Sink, input: &Path, scan: &Scan, copied: &Copied) -> Result<(), RecordingError> {
     if let Some(statistics) = scan.metadata.get(metadata::STATISTICS) {
         sink.metadata(metadata::STATISTICS, statistics)?;
@@ -115,7 +115,7 @@ fn messages(sink: &Sink) -> u64 {
     Topic::ALL.into_iter().map(|topic| sink.messages(topic)).sum()
 }
 
-/// A first pass: metadata behind what is damaged go into `scan`, and what is declared anywhere is known to the second.
+/// Makes a first pass: metadata behind the damage go into `scan`, and the second pass knows all declarations.
 fn survey(input: &Path, scan: &mut Scan) -> Result<Salvage, RecordingError> {
     // In a file that is only cut short everything before the end has been checked, messages outside chunks too.
     let is_damaged = matches!(scan.integrity, Integrity::Damaged { .. });
@@ -157,14 +157,14 @@ fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copie
     Ok(Copied { lost, missing })
 }
 
-/// The states that are missing between a chunk and those before it.
+/// Returns the states that are missing between a chunk and those before it.
 fn between(before: &Tally, with: &Tally) -> Option<MissingSamples> {
     let [before, with] = [before, with].map(|tally| &tally.topics[Topic::States as usize]);
     let (expected, first) = (before.expected?, with.first_of_chunk?);
     (first > expected).then(|| MissingSamples { first: expected, last: first - 1 })
 }
 
-/// Metadata of the new file about the recording from which it was recovered.
+/// Returns metadata of the new file about the recording from which it was recovered.
 fn account(input: &Path, scan: &Scan, copied: &Copied) -> BTreeMap<String, String> {
     let mut account = BTreeMap::from([(String::from("source"), input.display().to_string())]);
     let mut note = |key: &str, value: String| account.insert(String::from(key), value);

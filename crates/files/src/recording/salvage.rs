@@ -1,4 +1,4 @@
-//! What is left of a damaged file: every record that is whole, wherever it stands.
+//! Finds every whole record of a damaged file, wherever it is.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,18 +17,18 @@ use super::{RecordingError, source};
 const RECORD_HEAD: u64 = 9;
 /// Bytes searched at a time.
 const WINDOW: u64 = 1 << 16;
-/// The first bytes of a metadata record of ours, after its opcode and length: the length of its name, below 256, and
+/// The first bytes of this program's metadata records, after opcode and length: the length of the name, below 256, and
 /// this.
 const OUR_METADATA: &[u8] = b"resonarm.";
 
-/// A part of the file from which nothing could be had.
+/// A part of the file from which nothing could be read.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LostChunk {
-    /// Where it begins, bytes.
+    /// Position of the part, bytes.
     pub offset: u64,
     /// Size of the lost part, bytes.
     pub bytes: u64,
-    /// First and last log time that it states of itself, ns, where it can be believed.
+    /// First and last log time that it states, ns, where they are plausible.
     pub log_times_ns: Option<(u64, u64)>,
     /// Damage of the chunk, in words.
     pub cause: String,
@@ -38,25 +38,25 @@ pub struct LostChunk {
 pub(super) enum Piece {
     /// A metadata record: name and content.
     Metadata(String, BTreeMap<String, String>),
-    /// Messages: they are in [`Salvage::contents`] until the next piece is read.
+    /// Messages, which are in [`Salvage::contents`] until the next piece is read.
     Chunk {
-        /// Where it begins, bytes.
+        /// Position of the chunk, bytes.
         offset: u64,
         /// Size of the chunk in the file, bytes.
         bytes: u64,
     },
-    /// Something that carries no data.
+    /// A record without data.
     Other,
-    /// Nothing to be had up to the next piece.
+    /// A part up to the next piece from which nothing could be read.
     Lost(LostChunk),
 }
 
-/// A pass through a file that goes on behind what is damaged.
+/// A pass through a file that continues behind damaged parts.
 ///
-/// A record is an opcode, a length and that many bytes. A wrong byte inside a chunk spoils that chunk alone: its
-/// checksum says so, and the next record begins where its length says. If the length itself is wrong, no record stands
-/// there, and the pass looks for the next place where a chunk whose lengths agree, or a metadata record of ours,
-/// begins.
+/// A record is an opcode, a length and that many bytes. A wrong byte inside a chunk spoils only that chunk: its
+/// checksum shows the damage, and the next record begins where its length says. If the length itself is wrong, no
+/// record is found there, and the pass searches for the next chunk whose lengths agree, or the next metadata record of
+/// this program.
 pub(super) struct Salvage {
     path: PathBuf,
     file: File,
@@ -64,7 +64,7 @@ pub(super) struct Salvage {
     offset: u64,
     contents: Contents,
     body: Vec<u8>,
-    /// Whether messages outside chunks are taken: they have no checksum of their own.
+    /// Whether messages outside chunks are accepted: they have no checksum of their own.
     takes_bare_messages: bool,
 }
 
@@ -79,17 +79,17 @@ impl Salvage {
         Ok(Salvage { path, file, file_bytes, offset, contents, body, takes_bare_messages })
     }
 
-    /// The same file from its start, with all that is declared anywhere in it known.
+    /// Restarts the same file, with all declarations in it known.
     pub fn again(self) -> Salvage {
         Salvage { offset: MAGIC.len() as u64, ..self }
     }
 
-    /// The messages of the chunk read last.
+    /// Returns the messages of the chunk read last.
     pub fn contents(&self) -> &Contents {
         &self.contents
     }
 
-    /// The next piece, `None` at the end of the file.
+    /// Returns the next piece; `None` at the end of the file.
     pub fn next(&mut self) -> Result<Option<Piece>, RecordingError> {
         self.piece().map_err(|source| RecordingError::Open { path: self.path.clone(), source: Arc::new(source) })
     }
@@ -126,7 +126,7 @@ impl Salvage {
         }
     }
 
-    /// Makes sense of a whole record.
+    /// Interprets a whole record.
     fn read(&mut self, opcode: u8, body: &[u8], bytes: u64) -> Result<Piece, Fault> {
         match opcode {
             op::CHUNK => {
@@ -147,7 +147,7 @@ impl Salvage {
         }
     }
 
-    /// Opcode and length of the record at `offset`, if one can stand there.
+    /// Returns opcode and length of the record at `offset`, if one can be there.
     fn head(&self, offset: u64) -> io::Result<Option<(u8, u64)>> {
         let mut head = [0; RECORD_HEAD as usize];
         if offset.checked_add(RECORD_HEAD).is_none_or(|end| end > self.file_bytes) {
@@ -161,7 +161,7 @@ impl Salvage {
         Ok((fits && (op::HEADER..=op::DATA_END).contains(&opcode)).then_some((opcode, length)))
     }
 
-    /// Whether the file ends here, in order.
+    /// Says whether the file ends here, in order.
     fn ends_here(&self) -> io::Result<bool> {
         let mut rest = [0; MAGIC.len()];
         if self.file_bytes - self.offset != MAGIC.len() as u64 {
@@ -171,7 +171,7 @@ impl Salvage {
         Ok(rest == MAGIC)
     }
 
-    /// Gives up what stands between here and the next record at `from` or later.
+    /// Gives up the bytes between here and the next record at `from` or later.
     fn lose(&mut self, from: u64, cause: String) -> io::Result<Piece> {
         let offset = self.offset;
         let known = self.head(from)?.is_some() || from == self.file_bytes;
@@ -180,8 +180,8 @@ impl Salvage {
         Ok(Piece::Lost(LostChunk { offset, bytes, log_times_ns: self.stated_times(offset)?, cause }))
     }
 
-    /// The next place, at `from` or later, where a chunk or a metadata record begins; the end of the file if there is
-    /// none.
+    /// Returns the next position, at `from` or later, at which a chunk or a metadata record begins; the end of the file
+    /// if there is none.
     fn search(&self, from: u64) -> io::Result<u64> {
         let mut window = vec![0; WINDOW as usize];
         let mut start = from;
@@ -199,7 +199,7 @@ impl Salvage {
         Ok(self.file_bytes)
     }
 
-    /// Whether a chunk whose lengths agree, or a metadata record of ours, begins at `offset`.
+    /// Says whether a chunk whose lengths agree, or a metadata record of this program, begins at `offset`.
     fn begins(&self, offset: u64) -> io::Result<bool> {
         let Some((opcode, length)) = self.head(offset)? else { return Ok(false) };
         let mut body = [0; CHUNK_HEAD + 8]; // the longest name of a compression has 4 letters
@@ -219,7 +219,7 @@ impl Salvage {
         Ok(records.and_then(|records| records.checked_add(CHUNK_HEAD as u64 + name)) == Some(length))
     }
 
-    /// First and last log time of the chunk at `offset`, if there is one and they are in order.
+    /// Returns first and last log time of the chunk at `offset`, if there is one and they are in order.
     fn stated_times(&self, offset: u64) -> io::Result<Option<(u64, u64)>> {
         let mut times = [0; 16];
         let mut opcode = [0];

@@ -1,4 +1,4 @@
-//! The first pass through a file: is it whole, and what is in it?
+//! The first pass through a file, which checks whether it is whole, and counts its contents.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,7 +19,7 @@ use super::{
 };
 use resonarm_numeric::number::short;
 
-/// How many faults are listed one by one; later ones are in `/events`.
+/// The number of faults that are listed one by one; later ones are in `/events`.
 const MOST_FAULTS: usize = 100;
 
 /// Results of a pass through a whole file.
@@ -27,7 +27,7 @@ const MOST_FAULTS: usize = 100;
 pub(super) struct Scan {
     pub integrity: Integrity,
     pub file_bytes: u64,
-    /// Everything before this byte is good.
+    /// Everything before this byte is valid.
     pub readable_bytes: u64,
     /// The library that wrote the file, as its head says.
     pub library: String,
@@ -42,33 +42,33 @@ pub(super) struct Scan {
 pub(super) struct Tally {
     /// First and last sample of any record.
     pub samples: Option<(u64, u64)>,
-    /// Time from sample to sample, s, that the metadata, or else the first batch, state.
+    /// Sample period, s, that the metadata, or else the first batch, state.
     pub dt_s: Option<f64>,
     /// Samples with a reading beyond the range of its sensor.
     pub clipped_samples: u64,
-    /// What states and readings consist of, as far as their topics are declared.
+    /// Channels of states and readings, as far as their topics are declared.
     pub channels: Channels,
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
-    /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
+    /// The exciter's last emergency since the plant was armed, and its sample, until the plant reports a fault.
     pub partner_emergency: Option<(u64, i64)>,
     /// Frames under identifiers that only the plant sends, of another network.
     pub other_sender_frames: u64,
-    /// One for each of [`Topic::ALL`].
+    /// Counts for each of [`Topic::ALL`].
     pub topics: [TopicTally; Topic::ALL.len()],
     /// Whether messages are numbered within their topic, from 0, as our recorder numbers them.
     pub is_numbered: bool,
-    /// The first thing that is wrong with the messages as a whole: some are repeated, late or missing.
+    /// The first flaw of the messages as a whole: some are repeated, late or missing.
     pub flaw: Option<String>,
 }
 
 /// Counts of the messages of a topic.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TopicTally {
-    /// Whether the file has the topic, be it empty.
+    /// Whether the file has the topic, even if it is empty.
     pub declared: bool,
     pub summary: TopicSummary,
-    /// The sample expected and the sample that came, at the first gap.
+    /// The expected sample and the sample found, at the first gap.
     pub first_gap: Option<(u64, u64)>,
     /// The sample after the last.
     pub expected: Option<u64>,
@@ -147,7 +147,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     Ok(Scan { integrity, file_bytes, readable_bytes, library, metadata, lost, tally })
 }
 
-/// The first flaw of a file whose every record is in order: messages that are missing or repeated.
+/// Returns the first flaw of a file whose every record is in order: messages that are missing or repeated.
 fn flaw(
     tally: &Tally,
     metadata: &BTreeMap<String, BTreeMap<String, String>>,
@@ -168,24 +168,24 @@ fn missing_samples(tally: &Tally, metadata: &BTreeMap<String, BTreeMap<String, S
     let states = &tally.topics[Topic::States as usize];
     let found = states.summary.records;
     (!lost && states.declared && found < stated)
-        .then(|| format!("the statistics count {stated} samples, and {found} are here"))
+        .then(|| format!("the statistics count {stated} samples, but the file has {found}"))
 }
 
 /// Compares the file's own count of messages with those that were read.
 fn wrong_count(tally: &Tally, stated_messages: Option<u64>, messages: u64) -> Option<String> {
     match stated_messages {
         Some(stated) if stated != messages => {
-            Some(format!("the file's index counts {stated} messages, and {messages} are here"))
+            Some(format!("the file's index counts {stated} messages, but the file has {messages}"))
         }
         // Other writers may leave it out.
         None if tally.is_numbered => Some(String::from(
-            "the count of its messages, with which the recorder ends a file, was taken out: how many are missing is not known",
+            "the count of its messages, with which the recorder ends a file, was removed, so the number of missing messages is unknown",
         )),
         _ => None,
     }
 }
 
-/// The counts of lost records.
+/// Returns the counts of lost records.
 pub(super) fn lost(
     path: &Path,
     metadata: &BTreeMap<String, BTreeMap<String, String>>,
@@ -205,7 +205,7 @@ pub(super) fn lost(
 }
 
 impl Scan {
-    /// The metadata record `name`, which must be there.
+    /// Returns the metadata record `name`, which must be there.
     pub fn required(&self, path: &Path, name: &'static str) -> Result<&BTreeMap<String, String>, RecordingError> {
         self.metadata.get(name).ok_or_else(|| {
             let path = path.to_path_buf();
@@ -219,7 +219,7 @@ impl Scan {
         })
     }
 
-    /// Where and when the recording came to be, from its metadata.
+    /// Returns the origin of the recording, from its metadata.
     pub fn origin(&self, path: &Path) -> Result<Origin, RecordingError> {
         let about = self.required(path, metadata::RECORDING)?;
         let value = |key: &'static str| about.get(key).cloned().unwrap_or_default();
@@ -268,7 +268,7 @@ impl Scan {
     }
 }
 
-/// The version of the format, if it is read.
+/// Returns the version of the format, if this version can read it.
 fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u32, RecordingError> {
     let value = |key| about.get(key).cloned().unwrap_or_default();
     let got = value(metadata::FORMAT);
@@ -288,7 +288,7 @@ fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u32, Recordin
 }
 
 impl Tally {
-    /// The tally with the chunk that was read last. Errors: what is wrong with a message in it.
+    /// Adds the chunk that was read last. The error describes an invalid message in it.
     pub fn with(mut self, contents: &Contents) -> Result<Tally, String> {
         self.topics.iter_mut().for_each(|topic| topic.first_of_chunk = None);
         for declared in contents.declared() {
@@ -307,7 +307,7 @@ impl Tally {
         Ok(self)
     }
 
-    /// Notes a message that is not where it should be in its topic: one that is repeated, late, or behind a missing one.
+    /// Notes a message at an unexpected place in its topic: one that is repeated, late, or behind a missing one.
     fn check_place(&mut self, message: &RawMessage<'_>) {
         let topic = message.message_type.topic();
         let found = &mut self.topics[topic as usize];
@@ -318,7 +318,7 @@ impl Tally {
             let got = message.sequence;
             self.flaw.get_or_insert_with(|| {
                 format!(
-                    "message {got} of topic {name} stands where message {expected} should: messages are missing, \
+                    "expected message {expected} of topic {name}, got message {got}: messages are missing, \
                      repeated or late"
                 )
             });
@@ -346,17 +346,17 @@ impl Tally {
         }
     }
 
-    /// Refuses a batch of samples that are not as far apart as those of the rest.
+    /// Rejects a batch whose sample period differs from that of the others.
     fn check_period(&mut self, got_s: f64) -> Result<(), String> {
         let expected_s = *self.dt_s.get_or_insert(got_s);
         if got_s.to_bits() == expected_s.to_bits() {
             return Ok(());
         }
         let (got_s, expected_s) = (short(&got_s), short(&expected_s));
-        Err(format!("a batch states {got_s} s from sample to sample, expected {expected_s} s"))
+        Err(format!("a batch states the sample period {got_s} s, expected {expected_s} s"))
     }
 
-    /// Takes in the records of one message.
+    /// Counts the records of one message.
     fn take(&mut self, message: RawMessage<'_>) -> Result<(), String> {
         match message.message_type {
             MessageType::StepBatch => self.numbers::<StateRecord>(message),
@@ -365,7 +365,7 @@ impl Tally {
         }
     }
 
-    /// Takes in a batch of states or readings, of which it makes no records.
+    /// Counts a batch of states or readings, without making records of it.
     fn numbers<R: Numbers>(&mut self, message: RawMessage<'_>) -> Result<(), String> {
         let Some(batch) = number_batch::<R>(message)? else { return Ok(()) };
         if let Some((first, last)) = batch.samples()? {
@@ -375,7 +375,7 @@ impl Tally {
         self.check_period(batch.dt_s())
     }
 
-    /// Takes in one record.
+    /// Counts one record.
     fn record(&mut self, topic: Topic, record: &Record<String>) {
         if let Record::Event(event) = record {
             self.event(event);
@@ -383,7 +383,7 @@ impl Tally {
         self.samples(topic, record.sample(), record.sample());
     }
 
-    /// Takes in one record for each of these samples.
+    /// Counts one record for each of these samples.
     fn samples(&mut self, topic: Topic, first: u64, last: u64) {
         let (least, most) = self.samples.unwrap_or((first, last));
         self.samples = Some((least.min(first), most.max(last)));
@@ -400,7 +400,7 @@ impl Tally {
                     topic.summary.repeated += last.saturating_add(1).min(expected) - first;
                     self.flaw.get_or_insert_with(|| {
                         format!(
-                            "samples from {first} on are in topic {name} again or late, behind sample {}",
+                            "samples from {first} on are repeated or late in topic {name}, behind sample {}",
                             expected - 1
                         )
                     });

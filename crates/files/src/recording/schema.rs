@@ -1,6 +1,6 @@
 //! The topics of a recording and the Protobuf messages in them.
 
-/// Generated from `proto/*.proto`; `tests/recording/schemas.rs` holds it to them.
+/// Code generated from `proto/*.proto`; `tests/recording/schemas.rs` checks that they agree.
 #[allow(missing_docs, clippy::doc_markdown)]
 pub mod proto {
     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/proto/resonarm.v1.rs"));
@@ -29,7 +29,7 @@ pub enum Topic {
 }
 
 impl Topic {
-    /// All topics; the index of each is its place here.
+    /// All topics, in the order of their indices.
     pub const ALL: [Topic; 8] = [
         Topic::States,
         Topic::Samples,
@@ -41,7 +41,7 @@ impl Topic {
         Topic::Events,
     ];
 
-    /// Name of the topic in the file.
+    /// Returns the name of the topic in the file.
     pub const fn name(self) -> &'static str {
         match self {
             Topic::States => "/plant/steps",
@@ -55,12 +55,12 @@ impl Topic {
         }
     }
 
-    /// Full name of the message type that is written into it.
+    /// Returns the full name of the message type that is written into it.
     pub const fn schema_name(self) -> &'static str {
         self.message_type().name()
     }
 
-    /// The message type that is written into it.
+    /// Returns the message type that is written into it.
     pub(super) const fn message_type(self) -> MessageType {
         match self {
             Topic::States => MessageType::StepBatch,
@@ -97,7 +97,7 @@ pub enum MessageType {
 }
 
 impl MessageType {
-    /// All types; the index of each is its place here.
+    /// All types, in the order of their indices.
     pub const ALL: [MessageType; 8] = [
         MessageType::StepBatch,
         MessageType::SampleBatch,
@@ -109,7 +109,7 @@ impl MessageType {
         MessageType::Event,
     ];
 
-    /// Topic on which messages of the type are recorded.
+    /// Returns the topic on which messages of the type are recorded.
     pub const fn topic(self) -> Topic {
         match self {
             MessageType::StepBatch => Topic::States,
@@ -140,25 +140,25 @@ impl MessageType {
 
 /// Names of the metadata records of a recording.
 pub(super) mod metadata {
-    /// What the recorder itself knows: format, time step, interface, build.
+    /// Description by the recorder itself: format, time step, interface, build.
     pub const RECORDING: &str = "resonarm.recording";
     /// The key of the version of the format in it.
     pub const FORMAT: &str = "format";
     /// The key of the version of the program in it.
     pub const VERSION: &str = "version";
-    /// When the run began, as soon as it has: not in runs of simulated time alone.
+    /// The start of the run, as soon as it is known; not in runs of simulated time alone.
     pub const START: &str = "resonarm.start";
     /// The key of the start of the run, ns of the UNIX epoch.
     pub const START_UNIX_NS: &str = "start_unix_ns";
-    /// The configuration handed in.
+    /// The configuration passed to the recorder.
     pub const CONFIGURATION: &str = "resonarm.configuration";
-    /// The statistics handed in at the end.
+    /// The statistics passed at the end.
     pub const STATISTICS: &str = "resonarm.statistics";
     /// The key of the samples of the run in them.
     pub const SAMPLES: &str = "samples";
-    /// Records lost in each channel. Last of all: a recording without it was not finished.
+    /// Records lost in each channel. This is the last metadata record: a recording without it was not finished.
     pub const LOST: &str = "resonarm.lost";
-    /// What a recording was made from that is not whole: what was repaired, or that it is a part.
+    /// The source of a recording that is not whole: a repaired file, or the whole of which it is a part.
     pub const RECOVERED: &str = "resonarm.recovered";
 }
 
@@ -171,13 +171,13 @@ pub(super) const DT_S: &str = "dt_s";
 /// The key of the delay of readings in [`metadata::RECORDING`].
 pub(super) const READING_DELAY: &str = "reading_delay_samples";
 
-/// How the name of the library begins in the head of a recording.
+/// The beginning of the name of the library in the head of a recording.
 pub(super) const OUR_LIBRARY: &str = "resonarm";
 
 /// Name of the event of a fault; its value is the code.
 pub(super) const FAULT_EVENT: &str = "emergency";
 
-/// Name of the event of what the partner said was wrong; its value is the code.
+/// Name of the event of the partner's emergency; its value is the code.
 pub(super) const PARTNER_EVENT: &str = "partner.emergency";
 
 /// Name of the event of a frame under an identifier that only the node sends, of another network.

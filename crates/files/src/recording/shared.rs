@@ -1,4 +1,4 @@
-//! What the recorder, its channels and its thread share, and what the recorder tells the thread.
+//! State that the recorder, its channels and its thread share, and the recorder's commands to the thread.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -8,17 +8,17 @@ use std::sync::{Arc, OnceLock};
 use super::RecordingError;
 use super::slots::Slot;
 
-/// What the recorder, its channels and its thread share.
+/// State that the recorder, its channels and its thread share.
 #[derive(Debug)]
 pub(super) struct Shared {
     pub path: PathBuf,
     pub failure: OnceLock<RecordingError>,
-    /// What the run loop's clock read at the start of the run, ns.
+    /// Time of the run loop's clock at the start of the run, ns.
     pub start_clock_ns: AtomicU64,
 }
 
 impl Shared {
-    /// Why the thread accepts no more records.
+    /// Returns the reason for which the thread accepts no more records.
     pub fn error(&self) -> RecordingError {
         match self.failure.get() {
             Some(error) => error.clone(),
@@ -27,23 +27,24 @@ impl Shared {
     }
 }
 
-/// Message of the recorder to its thread.
+/// Command of the recorder to its thread.
 #[derive(Debug)]
 pub(super) enum Control {
     /// A channel was opened.
     Open(Source),
-    /// Write what is there, and end.
+    /// Write the pending records, and end.
     End(Ending),
 }
 
-/// How a recording ends.
+/// The ending of a recording.
 #[derive(Debug)]
 pub(super) enum Ending {
     /// The run is complete; these statistics are written at the end.
     Whole(BTreeMap<String, String>),
-    /// With these statistics, and what it was made from, which was not whole: nor is it.
+    /// The recording was made from others that are not whole; these statistics and their description are written at the
+    /// end.
     Partial { statistics: BTreeMap<String, String>, made_from: BTreeMap<String, String> },
-    /// Without an end: it must not look whole.
+    /// The recording was abandoned: it must not look whole.
     GivenUp,
 }
 
@@ -57,7 +58,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// The receiving end of the channel `name`.
+    /// Makes the receiving end of the channel `name`.
     pub fn new(name: String, records: rtrb::Consumer<Slot>, lost: Arc<AtomicU64>) -> Source {
         Source { name, records, lost, lost_reported: 0 }
     }

@@ -14,7 +14,7 @@ use super::contents::RawMessage;
 use super::schema::{MessageType, Topic};
 use super::{Compression, RecordingError};
 
-/// How hard Zstandard tries: its default.
+/// Compression level of Zstandard: its default.
 const ZSTD_LEVEL: u32 = 3;
 
 /// The file being written. `NoSeek` lets a chunk reach the file only whole, so that a killed file is whole up to a
@@ -22,13 +22,13 @@ const ZSTD_LEVEL: u32 = 3;
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<Counted>>>,
-    /// One for each of [`MessageType::ALL`] that has a channel.
+    /// The topics of each of [`MessageType::ALL`] that has a channel.
     channels: [Option<Written>; MessageType::ALL.len()],
     buffer: Vec<u8>,
     unflushed: bool,
 }
 
-/// A file that counts what is written: a pipe or a device has no size to ask for.
+/// A file that counts the written bytes: a pipe or a device has no size.
 struct Counted {
     file: File,
     bytes: u64,
@@ -46,9 +46,9 @@ impl io::Write for Counted {
     }
 }
 
-/// A file that is written.
+/// A finished file.
 pub(super) struct Finished {
-    /// Which file it is.
+    /// Metadata that identify the file.
     pub metadata: Metadata,
     /// Size of the file, bytes.
     pub bytes: u64,
@@ -61,7 +61,7 @@ pub(super) struct Stamp {
     pub publish_ns: u64,
 }
 
-/// What was written to one topic.
+/// Counts for one topic.
 struct Written {
     id: u16,
     messages: u64,
@@ -69,7 +69,7 @@ struct Written {
 
 impl Sink {
     /// Writes the head of a new file: `metadata` records first, flushed, then topics with messages of some types and
-    /// their schemas. In what users read it is called `path`.
+    /// their schemas. Messages to users call it `path`.
     pub fn begin(
         file: File,
         path: &Path,
@@ -165,7 +165,7 @@ impl Sink {
             .map_err(|error| RecordingError::write(&self.path, error))
     }
 
-    /// Closes the chunk and hands everything to the system, if there is anything new.
+    /// Closes the chunk and passes everything to the operating system, if there is anything new.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         if core::mem::take(&mut self.unflushed) {
             self.writer.flush().map_err(|error| RecordingError::write(&self.path, error))?;
@@ -178,7 +178,7 @@ impl Sink {
         &self.path
     }
 
-    /// Messages written so far in a topic.
+    /// Returns the number of messages written so far in a topic.
     pub fn messages(&self, topic: Topic) -> u64 {
         let channels = MessageType::ALL.into_iter().zip(&self.channels);
         channels
@@ -205,7 +205,7 @@ impl Sink {
             .map_err(|source| RecordingError::Write { path, source: Arc::new(source) })
     }
 
-    /// Lets go of a file that can't be written any more, without a footer: it must not look whole.
+    /// Abandons a file that can't be written any more, without a footer: it must not look whole.
     pub fn abandon(self) {
         let _unwritten = self.into_file().into_parts();
     }
@@ -215,7 +215,7 @@ impl Sink {
     }
 }
 
-/// Puts a file on the disk. Pipes and devices have none: fsync(2) says that it does not apply (EINVAL).
+/// Puts a file on the disk. For pipes and devices fsync(2) fails with EINVAL, since it does not apply.
 fn synchronise(file: &File) -> io::Result<()> {
     match file.sync_all() {
         Err(error) if error.kind() == io::ErrorKind::InvalidInput && !file.metadata()?.is_file() => Ok(()),

@@ -1,4 +1,5 @@
-//! Records in a ring of small slots: a record of many states takes several, so that the others stay short to copy.
+//! Stores records in a ring of small slots: a record of many states takes several, so that the others stay short to
+//! copy.
 
 use core::convert::Infallible;
 
@@ -16,7 +17,7 @@ const NEXT: usize = 12;
 /// The most slots of a record.
 pub const MOST_SLOTS: usize = 1 + (MOST_NUMBERS - FIRST).div_ceil(NEXT);
 
-/// A record, a part of it, or something else of the ring's owner.
+/// A record, a part of one, or another value of the ring's owner.
 #[derive(Clone, Copy, Debug)]
 pub struct Slot<Other = Infallible>(Content<Other>);
 
@@ -68,7 +69,7 @@ struct SampleHead {
     more: u8,
 }
 
-/// How many slots a record takes.
+/// Returns how many slots a record takes.
 fn slots_for(record: &Record) -> usize {
     match record {
         Record::State(state) => 1 + (state.taken.len() + state.states.len()).saturating_sub(FIRST).div_ceil(NEXT),
@@ -77,7 +78,7 @@ fn slots_for(record: &Record) -> usize {
     }
 }
 
-/// The first of these numbers, with zeros in place of those that are lacking.
+/// Returns the first of these numbers, padded with zeros.
 #[inline(always)]
 fn padded<const N: usize>(numbers: impl IntoIterator<Item = f64>) -> [f64; N] {
     let mut padded = [0.0; N];
@@ -85,13 +86,13 @@ fn padded<const N: usize>(numbers: impl IntoIterator<Item = f64>) -> [f64; N] {
     padded
 }
 
-/// The numbers of a record of states in the order of the slots.
+/// Returns the numbers of a record of states in the order of the slots.
 #[inline(always)]
 fn loads_and_states(state: &StateRecord) -> impl Iterator<Item = f64> {
     state.taken.parts(&state.load).chain(state.states.iter().copied())
 }
 
-/// The first slot of a record.
+/// Returns the first slot of a record.
 #[inline(always)]
 fn first<Other>(record: &Record) -> Slot<Other> {
     Slot(match record {
@@ -134,7 +135,7 @@ pub fn push<Other>(ring: &mut rtrb::Producer<Slot<Other>>, record: &Record) -> b
     }
 }
 
-/// Appends something else. Returns whether there was room. Neither allocates nor waits.
+/// Appends another value. Returns whether there was room. Neither allocates nor waits.
 #[inline(always)]
 pub fn push_other<Other>(ring: &mut rtrb::Producer<Slot<Other>>, other: Other) -> bool {
     ring.push(Slot(Content::Other(other))).is_ok()
@@ -154,12 +155,12 @@ fn push_many<Other>(
     true
 }
 
-/// Whether there is no room for a record.
+/// Says whether there is no room for a record.
 pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record) -> bool {
     ring.slots() < slots_for(record)
 }
 
-/// Hands over the next entry, if there is one. The parts of a record are in the ring together.
+/// Passes the next entry to `hand`, if there is one. The parts of a record are in the ring together.
 pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(Entry<'_, Other>) -> R) -> Option<R> {
     loop {
         let record = match ring.pop().ok()?.0 {
@@ -183,7 +184,7 @@ pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(E
     }
 }
 
-/// Hands over the next record of a ring that has nothing else.
+/// Passes the next record of a ring that has nothing else to `hand`.
 pub(super) fn pop_record<R>(ring: &mut rtrb::Consumer<Slot>, hand: impl FnOnce(&Record) -> R) -> Option<R> {
     pop(ring, |entry| match entry {
         Entry::Record(record) => hand(record),
@@ -191,7 +192,7 @@ pub(super) fn pop_record<R>(ring: &mut rtrb::Consumer<Slot>, hand: impl FnOnce(&
     })
 }
 
-/// The record of states that begins with this head; `None` if a part is missing.
+/// Returns the record of states that begins with this head; `None` if a part is missing.
 // Inlined, as the value is long to hand over.
 #[inline(always)]
 fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<StateRecord> {
@@ -210,7 +211,7 @@ fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<S
     Some(StateRecord { sample: head.sample, states, load, taken: head.taken, is_end: head.is_end })
 }
 
-/// The readings beyond those of the first slot; `None` if a part is missing.
+/// Returns the readings beyond those of the first slot; `None` if a part is missing.
 #[inline(always)]
 fn readings<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &SampleHead) -> Option<Readings> {
     let mut values = [0.0; MOST_MORE];
@@ -239,7 +240,7 @@ mod tests {
         Record::State(StateRecord { sample, states, load, taken, is_end: sample == 3 })
     }
 
-    /// A record of as many numbers as there can be.
+    /// Returns a record of as many numbers as there can be.
     fn longest() -> Record {
         let numbers: Vec<f64> = (0..MOST_STATES).map(|place| place as f64 + 0.25).collect();
         let states = States::new(&numbers[..64], &numbers[64..]).unwrap();

@@ -1,4 +1,4 @@
-//! What a recording says about itself.
+//! A recording's description of itself.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use serde::ser::SerializeStruct;
 
 use super::{BuildInfo, FrameRecord};
 
-/// Where a recording comes from.
+/// The origin of a recording.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Origin {
     /// Version of topics, schemas and metadata.
@@ -18,23 +18,23 @@ pub struct Origin {
     pub dt_s: f64,
     /// Name of the bus interface.
     pub interface: String,
-    /// How the run went: by simulated time alone, in lockstep, or in real time.
+    /// Time base of the run: simulated time alone, lockstep, or real time.
     pub time: RunTime,
     /// Start of the run, ns of the UNIX epoch; `None` for simulated time alone.
     pub start_unix_ns: Option<u64>,
-    /// Every how many samples the plotting topics hold a message; 0 is never.
+    /// Interval of the messages in the plotting topics, in samples; 0 is never.
     pub plot_every_samples: u64,
-    /// How long before its sample a reading was, in samples: the delay of the instruments' converters.
+    /// Delay of a reading against its sample, in samples: that of the instruments' converters.
     pub reading_delay_samples: f64,
-    /// The build that recorded.
+    /// The build that made the recording.
     pub build: BuildInfo,
 }
 
-/// What drove the time of a run.
+/// The time base of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RunTime {
-    /// Nothing but the simulation itself.
+    /// Times of the simulation only.
     Simulated,
     /// The answers of a partner.
     Lockstep,
@@ -42,31 +42,31 @@ pub enum RunTime {
     RealTime,
 }
 
-/// Whether a file is whole, and how much of it can be had if not.
+/// Whether a file is whole, and how much of it can be read if not.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case", tag = "state")]
 pub enum Integrity {
-    /// The whole run is there.
+    /// The whole run is in the file.
     Complete,
     /// The file is whole, but it was recovered from a truncated or damaged one: parts of the run may be missing.
     Unfinished,
-    /// Every record of the file is in order, but records are missing, or are there more than once.
+    /// Every record of the file is in order, but records are missing or repeated.
     Incomplete {
         /// Description of the missing or repeated records.
         cause: String,
     },
     /// The file ends inside a record: the run was killed, or a copy was cut short.
     Truncated {
-        /// How much can be read, bytes.
+        /// Number of bytes that can be read.
         readable_bytes: u64,
         /// Size of the file, bytes.
         file_bytes: u64,
         /// The last sample that can be read, if any.
         last_sample: Option<u64>,
     },
-    /// A checksum or a layout is wrong; what comes before can be read.
+    /// A checksum or a layout is wrong; the records before it can be read.
     Damaged {
-        /// How much can be read, bytes: here the damaged record begins.
+        /// Number of bytes that can be read: here the damaged record begins.
         readable_bytes: u64,
         /// Size of the file, bytes.
         file_bytes: u64,
@@ -88,18 +88,21 @@ impl fmt::Display for Integrity {
                 last_sample
             }
             Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => {
-                write!(f, "damaged at byte {readable_bytes} of {file_bytes} ({cause}): what comes before can be read")?;
+                write!(
+                    f,
+                    "damaged at byte {readable_bytes} of {file_bytes} ({cause}): the records before it can be read"
+                )?;
                 last_sample
             }
         };
         match last_sample {
             Some(sample) => write!(f, ", up to sample {sample}"),
-            None => f.write_str(", which hold no sample"),
+            None => f.write_str(", which contain no sample"),
         }
     }
 }
 
-/// What a recording holds, in numbers: see [`Recording::summary`](super::Recording::summary).
+/// Size, integrity, origin and counts of a recording: see [`Recording::summary`](super::Recording::summary).
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct RecordingSummary {
     /// Path of the recording.
@@ -108,7 +111,7 @@ pub struct RecordingSummary {
     pub file_bytes: u64,
     /// Whether it is whole.
     pub integrity: Integrity,
-    /// Where it comes from.
+    /// The origin of the recording.
     pub origin: Origin,
     /// Time from the first sample to the last, s.
     pub duration_s: f64,
@@ -118,9 +121,9 @@ pub struct RecordingSummary {
     pub clipped_samples: u64,
     /// The plant's faults, in order; at most 100.
     pub faults: Vec<RecordedFault>,
-    /// Frames that came under identifiers which only the plant sends, and are not of its network.
+    /// Frames under identifiers that only the plant sends, which are not of its network.
     pub other_sender_frames: u64,
-    /// What is in each topic, by its name in the file.
+    /// Counts of each topic, by its name in the file.
     pub topics: BTreeMap<&'static str, TopicSummary>,
     /// Records lost in each channel; empty if the end of the run is not in the file.
     pub lost: BTreeMap<String, u64>,
@@ -130,29 +133,29 @@ pub struct RecordingSummary {
     pub statistics: BTreeMap<String, String>,
 }
 
-/// A fault of the plant, as an event tells it.
+/// A fault of the plant, as an event states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordedFault {
     /// The sample at which it was found.
     pub sample: u64,
     /// Its code, a number of [`EmergencyCode`] if this version knows it.
     pub code: i64,
-    /// The code of what the exciter said was wrong, where the fault has its reason there.
+    /// The code of the exciter's fault, where that is the reason.
     pub partner_code: Option<i64>,
 }
 
 impl RecordedFault {
-    /// A fault, without what the exciter said.
+    /// Makes a fault, without that of the exciter.
     pub const fn new(sample: u64, code: i64) -> RecordedFault {
         RecordedFault { sample, code, partner_code: None }
     }
 
-    /// The fault with the code that the exciter reported at a sample, if that is the reason: the plant faults for the
-    /// exciter's fault, or for the commands that it refused before the exciter gave up.
+    /// Adds the code that the exciter reported at a sample, if that is the reason: the plant faults for the exciter's
+    /// fault, or for the commands that it rejected before the exciter gave up.
     pub(super) fn with_partner(self, emergency: Option<(u64, i64)>) -> RecordedFault {
         let is_reason = |at: u64| match self.cause() {
             Some(EmergencyCode::PartnerFault) => true,
-            // A timeout has other reasons as well. Only an emergency of the same sample is taken for the one.
+            // A timeout has other reasons as well. Only an emergency of the same sample counts as its reason.
             Some(EmergencyCode::CommandTimeout) => at == self.sample,
             _ => false,
         };
@@ -166,7 +169,7 @@ impl RecordedFault {
     }
 }
 
-/// Finds the emergency code of a number, among those of this protocol and those of users' protocols.
+/// Finds the emergency code of a number, among those of this protocol and those of user protocols.
 fn meaning(code: i64) -> Option<EmergencyCode> {
     let of_users_protocols = [EmergencyCode::StopRequested];
     let code = u16::try_from(code).ok()?;
@@ -181,8 +184,8 @@ impl fmt::Display for RecordedFault {
         }
         match self.partner_code {
             Some(code) => match meaning(code) {
-                Some(cause) => write!(f, "; the exciter said: code {code}: {cause}"),
-                None => write!(f, "; the exciter said: code {code}"),
+                Some(cause) => write!(f, "; the exciter reported code {code}: {cause}"),
+                None => write!(f, "; the exciter reported code {code}"),
             },
             None => Ok(()),
         }
@@ -205,11 +208,11 @@ impl serde::Serialize for RecordedFault {
 /// Counts of a topic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct TopicSummary {
-    /// Messages; in a batched topic a batch is one.
+    /// Number of messages; in a batched topic a batch is one.
     pub messages: u64,
-    /// Records in these messages. The messages for plotting repeat others and count none.
+    /// Number of records in these messages. The messages for plotting repeat others and count none.
     pub records: u64,
-    /// Their size before compression, bytes.
+    /// Size of the messages before compression, bytes.
     pub bytes: u64,
     /// Places where samples of a batched topic are missing.
     pub gaps: u64,
@@ -218,7 +221,7 @@ pub struct TopicSummary {
 }
 
 impl Origin {
-    /// Where log times begin: in real time when the run began, ns of the UNIX epoch, else 0.
+    /// Returns the origin of log times: in real time the start of the run, ns of the UNIX epoch, else 0.
     pub fn log_start_ns(&self) -> u64 {
         match self.time {
             RunTime::RealTime => self.start_unix_ns.unwrap_or(0),
@@ -226,8 +229,8 @@ impl Origin {
         }
     }
 
-    /// When a frame was on the bus, ns from the start of the run: in real time by the machine's clock, else in
-    /// simulated time, in which the frames of a sample come together.
+    /// Returns the time at which a frame was on the bus, ns from the start of the run: in real time by the machine's
+    /// clock, else in simulated time, in which the frames of a sample come together.
     pub fn frame_time_ns(&self, frame: &FrameRecord) -> u64 {
         match self.time {
             RunTime::Lockstep => libm::round(frame.sample as f64 * self.dt_s * 1e9) as u64,
@@ -237,7 +240,7 @@ impl Origin {
 }
 
 impl RunTime {
-    /// The name, as the metadata of a file have it.
+    /// Returns the name, as the metadata of a file have it.
     pub const fn name(self) -> &'static str {
         match self {
             RunTime::Simulated => "simulated",
@@ -246,7 +249,7 @@ impl RunTime {
         }
     }
 
-    /// The kind of time that a file states by its name, if this version knows it.
+    /// Returns the time base with a name in a file, if this version knows it.
     pub(super) fn stated(time: &str) -> Option<RunTime> {
         [RunTime::Simulated, RunTime::Lockstep, RunTime::RealTime].into_iter().find(|of| of.name() == time)
     }
@@ -259,9 +262,9 @@ mod tests {
     #[test]
     fn a_fault_repeats_what_the_exciter_said_where_that_is_its_reason() {
         let said = |code, partner| RecordedFault::new(300, code).with_partner(partner).to_string();
-        insta::assert_snapshot!(said(4, Some((299, 2))), @"code 4 at sample 300: the partner has faulted or started again; the exciter said: code 2: no sensor data in time");
-        insta::assert_snapshot!(said(1, Some((300, 2))), @"code 1 at sample 300: no valid command in time; the exciter said: code 2: no sensor data in time");
-        insta::assert_snapshot!(said(4, Some((300, 99))), @"code 4 at sample 300: the partner has faulted or started again; the exciter said: code 99");
+        insta::assert_snapshot!(said(4, Some((299, 2))), @"code 4 at sample 300: the partner has faulted or started again; the exciter reported code 2: no sensor data in time");
+        insta::assert_snapshot!(said(1, Some((300, 2))), @"code 1 at sample 300: no valid command in time; the exciter reported code 2: no sensor data in time");
+        insta::assert_snapshot!(said(4, Some((300, 99))), @"code 4 at sample 300: the partner has faulted or started again; the exciter reported code 99");
         for other in [said(1, Some((299, 2))), said(9, Some((300, 2))), said(4, None)] {
             assert!(!other.contains("exciter said"), "{other}");
         }

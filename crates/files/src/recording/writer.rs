@@ -1,4 +1,4 @@
-//! The thread that takes records from the channels and writes them.
+//! The thread that writes the records of the channels.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ use super::{
 };
 use crate::staged::{Staged, is_at};
 
-/// How often the thread looks into empty channels.
+/// Interval at which the thread checks empty channels.
 const POLL: Duration = Duration::from_millis(5);
 /// Records taken from one channel before the next has its turn.
 const TURN: usize = 4096;
@@ -35,16 +35,16 @@ pub struct Summary {
     pub path: PathBuf,
     /// Size of the file, bytes.
     pub bytes: u64,
-    /// Messages in each topic, by its name in the file; of batched topics the batches.
+    /// Number of messages in each topic, by its name in the file; for batched topics that of batches.
     pub messages: BTreeMap<&'static str, u64>,
     /// Number of states in the recording.
     pub samples: u64,
-    /// Records lost because a channel was full, by the channel's name.
+    /// Number of records lost because a channel was full, by the channel's name.
     pub lost: BTreeMap<String, u64>,
 }
 
 impl Summary {
-    /// Messages in one topic.
+    /// Returns the number of messages in one topic.
     pub fn messages_in(&self, topic: Topic) -> u64 {
         self.messages.get(topic.name()).copied().unwrap_or(0)
     }
@@ -66,13 +66,13 @@ pub(super) struct Writer {
     plots: Plots,
     state_count: u64,
     last_sample: u64,
-    /// A record has come.
+    /// Whether a record has arrived.
     has_begun: bool,
     times: Times,
     flushed: Flushed,
 }
 
-/// When the last flush was.
+/// Time of the last flush.
 struct Flushed {
     time: Duration,
     sample: Option<u64>,
@@ -123,7 +123,7 @@ impl Writer {
         })
     }
 
-    /// Writes until it is to end. A failure is put into what is shared before the channels are let go.
+    /// Writes until it is told to end. A failure is stored in the shared state before the channels are dropped.
     pub fn run(mut self) -> Result<Summary, RecordingError> {
         let written = self.write_all();
         let summary = self.summary();
@@ -140,12 +140,12 @@ impl Writer {
             }
         };
         ended.inspect_err(|error| {
-            tracing::error!("the recording has failed: {error}");
+            tracing::error!("the recording failed: {error}");
             let _set_once = shared.failure.set(error.clone());
         })
     }
 
-    /// Everything but the footer. Returns how it is to end.
+    /// Writes everything except the footer. Returns how the recording is to end.
     fn write_all(&mut self) -> Result<Ending, RecordingError> {
         loop {
             // Commands are taken before records. If this one ends the recording, everything pushed before it is
@@ -174,7 +174,7 @@ impl Writer {
         }
     }
 
-    /// Opens channels. Returns how the recording is to end, if it is.
+    /// Opens channels. Returns how the recording is to end, if a command says so.
     fn take_commands(&mut self) -> Option<Ending> {
         loop {
             match self.commands.try_recv() {
@@ -187,12 +187,12 @@ impl Writer {
         }
     }
 
-    /// Writes what is in the channels, each at most one turn. Returns how many records there were.
+    /// Writes the records in the channels, each at most one turn. Returns how many records there were.
     fn take_records(&mut self) -> Result<usize, RecordingError> {
         self.take_at_most(TURN)
     }
 
-    /// Writes at most `most` records of each channel, of those that are in it now. Returns how many records there were.
+    /// Writes at most `most` of the records that are now in each channel. Returns how many records there were.
     fn take_at_most(&mut self, most: usize) -> Result<usize, RecordingError> {
         // The sources are moved out, since `write` borrows the whole writer.
         let mut sources = core::mem::take(&mut self.sources);
@@ -212,13 +212,14 @@ impl Writer {
         written.map(|()| taken)
     }
 
-    /// Writes what is in the channels at this moment, so that one that is still being filled can't hold up the end.
+    /// Writes the records that are now in the channels, so that a channel that is still being filled can't delay the
+    /// end.
     fn take_rest(&mut self) -> Result<(), RecordingError> {
         self.take_at_most(usize::MAX)?;
         self.report_losses()
     }
 
-    /// At the first record, gives the file its name and writes down when the run began: the run loop has said it by
+    /// Gives the file its name at the first record and records the start of the run, which the run loop has set by
     /// then.
     fn begin(&mut self) -> Result<(), RecordingError> {
         if core::mem::replace(&mut self.has_begun, true) {
@@ -274,7 +275,7 @@ impl Writer {
         self.write_plots()
     }
 
-    /// Refuses a record with another number of values than its topic has channels.
+    /// Rejects a record with another number of values than its topic has channels.
     fn check(&self, topic: Topic, got: usize) -> Result<(), RecordingError> {
         match self.options.channels.of(topic).len() {
             expected if expected == got => Ok(()),
@@ -320,7 +321,7 @@ impl Writer {
         }
     }
 
-    /// Writes what is ready for plotting.
+    /// Writes the finished messages for plotting.
     fn write_plots(&mut self) -> Result<(), RecordingError> {
         for message in self.plots.ready() {
             let stamp = self.times.stamp(&self.options, message.sample);
@@ -335,7 +336,7 @@ impl Writer {
         self.sink.message(MessageType::Event, stamp, &event)
     }
 
-    /// The times of an event that the run loop handled `time_ns` after the start of the run.
+    /// Returns the times of an event that the run loop handled `time_ns` after the start of the run.
     fn stamp_at(&mut self, sample: u64, time_ns: u64) -> Stamp {
         self.times.elapsed_ns = self.times.elapsed_ns.max(time_ns);
         Times { elapsed_ns: time_ns, ..self.times }.stamp(&self.options, sample)
@@ -385,7 +386,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the batches begun and hands everything to the system.
+    /// Writes the open batches and passes everything to the operating system.
     fn flush(&mut self) -> Result<(), RecordingError> {
         self.take_frames()?;
         self.take_states()?;
@@ -412,7 +413,7 @@ impl Writer {
         self.sink.metadata(name, content)
     }
 
-    /// Records lost, by channel; channels of one name count together.
+    /// Returns the lost records, by channel; channels of one name count together.
     fn lost(&self) -> BTreeMap<String, u64> {
         let mut lost = BTreeMap::new();
         for source in &self.sources {
@@ -421,7 +422,7 @@ impl Writer {
         lost
     }
 
-    /// Summarises what was written; the size of the file is filled in later.
+    /// Summarises the written records; the size of the file is filled in later.
     fn summary(&self) -> Summary {
         Summary {
             path: self.sink.path().to_path_buf(),
@@ -434,17 +435,17 @@ impl Writer {
     }
 }
 
-/// Where the run has got to by the machine's clock.
+/// Progress of the run by the machine's clock.
 #[derive(Clone, Copy)]
 struct Times {
-    /// When the run began, ns of the UNIX epoch; `None` before it has, and for simulated time alone.
+    /// Start of the run, ns of the UNIX epoch; `None` before it, and for simulated time alone.
     start_unix_ns: Option<u64>,
-    /// The latest time that a frame or an event has stated, ns from there.
+    /// The latest time of a frame or an event, ns from there.
     elapsed_ns: u64,
 }
 
 impl Times {
-    /// Log and publish time of a message that belongs to `sample` and is written now.
+    /// Returns log and publish time of a message that belongs to `sample` and is written now.
     fn stamp(self, options: &Options, sample: u64) -> Stamp {
         let simulated_ns = options.simulated_ns(sample);
         match (options.time_base, self.start_unix_ns) {
@@ -458,7 +459,7 @@ impl Times {
     }
 }
 
-/// Writes the footer and puts the file, which must still be there, on the disk.
+/// Writes the footer and puts the file, which must still exist, on the disk.
 fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, RecordingError> {
     let written = sink.finish()?;
     file.publish().map_err(|error| RecordingError::publish(&summary.path, error))?;
@@ -470,7 +471,7 @@ fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, Rec
     }
 }
 
-/// Gathers states or readings.
+/// Makes a batcher of states or readings.
 fn numbers<R: Numbers>(options: &Options) -> Batcher<NumberBatch<R>> {
     let batch = NumberBatch::new(Arc::new(Layout::new(&options.channels, R::TYPE)));
     Batcher::new(batch, options.batch_samples, options.dt_s)
@@ -489,7 +490,7 @@ fn take<B: Batch>(
     }
 }
 
-/// What the recorder itself knows about a recording.
+/// Returns the recorder's own description of a recording.
 fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, String> {
     let build = build_info();
     let entries = [

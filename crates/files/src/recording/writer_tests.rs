@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicU64;
 use super::*;
 use crate::recording::Event;
 
-/// A record may come between a look at the channels that finds them empty and the next.
+/// A record may arrive between a check that finds the channels empty and the next.
 #[test]
 fn the_first_record_has_the_start_of_the_run_whenever_it_comes() {
     const EPOCH_NS: u64 = 1_700_000_000_000_000_000;

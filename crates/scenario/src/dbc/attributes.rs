@@ -48,18 +48,19 @@ impl<'a> Attributes<'a> {
         attributes
     }
 
-    /// The value of a message's attribute, else its default. A word of a list may be written as such or as its index.
+    /// Returns the value of a message's attribute, else its default. A word of a list may be written as such or as its
+    /// index.
     fn of_message(&self, id: u64, name: &'a str) -> Option<&'a AttributeValue> {
         self.messages.get(&(id, name)).or_else(|| self.defaults.get(name)).copied()
     }
 
-    /// The cycle time of a message, ms, if it is stated and positive.
+    /// Returns the cycle time of a message, ms, if it is stated and positive.
     pub(super) fn cycle_time_ms(&self, id: u64) -> Option<f64> {
         number(self.of_message(id, "GenMsgCycleTime")?).filter(|time_ms| time_ms.is_finite() && *time_ms > 0.0)
     }
 
-    /// The format of the frames of a message of this length. Without `VFrameFormat` a message that no classical frame
-    /// holds is one of CAN FD.
+    /// Returns the frame format of a message of this length. Without `VFrameFormat` a message that no classical frame
+    /// can hold is one of CAN FD.
     pub(super) fn format(&self, id: u64, bytes: u64) -> Result<FrameFormat, Problem> {
         let is_fd = match self.of_message(id, "VFrameFormat") {
             None => bytes > CLASSIC_MAX_BYTES,
@@ -72,13 +73,13 @@ impl<'a> Attributes<'a> {
         Ok(if is_fd { self.fd(id) } else { FrameFormat::Classic })
     }
 
-    /// The format of a message of CAN FD, which switches its bit rate unless `CANFD_BRS` is 0.
+    /// Returns the format of a message of CAN FD, which switches its bit rate unless `CANFD_BRS` is 0.
     pub(super) fn fd(&self, id: u64) -> FrameFormat {
         let switch = self.of_message(id, "CANFD_BRS").map(|value| self.word(value, "CANFD_BRS"));
         FrameFormat::Fd { bit_rate_switch: !matches!(switch.as_deref(), Some("0")), error_state_indicator: false }
     }
 
-    /// The index of a `VFrameFormat`. Some files have a list of other words in another order: the word counts.
+    /// Returns the index of a `VFrameFormat`. Some files have a list of other words in another order: the word counts.
     fn format_index(&self, value: &AttributeValue) -> Option<u64> {
         // The word is looked up before the index is compared: in a file with its own list, index 1 may well
         // stand for another word than `ExtendedCAN`.
@@ -87,7 +88,7 @@ impl<'a> Attributes<'a> {
         known.map(|(index, _)| *index)
     }
 
-    /// The value as a word of the attribute's list, else as it is written.
+    /// Returns the value as a word of the attribute's list, else as it is written.
     fn word(&self, value: &AttributeValue, name: &str) -> String {
         let index = number(value).filter(|index| *index >= 0.0 && index.fract() == 0.0);
         let listed = index.and_then(|index| self.words.get(name)?.get(index as usize));

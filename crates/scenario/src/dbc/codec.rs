@@ -24,7 +24,7 @@ pub enum CodecError {
         source: EncodeError,
     },
     /// A signal that is present with these values of the switches has no value.
-    #[error("message {message} has a signal {signal}, which has no value")]
+    #[error("message {message}: its signal {signal} needs a value")]
     Missing {
         /// Name of the message.
         message: String,
@@ -32,7 +32,7 @@ pub enum CodecError {
         signal: String,
     },
     /// A value is given for a signal that is absent with these values of the switches.
-    #[error("message {message} has no signal {signal} with these switches, and it has a value")]
+    #[error("message {message} has no signal {signal} with these values of its switches: leave its value out")]
     NotSelected {
         /// Name of the message.
         message: String,
@@ -40,7 +40,7 @@ pub enum CodecError {
         signal: String,
     },
     /// One signal has two values.
-    #[error("signal {signal} of {message} has two values")]
+    #[error("signal {signal} of {message} has two values: give one")]
     Twice {
         /// Name of the message.
         message: String,
@@ -68,13 +68,13 @@ impl<'a> Codec<'a> {
         Codec { message }
     }
 
-    /// The signals that are in a payload with their values, in the order of the file: a payload may be shorter than the
-    /// message, or have other bits in spare places. A floating-point signal may be NaN or infinite.
+    /// Returns the signals that are in a payload with their values, in the order of the file: a payload may be shorter
+    /// than the message, or have other bits in spare places. A floating-point signal may be NaN or infinite.
     pub fn decode<'b>(&self, payload: &'b [u8]) -> impl Iterator<Item = (&'a str, f64)> + use<'a, 'b> {
         self.message.signals().filter_map(move |signal| Some((signal.name(), signal.decode(payload)?)))
     }
 
-    /// The frame with these values, all other bits zero.
+    /// Returns the frame with these values, all other bits zero.
     ///
     /// # Errors
     /// [`CodecError`] if a value is beyond its signal, one is missing, too many or twice, or a signal has a problem.

@@ -108,7 +108,7 @@ pub enum Problem {
         line: usize,
     },
     /// Another message or signal has the name.
-    #[error("its name is also that of line {line}")]
+    #[error("its name is also used in line {line}")]
     NameTwice {
         /// The line of the other, from 1 on.
         line: usize,
@@ -123,7 +123,7 @@ pub enum Problem {
     },
     /// The frame format is none of the known ones.
     #[error(
-        "its VFrameFormat is {got}: StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) and ExtendedCAN_FD (15) are known"
+        "its VFrameFormat is {got}: it must be StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) or ExtendedCAN_FD (15)"
     )]
     Format {
         /// Value of the attribute `VFrameFormat` as written in the file.
@@ -136,7 +136,7 @@ pub enum Problem {
     #[error(transparent)]
     Value(#[from] SignalError),
     /// The signal shares bits with another signal in the same payload.
-    #[error("bit {bit} is also of {other}, in line {line}")]
+    #[error("bit {bit} also belongs to {other}, in line {line}")]
     Overlap {
         /// Name of the other signal.
         other: String,
@@ -146,7 +146,7 @@ pub enum Problem {
         bit: u16,
     },
     /// `SIG_VALTYPE_` states a floating-point type of another width than the signal's.
-    #[error("SIG_VALTYPE_ says that it has {expected} bits, and it has {got}")]
+    #[error("SIG_VALTYPE_ states {expected} bits, but it has {got}")]
     ValueTypeBits {
         /// The bits of the signal.
         got: u64,
@@ -154,13 +154,13 @@ pub enum Problem {
         expected: u64,
     },
     /// A statement about a signal that the message does not have.
-    #[error("{statement} is about it, and the message has no such signal")]
+    #[error("{statement} refers to it, but the message has no such signal")]
     NoSuchSignal {
         /// The keyword of the statement.
         statement: &'static str,
     },
     /// A statement about a signal of a message that isn't there.
-    #[error("{statement} is about it, and no message has the identifier {id}")]
+    #[error("{statement} refers to it, but no message has the identifier {id}")]
     NoSuchMessage {
         /// The keyword of the statement.
         statement: &'static str,
@@ -168,10 +168,10 @@ pub enum Problem {
         id: u64,
     },
     /// A multiplexed signal without a switch.
-    #[error("it is multiplexed, and the message has no switch, a signal marked M")]
+    #[error("it is multiplexed, but the message has no switch, a signal marked M")]
     NoSwitch,
     /// A multiplexed signal with several possible switches.
-    #[error("it is multiplexed, and the message has several switches: SG_MUL_VAL_ has to say which is its")]
+    #[error("it is multiplexed, but the message has several switches: SG_MUL_VAL_ must say which one selects it")]
     SeveralSwitches,
     /// A switch that isn't there.
     #[error("its switch {switch:?} is not a signal of the message")]

@@ -37,7 +37,7 @@ impl<'a> Lexer<'a> {
         lexer
     }
 
-    /// The line of the next token, from 1 on.
+    /// Returns the line of the next token, from 1 on.
     pub const fn line(&self) -> usize {
         self.line
     }
@@ -46,7 +46,7 @@ impl<'a> Lexer<'a> {
         self.rest().is_empty()
     }
 
-    /// The first character of the next token.
+    /// Returns the first character of the next token.
     pub fn next_char(&self) -> Option<char> {
         self.rest().chars().next()
     }
@@ -89,7 +89,7 @@ impl<'a> Lexer<'a> {
         Err(SyntaxError { line: self.line, column, expected, got })
     }
 
-    /// The next token if it is a word: letters, digits and underscores.
+    /// Returns the next token if it is a word: letters, digits and underscores.
     pub fn peek_word(&self) -> Option<&'a str> {
         let rest = self.rest();
         let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
@@ -113,12 +113,12 @@ impl<'a> Lexer<'a> {
         is_next
     }
 
-    /// A character that must be there; `expected` is that character, for the error.
+    /// Consumes a character that must be there; `expected` is that character, for the error.
     pub fn symbol(&mut self, symbol: char, expected: &'static str) -> Result<(), SyntaxError> {
         if self.has(symbol) { Ok(()) } else { self.error(expected) }
     }
 
-    /// An integer from 0 on. A number beyond 64 bits counts as the largest.
+    /// Parses an integer from 0 on. A number beyond 64 bits counts as the largest.
     pub fn unsigned(&mut self, expected: &'static str) -> Result<u64, SyntaxError> {
         match self.digits(self.rest()) {
             0 => self.error(expected),
@@ -130,7 +130,8 @@ impl<'a> Lexer<'a> {
         text.bytes().take_while(u8::is_ascii_digit).count()
     }
 
-    /// The next token if it is a number: with a sign, a point or an exponent, as `5`, `-5.`, `.5` and `+5E-003`.
+    /// Returns the next token if it is a number: with a sign, a point or an exponent, as `5`, `-5.`, `.5` and
+    /// `+5E-003`.
     pub fn peek_number(&self) -> Option<&'a str> {
         let rest = self.rest();
         let sign = usize::from(rest.starts_with(['+', '-']));
@@ -150,7 +151,7 @@ impl<'a> Lexer<'a> {
         Some(&rest[..end + exponent.unwrap_or(0)])
     }
 
-    /// A number; beyond the range of `f64` it is infinite.
+    /// Parses a number; beyond the range of `f64` it is infinite.
     pub fn number(&mut self, expected: &'static str) -> Result<f64, SyntaxError> {
         let number = self.peek_number().and_then(|token| Some((token.len(), token.parse().ok()?)));
         match number {
@@ -162,7 +163,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// A number without a fraction; `3.0` is one, too.
+    /// Parses a number without a fraction; `3.0` is one, too.
     pub fn integer(&mut self, expected: &'static str) -> Result<i128, SyntaxError> {
         let Some(token) = self.peek_number() else { return self.error(expected) };
         let exact = token.parse::<i128>().ok();
@@ -181,7 +182,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// A text in quotes, of any number of lines, in which `\"` is a quote.
+    /// Parses a text in quotes, of any number of lines, in which `\"` is a quote.
     pub fn quoted(&mut self, expected: &'static str) -> Result<String, SyntaxError> {
         let Some(inside) = self.rest().strip_prefix('"') else { return self.error(expected) };
         let mut last = ' ';

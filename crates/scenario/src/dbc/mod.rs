@@ -1,4 +1,4 @@
-//! Reads DBC files: the messages and signals of a user's own CAN network.
+//! Reads DBC files: the messages and signals of a user's CAN network.
 //!
 //! A third of the public DBC files break some rule of the format. A broken rule is an error only for those who
 //! ask for just this message or signal by name; [`Database::problems`] lists all of them. Some broken items can
@@ -126,7 +126,7 @@ impl Database {
     /// Reads the text of a file, which is from `origin`: UTF-8, or if it is not, the code page 1252 of Windows.
     ///
     /// # Errors
-    /// [`DbcError::Syntax`] if the text is no DBC; not what is wrong with single messages.
+    /// [`DbcError::Syntax`] if the text is not a DBC; faults of single messages are not errors.
     pub fn parse(text: &[u8], origin: &str) -> Result<Database, DbcError> {
         build::database(&text::decode(text), origin)
     }
@@ -200,7 +200,7 @@ impl Message {
         self.line
     }
 
-    /// Identifier of the frame, of 11 or 29 bits.
+    /// Returns the identifier of the frame, of 11 or 29 bits.
     pub const fn id(&self) -> Id {
         self.id
     }

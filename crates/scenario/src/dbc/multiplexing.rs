@@ -1,5 +1,5 @@
-//! Which switch selects a signal, from the lines `SG_MUL_VAL_`, or without one for the signal from the marks `M`, `m0`
-//! and `m0M` of the signals.
+//! Finds the switch that selects a signal, from the lines `SG_MUL_VAL_`, or without one for the signal from the marks
+//! `M`, `m0` and `m0M` of the signals.
 
 use std::collections::HashMap;
 use std::ops::RangeInclusive;

@@ -207,7 +207,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `NS_ :` and keywords, which begin no statement here: the list ends at the first one that does.
+    /// Parses `NS_ :` and its keywords, which begin no statement here: the list ends at the first one that does.
     fn new_symbols(&mut self) -> Result<(), SyntaxError> {
         self.lexer.symbol(':', "`:`")?;
         loop {
@@ -225,7 +225,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// `BS_: [RATE : REGISTER , REGISTER]`, which no file has used for decades.
+    /// Parses `BS_: [RATE : REGISTER , REGISTER]`, which no file has used for decades.
     fn bit_timing(&mut self) -> Result<(), SyntaxError> {
         self.lexer.symbol(':', "`:`")?;
         if self.lexer.peek_number().is_some() {
@@ -238,7 +238,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Names up to the next statement, with or without commas between them; `Vector__XXX` is no node.
+    /// Parses names up to the next statement, with or without commas between them; `Vector__XXX` is no node.
     fn nodes(&mut self) -> Vec<String> {
         let mut nodes = Vec::new();
         while let Some(node) = self.lexer.peek_word().filter(|word| !KEYWORDS.contains(word)) {
@@ -251,7 +251,7 @@ impl<'a> Parser<'a> {
         nodes
     }
 
-    /// `BO_ 512 Name: 8 Sender`.
+    /// Parses `BO_ 512 Name: 8 Sender`.
     fn message(&mut self, line: usize) -> Result<(), SyntaxError> {
         let id = self.lexer.unsigned("an identifier as a decimal number")?;
         let name = self.lexer.word("the name of the message")?.to_string();
@@ -271,7 +271,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `SG_ Name m0M : 0|8@1+ (1,0) [0|0] "unit" Node,Node`.
+    /// Parses `SG_ Name m0M : 0|8@1+ (1,0) [0|0] "unit" Node,Node`.
     fn signal(&mut self, line: usize) -> Result<SignalStatement, SyntaxError> {
         let lexer = &mut self.lexer;
         let name = lexer.word("the name of the signal")?.to_string();
@@ -322,7 +322,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// `BO_TX_BU_ 512 : Node,Node;`.
+    /// Parses `BO_TX_BU_ 512 : Node,Node;`.
     fn senders(&mut self) -> Result<(), SyntaxError> {
         let id = self.lexer.unsigned("an identifier as a decimal number")?;
         self.lexer.symbol(':', "`:`")?;
@@ -331,7 +331,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `VAL_ 512 Signal 0 "off" 1 "on" ;`, or `VAL_ Variable …` of an environment variable.
+    /// Parses `VAL_ 512 Signal 0 "off" 1 "on" ;`, or `VAL_ Variable …` of an environment variable.
     fn values(&mut self, line: usize) -> Result<(), SyntaxError> {
         let is_of_signal = self.lexer.next_char().is_some_and(|next| next.is_ascii_digit());
         if !is_of_signal {
@@ -349,7 +349,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `SIG_VALTYPE_ 512 Signal : 1;`.
+    /// Parses `SIG_VALTYPE_ 512 Signal : 1;`.
     fn value_type(&mut self, line: usize) -> Result<(), SyntaxError> {
         let (message, signal) = self.signal_reference()?;
         self.lexer.has(':');
@@ -359,7 +359,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `SG_MUL_VAL_ 512 Signal Switch 0-3, 5-5;`.
+    /// Parses `SG_MUL_VAL_ 512 Signal Switch 0-3, 5-5;`.
     fn switch(&mut self, line: usize) -> Result<(), SyntaxError> {
         let (message, signal) = self.signal_reference()?;
         let switch = self.lexer.word("the name of the switch")?.to_string();
@@ -382,7 +382,7 @@ impl<'a> Parser<'a> {
         Ok((message, self.lexer.word("the name of the signal")?.to_string()))
     }
 
-    /// `CM_ "text";`, `CM_ BU_ Node "text";`, `CM_ BO_ 512 "text";`, `CM_ SG_ 512 Signal "text";`.
+    /// Parses `CM_ "text";`, `CM_ BU_ Node "text";`, `CM_ BO_ 512 "text";`, `CM_ SG_ 512 Signal "text";`.
     fn comment(&mut self, line: usize) -> Result<(), SyntaxError> {
         if self.lexer.peek_word() == Some("SG_") {
             self.lexer.word("SG_")?;
@@ -400,7 +400,7 @@ impl<'a> Parser<'a> {
         self.end("`;`")
     }
 
-    /// `BA_DEF_ BO_ "Name" ENUM "Word","Word";`.
+    /// Parses `BA_DEF_ BO_ "Name" ENUM "Word","Word";`.
     fn attribute_definition(&mut self) -> Result<(), SyntaxError> {
         let of = self.lexer.peek_word();
         if of.is_some() {
@@ -426,7 +426,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// `BA_ "Name" BO_ 512 100;`.
+    /// Parses `BA_ "Name" BO_ 512 100;`.
     fn attribute(&mut self) -> Result<(), SyntaxError> {
         let name = self.attribute_name()?;
         let of = match self.lexer.peek_word().filter(|word| KEYWORDS.contains(word)) {
@@ -480,7 +480,7 @@ impl<'a> Parser<'a> {
         if self.is_at_end_of_statement() { Ok(()) } else { self.lexer.error(expected) }
     }
 
-    /// Passes a statement that says nothing about frames, up to its semicolon.
+    /// Skips a statement that is not about frames, up to its semicolon.
     fn skip_statement(&mut self) -> Result<(), SyntaxError> {
         while !self.lexer.has(';') {
             match self.lexer.next_char() {

@@ -92,10 +92,10 @@ fn decodes_and_encodes_whole_messages() {
     assert_eq!(message.codec().decode(&frame.data()[..9]).collect::<Vec<_>>(), deep[..2]);
 
     let refused = |values: &[(&str, f64)]| message.codec().encode(values).unwrap_err().to_string();
-    insta::assert_snapshot!(refused(&[("Page", 5.0), ("Inner", 3.0)]), @"message Measurement_With_A_Long_Name_That_Has_No_End has a signal Deep, which has no value");
-    insta::assert_snapshot!(refused(&[("Page", 0.0), ("Inner", 3.0)]), @"message Measurement_With_A_Long_Name_That_Has_No_End has a signal Acceleration_Of_The_Tip_Along_The_Axis_X, which has no value");
-    insta::assert_snapshot!(refused(&[("Page", 2.0), ("Deep", 3.0)]), @"message Measurement_With_A_Long_Name_That_Has_No_End has no signal Deep with these switches, and it has a value");
-    insta::assert_snapshot!(refused(&[("Page", 0.0), ("Page", 0.0)]), @"signal Page of Measurement_With_A_Long_Name_That_Has_No_End has two values");
+    insta::assert_snapshot!(refused(&[("Page", 5.0), ("Inner", 3.0)]), @"message Measurement_With_A_Long_Name_That_Has_No_End: its signal Deep needs a value");
+    insta::assert_snapshot!(refused(&[("Page", 0.0), ("Inner", 3.0)]), @"message Measurement_With_A_Long_Name_That_Has_No_End: its signal Acceleration_Of_The_Tip_Along_The_Axis_X needs a value");
+    insta::assert_snapshot!(refused(&[("Page", 2.0), ("Deep", 3.0)]), @"message Measurement_With_A_Long_Name_That_Has_No_End has no signal Deep with these values of its switches: leave its value out");
+    insta::assert_snapshot!(refused(&[("Page", 0.0), ("Page", 0.0)]), @"signal Page of Measurement_With_A_Long_Name_That_Has_No_End has two values: give one");
     insta::assert_snapshot!(refused(&[("Page", 256.0)]), @"signal Page of Measurement_With_A_Long_Name_That_Has_No_End: 256 is outside of 0 to 255, the range of its bits");
     insta::assert_snapshot!(refused(&[("Pages", 1.0)]), @r#"
     bench.dbc, line 11: message Measurement_With_A_Long_Name_That_Has_No_End has no signal "Pages"
@@ -103,7 +103,7 @@ fn decodes_and_encodes_whole_messages() {
     "#);
 }
 
-/// Every problem of a message or a signal.
+/// A file with every problem of a message or a signal.
 const WRONG: &str = r#"VERSION ""
 BU_: A
 BO_ 273874944 TooLarge: 8 A
@@ -172,24 +172,24 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 5: message Beyond29: identifier 4294967295 does not fit 29 bits, which are written with bit 31
     bench.dbc, line 6: message TwinOne: its identifier is also that of TwinTwo in line 7
     bench.dbc, line 7: message TwinTwo: its identifier is also that of TwinOne in line 6
-    bench.dbc, line 8: message Name: its name is also that of line 9
-    bench.dbc, line 8: message Name: its name is also that of line 9
+    bench.dbc, line 8: message Name: its name is also used in line 9
+    bench.dbc, line 8: message Name: its name is also used in line 9
     bench.dbc, line 10: message NineBytes: its length is 9 bytes: a classical frame has 0 to 8; if it is CAN FD, its attribute VFrameFormat has to be StandardCAN_FD or ExtendedCAN_FD
     bench.dbc, line 11: message NoFdLength: its length is 9 bytes: CAN FD has 0 to 8, 12, 16, 20, 24, 32, 48 or 64
-    bench.dbc, line 12: message NoFormat: its VFrameFormat is new: StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) and ExtendedCAN_FD (15) are known
-    bench.dbc, line 15: signal past of Signals: from start bit 60 its 8 bits take 9 bytes, but the payload has only 8
+    bench.dbc, line 12: message NoFormat: its VFrameFormat is new: it must be StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) or ExtendedCAN_FD (15)
+    bench.dbc, line 15: signal past of Signals: from start bit 60 its 8 bits take 9 bytes, and the payload has 8
     bench.dbc, line 16: signal none of Signals: it has 0 bits: it must have 1 to 64
     bench.dbc, line 17: signal wide of Signals: it has 65 bits: it must have 1 to 64
     bench.dbc, line 18: signal zero of Signals: its factor is 0: it must be a finite number other than 0
     bench.dbc, line 19: signal infinite of Signals: its factor is inf: it must be a finite number other than 0
-    bench.dbc, line 20: signal half of Signals: SIG_VALTYPE_ says that it has 32 bits, and it has 16
-    bench.dbc, line 21: signal one of Signals: bit 38 is also of two, in line 22
-    bench.dbc, line 22: signal two of Signals: bit 38 is also of one, in line 21
-    bench.dbc, line 23: signal twice of Signals: its name is also that of line 24
-    bench.dbc, line 23: signal twice of Signals: its name is also that of line 24
-    bench.dbc, line 25: signal selected of Signals: it is multiplexed, and the message has no switch, a signal marked M
-    bench.dbc, line 27: signal all of Wide: it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly
-    bench.dbc, line 31: signal either of Switches: it is multiplexed, and the message has several switches: SG_MUL_VAL_ has to say which is its
+    bench.dbc, line 20: signal half of Signals: SIG_VALTYPE_ states 32 bits, but it has 16
+    bench.dbc, line 21: signal one of Signals: bit 38 also belongs to two, in line 22
+    bench.dbc, line 22: signal two of Signals: bit 38 also belongs to one, in line 21
+    bench.dbc, line 23: signal twice of Signals: its name is also used in line 24
+    bench.dbc, line 23: signal twice of Signals: its name is also used in line 24
+    bench.dbc, line 25: signal selected of Signals: it is multiplexed, but the message has no switch, a signal marked M
+    bench.dbc, line 27: signal all of Wide: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
+    bench.dbc, line 31: signal either of Switches: it is multiplexed, but the message has several switches: SG_MUL_VAL_ must say which one selects it
     bench.dbc, line 32: signal named of Switches: its switch "nothing" is not a signal of the message
     bench.dbc, line 33: signal round of Switches: its switches select each other in a circle
     bench.dbc, line 34: signal beyond of Switches: the switch can't be 300: it must be at most 255
@@ -198,9 +198,9 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     "#);
 }
 
-/// What breaks a rule of the format, and has one value in a payload all the same: foxBMS's file goes on in the next line,
-/// opendbc has integers of 64 bits, signals that share bits, long messages without `VFrameFormat` and nodes that only
-/// messages name, canmatrix's files quotes inside of texts.
+/// A file that breaks rules of the format, but has one value in a payload all the same: foxBMS's file goes on in the
+/// next line, opendbc has integers of 64 bits, signals that share bits, long messages without `VFrameFormat` and nodes
+/// that only messages name, canmatrix's files quotes inside of texts.
 const READABLE: &str = r#"BU_: Listed
 BO_ 256 Shared: 8 Sender
  SG_ Byte : 0|8@1+ (1,0) [0|0] "" Listed
@@ -256,7 +256,7 @@ fn what_can_be_read_is_read() {
     assert_eq!(large.signals().nth(1).unwrap().text(&payload), Some("none"));
 }
 
-/// What shares bits, is rounded, or has no name of its own, must not become a load or be written.
+/// Signals that share bits, are rounded, or have an ambiguous name must not become a load or be written.
 #[test]
 fn what_can_only_be_read_is_refused_by_its_name() {
     let database = database(READABLE);
@@ -269,14 +269,14 @@ fn what_can_only_be_read_is_refused_by_its_name() {
         })
         .collect();
     insta::assert_snapshot!(refused.join("\n"), @"
-    3: Shared.Byte: bit 3 is also of Flag, in line 4
-    4: Shared.Flag: bit 3 is also of Byte, in line 3
-    7: Large.Stamp: it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly
-    8: Large.Serial: it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly
-    9: Large.Signed: it is an integer of 60 bits: it must have at most 53, which a floating-point number represents exactly
-    12: Page.Value: its name is also that of line 13
-    13: Page.Value: its name is also that of line 12
-    14: Twice: its name is also that of line 16
+    3: Shared.Byte: bit 3 also belongs to Flag, in line 4
+    4: Shared.Flag: bit 3 also belongs to Byte, in line 3
+    7: Large.Stamp: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
+    8: Large.Serial: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
+    9: Large.Signed: it is an integer of 60 bits: up to 53 keep every bit in a floating-point number
+    12: Page.Value: its name is also used in line 13
+    13: Page.Value: its name is also used in line 12
+    14: Twice: its name is also used in line 16
     16: Twice: its length is 9 bytes: CAN FD has 0 to 8, 12, 16, 20, 24, 32, 48 or 64
     ");
     let shared = database.message("Shared").unwrap();
@@ -327,7 +327,7 @@ fn reads_code_page_1252() {
     assert_eq!(database.message("Drive").unwrap().signal("a").unwrap().unit(), "°C");
 }
 
-/// A text with some bytes changed, or cut off, is read or refused, and never ends the program.
+/// A text with some bytes changed, or cut off, is read or rejected, and never ends the program.
 #[test]
 fn damaged_texts_are_read_or_refused() {
     let mut state = 1_u64;

@@ -29,13 +29,13 @@ pub enum StructureSectionError {
     },
     /// The structure comes from the program that runs the scenario, and no such program is running it.
     #[error(
-        "structure: `kind` is own: the program that runs the scenario makes the structure, as resonarm.run(…, structure=…) \
-         in Python; the scenario alone has none"
+        "structure: `kind` is own, but no program provides the structure; run the scenario from a program, as resonarm.run(…, \
+         structure=…) in Python"
     )]
     Own,
     /// The program supplies a structure, and the scenario states another one.
     #[error(
-        "structure: `kind` is {kind}, and the program has a structure of its own: leave [structure] out, or make `kind` own"
+        "structure: `kind` is {kind}, but the program has its own structure: leave [structure] out, or set `kind` to own"
     )]
     NotOwn {
         /// Kind of structure that the scenario states.
@@ -58,7 +58,7 @@ pub enum StructureSectionError {
         kind: &'static str,
     },
     /// Links or modes are given, but the kind that uses them is not.
-    #[error("structure: `{key}` is given, and not the kind of structure: add `kind = \"{kind}\"`")]
+    #[error("structure: `{key}` is given without the kind of structure: add `kind = \"{kind}\"`")]
     KindMissing {
         /// Key that is given.
         key: &'static str,
@@ -130,13 +130,13 @@ pub enum StructureSectionError {
         element: usize,
     },
     /// `side` is given for an element that is not a contact.
-    #[error("structure.elements, number {element}: `side` is of contacts alone: leave it out")]
+    #[error("structure.elements, number {element}: `side` applies only to contacts: leave it out")]
     SideIdle {
         /// The number of the element, from 1.
         element: usize,
     },
     /// The text does not name a place.
-    #[error("structure: `{got}` names no place: write point and axis, as in \"tip.x\"")]
+    #[error("structure: `{got}` is not a place: write point and axis, as in \"tip.x\"")]
     Place {
         /// Text that was given.
         got: String,
@@ -155,8 +155,8 @@ pub enum StructureSectionError {
     },
     /// A shape names the base, or a participation factor names another point.
     #[error(
-        "structure: `{got}`: `base` is what the structure stands on: its motion excites the modes by the key `participation`, as \
-         \"base.z\" = 1.2, √kg, and no point of a shape is called so"
+        "structure: `{got}`: `base` is the base of the structure; state it in `participation`, as \"base.z\" = 1.2 (√kg), and use \
+         another name for a point in `shape`"
     )]
     Base {
         /// Point and axis, such as `base.z`.
@@ -164,7 +164,7 @@ pub enum StructureSectionError {
     },
     /// A line passes through a point without a position.
     #[error(
-        "structure.lines: nothing says where `{name}` is: give its place in [structure.points]{}",
+        "structure.lines: the position of `{name}` is unknown: give it in [structure.points]{}",
         if known.is_empty() { String::new() } else { format!("; there are {known}") }
     )]
     Line {
@@ -182,7 +182,7 @@ pub enum StructureSectionError {
         expected: usize,
     },
     /// A file can't be read.
-    #[error("can't read {}: {reason}; paths count from the scenario's folder", path.display())]
+    #[error("can't read {}: {reason}; paths are relative to the scenario's folder", path.display())]
     Read {
         /// Path of the file.
         path: PathBuf,
@@ -213,7 +213,7 @@ pub enum StructureSectionError {
     #[error("structure: give `file` or `matrices`, not both: modes come from one of them")]
     TwoSources,
     /// The key belongs to structures from another source.
-    #[error("structure: `{key}` is of {of}: leave it out")]
+    #[error("structure: `{key}` applies only to {of}: leave it out")]
     OfSource {
         /// Key that does not apply.
         key: &'static str,
@@ -222,7 +222,7 @@ pub enum StructureSectionError {
     },
     /// The number of modes to keep is out of range, or must be stated.
     #[error(
-        "structure.matrices: `modes` is {}: the matrices have {rows} rows, and 1 to {most} of the lowest modes are kept",
+        "structure.matrices: `modes` is {}: it must be from 1 to {most}, since the matrices have {rows} rows",
         got.map_or(String::from("missing"), |got| got.to_string())
     )]
     Kept {
@@ -264,7 +264,7 @@ pub enum StructureSectionError {
     Shaker(#[from] ShakerAcross),
     /// A shaker is combined with a structure of the program or an FMU.
     #[error(
-        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure {what} \
+        "rig.shaker needs the arm or a structure of the scenario, since its armature moves with it: leave it out; a structure {what} \
          is driven by the ideal exciter of `rig.exciter`"
     )]
     OwnShaker {
@@ -273,13 +273,13 @@ pub enum StructureSectionError {
     },
     /// The command needs equations, and an FMU shows none.
     #[error(
-        "structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are \
-         computed of equations, which it does not show"
+        "structure: `kind` is fmu: modes, responses and branches need the equations of a structure, which an FMU does not provide; \
+         use it in runs in the modes free and lockstep"
     )]
     OfFmu,
     /// An FMU can't run in real time, since nothing bounds the time of its steps.
     #[error(
-        "structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: take the mode free or lockstep"
+        "structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: use the mode free or lockstep"
     )]
     FmuInRealTime,
     /// The FMU can't be the structure under test.
@@ -292,8 +292,8 @@ pub enum StructureSectionError {
     },
     /// The scenario is from a recording, and its FMU has not been allowed: loading it would run code.
     #[error(
-        "the recording was made with the FMU {}, {}: nothing that a recording names is loaded, since an FMU is code that runs \
-         with your rights; if you trust it, name its file by --fmu FILE (in Python fmu=FILE), whose SHA-256 is compared",
+        "the recording was made with the FMU {}, {}: it is not loaded from the path in the recording, since an FMU is code that runs \
+         with your rights; if you trust it, name its file with --fmu FILE (in Python fmu=FILE), whose SHA-256 is compared",
         path.display(), of_hash(sha256)
     )]
     FmuNotAllowed {
@@ -304,7 +304,7 @@ pub enum StructureSectionError {
     },
     /// The file is another FMU than the one whose hash is stated.
     #[error(
-        "{}: its SHA-256 is {got}, and structure.sha256 is {expected}: it is another FMU than the one that was meant or recorded", path.display()
+        "{}: its SHA-256 is {got}, but structure.sha256 is {expected}, so it is another FMU than the one that was meant or recorded", path.display()
     )]
     FmuHash {
         /// Path of the FMU.

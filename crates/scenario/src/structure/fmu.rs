@@ -46,7 +46,7 @@ impl StructureSection {
     /// Loads the FMU and builds its plant, with the rig, the rates and the seed of the specification.
     ///
     /// # Errors
-    /// [`StructureSectionError`]: of keys, of the file, and of the FMU; else [`PlantSpecError`] of the rig.
+    /// [`StructureSectionError`] of keys, of the file, and of the FMU; else [`PlantSpecError`] of the rig.
     pub fn fmu_plant(&self, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, StructureSectionError> {
         self.check_keys()?;
         self.check_allowed()?;
@@ -71,7 +71,7 @@ impl StructureSection {
         Arc::new(source).plant(spec).map_err(of)
     }
 
-    /// The channels of the FMU, as the section and the rig name them; the FMU is not read.
+    /// Returns the channels of the FMU, as the section and the rig name them; the FMU is not read.
     pub(crate) fn fmu_channels(&self, rig: &RigSpec) -> Result<NamedChannels, StructureSectionError> {
         let of = |fault: ImportError| StructureSectionError::Fmu {
             path: self.file.clone().unwrap_or_default(),
@@ -80,7 +80,7 @@ impl StructureSection {
         NamedChannels::new(&self.fmu_spec(rig)).map_err(of)
     }
 
-    /// What the rig requires of the FMU, without its steps.
+    /// Returns the rig's requirements for the FMU, without its steps.
     fn fmu_spec(&self, rig: &RigSpec) -> Spec {
         let place = |at: &Option<PlaceName>| at.as_ref().map(|at| at.as_str().to_owned());
         Spec {

@@ -162,7 +162,7 @@ pub struct StructureSection {
     /// Doubtful statements of a robot's file, known once it has been read.
     #[serde(skip)]
     pub warnings: Vec<UrdfWarning>,
-    /// When the FMU is read within a hold.
+    /// The time within a hold at which the FMU is read.
     #[serde(skip_serializing_if = "is_default")]
     pub read: ReadAt,
     /// The FMU's variables that take loads, by degree of freedom: forces at points, torques at joints.
@@ -200,7 +200,7 @@ impl StructureSection {
     /// Builds the structure.
     ///
     /// # Errors
-    /// [`StructureSectionError`]: what of the section is missing, too much, or impossible.
+    /// [`StructureSectionError`] with the part of the section that is missing, not applicable, or impossible.
     pub fn assembly(&self) -> Result<Assembly, StructureSectionError> {
         self.check_keys()?;
         let gravity_m_s2 = self.gravity_m_s2.unwrap_or(0.0);
@@ -244,8 +244,7 @@ impl StructureSection {
     /// Builds the structure under test, with its initial state and the places of the rig.
     ///
     /// # Errors
-    /// [`StructureSectionError`]: as [`StructureSection::assembly`], and what of the rig or the initial state does not
-    /// fit.
+    /// [`StructureSectionError`] as [`StructureSection::assembly`], and for a rig or initial state that does not fit.
     pub fn tested(&self, rig: &RigSpec) -> Result<TestedAssembly, StructureSectionError> {
         let assembly = self.assembly()?;
         let expected = 2 * assembly.coordinates();
@@ -269,7 +268,7 @@ impl StructureSection {
     /// Checks that the section leaves the structure to the program, which states the places of the rig itself.
     ///
     /// # Errors
-    /// [`StructureSectionError`]: it is another, has keys of others, or the rig has places or a shaker.
+    /// [`StructureSectionError`] if it states another structure, has keys of others, or the rig has places or a shaker.
     pub fn check_own(&self, rig: &RigSpec) -> Result<(), StructureSectionError> {
         if self.kind != StructureKind::Own {
             return Err(StructureSectionError::NotOwn { kind: self.kind.name() });

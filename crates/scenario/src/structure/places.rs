@@ -46,7 +46,7 @@ pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, Struc
 /// Axes of a point, by name.
 const AXES: [(&str, Axis); 3] = [("x", Axis::X), ("y", Axis::Y), ("z", Axis::Z)];
 
-/// The degree of freedom of a point along an axis, if the structure moves there.
+/// Returns the degree of freedom of a point along an axis, if the structure moves there.
 fn point_at(assembly: &Assembly, point: &str, axis: &str) -> Option<Dof> {
     assembly.dof(&format!("{point}.{axis}")).ok().filter(|dof| !dof.is_base())
 }

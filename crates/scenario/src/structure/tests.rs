@@ -83,7 +83,7 @@ fn what_makes_no_preset_is_said() {
     insta::assert_snapshot!(says("[structure]\ngravity_m_s2 = 9.81"), @"structure: gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.mass_kg, link1.centre_of_mass_m, link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
     insta::assert_snapshot!(says("[structure]\ninitial = [0.0]"), @"structure.initial has 1 numbers: give 4, the coordinates and their rates");
     insta::assert_snapshot!(says("[structure]\npoints = { tip = [0, 0, 0] }"), @"structure: `points` does not apply to a structure of kind `preset`: leave it out");
-    insta::assert_snapshot!(says(&CHAIN.replace("kind = \"chain\"", "preset = 'irb1600-fitted'")), @r#"structure: `links` is given, and not the kind of structure: add `kind = "chain"`"#);
+    insta::assert_snapshot!(says(&CHAIN.replace("kind = \"chain\"", "preset = 'irb1600-fitted'")), @r#"structure: `links` is given without the kind of structure: add `kind = "chain"`"#);
     insta::assert_snapshot!(says(&CHAIN.replace("kind =", "preset = 'irb1600-fitted'\nkind =")), @"structure: `preset` is irb1600-fitted, a structure of its own, and `kind` is chain: leave one of them out");
     insta::assert_snapshot!(says(&MODAL.replace("kind =", "angles_deg = [0, 0]\nkind =")), @"structure: `angles_deg` does not apply to a structure of kind `modal`: leave it out");
 }
@@ -112,8 +112,8 @@ fn what_nothing_takes_is_not_steered() {
         Scenario::parse(&text, "bench.toml").unwrap().steered(Converter::default()).map(|steered| steered.limit())
     };
     assert!(steered("exciter_x").unwrap() > 2.0);
-    insta::assert_snapshot!(steered("exciter_y").unwrap_err(), @"the load has `exciter_y` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
-    insta::assert_snapshot!(steered("joint1").unwrap_err(), @"the load has `joint1` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(steered("exciter_y").unwrap_err(), @"the load has `exciter_y` = 2, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(steered("joint1").unwrap_err(), @"the load has `joint1` = 2, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
 }
 
 /// An element of the modal structure.
@@ -127,7 +127,7 @@ fn what_makes_no_structure_is_said() {
     insta::assert_snapshot!(says(&format!("{MODAL}[[structure.links]]\nlength_m = 1\nmass_kg = 1\ncentre_of_mass_m = 1\ninertia_kg_m2 = 1\nangle_deg = 1\nstiffness_nm_rad = 1\ndamping_nm_s_rad = 1\n")), @"structure: `links` does not apply to a structure of kind `modal`: leave it out");
     insta::assert_snapshot!(says(&MODAL.replace(r#", "mid.x" = 0.35"#, "")), @"structure.modes, number 2: `shape` lacks `mid.x`: give it in every mode, 0 where it does not move");
     insta::assert_snapshot!(says(&CHAIN.replace("mass_kg = 6.0", "mass_kg = 0.0")), @"structure: link 2: `mass_kg` is 0: it must be a positive number");
-    insta::assert_snapshot!(says(&MODAL.replace("kind =", "lines = [[\"mid\", \"tip\"]]\npoints = { tip = [0, 0, 1] }\nkind =")), @"structure.lines: nothing says where `mid` is: give its place in [structure.points]; there are tip");
+    insta::assert_snapshot!(says(&MODAL.replace("kind =", "lines = [[\"mid\", \"tip\"]]\npoints = { tip = [0, 0, 1] }\nkind =")), @"structure.lines: the position of `mid` is unknown: give it in [structure.points]; there are tip");
     insta::assert_snapshot!(says(&CHAIN.replace("kind =", "lines = [[\"joint1\", \"tip\"]]\nkind =")), @"structure: `lines` does not apply to a structure of kind `chain`: leave it out");
     insta::assert_snapshot!(says(&format!("{CHAIN}initial = [0.0, 0.0]\n")), @"structure.initial has 2 numbers: give 6, the coordinates and their rates");
     insta::assert_snapshot!(says(&format!("{MODAL}[rig.exciter]\nat = \"top\"\n")), @"rig.exciter: `at` is `top`: the points are mid, tip");
@@ -136,16 +136,16 @@ fn what_makes_no_structure_is_said() {
 
 #[test]
 fn what_makes_no_element_is_said() {
-    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: expected one of mid.x, tip.x");
-    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip\"\nstiffness3_n_m3 = 1"), @r#"structure: `tip` names no place: write point and axis, as in "tip.x""#);
-    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: there is no joint 1: a structure of modes has no joints; name a point and an axis");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: there are mid.x, tip.x");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip\"\nstiffness3_n_m3 = 1"), @r#"structure: `tip` is not a place: write point and axis, as in "tip.x""#);
+    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: joint 1: a structure of modes has no joints; name a point and an axis");
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip.x\"\nstiffness3_nm_rad3 = 1"), @"structure.elements, number 1: `stiffness3_nm_rad3` has the unit of a joint, and the element is at an axis: give `stiffness3_n_m3`");
     insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m");
     insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\""), @"structure.elements, number 1: `stiffness_n_m` is missing");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_nm_s_rad = 1"), @"structure.elements, number 1: there is no `damping_nm_s_rad` here, did you mean `damping_n_s_m`?: the keys are stiffness_n_m, damping_n_s_m");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_n_s_m = 0"), @"structure: element 1, linear: `stiffness` is 0: it must be a positive number where there is no damping");
-    insta::assert_snapshot!(element("kind = \"tanh\"\nat = \"tip.x\"\nside = \"negative\"\nslip_force_n = 1\nvelocity_m_s = 1"), @"structure.elements, number 1: `side` is of contacts alone: leave it out");
+    insta::assert_snapshot!(element("kind = \"tanh\"\nat = \"tip.x\"\nside = \"negative\"\nslip_force_n = 1\nvelocity_m_s = 1"), @"structure.elements, number 1: `side` applies only to contacts: leave it out");
 }
 
 #[test]
@@ -157,8 +157,8 @@ fn the_programs_own_structure_is_the_programs() {
     for text in ["", "[structure]\nkind = \"own\"\nname = \"beam\"\n"] {
         assert_eq!(own(text), "taken", "{text}");
     }
-    insta::assert_snapshot!(says("[structure]\nkind = \"own\"\n"), @"structure: `kind` is own: the program that runs the scenario makes the structure, as resonarm.run(…, structure=…) in Python; the scenario alone has none");
-    insta::assert_snapshot!(own(MODAL), @"structure: `kind` is modal, and the program has a structure of its own: leave [structure] out, or make `kind` own");
+    insta::assert_snapshot!(says("[structure]\nkind = \"own\"\n"), @"structure: `kind` is own, but no program provides the structure; run the scenario from a program, as resonarm.run(…, structure=…) in Python");
+    insta::assert_snapshot!(own(MODAL), @"structure: `kind` is modal, but the program has its own structure: leave [structure] out, or set `kind` to own");
     insta::assert_snapshot!(own("[structure]\nkind = \"own\"\ninitial = [1.0]\n"), @"structure: `initial` does not apply to a structure of kind `own`: leave it out");
     insta::assert_snapshot!(own("[structure]\nkind = \"own\"\nfile = \"a.uff\"\n"), @"structure: `file` does not apply to a structure of kind `own`: leave it out");
     insta::assert_snapshot!(own("[rig.sensors.b]\nat = \"tip\"\n"), @"rig.sensors.b: `at` is given, and the program that makes the structure says where it is: leave it out");

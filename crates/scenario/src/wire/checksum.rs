@@ -126,7 +126,7 @@ impl ChecksumSpec {
     /// Builds the checksum of a message with this counter.
     ///
     /// # Errors
-    /// [`WireError`] if there is no such checksum.
+    /// [`WireError`] if the checksum is not possible.
     pub(super) fn checksum(
         &self,
         place: &Place,
@@ -210,7 +210,7 @@ impl ChecksumSpec {
 }
 
 impl PartSpec {
-    /// The part; `None` if it needs a counter and there is none.
+    /// Returns the part; `None` if it needs a counter and there is none.
     fn part(&self, counter: Option<Layout>) -> Option<Part> {
         let order = |motorola| if motorola { ByteOrder::Motorola } else { ByteOrder::Intel };
         Some(match self {
@@ -234,7 +234,7 @@ mod tests {
         toml::from_str(text).unwrap()
     }
 
-    /// What it computes of the digits 1 to 9 and a place for itself in the last byte.
+    /// Returns the checksum of the digits 1 to 9 and a place for itself in the last byte.
     fn check(text: &str) -> u64 {
         let place = Layout::new(72, 8, ByteOrder::Intel, Number::Unsigned, 10).unwrap();
         let spec = spec(&format!("signal = 'Crc'\n{text}"));

@@ -112,7 +112,7 @@ mod tests {
         insta::assert_snapshot!(said(&wire(&format!("timeout_s = 0.0\n{DRIVES}"))), @"wire.timeout_s is 0: it must be a positive number of seconds, at most 3600");
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/bk4809.toml");
         let shaker = std::fs::read_to_string(path).unwrap();
-        insta::assert_snapshot!(said(&format!("{shaker}\n{}", wire(DRIVES))), @"[wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]");
+        insta::assert_snapshot!(said(&format!("{shaker}\n{}", wire(DRIVES))), @"[wire]: a drive exerts a torque, but a shaker can't: leave out [rig.shaker]");
     }
 
     /// Bits at 1 kHz with the most stuff bits, and three of intermission: SYNC 55; of each drive an RPDO of 4 bytes,
@@ -124,8 +124,8 @@ mod tests {
             spec(&format!("{head}{}", wire(DRIVES)))
         };
         assert!(at(1000, 1_000_000).is_ok() && at(500, 500_000).is_ok());
-        insta::assert_snapshot!(at(1000, 500_000).unwrap_err(), @"the frames of the drives, with a SYNC and a target for each drive once a sample, are up to 107.2 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate");
-        insta::assert_snapshot!(at(2000, 1_000_000).unwrap_err(), @"the frames of the drives, with a SYNC and a target for each drive once a sample, are up to 105.1 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate");
+        insta::assert_snapshot!(at(1000, 500_000).unwrap_err(), @"the frames of the drives, with a SYNC and a target for each drive once a sample, take up to 107.2 % of network.bit_rate_hz, more than the limit of 80 % for a bus with control; lower simulation.rate_hz, or raise the bit rate");
+        insta::assert_snapshot!(at(2000, 1_000_000).unwrap_err(), @"the frames of the drives, with a SYNC and a target for each drive once a sample, take up to 105.1 % of network.bit_rate_hz, more than the limit of 80 % for a bus with control; lower simulation.rate_hz, or raise the bit rate");
         // One drive asks for less.
         let one = DRIVES.lines().filter(|line| !line.contains("node_id = 2")).collect::<Vec<_>>().join("\n");
         let head = "[simulation]\nrate_hz = 1000\n[network]\nbit_rate_hz = 500000\n";

@@ -42,7 +42,7 @@ pub(super) fn mapping(scenario: &Scenario, section: &WireSection) -> Result<Mapp
     for (place, message) in section.readings.iter().enumerate() {
         if section.readings[..place].iter().any(|other| other.message == message.message) {
             let place = Place::message("wire.readings", &message.message);
-            return Err(WireError::Message { place, problem: "it stands in `readings` twice" });
+            return Err(WireError::Message { place, problem: "it is listed twice in `readings`" });
         }
     }
     let incoming: Vec<Incoming> = compiler.incoming.into_values().collect();
@@ -96,9 +96,9 @@ impl Compiler<'_> {
             return Ok(message);
         }
         let expected = if is_own {
-            format!("readings are sent by {node} (`wire.node`)")
+            format!("readings must be sent by {node} (`wire.node`)")
         } else {
-            format!("commands are sent by others than {node} (`wire.node`)")
+            format!("commands must not be sent by {node} (`wire.node`)")
         };
         Err(WireError::Sender { place: Place::message(key, name), senders: senders.join(", "), expected })
     }
@@ -134,7 +134,7 @@ impl Compiler<'_> {
             ..bare(message, spec.drive)
         };
         if self.incoming.insert(message.id(), incoming).is_some() {
-            return Err(WireError::Message { place, problem: "it stands in `commands` twice" });
+            return Err(WireError::Message { place, problem: "it is listed twice in `commands`" });
         }
         Ok(())
     }
@@ -164,12 +164,12 @@ impl Compiler<'_> {
             let Some(input) = input else { continue };
             let place = Place::signal("wire.commands", &spec.message, &input.signal);
             let problem = match (kind, is_shaker) {
-                (LoadInput::Along(_), false) => Some("is along the shaker, and the scenario has no [rig.shaker]"),
-                (LoadInput::Torque(_), true) => Some("is a torque, and a shaker exerts none"),
+                (LoadInput::Along(_), false) => Some("is along the shaker, but the scenario has no [rig.shaker]"),
+                (LoadInput::Torque(_), true) => Some("is a torque, but a shaker exerts only forces"),
                 (LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ, true) => {
-                    Some("is along an axis, and a shaker pushes along its own: map the signal to `force_n`")
+                    Some("is along an axis, but a shaker pushes along its own axis: map the signal to `force_n`")
                 }
-                (kind, _) if !self.takes(kind) => Some("acts on nothing of the structure"),
+                (kind, _) if !self.takes(kind) => Some("acts on no part of the structure"),
                 _ => None,
             };
             if let Some(problem) = problem {
@@ -185,7 +185,7 @@ impl Compiler<'_> {
         Ok(commands)
     }
 
-    /// Whether the plant takes a load.
+    /// Says whether the plant accepts a load.
     fn takes(&self, input: LoadInput) -> bool {
         let place = match input {
             LoadInput::Torque(joint) => joint,
@@ -221,7 +221,7 @@ impl Compiler<'_> {
             for value in values {
                 let value = exactly(name, *value)?;
                 if actions.iter().any(|(other, _)| *other == value) {
-                    let problem = "a value of it asks for two things";
+                    let problem = "one of its values has two meanings";
                     return Err(WireError::Message { place, problem });
                 }
                 actions.push((value, action));
@@ -282,7 +282,7 @@ impl Compiler<'_> {
         let place = Place::message(KEY, &spec.message);
         let message = self.message(KEY, &spec.message, true)?;
         if self.incoming.contains_key(&message.id()) {
-            return Err(WireError::Message { place, problem: "the plant takes it, and can't send it as well" });
+            return Err(WireError::Message { place, problem: "the plant receives it, so it can't also send it" });
         }
         let mut used = Used::default();
         let mut payload = vec![0; message.length()];
@@ -338,7 +338,7 @@ impl Compiler<'_> {
     /// Converts the DBC's cycle time of a message into samples.
     fn cycle(&self, place: &Place, message: &Message) -> Result<Trigger, WireError> {
         let Some(cycle_ms) = message.cycle_time_ms().filter(|cycle_ms| *cycle_ms > 0.0) else {
-            let problem = "the DBC has no cycle time of it: give `every`, `period_s` or `on`";
+            let problem = "the DBC has no cycle time for it: give `every`, `period_s` or `on`";
             return Err(WireError::Message { place: place.clone(), problem });
         };
         let (period_s, rate_hz) = (1e-3 * cycle_ms, self.scenario.simulation.rate_hz);

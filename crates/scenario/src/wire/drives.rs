@@ -122,7 +122,7 @@ impl WireSection {
         }
         if scenario.rig.shaker.is_some() {
             return Err(WireError::Drives {
-                problem: "a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]",
+                problem: "a drive exerts a torque, but a shaker can't: leave out [rig.shaker]",
             });
         }
         let loads = Quantities::of_scenario(scenario)?.loads();

@@ -64,13 +64,13 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum WireError {
     /// The structure is not valid, so that the readings of the sensors in `[rig.sensors]` are not known.
-    #[error("[wire]: which readings of [rig.sensors] signals can carry follows from the structure: {reason}")]
+    #[error("[wire]: the readings of [rig.sensors] depend on the structure, which is invalid: {reason}")]
     Structure {
         /// Reason why the structure is rejected.
         reason: String,
     },
     /// The DBC can't be read.
-    #[error("can't read the DBC {}: {source}; `wire.dbc` counts from the scenario's folder", path.display())]
+    #[error("can't read the DBC {}: {source}; `wire.dbc` is relative to the scenario's folder", path.display())]
     Read {
         /// Path of the DBC file.
         path: PathBuf,
@@ -78,7 +78,9 @@ pub enum WireError {
         source: std::io::Error,
     },
     /// The DBC has not been read.
-    #[error("the DBC that `wire.dbc` names has not been read: a scenario of text alone has no folder to read it from")]
+    #[error(
+        "the DBC that `wire.dbc` names has not been read; read the scenario from a file, since a text has no folder"
+    )]
     NotRead,
     /// The DBC, or a message or signal of it, can't be used.
     #[error(transparent)]
@@ -91,17 +93,17 @@ pub enum WireError {
         /// Existing name closest to it.
         suggestion: Option<String>,
     },
-    /// The name is the one by which a DBC says "no node".
+    /// The name is the DBC's name for no node.
     #[error(
-        "wire.node is {got:?}, by which a DBC says that it names no node: leave `node` out, and any message can be a \
-         command or a reading"
+        "wire.node is {got:?}, the name of a DBC for no node; leave `node` out, so that any message can be a command or a \
+         reading"
     )]
     NoNodeName {
         /// Name that was given.
         got: String,
     },
     /// The message is sent by a node that must not send it.
-    #[error("{place}: it is sent by {senders}, and {expected}")]
+    #[error("{place}: it is sent by {senders}, but {expected}")]
     Sender {
         /// Message that the error is about.
         place: Place,
@@ -149,7 +151,7 @@ pub enum WireError {
         problem: &'static str,
     },
     /// The unit of a signal can't be converted to that of the quantity.
-    #[error("{place}: its unit {got:?} is none of {known}, which become {expected}: give `scale`, {}", scale_of(.place, .expected))]
+    #[error("{place}: its unit {got:?} can't be converted to {expected} (known are {known}): give `scale`, {}", scale_of(.place, .expected))]
     Unit {
         /// Signal that the error is about.
         place: Place,
@@ -174,7 +176,7 @@ pub enum WireError {
     },
     /// The signal can't represent the number exactly.
     #[error(
-        "{place}, line {line} of the DBC: `{name}` is {got}, and {}",
+        "{place}, line {line} of the DBC: `{name}` is {got}, but {}",
         ranged(.range, .step, .nearest), got = short(.got)
     )]
     Value {
@@ -221,7 +223,7 @@ pub enum WireError {
     },
     /// The range of a signal is too small for its quantity.
     #[error(
-        "{place}: its range is {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
+        "{place}: its range is {least} to {most} {unit}, but {what} goes from {from} to {to}: widen the signal, or lower {limit}",
         least = short(.least), most = short(.most), from = rounded(.from, 6), to = rounded(.to, 6)
     )]
     Range {
@@ -244,7 +246,7 @@ pub enum WireError {
     },
     /// A signal has none, or several, of the keys that say what it carries.
     #[error(
-        "{place}: it has {got} of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give one"
+        "{place}: it has {got} of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give exactly one"
     )]
     Sources {
         /// Signal that the error is about.
@@ -286,8 +288,8 @@ pub enum WireError {
     },
     /// The cycle time is not an integer number of samples.
     #[error(
-        "{place}: its cycle time in the DBC, {period_s} s, is {samples} samples at {rate_hz} Hz: give `every`, or a rate of which it is a \
-         whole number", period_s = short(.period_s), samples = short(.samples), rate_hz = short(.rate_hz)
+        "{place}: its cycle time in the DBC, {period_s} s, is {samples} samples at {rate_hz} Hz: give `every`, or choose a rate at which \
+         it is a whole number of samples", period_s = short(.period_s), samples = short(.samples), rate_hz = short(.rate_hz)
     )]
     Cycle {
         /// Message that the error is about.
@@ -301,7 +303,7 @@ pub enum WireError {
     },
     /// The timeout is so short that one lost frame would exceed it.
     #[error(
-        "{place}: `timeout_s` is {timeout_s}, and the DBC sends it every {period_s} s: give at least two of its cycles",
+        "{place}: `timeout_s` is {timeout_s}, but the DBC sends the message every {period_s} s: it must be at least two cycles",
         timeout_s = short(.timeout_s), period_s = short(.period_s)
     )]
     Timeout {
@@ -337,7 +339,7 @@ pub enum WireError {
     )]
     NoArming,
     /// The mapping has no commands.
-    #[error("[wire] has no commands: a plant without a load has nothing to do; give [[wire.commands]]")]
+    #[error("[wire] has no commands, so no load can act on the plant: add [[wire.commands]]")]
     NoCommands,
     /// The key `sync` is missing, or nothing uses it.
     #[error("wire.sync: {problem}")]
@@ -387,8 +389,8 @@ pub enum WireError {
     },
     /// The bus can't carry the messages.
     #[error(
-        "the messages of [wire] are up to {percent:.1} % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at \
-         most: send readings less often, or raise the bit rate"
+        "the messages of [wire] take up to {percent:.1} % of network.bit_rate_hz, more than the limit of 80 % for a bus with control; \
+         send readings less often, or raise the bit rate"
     )]
     Overload {
         /// Share of the bus that the messages take, %.
@@ -396,8 +398,8 @@ pub enum WireError {
     },
     /// The bus can't carry the frames of CANopen drives.
     #[error(
-        "the frames of the drives, with a SYNC and a target for each drive once a sample, are up to {percent:.1} % of what \
-         network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate"
+        "the frames of the drives, with a SYNC and a target for each drive once a sample, take up to {percent:.1} % of \
+         network.bit_rate_hz, more than the limit of 80 % for a bus with control; lower simulation.rate_hz, or raise the bit rate"
     )]
     OverloadByDrives {
         /// Share of the bus that the frames take, %.
@@ -414,12 +416,12 @@ fn ranged(range: &[f64; 2], step: &Option<f64>, nearest: &Option<f64>) -> String
     // Scale times count leaves digits beyond those of the DBC, such as 0.30000000000000004, which nine decimals
     // remove.
     let tidy = |value: f64| short(&format!("{value:.9}").parse().unwrap_or(value)).to_string();
-    let next = nearest.map_or_else(String::new, |nearest| format!(", next to it {}", tidy(nearest)));
+    let next = nearest.map_or_else(String::new, |nearest| format!("; the nearest is {}", tidy(nearest)));
     let [least, most] = range.map(tidy);
-    format!("the signal has {least} to {most}{steps}{next}: give one of its values, or widen the signal")
+    format!("the signal has values from {least} to {most}{steps}{next}: give one of its values, or widen the signal")
 }
 
 fn scale_of(place: &Place, unit: &str) -> String {
     let is_reading = place.key == "wire.readings";
-    if is_reading { format!("its value for 1 {unit}") } else { format!("the {unit} of its value 1") }
+    if is_reading { format!("its value for 1 {unit}") } else { format!("the load in {unit} for its value 1") }
 }

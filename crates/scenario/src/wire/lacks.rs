@@ -1,4 +1,4 @@
-//! What a user protocol lacks, and the consequence.
+//! The functions that a user protocol lacks, and the consequences.
 
 use thiserror::Error;
 
@@ -9,16 +9,16 @@ use resonarm_numeric::number::short;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum WireLack {
     /// Commands don't name the sample that they answer.
-    #[error("commands name no sample: how old one is, and how long a round trip takes, can't be measured")]
+    #[error("commands name no sample, so neither their age nor the round-trip time can be measured")]
     Echo,
     /// A message has no counter.
-    #[error("message {message} has no counter: a repeated or an old frame counts as new")]
+    #[error("message {message} has no counter, so a repeated or old frame counts as new")]
     Counter {
         /// Name of the message.
         message: String,
     },
     /// A message has no checksum.
-    #[error("message {message} has no checksum: damage that the controller's CRC misses acts as a load")]
+    #[error("message {message} has no checksum, so damage that the CAN controller's CRC misses acts as a load")]
     Checksum {
         /// Name of the message.
         message: String,

@@ -153,7 +153,7 @@ pub struct CommandSpec {
 }
 
 impl CommandSpec {
-    /// The input of the torque at a joint, numbered from 1.
+    /// Returns the input of the torque at a joint, numbered from 1.
     fn torque_nm(&mut self, joint: u8) -> Option<&mut Option<InputSpec>> {
         let inputs = [
             &mut self.torque1_nm,
@@ -273,7 +273,7 @@ pub struct ReadingSpec {
     /// Index of the drive whose state it reports, from 0.
     #[serde(default)]
     pub drive: usize,
-    /// What each signal carries, by the signal's name.
+    /// Content of each signal, by the signal's name.
     pub signals: BTreeMap<String, SourceSpec>,
 }
 
@@ -287,7 +287,7 @@ pub enum OnSpec {
     Sync,
 }
 
-/// What a signal carries: one of the keys `quantity`, `clipped`, `state`, `reason`, `constant`, `sample`.
+/// Content of a signal: one of the keys `quantity`, `clipped`, `state`, `reason`, `constant`, `sample`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SourceSpec {
@@ -319,7 +319,7 @@ pub struct SourceSpec {
     /// Constant value of the signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant: Option<f64>,
-    /// Whether it is the index of the sample, modulo the signal's range.
+    /// Whether it carries the index of the sample, modulo the signal's range.
     pub sample: bool,
 }
 
@@ -371,7 +371,7 @@ impl WireSection {
     /// Parses the DBC.
     ///
     /// # Errors
-    /// [`WireError::Dbc`] if it is none, [`WireError::NotRead`] before [`WireSection::read`].
+    /// [`WireError::Dbc`] if it is invalid, [`WireError::NotRead`] before [`WireSection::read`].
     pub fn database(&self) -> Result<Database, WireError> {
         let text = self.text.as_ref().ok_or(WireError::NotRead)?;
         Ok(Database::parse(text.as_bytes(), &self.dbc.display().to_string())?)
@@ -382,7 +382,7 @@ impl Scenario {
     /// Compiles the scenario's user protocol, if it has one.
     ///
     /// # Errors
-    /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
+    /// [`ScenarioError::Wire`] with the invalid part of `[wire]`.
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
         // CANopen drives have an object dictionary and a state machine, which a table of messages can't
@@ -402,7 +402,7 @@ impl Scenario {
     /// Returns the DBC of the user protocol or of its preset, if there is one: CANopen drives have none.
     ///
     /// # Errors
-    /// [`ScenarioError::Wire`] if it was not read, or is none.
+    /// [`ScenarioError::Wire`] if it was not read, or is invalid.
     pub fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
         if section.preset == Some(PresetSpec::Cia402) {

@@ -14,7 +14,7 @@ fn scenario(text: &str, dbc: &str) -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// The mapping of the scenario with one text in place of another.
+/// Returns the mapping of the scenario with one text replaced by another.
 fn changed(old: &str, new: &str) -> Result<Mapping, String> {
     assert!(SCENARIO.contains(old), "{old}");
     compiled(&SCENARIO.replace(old, new), DBC)
@@ -32,7 +32,7 @@ fn says(old: &str, new: &str) -> String {
     changed(old, new).unwrap_err()
 }
 
-/// As `says`, of a change of the DBC.
+/// As `says`, for a change of the DBC.
 fn dbc_says(old: &str, new: &str) -> String {
     assert!(DBC.contains(old), "{old}");
     compiled(SCENARIO, &DBC.replace(old, new)).unwrap_err()
@@ -54,13 +54,13 @@ fn what_arms_and_what_is_lacking_is_said_in_words() {
     let section = |text: &str| scenario(text, DBC).unwrap().wire.unwrap();
     let lacks = |text: &str| section(text).lacks().iter().map(|lack| format!("{lack}\n")).collect::<String>();
     assert_eq!(section(SCENARIO).arming(), "message Drive with Enable = 1");
-    insta::assert_snapshot!(lacks(SCENARIO), @"commands name no sample: how old one is, and how long a round trip takes, can't be measured");
+    insta::assert_snapshot!(lacks(SCENARIO), @"commands name no sample, so neither their age nor the round-trip time can be measured");
     let bare = "[wire]\ndbc = 'bench.dbc'\narm = 'zero-command'\n[[wire.commands]]\nmessage = 'Drive'\nforce_x_n = { signal = 'Force' }";
     assert_eq!(section(bare).arming(), "commands below a hundredth of the exciter's limits, the first that come");
     insta::assert_snapshot!(lacks(bare), @"
-    commands name no sample: how old one is, and how long a round trip takes, can't be measured
-    message Drive has no counter: a repeated or an old frame counts as new
-    message Drive has no checksum: damage that the controller's CRC misses acts as a load
+    commands name no sample, so neither their age nor the round-trip time can be measured
+    message Drive has no counter, so a repeated or old frame counts as new
+    message Drive has no checksum, so damage that the CAN controller's CRC misses acts as a load
     no message arms the plant: its first commands near zero do, and after a fault nothing does
     no message clears a fault: the operator does, in the live view (--live), or a new run
     ");
@@ -86,8 +86,8 @@ fn commands_that_are_refused() {
     Did you mean "Force"?
     "#);
     insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_x_n = { signal = \"Force\" }\nforce_y_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: it is mapped twice, as force_x_n and as force_y_n");
-    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "torque1_nm = { signal = \"Force\" }"), @r#"wire.commands: message Drive, signal Force: its unit "N" is none of Nm, mNm, Ncm, kNm, which become N·m: give `scale`, the N·m of its value 1"#);
-    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: force_n is along the shaker, and the scenario has no [rig.shaker]");
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "torque1_nm = { signal = \"Force\" }"), @r#"wire.commands: message Drive, signal Force: its unit "N" can't be converted to N·m (known are Nm, mNm, Ncm, kNm): give `scale`, the load in N·m for its value 1"#);
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: force_n is along the shaker, but the scenario has no [rig.shaker]");
     insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }\n", ""), @"wire.commands: message Drive: it has no load: give `force_x_n`, `force_y_n`, `force_z_n`, `force_n`, or a torque, as `torque1_nm`");
     insta::assert_snapshot!(says("signal = \"Force\" }", "signal = \"Force\", scale = 0.0 }"), @"wire.commands: message Drive, signal Force: `scale` is 0: it must be a number other than 0");
     insta::assert_snapshot!(says("counter = { signal = \"Alive\" }\nchecksum = { signal = \"Crc\", preset = \"autosar-p1\", data_id = 0x123 }", "counter = { signal = \"Crc\" }\nchecksum = { signal = \"Crc\", preset = \"autosar-p1\", data_id = 0x123 }"), @"wire.commands: message Drive, signal Crc: it is mapped twice, as the counter and as the checksum");
@@ -96,19 +96,19 @@ fn commands_that_are_refused() {
     insta::assert_snapshot!(says("preset = \"autosar-p1\", data_id = 0x123", "algorithm = \"crc\", data_id = 0x123"), @"wire.commands: message Drive, signal Crc: `data_id` belongs to a `preset`: give its bytes in `before` or `after`");
     insta::assert_snapshot!(says("preset = \"autosar-p1\", data_id = 0x123", "algorithm = \"crc\", polynomial = 0x11D"), @"wire.commands: message Drive, signal Crc: polynomial 0x11d does not fit the 8 bits of the checksum");
     insta::assert_snapshot!(says("preset = \"autosar-p1\", data_id = 0x123", "preset = \"sum\", polynomial = 0x1D"), @"wire.commands: message Drive, signal Crc: a `preset` has only a `data_id` beside it: leave out the parameters of an algorithm");
-    insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = 0.001"), @"wire.commands: message Drive: `timeout_s` is 0.001, and the DBC sends it every 0.001 s: give at least two of its cycles");
+    insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = 0.001"), @"wire.commands: message Drive: `timeout_s` is 0.001, but the DBC sends the message every 0.001 s: it must be at least two cycles");
     insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = -1.0"), @"wire.commands: message Drive: `timeout_s` is -1: it must be a positive number of seconds, at most 3600");
-    insta::assert_snapshot!(dbc_says("[-655|655] \"N\"", "[-655|655] \"kp\""), @r#"wire.commands: message Drive, signal Force: its unit "kp" is none of N, mN, daN, kN, lbf, which become N: give `scale`, the N of its value 1"#);
-    insta::assert_snapshot!(dbc_says("Alive : 48|4@1+ (1,0) [0|14] \"\" Shaker", "Alive : 48|3@1+ (1,0) [0|7] \"\" Shaker"), @"wire.commands: message Drive, signal Alive: it has 15 values: with 3 bits a counter must have 2 to 8");
+    insta::assert_snapshot!(dbc_says("[-655|655] \"N\"", "[-655|655] \"kp\""), @r#"wire.commands: message Drive, signal Force: its unit "kp" can't be converted to N (known are N, mN, daN, kN, lbf): give `scale`, the load in N for its value 1"#);
+    insta::assert_snapshot!(dbc_says("Alive : 48|4@1+ (1,0) [0|14] \"\" Shaker", "Alive : 48|3@1+ (1,0) [0|7] \"\" Shaker"), @"wire.commands: message Drive, signal Alive: it has 15 values: with 3 bits a counter has 2 to 8");
 }
 
 #[test]
 fn nodes_events_and_lockstep_that_are_refused() {
     insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Shakr\""), @r#"wire.node: the DBC has no node "Shakr"; is it "Shaker"?"#);
-    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Vector__XXX\""), @r#"wire.node is "Vector__XXX", by which a DBC says that it names no node: leave `node` out, and any message can be a command or a reading"#);
-    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Controller\""), @"wire.commands: message Drive: it is sent by Controller, and commands are sent by others than Controller (`wire.node`)");
+    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Vector__XXX\""), @r#"wire.node is "Vector__XXX", the name of a DBC for no node; leave `node` out, so that any message can be a command or a reading"#);
+    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Controller\""), @"wire.commands: message Drive: it is sent by Controller, but commands must not be sent by Controller (`wire.node`)");
     insta::assert_snapshot!(says("arm = [1]\n", ""), @r#"[wire] has nothing that arms the plant: give an event with `arm`, or `arm = "operator"` (in the live view), or `arm = "zero-command"` (by first commands near zero)"#);
-    insta::assert_snapshot!(says("arm = [1]", "arm = [1]\nreset = [1]"), @"wire.events: message Drive: a value of it asks for two things");
+    insta::assert_snapshot!(says("arm = [1]", "arm = [1]\nreset = [1]"), @"wire.events: message Drive: one of its values has two meanings");
     insta::assert_snapshot!(says("lockstep = \"command\"", "lockstep = \"sync\""), @"wire.sync: name the message that synchronises");
     insta::assert_snapshot!(says("lockstep = \"command\"", "sync = \"Drive\""), @r#"wire.sync: nothing waits for it: give `lockstep = "sync"`, or readings with `on = "sync"`, or leave it out"#);
 }
@@ -122,17 +122,17 @@ fn enable_says(scale: &str, arm: &str) -> Result<Mapping, String> {
 #[test]
 fn values_that_a_signal_does_not_have_are_refused() {
     let refused = |scale, arm| enable_says(scale, arm).unwrap_err();
-    insta::assert_snapshot!(refused("1,0", "arm = [9]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is 9, and the signal has 0 to 3 in steps of 1, next to it 3: give one of its values, or widen the signal");
-    insta::assert_snapshot!(refused("1,0", "arm = [2.5]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is 2.5, and the signal has 0 to 3 in steps of 1, next to it 2: give one of its values, or widen the signal");
-    insta::assert_snapshot!(refused("1,0", "arm = [1]\ndisarm = [-1]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `disarm` is -1, and the signal has 0 to 3 in steps of 1, next to it 0: give one of its values, or widen the signal");
-    insta::assert_snapshot!(refused("1,0", "arm = [1]\ndisarm = [0]\nrequire = [4]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `require` is 4, and the signal has 0 to 3 in steps of 1, next to it 3: give one of its values, or widen the signal");
-    insta::assert_snapshot!(refused("1,0", "arm = [nan]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is NaN, and the signal has 0 to 3 in steps of 1: give one of its values, or widen the signal");
-    insta::assert_snapshot!(refused("0.1,5", "arm = [5.1]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `disarm` is 0, and the signal has 5 to 5.3 in steps of 0.1, next to it 5: give one of its values, or widen the signal");
-    insta::assert_snapshot!(says("fault = 3", "fault = 99"), @"wire.readings: message Meas, signal State, line 19 of the DBC: `state.fault` is 99, and the signal has 0 to 15 in steps of 1, next to it 15: give one of its values, or widen the signal");
-    insta::assert_snapshot!(says("other = 15", "other = -1"), @"wire.readings: message Meas, signal Reason, line 20 of the DBC: `reason.other` is -1, and the signal has 0 to 15 in steps of 1, next to it 0: give one of its values, or widen the signal");
-    insta::assert_snapshot!(says("sample = true", "constant = 24.5"), @"wire.readings: message Meas, signal Sample, line 21 of the DBC: `constant` is 24.5, and the signal has 0 to 255 in steps of 1, next to it 24: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [9]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is 9, but the signal has values from 0 to 3 in steps of 1; the nearest is 3: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [2.5]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is 2.5, but the signal has values from 0 to 3 in steps of 1; the nearest is 2: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [1]\ndisarm = [-1]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `disarm` is -1, but the signal has values from 0 to 3 in steps of 1; the nearest is 0: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [1]\ndisarm = [0]\nrequire = [4]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `require` is 4, but the signal has values from 0 to 3 in steps of 1; the nearest is 3: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [nan]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is NaN, but the signal has values from 0 to 3 in steps of 1: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("0.1,5", "arm = [5.1]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `disarm` is 0, but the signal has values from 5 to 5.3 in steps of 0.1; the nearest is 5: give one of its values, or widen the signal");
+    insta::assert_snapshot!(says("fault = 3", "fault = 99"), @"wire.readings: message Meas, signal State, line 19 of the DBC: `state.fault` is 99, but the signal has values from 0 to 15 in steps of 1; the nearest is 15: give one of its values, or widen the signal");
+    insta::assert_snapshot!(says("other = 15", "other = -1"), @"wire.readings: message Meas, signal Reason, line 20 of the DBC: `reason.other` is -1, but the signal has values from 0 to 15 in steps of 1; the nearest is 0: give one of its values, or widen the signal");
+    insta::assert_snapshot!(says("sample = true", "constant = 24.5"), @"wire.readings: message Meas, signal Sample, line 21 of the DBC: `constant` is 24.5, but the signal has values from 0 to 255 in steps of 1; the nearest is 24: give one of its values, or widen the signal");
     let (state, from_2) = ("State : 32|4@1+ (1,0)", "State : 32|4@1+ (1,2)");
-    insta::assert_snapshot!(dbc_says(state, from_2), @"wire.readings: message Meas, signal State, line 19 of the DBC: `state.pre-operational` is 1, and the signal has 2 to 17 in steps of 1, next to it 2: give one of its values, or widen the signal");
+    insta::assert_snapshot!(dbc_says(state, from_2), @"wire.readings: message Meas, signal State, line 19 of the DBC: `state.pre-operational` is 1, but the signal has values from 2 to 17 in steps of 1; the nearest is 2: give one of its values, or widen the signal");
 }
 
 #[test]
@@ -143,30 +143,30 @@ fn a_value_is_what_the_wire_makes_of_it() {
     signal.encode(0.3, &mut payload).unwrap();
     assert_eq!(mapping.incoming[0].events[0].actions[0].0, signal.decode(&payload).unwrap());
     let twice = enable_says("0.1,0", "arm = [0.3]\ndisarm = [0.30000000000000004]").unwrap_err();
-    insta::assert_snapshot!(twice, @"wire.events: message Drive: a value of it asks for two things");
+    insta::assert_snapshot!(twice, @"wire.events: message Drive: one of its values has two meanings");
 }
 
 #[test]
 fn readings_that_are_refused() {
     insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"acceleration_d_x_m_s2\""), @r#"wire.readings: message Meas, signal AccX: there is no quantity "acceleration_d_x_m_s2"; is it "acceleration_c_x_m_s2"?; there are head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, torque1_nm, torque2_nm, force_x_n, force_y_n"#);
-    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"coil_current_a\""), @"wire.readings: message Meas, signal AccX: coil_current_a is a state of the shaker, and the scenario has no [rig.shaker]");
-    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"head_force_x_n\""), @r#"wire.readings: message Meas, signal AccX: its unit "g" is none of N, mN, daN, kN, lbf, which become N: give `scale`, its value for 1 N"#);
-    insta::assert_snapshot!(says("sample = true", "sample = true, constant = 3"), @"wire.readings: message Meas, signal Sample: it has 2 of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give one");
+    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"coil_current_a\""), @"wire.readings: message Meas, signal AccX: coil_current_a is a state of the shaker, but the scenario has no [rig.shaker]");
+    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"head_force_x_n\""), @r#"wire.readings: message Meas, signal AccX: its unit "g" can't be converted to N (known are N, mN, daN, kN, lbf): give `scale`, its value for 1 N"#);
+    insta::assert_snapshot!(says("sample = true", "sample = true, constant = 3"), @"wire.readings: message Meas, signal Sample: it has 2 of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give exactly one");
     insta::assert_snapshot!(says("pre-operational = 1", "preoperational = 1"), @r#"wire.readings: message Meas, signal State: there is no state "preoperational"; is it "pre-operational"?; there are boot-up, pre-operational, operational, fault"#);
     insta::assert_snapshot!(says("command-timeout = 1", "timeout = 1"), @r#"wire.readings: message Meas, signal Reason: there is no fault "timeout"; there are command-timeout, stop, overrun, bus-loss, sequence, exciter-tripped, simulation-failed, none, other"#);
-    insta::assert_snapshot!(says("every = 10\n", ""), @"wire.readings: message Pose: the DBC has no cycle time of it: give `every`, `period_s` or `on`");
+    insta::assert_snapshot!(says("every = 10\n", ""), @"wire.readings: message Pose: the DBC has no cycle time for it: give `every`, `period_s` or `on`");
     insta::assert_snapshot!(says("every = 10", "every = 0"), @"wire.readings: message Pose: `every` is 0: it must be at least 1");
-    insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1500"), @"wire.readings: message Meas: its cycle time in the DBC, 0.001 s, is 1.5 samples at 1500 Hz: give `every`, or a rate of which it is a whole number");
-    insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1000\n[network]\nbit_rate_hz = 250000"), @"the messages of [wire] are up to 117.0 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: send readings less often, or raise the bit rate");
-    insta::assert_snapshot!(dbc_says("AccX : 0|16@1- (0.01,0) [-327|327] \"g\"", "AccX : 0|16@1- (0.001,0) [-32|32] \"g\""), @"wire.readings: message Meas, signal AccX: its range is -32.768 to 32.767 g, and acceleration_c_x_m_s2 goes from -163.154594 to 163.154594: widen the signal, or lower rig.sensors.c.range_m_s2");
+    insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1500"), @"wire.readings: message Meas: its cycle time in the DBC, 0.001 s, is 1.5 samples at 1500 Hz: give `every`, or choose a rate at which it is a whole number of samples");
+    insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1000\n[network]\nbit_rate_hz = 250000"), @"the messages of [wire] take up to 117.0 % of network.bit_rate_hz, more than the limit of 80 % for a bus with control; send readings less often, or raise the bit rate");
+    insta::assert_snapshot!(dbc_says("AccX : 0|16@1- (0.01,0) [-327|327] \"g\"", "AccX : 0|16@1- (0.001,0) [-32|32] \"g\""), @"wire.readings: message Meas, signal AccX: its range is -32.768 to 32.767 g, but acceleration_c_x_m_s2 goes from -163.154594 to 163.154594: widen the signal, or lower rig.sensors.c.range_m_s2");
 }
 
 #[test]
 fn signals_of_the_dbc_that_are_refused() {
     insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 0|16@1- (0,0)"), @"bench.dbc, line 10: signal Force of Drive: its factor is 0: it must be a finite number other than 0");
-    insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 56|16@1- (0.02,0)"), @"bench.dbc, line 10: signal Force of Drive: from start bit 56 its 16 bits take 9 bytes, but the payload has only 8");
-    insta::assert_snapshot!(dbc_says("Enable : 16|1@1+", "Enable : 8|1@1+"), @"bench.dbc, line 10: signal Force of Drive: bit 8 is also of Enable, in line 11");
-    insta::assert_snapshot!(dbc_says("SG_ Force :", "SG_ Force m1 :"), @"bench.dbc, line 10: signal Force of Drive: it is multiplexed, and the message has no switch, a signal marked M");
+    insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 56|16@1- (0.02,0)"), @"bench.dbc, line 10: signal Force of Drive: from start bit 56 its 16 bits take 9 bytes, and the payload has 8");
+    insta::assert_snapshot!(dbc_says("Enable : 16|1@1+", "Enable : 8|1@1+"), @"bench.dbc, line 10: signal Force of Drive: bit 8 also belongs to Enable, in line 11");
+    insta::assert_snapshot!(dbc_says("SG_ Force :", "SG_ Force m1 :"), @"bench.dbc, line 10: signal Force of Drive: it is multiplexed, but the message has no switch, a signal marked M");
     insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 256 Drive: 9"), @"bench.dbc, line 9: message Drive: its length is 9 bytes: a classical frame has 0 to 8; if it is CAN FD, its attribute VFrameFormat has to be StandardCAN_FD or ExtendedCAN_FD");
     insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 4096 Drive: 8"), @"bench.dbc, line 9: message Drive: identifier 4096 does not fit 11 bits: with 29 bits it is written as 2147487744, with bit 31");
 }
@@ -216,7 +216,7 @@ fn drives_that_are_refused() {
     wire.drives, number 1: `gear_ratio` is 0: it must be a number other than 0
     wire.drives, number 1: `torque_constant_nm_a` is -1: it must be a positive number
     wire.commands: message Axis0_Set_Input_Torque: `timeout_s` is 0: it must be a positive number of seconds, at most 3600
-    [wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]
+    [wire]: a drive exerts a torque, but a shaker can't: leave out [rig.shaker]
     [wire]: `drives` and `timeout_s` belong to a `preset`: give one, as "odrive"
     "#);
 }

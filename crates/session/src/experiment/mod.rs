@@ -1,8 +1,8 @@
-//! Whole experiments: several free runs of plant and controller that together say one thing.
+//! Whole experiments: several free runs of plant and controller with one result.
 //!
-//! A [`ZoneExperiment`] goes through a resonance as a bench does: a walk over the whole response and one along the
-//! backbone, then stepped sines up and down at controlled force, dense where the walk has found the resonance.
-//! [`Score`] sets what was measured against what is computed.
+//! A [`ZoneExperiment`] measures a resonance as a bench does: a phase-resonance test over the whole response and one
+//! along the backbone, then stepped sines up and down at controlled force, dense where the test has found the
+//! resonance. [`Score`] compares the measurement with the computed response.
 
 mod score;
 mod zone;
@@ -20,16 +20,16 @@ use resonarm_scenario::Scenario;
 pub struct Measured {
     /// The responses, in the order in which they were read.
     pub points: Vec<ResponsePoint>,
-    /// How the run ended.
+    /// The outcome of the run.
     pub outcome: Option<ExciterOutcome>,
     /// Length of the run, s of simulated time.
     pub simulated_s: f64,
 }
 
-/// A free run of `scenario` with `control` in place of what its exciter does, without a recording.
+/// Runs `scenario` freely with `control` instead of the work of its exciter, without a recording.
 ///
 /// # Errors
-/// [`RunError`] if the run can't begin, or an error ends it.
+/// [`RunError`] if the run can't start, or an error ends it.
 pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> Result<Measured, RunError> {
     let session = session(scenario, control)?;
     let rate_hz = scenario.simulation.rate_hz;
@@ -45,7 +45,7 @@ pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> 
     }
 }
 
-/// The session of such a run, checked.
+/// Returns the checked session of such a run.
 fn session(scenario: &Scenario, control: ControlSpec) -> Result<Session, RunError> {
     let mut scenario = scenario.clone();
     (scenario.control, scenario.excitation, scenario.simulation.duration_s) = (Some(control), None, None);

@@ -1,4 +1,4 @@
-//! What was measured in a zone, against what is computed.
+//! Compares the measurement of a zone with the computed response.
 
 use serde::Serialize;
 
@@ -12,46 +12,46 @@ use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::plant::{ReadDof, TestedAssembly};
 use resonarm_dynamics::structure::Dof;
 
-/// Largest turn between two motions of what is computed: with this it is straight between them, as far as measured
-/// points go.
+/// Largest turn between two computed responses: with this the branch is straight between them, to the accuracy of
+/// measured points.
 const STRAIGHT_RAD: f64 = 0.01;
 /// The computed branch goes beyond the zone by this part of its width.
 const MARGIN: f64 = 0.02;
-/// Amplitudes measured up and down at one frequency belong to different motions if they differ by more than this part.
+/// Amplitudes measured up and down at one frequency belong to different responses if they differ by more than this
+/// part.
 const DIFFERENT: f64 = 0.05;
 /// Part of the largest amplitude below which an amplitude is not compared: far from the resonance the noise of the
-/// instruments alone makes two readings of one motion differ by more than [`DIFFERENT`].
+/// instruments alone makes two readings of one response differ by more than [`DIFFERENT`].
 const RESOLVED: f64 = 0.01;
 
-/// What is computed of a zone, and how far off the measured points are.
+/// The computed response of a zone, and the deviations of the measured points from it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Score {
-    /// The response at the zone's load, read where the accelerometers read it.
+    /// The response at the zone's load, read where the accelerometers measure it.
     #[serde(skip)]
     pub branch: Branch,
-    /// The backbone up to it, likewise.
+    /// The backbone up to that load, read at the same degrees of freedom.
     #[serde(skip)]
     pub backbone: Backbone,
-    /// Where the accelerometers read it.
+    /// The degrees of freedom that the accelerometers measure.
     #[serde(skip)]
     pub read: Vec<ReadDof>,
-    /// The degree of freedom whose fundamental is compared: of those that never clip in the walk, if there are any, the
-    /// one that moves most.
+    /// The degree of freedom whose fundamental is compared: the one that moves most among those that never clip in the
+    /// walk, if there are any.
     pub at: String,
     /// The frequencies of the computed folds, Hz, ascending.
     pub folds_hz: Vec<f64>,
-    /// Points of the walk that lie where the computed motion is unstable.
+    /// Points of the walk at which the computed response is unstable.
     pub unstable_points: usize,
     /// Points of the walk that settled.
     pub settled_points: usize,
-    /// The largest deviation of settled points of the walk from the place of the branch that is nearest: of the
-    /// frequency, relative.
+    /// The largest relative deviation in frequency of settled points of the walk from the nearest point of the branch.
     pub largest_frequency_deviation: f64,
-    /// The same of the fundamental at `at`.
+    /// The largest relative deviation of the fundamental at `at`, likewise.
     pub largest_amplitude_deviation: f64,
     /// The largest deviation of the backbone's points in frequency, relative, at their amplitudes.
     pub largest_backbone_deviation: f64,
-    /// Where the sine up and the sine down jumped, in this order; none if both met the same motions.
+    /// The jumps of the sine up and the sine down, in this order; `None` if both met the same responses.
     #[serde(skip)]
     pub jumps: Option<[Jump; 2]>,
 }
@@ -61,12 +61,12 @@ pub struct Score {
 pub struct Jump {
     /// The last frequency before it and the first after it, Hz.
     pub between_hz: [f64; 2],
-    /// The computed fold at which it is due, Hz.
+    /// The computed fold at which it is expected, Hz.
     pub fold_hz: Option<f64>,
 }
 
 impl Jump {
-    /// By how many of its own steps the fold lies outside; 0 within, `None` without a fold.
+    /// Distance of the fold from the jump, in steps of the sine; 0 within the jump, `None` without a fold.
     pub fn steps_off(&self) -> Option<f64> {
         let [a, b] = self.between_hz;
         let fold_hz = self.fold_hz?;
@@ -76,18 +76,18 @@ impl Jump {
     }
 }
 
-/// The modulus of a reading's fundamental.
+/// Returns the modulus of a reading's fundamental.
 fn size(reading: &Reading) -> f64 {
     libm::hypot(reading.harmonic1.re, reading.harmonic1.im)
 }
 
-/// The amplitude of the displacement that a channel measured, m.
+/// Returns the amplitude of the displacement that a channel measured, m.
 fn amplitude_m(point: &ResponsePoint, channel: usize) -> f64 {
     let displacement = point.displacement_m(channel);
     libm::hypot(displacement.re, displacement.im)
 }
 
-/// Computes what was measured in a zone, for a structure as it is without a shaker.
+/// Computes the response measured in a zone, for a structure as it is without a shaker.
 ///
 /// # Errors
 /// [`AnalysisError`] if branch or backbone can't be followed.
@@ -133,7 +133,7 @@ pub fn score(tested: &TestedAssembly, zone: &Zone, measured: &ZoneMeasured) -> R
     })
 }
 
-/// The structure under the zone's load.
+/// Returns the structure under the zone's load.
 fn forced(tested: &TestedAssembly, zone: &Zone) -> Forced {
     let driven = tested.driven(&zone.amplitude);
     let size = driven.iter().map(|(_, load)| load * load).sum::<f64>().sqrt();
@@ -142,7 +142,7 @@ fn forced(tested: &TestedAssembly, zone: &Zone) -> Forced {
     Forced::at_several(tested.assembly.clone(), &shares, size)
 }
 
-/// The number of the reading that is compared.
+/// Returns the number of the reading that is compared.
 fn compared_at(branch: &Branch, read: &[ReadDof], walk: &[ResponsePoint]) -> usize {
     let rank = |at: usize| {
         let is_clipped = walk.iter().any(|point| point.settled && point.clipped[read[at].channel]);
@@ -172,7 +172,7 @@ fn computed_backbone(forced: &Forced, zone: &Zone, read: Vec<Dof>) -> Result<Bac
     Ok(backbone(forced, &options)?)
 }
 
-/// The backbone's frequency at an amplitude of the reading of this number, between the two points around it.
+/// Returns the backbone's frequency at an amplitude of the reading of this number, between the two points around it.
 fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
     backbone.points.windows(2).find_map(|pair| {
         // Linear between neighbouring points, which are close enough for it (`STRAIGHT_RAD`). If both amplitudes are
@@ -185,17 +185,17 @@ fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
     })
 }
 
-/// Where up and down part in the displacement that a channel measures: up stays on its motion up to the upper fold, down
-/// to the lower.
+/// Returns where up and down differ in the displacement that a channel measures: the sine up stays on its branch up to
+/// the upper fold, the sine down to the lower.
 fn jumps(channel: usize, up_and_down: [&[ResponsePoint]; 2], folds_hz: &[f64]) -> Option<[Jump; 2]> {
-    // One that did not settle is of no motion.
+    // A point that did not settle belongs to no response.
     let amplitudes = |points: &[ResponsePoint]| -> Vec<(f64, [f64; 1])> {
         let settled = points.iter().filter(|point| point.settled);
         settled.map(|point| (point.frequency_hz, [amplitude_m(point, channel)])).collect()
     };
     let [up, down] = up_and_down.map(amplitudes);
-    // Of the frequencies of the one some may be missing in the other.
-    // Equal to the bit: both lists were made from the same frequencies.
+    // Some frequencies of one sine may be missing in the other. The comparison is exact, since both lists were made
+    // from the same frequencies.
     let pairs = up.iter().filter_map(|a| Some((*a, *down.iter().find(|b| b.0 == a.0)?)));
     let largest_m = up.iter().chain(&down).map(|(_, [amplitude_m])| *amplitude_m).fold(0.0, f64::max);
     let (up, down): (Vec<_>, Vec<_>) = pairs.filter(|(a, b)| a.1[0].max(b.1[0]) > RESOLVED * largest_m).unzip();
@@ -227,8 +227,8 @@ mod tests {
         ResponsePoint::of_harmonics(frequency_hz, 10.0, &harmonics)
     }
 
-    /// Up and down are apart from 21 to 22 Hz. Far from the resonance the noise alone makes the two readings of one motion
-    /// differ by 20 %, up to the last frequency.
+    /// Up and down are apart from 21 to 22 Hz. Far from the resonance the noise alone makes the two readings of one
+    /// response differ by 20 %, up to the last frequency.
     #[test]
     fn noise_far_from_the_resonance_hides_no_jump() {
         let up = [(19.0, 2e-5), (20.0, 2e-2), (21.0, 4e-2), (22.0, 6e-2), (23.0, 1e-2), (24.0, 1.2e-5)];

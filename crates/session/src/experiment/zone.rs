@@ -18,18 +18,18 @@ use resonarm_scenario::{Scenario, ScenarioError};
 const RUNS: usize = 4;
 
 /// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and
-/// reading. A try leaves e⁻³ of what it changed in the head's force; of the motion it must leave less, as a shaker that
-/// brakes takes many times what the structure does.
+/// reading. A try leaves e⁻³ of its change in the head's force; of its change in the response it must leave less, as a
+/// shaker that brakes takes many times what the structure does.
 const SETTLE: f64 = 3.0;
 const READ: f64 = 0.6;
-/// How long a reading is at least, periods.
+/// Least length of a reading, periods.
 const LEAST_PERIODS: f64 = 40.0;
-/// How long the force takes from one amplitude to the next, s.
+/// Duration of a change of the force from one amplitude to the next, s.
 const RAMP_S: f64 = 0.3;
 /// Frequencies nearer together than this, relative, are one.
 const SAME_FREQUENCY: f64 = 1e-7;
 
-/// A resonance zone and how it is measured.
+/// A resonance zone and the settings of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Zone {
     /// The mode whose resonance is in it.
@@ -38,7 +38,7 @@ pub struct Zone {
     pub amplitude: Load,
     /// Its lowest and its highest frequency, Hz.
     pub range_hz: [f64; 2],
-    /// Distance of the stepped sine's frequencies apart from the resonance, Hz, at most.
+    /// Largest distance of the stepped sine's frequencies apart from the resonance, Hz.
     pub step_hz: f64,
     /// Points of the walk, whose frequencies the stepped sines take over.
     pub walk_points: usize,
@@ -53,16 +53,16 @@ pub struct Zone {
 pub struct ZoneMeasured {
     /// The whole response at constant force, stable or not.
     pub walk: Measured,
-    /// The motions at a lag of 90°, up to that force.
+    /// The responses at a lag of 90°, up to that force.
     pub backbone: Measured,
-    /// The stepped sine up, and that down at the same frequencies.
+    /// The stepped sine up.
     pub up: Measured,
-    /// From the highest frequency to the lowest.
+    /// The stepped sine down, from the highest frequency to the lowest.
     pub down: Measured,
 }
 
 impl Zone {
-    /// The most responses that are read in it.
+    /// Returns the largest number of responses that are read in the zone.
     pub fn responses(&self) -> usize {
         self.walk_points + self.backbone_points + 2 * (self.walk_points + self.steps() + 1)
     }
@@ -84,7 +84,8 @@ impl Zone {
         ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
     }
 
-    /// Evenly over the zone, and where the walk has read the response: there its points crowd where the response turns.
+    /// Returns frequencies evenly over the zone, and those at which the walk has read the response: its points crowd
+    /// where the response turns.
     fn frequencies_hz(&self, walked: &[ResponsePoint]) -> Vec<f64> {
         let ([low_hz, high_hz], steps) = (self.range_hz, self.steps());
         let even = (0..=steps).map(|i| low_hz + (high_hz - low_hz) * (i as f64 / steps as f64));
@@ -96,10 +97,10 @@ impl Zone {
         all
     }
 
-    /// A stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode without and
-    /// with the shaker.
+    /// Returns a stepped sine at controlled force; `alone_s` and `coupled_s` are time constants of the slowest mode
+    /// without and with the shaker.
     fn stepped(&self, frequencies_hz: Vec<f64>, (alone_s, coupled_s): (f64, f64)) -> ControlSpec {
-        // After this time exp(−settle/T_coupled) = e⁻³ · T_coupled/T_alone of the change is left in the motion: less
+        // After this time exp(−settle/T_coupled) = e⁻³ · T_coupled/T_alone of the change is left in the response: less
         // than e⁻³ by the ratio of the damping without the shaker to that with it.
         let settle_s = (SETTLE + libm::log(alone_s / coupled_s)) * coupled_s;
         let dwell_s = settle_s + (READ * coupled_s).max(LEAST_PERIODS / self.range_hz[0]);
@@ -110,7 +111,7 @@ impl Zone {
     }
 }
 
-/// The armature of the scenario's shaker on the structure. In voltage mode the coil brakes with Bl²/R.
+/// Returns the armature of the scenario's shaker on the structure. In voltage mode the coil brakes with Bl²/R.
 fn braked(tested: &TestedAssembly, shaker: &ShakerSpec) -> Result<Armature, ShakerAcross> {
     let mut armature = shaker.armature_at(&tested.places.exciter)?;
     if shaker.amplifier == Amplifier::Voltage {
@@ -121,11 +122,11 @@ fn braked(tested: &TestedAssembly, shaker: &ShakerSpec) -> Result<Armature, Shak
     Ok(armature)
 }
 
-/// Zones to be measured, with what tells how far that is.
+/// Zones to be measured, with signals that show the progress.
 #[derive(Debug)]
 pub struct ZoneExperiment {
     zones: Vec<Zone>,
-    /// Of each zone's walk and backbone, then of each zone's sines up and down.
+    /// Signals of each zone's walk and backbone, then of each zone's sines up and down.
     signals: [Vec<Signals>; 2],
 }
 
@@ -150,10 +151,10 @@ impl ZoneExperiment {
         self.zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()])
     }
 
-    /// Checks that the walks can begin: what is wrong with a scenario or a zone is found before anything runs.
+    /// Checks that the walks can start: errors in a scenario or a zone are found before anything runs.
     ///
     /// # Errors
-    /// [`RunError`] says what is impossible.
+    /// [`RunError`] with the reason.
     pub fn check(&self, scenario: &Scenario) -> Result<(), RunError> {
         self.walks().try_for_each(|control| session(scenario, control).map(drop))
     }
@@ -161,8 +162,7 @@ impl ZoneExperiment {
     /// Measures the zones with the structure, the instruments and the shaker of a scenario: first walks and backbones, then
     /// the stepped sines, over all cores.
     ///
-    /// # Errors
-    /// [`RunError`] if a run can't begin, or an error ends it.
+    /// [`RunError`] if a run can't start, or an error ends it.
     pub fn measure(&self, scenario: &Scenario) -> Result<Vec<ZoneMeasured>, RunError> {
         let tested = scenario.under_test()?;
         let armature = scenario.rig.shaker.as_ref().map(|shaker| braked(&tested, shaker)).transpose();
@@ -196,12 +196,12 @@ impl ZoneExperiment {
 }
 
 impl ZoneMeasured {
-    /// Length of all runs together, s of simulated time.
+    /// Returns the length of all runs together, s of simulated time.
     pub fn simulated_s(&self) -> f64 {
         self.runs().iter().map(|run| run.simulated_s).sum()
     }
 
-    /// Walk, backbone, up, down.
+    /// Returns the four runs: walk, backbone, up, down.
     pub fn runs(&self) -> [&Measured; RUNS] {
         [&self.walk, &self.backbone, &self.up, &self.down]
     }

@@ -9,14 +9,14 @@ use resonarm_scenario::Scenario;
 
 /// The default lower corner over the lowest natural frequency: at half of the natural frequency the gain is 0.9998.
 const CORNER_PART: f64 = 0.25;
-/// A residual that exceeds both, over the noise and over the displacements, contradicts rigid links: mean angles alone
-/// leave less.
+/// A residual that exceeds both limits, over the noise and over the displacements, contradicts rigid links. The effect
+/// of finite mean angles is smaller.
 const CONTRADICTION: [f64; 2] = [3.0, 0.02];
 
-/// The angles in a recording.
+/// The angles computed from a recording.
 #[derive(Clone, Debug)]
 pub struct RecordedAngles {
-    /// The angles from the run's beginning on, with their deviations.
+    /// The angles from the beginning of the run, with their deviations.
     pub history: AngleHistory,
     /// The lower corner, Hz.
     pub from_hz: f64,
@@ -36,8 +36,8 @@ struct Readings {
 }
 
 impl RecordedAngles {
-    /// Integrates the accelerations of a recording of `scenario` twice, above a corner, Hz; without one above a quarter
-    /// of the structure's lowest natural frequency.
+    /// Integrates the accelerations of a recording of `scenario` twice, above a corner frequency, Hz; the default is a
+    /// quarter of the structure's lowest natural frequency.
     ///
     /// # Errors
     /// [`IdentificationError`] if the recording can't be read, a reading is clipped, or the angles can't be found.
@@ -57,19 +57,19 @@ impl RecordedAngles {
         let settings = AngleSettings { integration, from_hz, starts_at_rest };
         let mut history = joint_angles(&links_m, rate_hz, &scenario.rig, &accelerations_m_s2, settings)?;
         let delay = recording.origin().reading_delay_samples;
-        // The first readings are of the time before the run.
+        // The first readings belong to the time before the run.
         let before_run = (libm::ceil(delay) as usize).saturating_sub(first_sample as usize + history.first);
         history.leave_out(before_run);
         Ok(RecordedAngles { history, from_hz, rate_hz, first_sample, delay })
     }
 
-    /// The time of a row, s: that of the readings, earlier than their samples by the converters' delay.
+    /// Returns the time of a row, s: that of the readings, earlier than their samples by the converters' delay.
     pub fn time_s(&self, row: usize) -> f64 {
         (self.first_sample as f64 + (self.history.first + row) as f64 - self.delay) / self.rate_hz
     }
 
-    /// How far the points move along the links over what they move across, if no angles explain it: an accelerometer
-    /// has a fault, another sensitivity than stated or a filter.
+    /// Returns the ratio of the points' displacement along the links to that across them, if no angles explain it. An
+    /// accelerometer then has a fault, another sensitivity than stated, or a filter.
     pub fn contradiction(&self) -> Option<f64> {
         let residual = &self.history.residual;
         // Ideal instruments have no noise to compare with. The residual over the displacement then decides alone.
@@ -78,12 +78,12 @@ impl RecordedAngles {
     }
 }
 
-/// Whether an accelerometer has a fault in a scenario.
+/// Says whether the scenario gives an accelerometer a fault.
 pub fn has_faulty_accelerometer(scenario: &Scenario) -> bool {
     scenario.rig.faults.iter().any(|fault| fault.instrument != InstrumentName::HEAD)
 }
 
-/// The readings from sample 1 on: those of sample 0 only show the initial state.
+/// Returns the readings from sample 1 on: those of sample 0 only show the initial state.
 fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
     let mut readings = Readings { accelerations_m_s2: Vec::new(), first_sample: 0 };
     let mut clipped = 0;
@@ -108,7 +108,7 @@ fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
     Ok(readings)
 }
 
-/// Whether nothing moved before the first reading, and the accelerometers read zero then.
+/// Says whether nothing moved before the first reading, and the accelerometers read zero then.
 fn starts_at_rest(scenario: &Scenario, tested: &TestedAssembly, first_sample: u64) -> bool {
     let reads_gravity = [&scenario.rig.sensors.b, &scenario.rig.sensors.c]
         .iter()

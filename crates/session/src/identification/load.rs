@@ -1,12 +1,12 @@
-//! The load that acted on a structure, from the responses in a recording.
+//! The load that acted on a structure, computed from the responses in a recording.
 
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::excitation::{ExcitationSpec, Phasor};
 use resonarm_bench::plant::{ShakerAcross, TestedAssembly};
 use resonarm_scenario::Scenario;
 
-/// Amplitude of the load that acted, N or N·m: in open loop a shaker's force on the structure differs from the commanded
-/// one.
+/// Returns the amplitude of the load that acted, N or N·m: in open loop a shaker's force on the structure differs from
+/// the commanded one.
 ///
 /// The converters fold images of the held command onto the fundamental; of these the head reads the share that acts on
 /// the structure far above the natural frequencies.
@@ -23,7 +23,7 @@ pub fn acting_load(
     Ok(of_head(response, scenario, share, spec))
 }
 
-/// The fundamental in the head without the images, of which it reads a share, N.
+/// Returns the fundamental in the head without the images, of which it reads a share, N.
 fn of_head(response: &ResponsePoint, scenario: &Scenario, share: f64, spec: &ExcitationSpec) -> f64 {
     let command_n = spec.amplitude.force_n;
     let images = share * scenario.sampling().images(response.frequency_hz);

@@ -1,4 +1,4 @@
-//! Which modes of the scenario's structure were identified, and why the others were not.
+//! The modes of the scenario's structure that were identified, and the reasons why others were not.
 
 use core::fmt::{self, Display, Formatter};
 
@@ -23,7 +23,7 @@ pub struct MissingMode {
     pub reason: Reason,
 }
 
-/// Why it was not found.
+/// Reason for which a mode was not found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "reason")]
 pub enum Reason {
@@ -46,18 +46,18 @@ pub enum Reason {
 impl Display for MissingMode {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let MissingMode { mode, pole_frequency_hz, reason } = self;
-        write!(f, "mode {mode}, at {pole_frequency_hz:.2} Hz by the scenario, is missing: ")?;
+        write!(f, "mode {mode}, at {pole_frequency_hz:.2} Hz in the scenario, was not found: ")?;
         match reason {
-            Reason::NoPeak => write!(f, "no peak stands out near it; record for longer, or raise the force"),
+            Reason::NoPeak => write!(f, "there is no distinct peak near it; record for longer, or raise the force"),
             Reason::NoPole { peak_hz } => write!(
                 f,
-                "there is a peak at {peak_hz:.2} Hz, but the record is as well described without a mode; excite for longer, \
-                 by a random force or a swept sine"
+                "there is a peak at {peak_hz:.2} Hz, but a mode does not improve the fit; excite for longer, \
+                 with a random force or a swept sine"
             ),
             Reason::ForceInNoise { peak_hz, noise_share } => write!(
                 f,
-                "there is a peak at {peak_hz:.2} Hz, but {:.0} % of the force's power there is the head's noise, more than \
-                 {:.0} %; excite for longer, by a random force or a swept sine",
+                "there is a peak at {peak_hz:.2} Hz, but noise of the head is {:.0} % of the force's power there, more than \
+                 {:.0} %; excite for longer, with a random force or a swept sine",
                 100.0 * noise_share,
                 100.0 * MOST_NOISE_SHARE
             ),
@@ -65,8 +65,8 @@ impl Display for MissingMode {
     }
 }
 
-/// The number of each mode that was found: that of the nearest of the structure's modes, each used once, by its pole
-/// frequencies `known_hz`.
+/// Returns the number of each mode that was found: that of the nearest of the structure's modes, each used once, by its
+/// pole frequencies `known_hz`.
 pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8>> {
     // The logarithm makes the distance symmetric: twice the frequency is as far off as half of it. Against NaN, of a
     // mode without a pole, no comparison holds.
@@ -82,7 +82,7 @@ pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8
     (0..found.len()).map(number).collect()
 }
 
-/// The structure's modes in the band that were not found, by its pole frequencies `known_hz`.
+/// Returns the structure's modes in the band that were not found, by its pole frequencies `known_hz`.
 pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], known_hz: &[f64], band: Band) -> Vec<MissingMode> {
     let is_missing = |(number, known_hz): &(u8, &f64)| {
         (band.from_hz..=band.to_hz).contains(*known_hz) && !numbers.contains(&Some(*number))

@@ -17,30 +17,30 @@ use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Recording, RecordingError};
 use resonarm_scenario::{Scenario, ScenarioError};
 
-/// Why nothing can be identified from a recording.
+/// Error of an identification from a recording.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum IdentificationError {
     /// The recording can't be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Its scenario makes no structure.
+    /// The recording's scenario has no structure.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// Its accelerometers don't show the angles of joints.
+    /// The accelerometers don't show the angles of the joints.
     #[error(
-        "no angles follow from these accelerations: that takes a chain of two links with the accelerometers at their ends, B at joint2 and C at tip"
+        "joint angles can't be computed from these accelerations: they need a chain of two links with the accelerometers at their ends, B at joint2 and C at tip"
     )]
     NoAngles,
-    /// It was imported from a log that has no readings.
+    /// The recording was imported from a log that has no readings.
     #[error(
-        "the recording was imported from {log} and has no readings: `import` names those that its wire does not carry"
+        "the recording was imported from {log} and has no readings: the user protocol does not carry all of them, and `import` lists the missing ones"
     )]
     NoReadings {
         /// Log from which the recording was imported.
         log: String,
     },
-    /// Its readings say too little.
+    /// The readings do not allow an identification.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
 }
@@ -51,8 +51,8 @@ const SEGMENTS: usize = 8;
 const HIGHEST_PART: f64 = 0.4;
 const HIGHEST_HZ: f64 = 100.0;
 
-/// The readings of a recording of `scenario`, with the force along `input` as their cause. Those of sample 0 are left
-/// out: they only show the initial state.
+/// Returns the readings of a recording of `scenario`, with the force along `input` as their cause. Those of sample 0
+/// are left out: they only show the initial state.
 ///
 /// # Errors
 /// [`IdentificationError`] if the recording can't be read or has no readings, a reading is clipped, or nothing drives
@@ -76,7 +76,7 @@ pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> R
     Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
 }
 
-/// Refuses a log without readings.
+/// Rejects a log without readings.
 fn check_readings(recording: &Recording) -> Result<(), IdentificationError> {
     match recording.configuration().get(IMPORTED_FROM) {
         Some(log) if recording.samples()?.next().is_none() => {
@@ -86,7 +86,7 @@ fn check_readings(recording: &Recording) -> Result<(), IdentificationError> {
     }
 }
 
-/// The band in which a recorded excitation says something about the arm, at `rate_hz` samples a second.
+/// Returns the band in which a recorded excitation excites the arm, at `rate_hz` samples a second.
 pub fn band(waveform: Option<&Waveform>, rate_hz: f64) -> Band {
     let highest_hz = HIGHEST_PART * rate_hz;
     let (from_hz, to_hz) = match waveform {
@@ -108,7 +108,7 @@ pub fn band(waveform: Option<&Waveform>, rate_hz: f64) -> Band {
     Band { from_hz, to_hz }
 }
 
-/// The averaging that suits an excitation.
+/// Returns the averaging that suits an excitation.
 pub fn averaging(waveform: Option<&Waveform>, record: &Record) -> Averaging {
     match waveform {
         Some(Waveform::Impulse { .. }) => Averaging::Single,
@@ -119,7 +119,7 @@ pub fn averaging(waveform: Option<&Waveform>, record: &Record) -> Averaging {
     }
 }
 
-/// The samples of a record in a time, s.
+/// Returns the number of samples of a record in a time, s.
 pub fn samples_in(time_s: f64, record: &Record) -> usize {
     libm::round(time_s * record.rate_hz()) as usize
 }

@@ -1,11 +1,11 @@
-//! A recorded plant played to a live controller, whose commands are compared with the recorded ones: a test of whether
-//! a change of the controller's firmware has changed what it does.
+//! Plays a recorded plant to a live controller and compares its commands with the recorded ones: a test of whether a
+//! change of the controller's firmware has changed its behaviour.
 //!
 //! A controller is a function of the frames it receives, and answers samples by their indices. So the plant's frames
-//! are sent in their order, and before the next is sent, the controller must have done what the recorded one had done
-//! by then: said hello, asked for the same, answered the same sample. How long it takes does not matter.
+//! are sent in their order, and before the next is sent, the controller must have caught up with the recorded one: said
+//! hello, made the same requests, answered the same sample. Timing does not matter.
 //!
-//! On a scenario's own protocol, whose commands name no sample, [`wire`] compares them by their order.
+//! On a user protocol, whose commands name no sample, [`wire`] compares commands by their order.
 
 mod wire;
 
@@ -35,7 +35,7 @@ const ANSWERS: usize = 256;
 /// Requests that are kept, until the recording has come to them.
 const REQUESTS: usize = 256;
 
-/// How a controller is tested.
+/// Settings of a test of a controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Regression {
     /// Times the recorded speed, as [`Playback::speed`](super::Playback::speed).
@@ -44,7 +44,7 @@ pub struct Regression {
     pub limit_n: f64,
     /// Largest difference of a commanded torque that passes, N·m.
     pub limit_nm: f64,
-    /// How long to wait for what the recorded controller had done.
+    /// Longest wait for the controller to catch up with the recorded one.
     pub patience: Duration,
 }
 
@@ -63,7 +63,7 @@ pub struct Compared {
     pub first_difference: Option<Difference>,
 }
 
-/// Where a controller does something else than the recorded one.
+/// The first difference between the controller and the recorded one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// The sample of the recording.
@@ -77,43 +77,43 @@ pub struct Difference {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum DifferenceKind {
-    /// It commands something else.
+    /// It commands another load.
     Command {
         /// Command of the recorded controller.
         expected: Load,
         /// Command of the controller under test.
         got: Load,
     },
-    /// It does not answer a sample that was answered.
+    /// It does not answer a sample that the recorded controller answered.
     NoAnswer,
     /// It does not say hello.
     NoHello,
-    /// It does not ask for what the recorded one asked for.
+    /// It does not make a request that the recorded controller made.
     NoRequest {
         /// Name of the request: `arm`, `disarm`, `reset` or `stop`.
         expected: &'static str,
     },
-    /// It has sent no command in the place of a recorded one, on a protocol whose commands name no sample.
+    /// It has not sent a command that the recorded controller sent, on a protocol whose commands name no sample.
     NoCommand {
         /// The recorded command.
         expected: Load,
     },
-    /// It has sent more commands than the recording has come to, on a protocol whose commands name no sample.
+    /// It has sent more commands than the recorded controller by then, on a protocol whose commands name no sample.
     MoreCommands {
-        /// How many are ahead.
+        /// Number of commands that it is ahead.
         ahead: usize,
     },
-    /// It faults; if it is for want of a plant that goes on, what is expected of it is what is missing.
+    /// It reports a fault. If the fault is only that the plant has stopped, the difference is the expected action.
     Fault {
-        /// As its emergency says.
+        /// Cause in its emergency message.
         cause: String,
-        /// What the recorded one did: `hello`, `answer`, `arm`, `disarm` or `reset`.
+        /// The next action of the recorded controller: `hello`, `answer`, `arm`, `disarm` or `reset`.
         expected: &'static str,
     },
 }
 
 impl DifferenceKind {
-    /// Names what the recorded controller did where the live one differs.
+    /// Returns the name of the recorded controller's action.
     const fn expected(&self) -> &'static str {
         match self {
             DifferenceKind::Command { .. } | DifferenceKind::NoAnswer => "answer",
@@ -128,19 +128,19 @@ impl fmt::Display for DifferenceKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             DifferenceKind::Command { expected, got } => {
-                write!(f, "the controller commands {got}, recorded is {expected}")
+                write!(f, "the controller commands {got}; the recorded command is {expected}")
             }
-            DifferenceKind::NoAnswer => f.write_str("the controller does not answer it; the recorded one did"),
+            DifferenceKind::NoAnswer => f.write_str("the controller does not answer the sample; the recorded one did"),
             DifferenceKind::NoHello => f.write_str("the controller does not say hello; the recorded one did"),
             DifferenceKind::NoRequest { expected } => {
                 write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
             }
             DifferenceKind::NoCommand { expected } => write!(
                 f,
-                "the controller sends no further command; recorded is {expected:?} (force along x, y in N, torques in N\u{b7}m)"
+                "the controller sends no further command; the recorded one is {expected:?} (force along x, y in N, torques in N\u{b7}m)"
             ),
             DifferenceKind::MoreCommands { ahead } => {
-                write!(f, "the controller has sent {ahead} commands more than the recorded one had by then")
+                write!(f, "the controller has sent {ahead} more commands than the recorded one had by then")
             }
             DifferenceKind::Fault { cause, expected } => {
                 write!(f, "the controller faults: {cause}; the recorded one continues with: {expected}")
@@ -149,7 +149,7 @@ impl fmt::Display for DifferenceKind {
     }
 }
 
-/// Sends the plant's recorded frames to the controller on the bus, and compares what it answers.
+/// Sends the plant's recorded frames to the controller on the bus, and compares its answers.
 ///
 /// # Errors
 /// [`ReplayError::AgainstDrives`] if the recording is of CANopen drives, [`ReplayError::AgainstLoad`] if its load is one
@@ -193,28 +193,28 @@ pub fn play_against<C: Clock>(
     })
 }
 
-/// A live controller, as its frames show it.
+/// State of a live controller, gathered from its frames.
 trait Controller {
-    /// Takes in a frame of its own.
+    /// Processes a frame of the controller.
     fn hear(&mut self, frame: &Frame);
 
-    /// The fault that it has reported.
+    /// Returns the fault that it has reported.
     fn fault(&self) -> Option<String> {
         None
     }
 }
 
-/// The live controller, as its frames show it so far.
+/// State of the live controller, gathered from its frames so far.
 struct Live {
     receiver: Receiver,
-    /// Anything of it has been heard.
+    /// Whether any frame of it has been heard.
     is_there: bool,
     has_said_hello: bool,
-    /// What it asked for from what was compared last on, oldest first, each once however often it was repeated.
+    /// Its requests since the last comparison, oldest first, each once however often it was repeated.
     requests: VecDeque<OperatorRequest>,
-    /// Its latest answers, by the index of their sample on the wire.
+    /// Its latest answers, by the 16-bit index of their sample in the frames.
     answers: BTreeMap<u16, Load>,
-    /// The same indices, as they came.
+    /// The same indices, in the order of arrival.
     order: VecDeque<u16>,
     fault: Option<Emergency>,
 }
@@ -242,12 +242,12 @@ impl Live {
         }
     }
 
-    /// Whether this request was seen, even if later ones followed.
+    /// Says whether it has made this request, even if later ones followed.
     fn has_asked(&self, request: OperatorRequest) -> bool {
         self.requests.contains(&request)
     }
 
-    /// Forgets what it asked for before that.
+    /// Forgets its requests before this one.
     fn forget_before(&mut self, request: OperatorRequest) {
         let before = self.requests.iter().position(|asked| *asked == request).unwrap_or(0);
         self.requests.drain(..before);
@@ -270,7 +270,7 @@ impl Live {
 }
 
 impl Controller for Live {
-    /// A frame that a plant would refuse is none.
+    /// A frame that a plant would reject is ignored.
     fn hear(&mut self, frame: &Frame) {
         let Ok(Some(message)) = self.receiver.accept(frame) else { return };
         if message.kind().sender() == Node::Plant {
@@ -292,7 +292,7 @@ impl Controller for Live {
     }
 }
 
-/// The test as it goes.
+/// A running test.
 struct Test<'a, C, L> {
     bus: &'a mut dyn Bus,
     clock: &'a C,
@@ -303,7 +303,7 @@ struct Test<'a, C, L> {
 }
 
 impl<C: Clock> Test<'_, C, Live> {
-    /// Waits until the controller has done what the recorded one did, and compares.
+    /// Waits until the controller has caught up with this message of the recorded one, and compares.
     fn expect(&mut self, sample: u64, message: Message) -> Result<ControlFlow<()>, ReplayError> {
         let (done, missing) = match message {
             Message::ExciterHello(_) => (self.wait_for(|live| live.has_said_hello)?, DifferenceKind::NoHello),
@@ -331,8 +331,7 @@ impl<C: Clock> Test<'_, C, Live> {
 }
 
 impl<C: Clock, L: Controller> Test<'_, C, L> {
-    /// Sends the plant's frames in their order, and lets `expect` wait for what each frame of the recorded controller
-    /// says.
+    /// Sends the plant's frames in their order, and lets `expect` wait at each frame of the recorded controller.
     fn run(
         &mut self,
         recording: &Recording,
@@ -356,7 +355,7 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
         if compared.commands == 0 && !has_ended { Err(ReplayError::Empty { what: "commands" }) } else { Ok(compared) }
     }
 
-    /// Nobody was there to be tested.
+    /// Returns the result if no controller was there to be tested.
     fn unheard(&self) -> Result<Compared, ReplayError> {
         let waited_s = self.regression.patience.as_secs_f64();
         if self.signals.is_stopped() { Ok(self.compared.clone()) } else { Err(ReplayError::NoController { waited_s }) }
@@ -381,7 +380,7 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
         }
     }
 
-    /// The controller does something else; the test ends, and the first difference stays.
+    /// Records the first difference and ends the test.
     fn differs(&mut self, sample: u64, missing: DifferenceKind) -> ControlFlow<()> {
         if !self.signals.is_stopped() {
             let kind = match self.live.fault() {
@@ -406,8 +405,8 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
         }
     }
 
-    /// Waits until something holds of the controller; `false` if it has faulted, patience is at its end, or the test
-    /// was stopped.
+    /// Waits until a condition holds for the controller; `false` if it has faulted, the patience has run out, or the
+    /// test was stopped.
     fn wait_for(&mut self, holds: impl Fn(&L) -> bool) -> Result<bool, ReplayError> {
         let patience_ns = u64::try_from(self.regression.patience.as_nanos()).unwrap_or(u64::MAX);
         let end_ns = self.clock.now_ns().saturating_add(patience_ns);

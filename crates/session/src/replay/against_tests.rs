@@ -94,7 +94,7 @@ fn record(path: &Path) -> Recording {
     Recording::open(path).unwrap()
 }
 
-/// What becomes of the controller of `scenario`, and how many frames the plant has sent.
+/// Returns the result of the test of `scenario`'s controller, and the number of frames that the plant has sent.
 fn tested(scenario: &str, regression: Regression) -> (Compared, u64) {
     let folder = tempfile::tempdir().unwrap();
     let recording = record(&folder.path().join("run.mcap"));
@@ -120,7 +120,7 @@ fn the_same_controller_passes() {
 fn an_amplitude_that_is_off_is_reported_with_its_sample_and_passes_within_limits() {
     let other = SCENARIO.replace("50.0", "51.0");
     let (compared, _) = tested(&other, EXACT);
-    insta::assert_snapshot!(said(&compared), @"1: the controller commands exciter_x = 4.8 N, recorded is exciter_x = 4.7 N");
+    insta::assert_snapshot!(said(&compared), @"1: the controller commands exciter_x = 4.8 N; the recorded command is exciter_x = 4.7 N");
     assert_eq!(compared.commands, 400);
     assert!((0.9..=1.0).contains(&compared.largest_force_difference_n), "{compared:?}");
     let within = Regression { limit_n: compared.largest_force_difference_n, ..EXACT };
@@ -132,7 +132,7 @@ fn an_amplitude_that_is_off_is_reported_with_its_sample_and_passes_within_limits
 #[test]
 fn a_controller_that_ends_early_or_late_is_reported() {
     let (compared, _) = tested(&SCENARIO.replace("duration_s = 0.4", "duration_s = 0.2"), EXACT);
-    insta::assert_snapshot!(said(&compared), @"200: the controller does not answer it; the recorded one did");
+    insta::assert_snapshot!(said(&compared), @"200: the controller does not answer the sample; the recorded one did");
     let (compared, _) = tested(&SCENARIO.replace("duration_s = 0.4", "duration_s = 0.6"), EXACT);
     insta::assert_snapshot!(said(&compared), @"400: the controller faults: exciter, code 2: no sensor data in time, at sample 400; the recorded one continues with: disarm");
 }

@@ -13,7 +13,7 @@ use resonarm_numeric::number::short;
 use resonarm_protocol::{FrameError, Mismatch};
 use resonarm_scenario::ScenarioError;
 
-/// Why a recording can't be replayed or simulated again.
+/// Error of a replay or a re-simulation.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReplayError {
@@ -23,20 +23,19 @@ pub enum ReplayError {
     /// The recording's scenario can't be used.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// The recording's scenario makes no plant.
-    #[error("the recording's scenario makes no plant: {0}")]
+    /// The recording's scenario describes no valid plant.
+    #[error("the recording's scenario describes no valid plant: {0}")]
     Plant(#[from] PlantSpecError),
-    /// The simulation failed where the recorded one went on.
-    #[error("simulated again, the run fails at {0}")]
+    /// The re-simulation failed where the recorded run continued.
+    #[error("the re-simulation failed at {0}")]
     Simulation(#[from] PlantError),
     /// The CAN bus can't be used.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// What a CANopen master asks, and how often, depends on time.
+    /// CANopen masters are not tested against recordings, since their requests depend on time.
     #[error(
-        "the recording's run was with CANopen drives, and --against does not test their masters: what a master asks by service data, and \
-         how often, depends on time; record a run of the new master with the same scenario in lockstep, and compare both recordings by \
-         `resonarm diff`"
+        "`--against` can't test a CANopen master: what a master requests by SDO, and how often, depends on time; record a run of the new \
+         master with the same scenario in lockstep, and compare both recordings with `resonarm diff`"
     )]
     AgainstDrives,
     /// A free run has handed the plant a load that no frame carries.
@@ -48,25 +47,25 @@ pub enum ReplayError {
         /// Part of the load.
         part: ChannelName,
     },
-    /// Nobody is there to be tested.
+    /// No controller was heard on the bus.
     #[error("no controller was heard on the bus within {} s (--patience-s)", short(.waited_s))]
     NoController {
-        /// How long was waited, s.
+        /// Length of the wait, s.
         waited_s: f64,
     },
-    /// An identifier can't take a frame's place.
+    /// An identifier can't be given to a frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// There is nothing to replay.
+    /// The recording has no such records.
     #[error("the recording holds no {what}")]
     Empty {
         /// Kind of records that the recording lacks.
         what: &'static str,
     },
-    /// The recording was made of a log.
+    /// The recording was imported from a log.
     #[error(
-        "the recording was imported from {log} and holds frames alone: to be simulated again a run needs its states and \
-         loads (/plant/steps){}; `replay` takes it", if *.has_scenario { "" } else { " and its scenario" }
+        "the recording was imported from {log} and holds only frames; a re-simulation needs the states and \
+         loads of the run (/plant/steps){}; use `replay` to play the frames", if *.has_scenario { "" } else { " and its scenario" }
     )]
     Imported {
         /// Log from which the recording was imported.
@@ -74,43 +73,43 @@ pub enum ReplayError {
         /// Whether the scenario is known.
         has_scenario: bool,
     },
-    /// An FMU that would have to begin in the middle of its run.
+    /// The re-simulation of an FMU would have to start in the middle of its run.
     #[error(
-        "the recording begins at sample {sample}, and its structure is an FMU, which can be simulated again from its start alone: take \
-         the whole recording"
+        "the recording begins at sample {sample}, but its structure is an FMU, which can be simulated only from its start; use the whole \
+         recording"
     )]
     FmuFromStart {
         /// First sample of the recording.
         sample: u64,
     },
-    /// An FMU of which no state is recorded.
+    /// No state of the FMU is recorded.
     #[error(
-        "the recording has no states of its FMU, so that nothing can be compared: map displacement and velocity of a degree of freedom \
-         in structure.outputs"
+        "the recording has no states of its FMU, so nothing can be compared; map the displacement and the velocity of a degree of freedom \
+         in structure.outputs, and record again"
     )]
     FmuWithoutStates,
-    /// An FMU that does not repeat itself.
+    /// The FMU is not deterministic.
     #[error(
-        "the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample \
-         {sample}, so that its run can't be simulated again"
+        "the FMU is not deterministic: two simulations from its start under the recorded loads differ from each other at sample \
+         {sample}, so the run can't be re-simulated"
     )]
     FmuNotRepeating {
         /// First sample at which the two simulations differ.
         sample: u64,
     },
-    /// What the instruments have gathered before the first sample is not known.
+    /// The state of the instruments before the first sample is not recorded.
     #[error(
-        "the recording begins at sample {sample} without what its instruments had gathered until then, so readings can't be \
-         compared: cut it anew from the whole run, or compare the states alone"
+        "the recording begins at sample {sample} and does not hold the state of its instruments there, so readings can't be \
+         compared; cut it again from the whole run, or compare the states alone"
     )]
     NoInstruments {
         /// First sample of the recording.
         sample: u64,
     },
-    /// The current of the shaker's coil at the first sample is not known.
+    /// The current of the shaker's coil at the first sample is not recorded.
     #[error(
-        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker: \
-         simulate the whole recording again, from sample 0 on"
+        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker; \
+         re-simulate the whole recording, from sample 0 on"
     )]
     NoCurrent {
         /// First sample of the recording.
@@ -118,16 +117,16 @@ pub enum ReplayError {
     },
     /// The speed is impossible.
     #[error(
-        "the speed is {got}: it must be 0, which is as fast as it goes, or from {} to {}; 1 is the recorded speed",
+        "the speed is {got}: it must be 0 (as fast as possible), or from {} to {}; 1 is the recorded speed",
         SPEEDS.start(), SPEEDS.end(), got = short(.got))]
     Speed {
         /// Speed that was requested.
         got: f64,
     },
-    /// The samples are not those of the scenario.
+    /// The sample period of the recording differs from that of its scenario.
     #[error(
-        "the recording states {recorded_s} s from sample to sample, its scenario {configured_s} s \
-         (simulation.rate_hz): it can't be simulated again",
+        "the sample period is {recorded_s} s in the recording, but {configured_s} s in its scenario \
+         (simulation.rate_hz), so the run can't be re-simulated",
         recorded_s = short(.recorded_s), configured_s = short(.configured_s)
     )]
     SamplePeriod {
@@ -136,9 +135,9 @@ pub enum ReplayError {
         /// In its scenario, s.
         configured_s: f64,
     },
-    /// A load is none that the exciter can have produced.
+    /// The exciter can't have produced a recorded load.
     #[error(
-        "the recording's load at sample {sample} is {:?} N, {:?} N·m: beyond the exciter's limits in its \
+        "the recorded load at sample {sample} is {:?} N, {:?} N·m, beyond the limits of the exciter in the \
          scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)",
         .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
@@ -152,43 +151,43 @@ pub enum ReplayError {
         /// Largest torque of the exciter, N·m.
         limit_nm: f64,
     },
-    /// The recorded plant is none for a controller of this version.
+    /// The recorded plant is incompatible with a controller of this version.
     #[error(
-        "a controller of this version refuses the recorded plant{}: read it with the version that recorded it",
+        "a controller of this version rejects the recorded plant{}; use the version that recorded it",
         Mismatch::from_detail(*.detail).map_or(String::new(), |mismatch| format!(" ({mismatch})"))
     )]
     Incompatible {
         /// The [`Mismatch`] by its number.
         detail: u16,
     },
-    /// What a controller on the scenario's own protocol played is not known.
+    /// The scenario does not say which excitation a controller on a user protocol played.
     #[error(
-        "the scenario with its own [wire] has neither [excitation] nor [control]: responses are read with the [excitation] that a \
-         controller played, or with the [control] of Resonarm's exciter"
+        "the scenario has a user protocol ([wire]), but neither [excitation] nor [control]; state the [excitation] that the \
+         controller played, or the [control] of Resonarm's exciter, so that responses can be read"
     )]
     NoExcitation,
-    /// The scenario's own protocol lacks something for the controller that is to be run again.
+    /// The user protocol lacks something for the controller that is to be run again.
     #[error(transparent)]
     WireLacks(#[from] ExciterLack),
-    /// It was imported from a log that has no readings.
+    /// The recording was imported from a log that has no readings.
     #[error(
-        "the recording was imported from {log} and has no readings, by which responses are read: `import` names those that its wire does \
-         not carry"
+        "the recording was imported from {log} and has no readings, so no responses can be read: the user protocol does not carry all of \
+         them, and `import` lists the missing ones"
     )]
     NoReadings {
         /// Log from which the recording was imported.
         log: String,
     },
-    /// No command on the scenario's own protocol has a load.
-    #[error("no command in the recording has a load, so nothing says when the excitation began")]
+    /// No command on the user protocol has a load.
+    #[error("no command in the recording has a load, so the start of the excitation is unknown")]
     NoLoad,
-    /// Another controller was recorded than that of the scenario in the recording.
+    /// The recording was made with another controller than that of its scenario.
     #[error(
-        "the recorded command at sample {sample} is {got}, by the scenario in the recording it is \
-         {expected}: another controller was recorded; run plant and exciter with the same scenario"
+        "the recorded command at sample {sample} is {got}, but the scenario in the recording gives \
+         {expected}, so another controller was recorded; run plant and exciter with the same scenario"
     )]
     Command {
-        /// The sample at which it came in.
+        /// The sample at which the command arrived.
         sample: u64,
         /// The load, as recorded.
         got: Box<Load>,
@@ -198,7 +197,7 @@ pub enum ReplayError {
 }
 
 impl ReplayError {
-    /// [`ReplayError::Command`] of these loads.
+    /// Makes [`ReplayError::Command`] of these loads.
     pub(super) fn command(sample: u64, got: Load, expected: Load) -> ReplayError {
         ReplayError::Command { sample, got: Box::new(got), expected: Box::new(expected) }
     }

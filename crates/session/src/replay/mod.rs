@@ -1,5 +1,5 @@
-//! Recordings at work again: their frames back on a bus or against a live controller, their runs simulated again, their
-//! responses read again.
+//! Uses of recordings: plays their frames on a bus or to a live controller, re-simulates their runs, and reads their
+//! responses again.
 
 mod against;
 mod error;

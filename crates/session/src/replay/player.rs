@@ -1,4 +1,4 @@
-//! Recorded frames back on a bus, with their timing.
+//! Plays recorded frames on a bus, with their timing.
 
 use core::ops::RangeInclusive;
 
@@ -9,41 +9,41 @@ use resonarm_files::recording::{Direction, FrameRecord, Recording};
 use resonarm_protocol::{Frame, FrameError, FrameFormat, Id};
 use resonarm_realtime::Clock;
 
-/// How long to wait before a full transmit queue is tried again, ns.
+/// The time to wait before a full transmit queue is tried again, ns.
 pub(super) const RETRY_NS: u64 = 200_000;
-/// Longest sleep between two looks at the stop signal and at what came in, ns.
+/// Longest sleep between two checks of the stop signal and of incoming frames, ns.
 pub(super) const LOOK_NS: u64 = 20_000_000;
-/// Incoming frames thrown away at one look, so that a busy bus can't hold up the player.
+/// Incoming frames discarded at one check, so that a busy bus can't hold up the player.
 pub(super) const FRAMES_AT_ONCE: usize = 1024;
-/// Speeds that are played, times the recorded one; and 0, as fast as it goes.
+/// Valid speeds, in times the recorded one; 0 is as fast as possible.
 pub(super) const SPEEDS: RangeInclusive<f64> = 1e-3..=1e6;
 
-/// How to play, and what.
+/// Frames to play, and how to play them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Playback {
-    /// Times the recorded speed, from 0.001 to 1000000; 0 is as fast as it goes.
+    /// Times the recorded speed, from 0.001 to 1000000; 0 is as fast as possible.
     pub speed: f64,
-    /// Only the frames that went this way; `None` plays all.
+    /// Plays only the frames of this direction; `None` plays all.
     pub direction: Option<Direction>,
-    /// Only the frames with these identifiers; all if there are none.
+    /// Plays only the frames with these identifiers; all if there are none.
     pub ids: Vec<Id>,
-    /// Identifiers that others take the place of: from, to.
+    /// Replacements of identifiers: from, to.
     pub mapped: Vec<(Id, Id)>,
-    /// Only the frames of these samples; `None` plays all.
+    /// Plays only the frames of these samples; `None` plays all.
     pub samples: Option<RangeInclusive<u64>>,
-    /// How often, one behind the other, a sample period apart; 0 is until it is stopped.
+    /// Number of passes, a sample period apart; 0 repeats until it is stopped.
     pub times: u32,
 }
 
 impl Default for Playback {
-    /// Everything once, at the recorded speed.
+    /// Plays everything once, at the recorded speed.
     fn default() -> Playback {
         Playback { speed: 1.0, direction: None, ids: Vec::new(), mapped: Vec::new(), samples: None, times: 1 }
     }
 }
 
 impl Playback {
-    /// The frame that is sent for a recorded one, if any is.
+    /// Returns the frame that is sent for a recorded one, if any is.
     fn frame(&self, record: &FrameRecord) -> Result<Option<Frame>, FrameError> {
         let is_wanted = self.direction.is_none_or(|direction| direction == record.direction)
             && (self.ids.is_empty() || self.ids.contains(&record.frame.id()))
@@ -69,7 +69,7 @@ pub struct Played {
     pub frames: u64,
     /// Recorded time from the first frame of a pass to the last, s.
     pub recorded_s: f64,
-    /// How late the latest frame was, s; 0 at speed 0.
+    /// The lateness of the latest frame, s; 0 at speed 0.
     pub latest_s: f64,
 }
 
@@ -99,17 +99,17 @@ pub fn play<C: Clock>(
         start_ns = due_ns(start_ns, length_ns, playback.speed);
     }
     if played.frames == 0 && !signals.is_stopped() {
-        return Err(ReplayError::Empty { what: "frames that were asked for" });
+        return Err(ReplayError::Empty { what: "frames that match the selection" });
     }
     Ok(played)
 }
 
-/// Refuses a speed that can't be played.
+/// Rejects a speed that can't be played.
 pub(super) fn check_speed(speed: f64) -> Result<(), ReplayError> {
     if speed == 0.0 || SPEEDS.contains(&speed) { Ok(()) } else { Err(ReplayError::Speed { got: speed }) }
 }
 
-/// When a frame is due that was recorded so long after the first; at speed 0 at once.
+/// Returns the time at which a frame is due that was recorded so long after the first; at speed 0 at once.
 pub(super) fn due_ns(start_ns: u64, recorded_ns: u64, speed: f64) -> u64 {
     if speed == 0.0 { start_ns } else { start_ns.saturating_add((recorded_ns as f64 / speed) as u64) }
 }
@@ -121,8 +121,8 @@ struct Player<'a, C> {
 }
 
 impl<C: Clock> Player<'_, C> {
-    /// Plays the recording once; its length with the sample period behind it, ns, or `None` if there is nothing to play
-    /// or it was asked to stop before.
+    /// Plays the recording once and returns its length with the sample period behind it, ns, or `None` if there is
+    /// nothing to play or a stop was requested before.
     fn pass(
         &mut self,
         recording: &Recording,
@@ -152,7 +152,7 @@ impl<C: Clock> Player<'_, C> {
         Ok(first_ns.map(|_| length_ns.saturating_add(libm::round(origin.dt_s * 1e9) as u64)))
     }
 
-    /// Sleeps until `due_ns`; `false` if it was asked to stop before.
+    /// Sleeps until `due_ns`; returns `false` if a stop was requested before.
     fn wait_until(&mut self, due_ns: u64) -> Result<bool, ReplayError> {
         loop {
             self.discard()?;
@@ -169,7 +169,7 @@ impl<C: Clock> Player<'_, C> {
         }
     }
 
-    /// Sends a frame, waiting while the queue is full; `false` if it was asked to stop before.
+    /// Sends a frame, waiting while the queue is full; returns `false` if a stop was requested before.
     fn send(&mut self, frame: &Frame) -> Result<bool, ReplayError> {
         while self.bus.send(frame)? == Sent::QueueFull {
             if !self.wait_until(self.clock.now_ns().saturating_add(RETRY_NS))? {
@@ -179,7 +179,7 @@ impl<C: Clock> Player<'_, C> {
         Ok(true)
     }
 
-    /// Nobody reads here; what comes in is thrown away, so that the queue does not overflow.
+    /// Discards incoming frames, so that the queue does not overflow.
     fn discard(&mut self) -> Result<(), ReplayError> {
         for _ in 0..FRAMES_AT_ONCE {
             if self.bus.receive()?.is_none() {

@@ -1,4 +1,4 @@
-//! The readings of a run simulated again.
+//! Compares the readings of a re-simulated run with the recorded ones.
 
 use super::ReplayError;
 use super::verdict::load;
@@ -7,10 +7,10 @@ use resonarm_files::recording::{Recording, SampleRecord};
 use resonarm_files::starting_plant;
 use resonarm_scenario::ScenarioError;
 
-/// Whether the readings of a run, simulated again, are the recorded ones.
+/// Whether the readings of a re-simulated run are the recorded ones.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ReadingsVerdict {
-    /// Whether every reading, and whether it was clipped, is the recorded one, bit for bit.
+    /// Whether every reading, and whether it was clipped, is bit-identical to the recorded one.
     pub identical: bool,
     /// Samples compared, each with all its readings.
     pub samples: u64,
@@ -18,16 +18,16 @@ pub struct ReadingsVerdict {
     pub first_divergence: Option<u64>,
 }
 
-/// Simulates arm and instruments again from the recorded loads, one sample after the other, and compares the readings
-/// of every sample whose state is recorded, too.
+/// Re-simulates arm and instruments from the recorded loads, sample by sample, and compares the readings of every
+/// sample whose state is recorded, too.
 ///
 /// # Errors
 /// [`ReplayError::Empty`] if there is no such sample.
-/// [`ReplayError::NoInstruments`] if the recording begins in the middle of a run without what the instruments have
-/// gathered until then, or its scenario makes no plant; else as [`resimulate`](super::resimulate).
+/// [`ReplayError::NoInstruments`] if the recording begins in the middle of a run without the state of its instruments,
+/// or its scenario describes no valid plant; else as [`resimulate`](super::resimulate).
 pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, ReplayError> {
     let sample = recording.summary().samples.map_or(0, |(first, _)| first);
-    // Why an FMU is not loaded is said as such.
+    // Reports the reason for which an FMU can't be loaded.
     let structure = recording.scenario().ok().map(|scenario| scenario.structure);
     structure.map_or(Ok(()), |structure| structure.check_allowed()).map_err(ScenarioError::from)?;
     let mut plant = starting_plant::plant(recording).ok_or(ReplayError::NoInstruments { sample })?;

@@ -1,4 +1,4 @@
-//! The run of an FMU simulated again, from its start.
+//! Re-simulates the run of an FMU from its start.
 
 use super::ReplayError;
 use super::verdict::{Verdict, check, compare, load};
@@ -7,8 +7,9 @@ use resonarm_bench::structure::States;
 use resonarm_files::recording::{Integrity, Recording};
 use resonarm_scenario::Scenario;
 
-/// Loads the FMU, applies the recorded loads from its start on, and compares every state. Where one differs, it is
-/// loaded once more: an FMU that differs from itself does not repeat itself, and says nothing about the recording.
+/// Loads the FMU, applies the recorded loads from its start on, and compares every state. Where one differs, the FMU is
+/// loaded once more: if it then differs from itself, it is not deterministic, and its result says nothing about the
+/// recording.
 ///
 /// # Errors
 /// As [`resimulate`](super::resimulate); [`ReplayError::FmuFromStart`], [`ReplayError::FmuWithoutStates`] and
@@ -49,7 +50,7 @@ pub(super) fn repeat(recording: &Recording, scenario: &Scenario) -> Result<Verdi
     }
 }
 
-/// Whether a plant at its start comes to these states at a sample, too.
+/// Says whether a plant at its start reaches these states at a sample, too.
 fn repeats(recording: &Recording, mut plant: Plant, sample: u64, states: &States) -> Result<bool, ReplayError> {
     for record in recording.states()? {
         let record = record?;

@@ -1,4 +1,4 @@
-//! The run simulated again from its recorded loads.
+//! Re-simulates a run from its recorded loads.
 
 use super::verdict::{Verdict, check, compare, load};
 use super::{ReplayError, repetition};
@@ -15,17 +15,17 @@ const BLOCK: usize = 1 << 13;
 /// Samples that a core takes at a time: some milliseconds of work.
 const PART: usize = 1 << 10;
 
-/// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
+/// Starts from the first recorded state, applies the recorded loads, and compares every state.
 ///
-/// State and current at a sample follow from state, current and load at the one before alone. So as long as none
-/// differs, all cores simulate parts of the run, each from a recorded state, with the result of one after the other.
-/// An FMU is simulated again from its start alone, and once more where it differs. It is loaded from the file of
+/// State and current at a sample follow only from state, current and load at the one before. So as long as none
+/// differs, all cores simulate parts of the run, each from a recorded state, and the result is the same as that of one
+/// core. An FMU is simulated only from its start, and once more where it differs. It is loaded from the file of
 /// [`Recording::allow_fmu`], never from the path in the recording.
 ///
 /// # Errors
-/// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes
-/// no plant or not the one that was recorded: other samples, loads beyond its exciter; if it begins in the middle of a
-/// run without the current of its shaker's coil.
+/// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states; if its scenario
+/// describes no valid plant, or another one than was recorded (another sample period, loads beyond its exciter); or if
+/// it begins in the middle of a run without the current of its shaker's coil.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let scenario = recording.scenario();
     if let Some(log) = recording.configuration().get(IMPORTED_FROM) {
@@ -70,7 +70,7 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     }
 }
 
-/// The plant in a recorded state. `fresh` is the plant at its start, which takes longer to make than to copy.
+/// Returns the plant in a recorded state. `fresh` is the plant at its start, which takes longer to make than to copy.
 fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
     let states = match (spec.rig.shaker, record.states.internal()) {
         // At sample 0 the coil has none, and an amplifier in current mode sets it with the load.
@@ -84,8 +84,8 @@ fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant,
     Ok(fresh.clone().at(record.sample, &states)?)
 }
 
-/// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
-/// one after the other tells why.
+/// Says whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be
+/// tried, the sequential comparison finds the reason.
 fn agrees(fresh: &Plant, spec: &PlantSpec, block: &[StateRecord]) -> bool {
     // Parts overlap by one record, the end of the one and the start of the next, so that every step is tried once.
     let starts: Vec<usize> = (0..block.len() - 1).step_by(PART).collect();

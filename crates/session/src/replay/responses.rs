@@ -1,4 +1,4 @@
-//! The responses that the controller of a recorded run has read, read again from the recorded frames.
+//! Reads the responses of a recorded run's controller again, from the recorded frames.
 
 use alloc::collections::BTreeMap;
 
@@ -10,33 +10,33 @@ use resonarm_files::recording::{Direction, Recording};
 use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
 use resonarm_scenario::Scenario;
 
-/// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the
-/// first fault.
+/// Returns the responses that the controller of the recording's scenario reads from the plant's frames, up to its end
+/// or the first fault.
 ///
 /// A controller is a function of the frames it receives. Given those of the recording, it makes the recorded commands
 /// again, and reads the same responses. A differing command shows that another controller was recorded.
 ///
-/// The same holds of a control on a scenario's own protocol. A controller that played the scenario's excitation there
-/// need not be Resonarm's: its commands must be the excitation, within half a count of its signals, and the responses
-/// are then read from the recorded readings.
+/// The same holds for a control on a user protocol. A controller that played the scenario's excitation there need not
+/// be Resonarm's: its commands must be the excitation, within half a count of its signals, and the responses are then
+/// read from the recorded readings.
 ///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant
-/// speaks another version of the protocol; with a protocol of the scenario's own [`ReplayError::NoExcitation`] and
+/// uses another version of the protocol. With a user protocol [`ReplayError::NoExcitation`] and
 /// [`ReplayError::NoLoad`], [`ReplayError::WireLacks`] if it can't carry the control, and [`ReplayError::NoReadings`]
-/// of a log without readings; [`ReplayError`] if the recording can't be read or its scenario makes no controller.
+/// for a log without readings. [`ReplayError`] if the recording can't be read or its scenario has no controller.
 pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
     Ok(timed_responses(recording)?.into_iter().map(|(_, response)| response).collect())
 }
 
-/// The same responses, each with the sample by which it was read.
+/// Returns the same responses, each with the sample at which it was read.
 ///
 /// # Errors
 /// As [`responses`].
 pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration())?;
-    // An exciter in the plant's process corrects readings for the plant's converter, as one does that was told the converter;
-    // another corrects nothing. What it commanded shows which of them it was.
+    // An exciter in the plant's process corrects readings for the plant's converter, as does one that was told the
+    // converter; any other corrects nothing. Its commands show which of them it was.
     let stated = scenario.network.plant_converter;
     match responses_reading(recording, &scenario, stated.unwrap_or(scenario.rig.converter)) {
         Err(corrected @ ReplayError::Command { .. }) if stated.is_none() => {
@@ -49,7 +49,7 @@ pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)
     }
 }
 
-/// The responses of a controller that corrects readings for this converter.
+/// Returns the responses of a controller that corrects readings for this converter.
 fn responses_reading(
     recording: &Recording,
     scenario: &Scenario,
@@ -88,7 +88,7 @@ fn responses_reading(
         }
         let read = core::iter::from_fn(|| exciter.work_mut().controller.poll_response());
         responses.extend(read.map(|response| (record.sample, response)));
-        // Kept by the sample that they answer, until the recorded command for it comes.
+        // Loads are kept by the sample that they answer, until the recorded command for it comes.
         while let Some(frame) = exciter.poll_transmit() {
             commands.extend(made.accept(&frame).ok().flatten().and_then(command));
         }
@@ -96,7 +96,7 @@ fn responses_reading(
     Ok(responses)
 }
 
-/// The sample that a command answers, as the wire counts it, and its load.
+/// Returns the 16-bit index of the sample that a command answers, and its load.
 pub(super) fn command(message: Message) -> Option<(u16, Load)> {
     match message {
         Message::Force(ForceCommand { force_x_n, force_y_n, sample }) => {

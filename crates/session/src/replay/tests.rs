@@ -27,7 +27,7 @@ fn record(path: &Path, simulated: &str, stated: &str) -> Recording {
     Recording::open(path).unwrap()
 }
 
-/// Given the recorded frames, the controller reads the same responses as in the run, to the last bit.
+/// Given the recorded frames, the controller reads bit-identical responses.
 #[test]
 fn responses_are_read_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -38,7 +38,7 @@ fn responses_are_read_again() {
     assert_eq!((&again, again.len()), (&read, 1));
     let stated = SCENARIO.replace("22.1", "22.2");
     let error = responses(&record(&folder.path().join("other.mcap"), SCENARIO, &stated)).unwrap_err();
-    insta::assert_snapshot!(error, @"the recorded command at sample 1 is joint1 = 8.3 N·m, by the scenario in the recording it is joint1 = 8.35 N·m: another controller was recorded; run plant and exciter with the same scenario");
+    insta::assert_snapshot!(error, @"the recorded command at sample 1 is joint1 = 8.3 N·m, but the scenario in the recording gives joint1 = 8.35 N·m, so another controller was recorded; run plant and exciter with the same scenario");
     let error = responses(&record(&folder.path().join("none.mcap"), SCENARIO, "")).unwrap_err();
     assert!(matches!(error, ReplayError::Scenario(_)), "{error}");
 }
@@ -189,7 +189,7 @@ fn says_what_cannot_be_replayed() {
         play(&recording, &mut sender, &SystemClock, &Playback { speed, ..Playback::default() }, &Signals::default())
             .unwrap_err()
     };
-    insta::assert_snapshot!(error(-1.0), @"the speed is -1: it must be 0, which is as fast as it goes, or from 0.001 to 1000000; 1 is the recorded speed");
+    insta::assert_snapshot!(error(-1.0), @"the speed is -1: it must be 0 (as fast as possible), or from 0.001 to 1000000; 1 is the recorded speed");
     for speed in [1e-12, 1e-300, 2e6, f64::INFINITY, f64::NAN] {
         assert!(matches!(error(speed), ReplayError::Speed { .. }), "{speed}");
     }

@@ -1,4 +1,4 @@
-//! Whether a run, simulated again, is the recorded one: the comparison of a plant with a record.
+//! Compares a re-simulated plant with a record.
 
 use super::ReplayError;
 use resonarm_bench::plant::Plant;
@@ -6,12 +6,12 @@ use resonarm_bench::rig::Load;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
 use resonarm_files::starting_plant::is_recorded;
 
-/// Whether a run, simulated again, is the recorded one.
+/// Whether a re-simulated run is the recorded one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Verdict {
-    /// Whether every state, and the current of a shaker's coil, is the recorded one, bit for bit. Never of a damaged
-    /// recording: there are states that can't be compared. Of one that was cut short it says so of the states that are
-    /// there.
+    /// Whether every state, and the current of a shaker's coil, is bit-identical to the recorded one. Always false for
+    /// a damaged recording, which has states that can't be compared. For a recording that was cut short it covers the
+    /// states that are there.
     pub identical: bool,
     /// Whether the recording is whole.
     pub integrity: Integrity,
@@ -25,7 +25,7 @@ pub struct Verdict {
     pub max_drift_rad: f64,
 }
 
-/// Refuses a scenario with other samples than the recorded ones.
+/// Rejects a scenario whose sample period differs from the recorded one.
 pub(super) fn check(recording: &Recording, sample_rate_hz: f64) -> Result<(), ReplayError> {
     let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / sample_rate_hz);
     // By bits, since both are 1/rate of the same rate. Another period would shift every sample.
@@ -47,7 +47,7 @@ pub(super) fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord
     }
 }
 
-/// The recorded load, if the plant's exciter can have produced it.
+/// Returns the recorded load, if the plant's exciter can have produced it.
 pub(super) fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
     let load = record.load;
     let exciter = plant.exciter();

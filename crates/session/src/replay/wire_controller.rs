@@ -1,9 +1,9 @@
-//! The responses that Resonarm's exciter has read with a control on a scenario's own protocol: it is run again.
+//! Runs Resonarm's exciter again on a user protocol to read the responses of a recorded control.
 //!
-//! A controller is a function of the frames that it hears. Given those that the recorded plant sent, it makes the same
-//! loads again. On such a protocol commands name no sample, and one that waited too long was replaced by the next; so
-//! the recorded loads must be those made, each once and in their order, from the first that is not zero to the end of
-//! the work.
+//! A controller is a function of the frames that it receives. Given those that the recorded plant sent, it computes the
+//! same loads again. On such a protocol commands name no sample, and a command that waited too long was replaced by the
+//! next. So the recorded loads must be the computed ones, each once and in order, from the first that is not zero to
+//! the end of the work.
 
 use alloc::vec::Vec;
 
@@ -16,7 +16,8 @@ use resonarm_files::recording::{Direction, Recording};
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_scenario::Scenario;
 
-/// The responses, each with the sample by which it was read, by an exciter that corrects readings for this converter.
+/// Returns the responses, each with the sample at which it was read, of an exciter that corrects readings for this
+/// converter.
 ///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded, [`ReplayError::NoLoad`] if no command has a load;
@@ -55,7 +56,7 @@ pub(super) fn timed_responses(
     if loads.has_begun { Ok(responses) } else { Err(ReplayError::NoLoad) }
 }
 
-/// When the plant was armed for the first time, ns; 0 if the recording does not say it.
+/// Returns the time at which the plant was armed for the first time, ns; 0 if the recording does not say it.
 fn armed_ns(recording: &Recording) -> Result<u64, ReplayError> {
     for event in recording.events()? {
         let event = event?;
@@ -77,20 +78,20 @@ fn time_base(recording: &Recording, scenario: &Scenario) -> Result<TimeBase, Rep
     })
 }
 
-/// The loads of one message, as made again.
+/// The computed loads of one message.
 #[derive(Clone, Debug, Default)]
 struct Made {
     loads: Vec<Load>,
-    /// How many of them the recording has had, or has passed over.
+    /// Number of them that the recording has reached or passed over.
     seen: usize,
 }
 
-/// The loads that are made again, beside those recorded.
+/// Compares computed loads with the recorded ones.
 struct Loads<'m> {
     mapping: &'m Mapping,
-    /// By the places of the messages.
+    /// Computed loads by the places of the messages.
     made: Vec<Made>,
-    /// Whether a recorded load was one that was made.
+    /// Whether a recorded load was one of the computed ones.
     has_begun: bool,
 }
 
@@ -99,7 +100,7 @@ impl Loads<'_> {
         Loads { mapping, made: vec![Made::default(); mapping.incoming.len()], has_begun: false }
     }
 
-    /// Takes the frames that the exciter would send.
+    /// Collects the frames that the exciter would send.
     fn make(&mut self, exciter: &mut dyn ExciterInterface) {
         while let Some(frame) = exciter.next_frame() {
             exciter.frame_sent();
@@ -109,7 +110,7 @@ impl Loads<'_> {
         }
     }
 
-    /// Compares a recorded frame: its load is the next of those made, or a later one if some were never sent.
+    /// Compares a recorded frame: its load is the next computed one, or a later one if some were never sent.
     fn compare(&mut self, sample: u64, frame: &Frame) -> Result<(), ReplayError> {
         let Some((place, got)) = self.load(frame) else { return Ok(()) };
         let Made { loads, seen } = &mut self.made[place];
@@ -119,7 +120,7 @@ impl Loads<'_> {
             self.has_begun |= got != Load::default();
             return Ok(());
         }
-        // What arms or disarms the plant has no load.
+        // A frame that arms or disarms the plant has no load.
         match rest.first().or(loads.last()) {
             _ if got == Load::default() => Ok(()),
             Some(expected) => Err(ReplayError::command(sample, got, *expected)),
@@ -127,7 +128,7 @@ impl Loads<'_> {
         }
     }
 
-    /// The place of the message of a command, and its load.
+    /// Returns the place of the message of a command, and its load.
     fn load(&self, frame: &Frame) -> Option<(usize, Load)> {
         let place = self.mapping.incoming.iter().position(|message| message.id == frame.id())?;
         let load = self.mapping.incoming[place].load(frame.data()).ok()??;

@@ -1,9 +1,9 @@
-//! The responses to a controller on a scenario's own protocol, read from the readings in a recording.
+//! Reads the responses to a controller on a user protocol from the readings in a recording.
 //!
-//! A scenario with a control is one of Resonarm's exciter, which is run again ([`super::wire_controller`]). Another
-//! controller is not Resonarm's, so it is not run again. It must have played the excitation of the scenario:
-//! every commanded load is that of the excitation, within half a count of its signals, at most a sample early or late.
-//! Of CANopen drives the loads are the targets, and a count is a thousandth of the rated torque.
+//! A scenario with a control is that of Resonarm's exciter, which is run again ([`super::wire_controller`]). Any other
+//! controller can't be run again. It must have played the excitation of the scenario: every commanded load is that of
+//! the excitation, within half a count of its signals, at most a sample early or late. For CANopen drives the loads are
+//! the targets, and a count is a thousandth of the rated torque.
 
 use alloc::collections::BTreeMap;
 
@@ -21,11 +21,11 @@ use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Direction, Recording, SampleRecord};
 use resonarm_scenario::Scenario;
 
-/// The responses, each with the sample by which it was read.
+/// Returns the responses, each with the sample at which it was read.
 ///
 /// # Errors
 /// [`ReplayError::NoExcitation`] if the scenario has no excitation, [`ReplayError::NoLoad`] if no command has a load,
-/// [`ReplayError::Command`] if one has another than the excitation, [`ReplayError::NoReadings`] if the recording was
+/// [`ReplayError::Command`] if one differs from the excitation, [`ReplayError::NoReadings`] if the recording was
 /// imported without readings; [`ReplayError`] if it can't be read.
 pub(super) fn timed_responses(
     recording: &Recording,
@@ -54,7 +54,7 @@ pub(super) fn timed_responses(
     Ok(responses)
 }
 
-/// The sample from which the excitation was played: the first commanded load is its first.
+/// Returns the sample from which the excitation was played: the first commanded load is its first.
 fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Result<u64, ReplayError> {
     let (half, commands) = match scenario.wire_spec()? {
         Some(WireSpec::Mapped(mapping)) => (half_count(&mapping), commands(recording, scenario, &mapping)?),
@@ -86,7 +86,7 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
     Ok(start)
 }
 
-/// The commanded load from these samples on.
+/// Returns the commanded load from these samples on.
 fn commands(recording: &Recording, scenario: &Scenario, mapping: &Mapping) -> Result<BTreeMap<u64, Load>, ReplayError> {
     let Some(mut decoder) = Decoder::of_scenario(scenario)? else { return Ok(BTreeMap::new()) };
     let mut held = vec![Load::default(); mapping.incoming.len()];
@@ -106,7 +106,7 @@ fn commands(recording: &Recording, scenario: &Scenario, mapping: &Mapping) -> Re
     Ok(commands)
 }
 
-/// The same of CANopen drives.
+/// Returns the targets of CANopen drives from these samples on.
 fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, Load>, ReplayError> {
     let mut targets = Targets::new(spec);
     let mut commands = BTreeMap::new();
@@ -119,10 +119,10 @@ fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, Loa
     Ok(commands)
 }
 
-/// What a signal that is a float of 32 bits rounds a value by at most, as a share of it: half of its last bit, 2⁻²⁴.
+/// Largest relative rounding of a signal that is a 32-bit float: half of its last bit, 2⁻²⁴.
 const FLOAT_SHARE: f64 = 0.5 * f32::EPSILON as f64;
 
-/// Half the largest count of all loads, N or N·m, with the rounding of its arithmetic.
+/// Returns half the largest count of all loads, N or N·m, with the rounding of its arithmetic.
 fn half_count(mapping: &Mapping) -> f64 {
     let signals = mapping.incoming.iter().flat_map(|message| &message.commands);
     let counts = signals.map(|command| command.signal.signal.resolution().unwrap_or(0.0) * command.scale.abs());

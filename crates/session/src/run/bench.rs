@@ -19,7 +19,7 @@ const FRAMES_AT_ONCE: usize = 256;
 /// Frames given to the bus in one go. More wait only after a jam.
 const FRAMES_SENT_AT_ONCE: usize = 16;
 
-/// The plant, its node and where its records go.
+/// The plant, its node and the sink of its records.
 pub(super) struct Bench<'a> {
     plant: Plant,
     node: Box<dyn PlantInterface>,
@@ -29,7 +29,7 @@ pub(super) struct Bench<'a> {
     on_event: Box<dyn FnMut(RunEvent) + 'a>,
     /// Memory for the frames that are sent next.
     batch: Vec<Frame>,
-    /// While the bus is lost.
+    /// The outage of the bus, while it is lost.
     outage: Option<Outage>,
     /// Cause of the last loss of the bus.
     bus_loss: Option<BusLoss>,
@@ -79,7 +79,8 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// A copy in the same state that keeps its records and reports events to nobody, of a bench that does the same.
+    /// Returns an independent copy in the same state that keeps its records and reports events to nobody. The original
+    /// must do the same.
     pub fn unwatched_copy(&self) -> Bench<'static> {
         Bench {
             plant: self.plant.clone(),
@@ -107,12 +108,12 @@ impl<'a> Bench<'a> {
         &self.plant
     }
 
-    /// The records that were kept since the last call.
+    /// Returns the records that were kept since the last call.
     pub fn take_records(&mut self) -> Vec<Record> {
         self.records.take_kept()
     }
 
-    /// The index of the sample at which the plant stands.
+    /// Returns the index of the plant's current sample.
     pub fn sample(&self) -> u64 {
         self.plant.sample()
     }
@@ -131,42 +132,42 @@ impl<'a> Bench<'a> {
         &*self.node
     }
 
-    /// Joins the node's counts of frames so far with the `statistics` of the bus.
+    /// Adds the bus's `statistics` to the node's counts of frames.
     pub fn counts(&self, statistics: Statistics) -> BusCounts {
         BusCounts::new(statistics, self.node.frames())
     }
 
-    /// The first frame that the node refused for one of its checks.
+    /// Returns the first frame that the node rejected in one of its checks.
     pub fn first_refused_frame(&self) -> Option<RefusedFrame> {
         self.first_refused_frame
     }
 
-    /// How the bus was lost last, if it was.
+    /// Returns the cause of the last loss of the bus, if it was lost.
     pub fn bus_loss(&self) -> Option<BusLoss> {
         self.bus_loss
     }
 
-    /// Whether the plant was ever armed.
+    /// Says whether the plant was ever armed.
     pub fn was_armed(&self) -> bool {
         self.node.arms() > 0
     }
 
-    /// Whether the plant was armed once and has been disarmed or has faulted.
+    /// Says whether the plant was armed once and has been disarmed or has faulted.
     pub fn has_left_armed(&self) -> bool {
         self.node.leaves() > 0
     }
 
-    /// Times the round trips of samples from now on.
+    /// Starts to time the round trips of samples.
     pub fn time_round_trips(&mut self, round_trips: RoundTrips) {
         self.round_trips = Some(round_trips);
     }
 
-    /// Durations of the round trips, µs, if they are timed.
+    /// Returns the durations of the round trips, µs, if they are timed.
     pub fn round_trip_us(&self) -> Option<Percentiles> {
         self.round_trips.as_ref().and_then(RoundTrips::percentiles)
     }
 
-    /// Boots the node in a run that began when the loop's clock read `clock_ns`.
+    /// Boots the node of a run that began when the loop's clock read `clock_ns`.
     pub fn start(&mut self, clock_ns: u64, now_ns: u64) {
         self.records.begin(clock_ns);
         self.node.start(now_ns);
@@ -174,18 +175,18 @@ impl<'a> Bench<'a> {
         (self.on_event)(RunEvent::Ready);
     }
 
-    /// Records a record that the loop itself makes.
+    /// Records a record of the loop itself.
     pub fn record(&mut self, record: &Record) {
         self.notify_watcher(record);
         self.records.record(record);
     }
 
-    /// Notifies those who watch, and not the recording, of how punctual a sample in simulated time was.
+    /// Notifies watchers, but not the recording, of a sample's delay and execution time in simulated time.
     pub fn notify_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
         self.notify_watcher(&Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
     }
 
-    /// Shows whoever reads `gauges` the sample, how late it was, its work, and the deadlines missed before it.
+    /// Shows the sample, its delay, its execution time, and the deadlines missed before it in `gauges`.
     pub fn show(&self, gauges: &Gauges, late_ns: u64, work_ns: u64, missed: u32) {
         gauges.count(late_ns, work_ns, missed);
         gauges.set(&self.held, self.node.state());
@@ -219,29 +220,29 @@ impl<'a> Bench<'a> {
         self.record(&Record::Event(Event { sample, time_ns: now_ns, name, value }));
     }
 
-    /// Faults from outside the node.
+    /// Latches a fault from outside the node.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u64) {
         self.node.fault(now_ns, code, u16::try_from(detail).unwrap_or(u16::MAX));
     }
 
-    /// The run can't go on, for an error of its own: an armed plant faults.
+    /// Makes an armed plant fault if the run can't continue for an error of its own.
     pub fn fail_if_armed(&mut self, now_ns: u64) {
         if self.node.is_armed() {
             self.fault(now_ns, EmergencyCode::SimulationFailed, 0);
         }
     }
 
-    /// The bus has failed.
+    /// Makes an armed plant fault since the bus has failed.
     pub fn bus_lost(&mut self, now_ns: u64) {
         self.node.bus_lost(now_ns);
     }
 
-    /// The node leaves the bus: an armed plant is disarmed.
+    /// Makes the node leave the bus: an armed plant is disarmed.
     pub fn leave(&mut self, now_ns: u64) {
         self.node.leave(now_ns);
     }
 
-    /// The schedule has moved by `periods`.
+    /// Reports that the schedule has moved by `periods`.
     pub fn slipped(&mut self, periods: u32) {
         // The node tells its partner, and the recording.
         self.node.slip(u64::from(periods));
@@ -249,7 +250,7 @@ impl<'a> Bench<'a> {
         (self.on_event)(RunEvent::Slipped { sample, periods });
     }
 
-    /// Takes in everything that has come over the bus.
+    /// Processes all frames that have arrived on the bus.
     pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         self.handle_requests(now_ns);
         let mut outcome = Ok(());
@@ -279,7 +280,7 @@ impl<'a> Bench<'a> {
         self.record_event(now_ns, controller_record(state), 0);
     }
 
-    /// Takes in one frame.
+    /// Processes one frame.
     pub fn take(&mut self, now_ns: u64, received: &Received) {
         let record = FrameRecord {
             sample: self.sample(),
@@ -293,7 +294,7 @@ impl<'a> Bench<'a> {
         self.outage.iter_mut().for_each(Outage::hear);
         let refused = self.node.frames().refused;
         self.node.handle_frame(now_ns, &received.frame);
-        // The node counts and does not say which frame it was, so the count before and after tells.
+        // The node counts rejected frames and does not say which frame it was, so the count before and after tells.
         if self.node.frames().refused > refused {
             let sample = self.sample();
             self.first_refused_frame.get_or_insert(RefusedFrame { sample, frame: received.frame });
@@ -303,7 +304,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Does what is due, and records what happened.
+    /// Does the work that is due, and records its events.
     pub fn handle_deadline(&mut self, now_ns: u64) {
         self.node.handle_deadline(now_ns);
         self.report_events(now_ns);
@@ -317,7 +318,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Reports what somebody watching the run wants to know.
+    /// Reports an event of the node to watchers.
     fn report(&mut self, event: &NodeEvent) {
         let sample = self.sample();
         match event {
@@ -349,18 +350,19 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// A fault that was found by now, with the full index of its sample.
+    /// Returns a fault that was found by now, with the full index of its sample.
     pub fn fault_found(&self, emergency: &Emergency) -> Fault {
         Fault::at(emergency, last_such_sample(emergency.sample, self.sample()))
     }
 
-    /// Measures the sample, records and publishes it. One that [`Bench::publish_start`] has measured is published again.
+    /// Measures the sample, records and publishes it. A sample that [`Bench::publish_start`] has measured is published
+    /// again.
     pub fn measure(&mut self) -> Result<(), RunError> {
         let measurement = self.measurement();
         self.publish(&measurement)
     }
 
-    /// The readings of the sample, recorded when they are measured.
+    /// Returns the readings of the sample, recorded when they are measured.
     fn measurement(&mut self) -> Measurement {
         if let Some(start) = self.start.take() {
             return start;
@@ -425,7 +427,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Whether anyone records or watches the run.
+    /// Says whether the run is recorded or watched.
     fn is_observed(&self) -> bool {
         self.watched.is_some() || !matches!(self.records, RecordSink::Off)
     }
@@ -436,7 +438,7 @@ impl<'a> Bench<'a> {
         self.record(&Record::State(end));
     }
 
-    /// The state at the sample, with the load held from it on.
+    /// Returns the state at the sample, with the load held from it on.
     fn state(&self, load: &Load, is_end: bool) -> StateRecord {
         StateRecord {
             sample: self.sample(),
@@ -452,7 +454,7 @@ impl<'a> Bench<'a> {
         self.record(&Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }));
     }
 
-    /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.
+    /// Sends the queued frames; frames that find the queue full wait for the next call. Returns `true` if all are sent.
     pub fn transmit(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<bool, RunError> {
         loop {
             // The memory is used again, since a loop in real time must not allocate.
@@ -473,7 +475,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// As [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
+    /// Works like [`Bench::transmit`], at this UNIX time, from which the round trips of the samples that leave count.
     pub fn transmit_timed(&mut self, now_ns: u64, unix_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
         if self.transmit(now_ns, bus)? {
             // A sample that the node still holds back has not departed.
@@ -483,7 +485,7 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// Sends the frames that wait, and records those that the bus took.
+    /// Sends frames, and records those that the bus accepted.
     fn send(&mut self, now_ns: u64, bus: &mut dyn Bus, frames: &[Frame]) -> Result<Sent, BusError> {
         let mut rest = frames;
         // One call for all frames of a sample: on SocketCAN each call is a system call, and the loop in real time has
@@ -500,7 +502,7 @@ impl<'a> Bench<'a> {
         outcome
     }
 
-    /// A bus that is off or down may come back: an armed plant faults, and the run goes on for a while.
+    /// Handles a bus that is off or down and may come back: an armed plant faults, and the run continues for a while.
     pub fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
         if !error.is_recoverable() {
             return Err(error.into());

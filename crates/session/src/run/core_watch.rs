@@ -1,19 +1,20 @@
-//! Why deadlines were missed, beyond what the loop itself can tell: a thread beside it looks now and then at who has
-//! had its core.
+//! Finds causes of missed deadlines that the loop itself can't see: a second thread checks periodically which threads
+//! have used the loop's core.
 //!
 //! ```text
 //! run loop ── Overrun ──► ring ──► thread beside it, every LOOK ◄── /proc/stat, schedstat
 //! ```
 //!
-//! The loop never waits for it. Between two looks lies a *span*, of which the kernel tells how long the host had the
-//! core, and how long the loop's thread waited for it though it could have run. An overrun takes the cause
+//! The loop never waits for this thread. The time between two checks is a *span*. For each span the kernel reports how
+//! long the host had the core, and how long the loop's thread waited for it though it could have run. An overrun takes
+//! the cause
 //!
-//! - *stolen* if in the spans that it touches the host had the core for half as long as the loop was held up;
-//! - else *preempted* if the loop's thread waited for half as long beyond what it waits as usual;
-//! - else what the loop says.
+//! - *stolen* if, in the spans that it touches, the host had the core for at least half of the delay;
+//! - else *preempted* if the loop's thread waited for at least half of the delay beyond its usual wait;
+//! - else the cause that the loop reports.
 //!
-//! The kernel tells the host's share in units of 10 ms, which may end anywhere in the span, so that a unit is added to
-//! a share that is not zero. As usual is the mean time that the thread waits for each of its turns, in the spans
+//! The kernel counts the host's share in units of 10 ms, which may end anywhere in the span, so a unit is added to a
+//! share that is not zero. The usual wait is the mean time that the thread waits for each of its turns, in the spans
 //! without an overrun.
 
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -28,13 +29,13 @@ use super::{Notice, Watched};
 use resonarm_files::recording::{Channel, Event, Record};
 use resonarm_realtime::{Clock, CoreShare, OverrunCause, OverrunCauses, STEAL_UNIT_NS, Share, SystemClock, Tick};
 
-/// From one look to the next.
+/// Interval between two checks.
 const LOOK: Duration = Duration::from_millis(50);
 /// Overruns on their way to the thread: at 10 kHz those of 100 ms, each a tick late.
 const OVERRUNS: usize = 1024;
 /// Spans that are kept, for overruns that last longer than one.
 const SPANS: usize = 256;
-/// What the thread needs of a stack: far more than reading three files takes.
+/// Stack of the thread: far more than reading three files takes.
 const STACK_BYTES: usize = 256 * 1024;
 
 /// Deadlines that were missed together, reported by the tick after them.
@@ -42,18 +43,18 @@ const STACK_BYTES: usize = 256 * 1024;
 pub(super) struct Overrun {
     /// The sample that was late.
     pub sample: u64,
-    /// Why, as far as the loop can tell.
+    /// Cause, as far as the loop can tell.
     pub cause: OverrunCause,
     /// Number of deadlines that were missed.
     pub missed: u32,
-    /// From when to when the loop was held up, on its clock, ns.
+    /// Start and end of the delay, on the loop's clock, ns.
     pub held_up_ns: (u64, u64),
-    /// When the run began, on the same clock, ns.
+    /// The time at which the run began, on the same clock, ns.
     pub run_start_ns: u64,
 }
 
 impl Overrun {
-    /// The overrun that `tick` reports, if it does, in a run that began at `run_start_ns`.
+    /// Returns the overrun that `tick` reports, if any, in a run that began at `run_start_ns`.
     pub fn of(tick: &Tick, run_start_ns: u64) -> Option<Overrun> {
         let held_up_ns = (tick.held_up_since_ns, tick.woke_ns);
         let cause = tick.cause?;
@@ -69,11 +70,11 @@ pub(super) struct CoreWatch {
 }
 
 impl CoreWatch {
-    /// Starts it for the calling thread, before that becomes a real-time one: what it starts later would stay on its
-    /// core. What it finds goes to `record`, and to those who watch.
+    /// Starts the thread for the calling thread, before that becomes a real-time thread: threads started later would
+    /// stay on its core. Its findings go to `record` and to watchers.
     ///
     /// # Errors
-    /// What the system says if it has no thread left.
+    /// The error of the operating system if it has no thread left.
     pub fn start(record: Option<Channel>, watched: Option<Watched>) -> std::io::Result<CoreWatch> {
         let (overruns, reported) = RingBuffer::new(OVERRUNS);
         let stop = Arc::new(AtomicBool::new(false));
@@ -92,7 +93,7 @@ impl CoreWatch {
         let _full = self.overruns.push(overrun);
     }
 
-    /// Ends it, and moves those of `causes` that it has found another cause for.
+    /// Ends the thread, and moves those of `causes` for which it has found another cause.
     pub fn finish(mut self, causes: OverrunCauses) -> OverrunCauses {
         match self.end() {
             Some(Ok(found)) => found.moved(causes),
@@ -110,13 +111,13 @@ impl CoreWatch {
 }
 
 impl Drop for CoreWatch {
-    /// Ends the thread of a run that did not begin: it would look on for ever, and hold the recording open.
+    /// Ends the thread of a run that did not start: it would run forever, and hold the recording open.
     fn drop(&mut self) {
         let _nobody_asks = self.end();
     }
 }
 
-/// The thread's work, until it is asked to stop; then a last time.
+/// Runs the thread until it is asked to stop; then checks a last time.
 fn look_on(
     mut share: CoreShare,
     mut reported: Consumer<Overrun>,
@@ -152,7 +153,7 @@ fn look_on(
     }
 }
 
-/// Who had the core while the loop was held up.
+/// Owner of the core during the delay of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Taken {
     /// The host of the virtual machine.
@@ -162,7 +163,7 @@ enum Taken {
 }
 
 impl Taken {
-    /// The event of an overrun; its value is how many deadlines were missed.
+    /// Returns the event of an overrun; its value is the number of missed deadlines.
     fn record(self, overrun: &Overrun) -> Record {
         let name = match self {
             Taken::Stolen => "overrun.stolen",
@@ -189,7 +190,7 @@ impl Found {
         causes.count(overrun.cause, overrun.missed.into());
     }
 
-    /// The loop's own counts, from which what was found is moved: the sum stays.
+    /// Moves the found causes in the loop's own counts: the sum stays.
     fn moved(mut self, mut causes: OverrunCauses) -> OverrunCauses {
         for cause in OverrunCause::ALL {
             let (stolen, preempted) = (*self.stolen.of(cause), *self.preempted.of(cause));
@@ -202,7 +203,7 @@ impl Found {
     }
 }
 
-/// From one look to the next, on the loop's clock.
+/// The time between two checks, on the loop's clock.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     from_ns: u64,
@@ -210,11 +211,11 @@ struct Span {
     share: Share,
 }
 
-/// The last spans, and what is usual in them.
+/// The last spans, and the usual wait in them.
 #[derive(Debug, Default)]
 struct Spans {
     last: VecDeque<Span>,
-    /// Of the spans without an overrun: how long the thread waited, and for how many turns.
+    /// In the spans without an overrun, the time that the thread waited, and the number of its turns.
     usual: (u64, u64),
 }
 
@@ -229,7 +230,7 @@ impl Spans {
         self.last.push_back(span);
     }
 
-    /// Who had the core for half of the overrun or longer, if anybody had.
+    /// Returns the owner of the core for at least half of the overrun, if there was one.
     fn explain(&self, overrun: &Overrun) -> Option<Taken> {
         let (from_ns, to_ns) = overrun.held_up_ns;
         // Two intervals overlap if each begins before the other ends.
@@ -240,7 +241,7 @@ impl Spans {
         if stolen_ns > 0 && stolen_ns + STEAL_UNIT_NS >= half_ns {
             return Some(Taken::Stolen);
         }
-        // Without a span to compare with, nothing that it waits is more than usual.
+        // Without a span to compare with, no wait is more than usual.
         let usual_ns = match self.usual {
             (_, 0) => waited_ns,
             // In 128 bits, since in a long run the product of nanoseconds and turns can exceed 64.

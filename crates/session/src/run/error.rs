@@ -13,7 +13,7 @@ use resonarm_scenario::ScenarioError;
 
 use super::{Mode, SpeedError};
 
-/// Why a run can't begin, or ended early.
+/// Error of a run that can't start, or ended early.
 #[derive(Debug, Error)]
 pub enum RunError {
     /// The scenario is impossible.
@@ -29,11 +29,11 @@ pub enum RunError {
     #[error(transparent)]
     Speed(#[from] SpeedError),
     /// A bus was given to a run without one.
-    #[error("the mode free has no bus: plant and exciter run in one loop; take the mode lockstep")]
+    #[error("the mode free has no bus, since plant and exciter run in one loop; use the mode lockstep")]
     FreeHasNoBus,
     /// The structure has other states than the user protocol sends.
     #[error(
-        "[wire]: its messages carry {name}, and the states of the structure are {has}: name one of these in \
+        "[wire]: the messages carry {name}, but the states of the structure are {has}; name one of these in \
          [[wire.readings]]"
     )]
     SentStates {
@@ -42,13 +42,13 @@ pub enum RunError {
         /// The states of the structure.
         has: String,
     },
-    /// A wire lacks something for the exciter.
+    /// A user protocol lacks something for the exciter.
     #[error(transparent)]
     WireLacks(#[from] ExciterLack),
-    /// Bit errors were asked of a bus that can't be made to have them.
+    /// Bit errors were requested on a bus that can't simulate them.
     #[error(
-        "network.bit_error_rate is {bit_error_rate}: the bus of the mode {mode} has the bit errors that it has; leave it out, \
-         take --mode free, where they are simulated, or corrupt frames by [[network.faults]]",
+        "network.bit_error_rate is {bit_error_rate}, but the bus of the mode {mode} can't simulate bit errors; leave it out, \
+         use --mode free, or corrupt frames with [[network.faults]]",
         bit_error_rate = short(.bit_error_rate)
     )]
     BitErrors {
@@ -57,10 +57,10 @@ pub enum RunError {
         /// The mode of the run.
         mode: Mode,
     },
-    /// A bit rate was asked of the bus that both nodes of a run in real time share.
+    /// A bit rate was requested for the bus that both nodes of a run in real time share.
     #[error(
-        "network.bit_rate_hz is {bit_rate_hz}: in real time plant and exciter of one process share a bus in memory, on which \
-         frames take no time; leave it out, or take the mode free or lockstep"
+        "network.bit_rate_hz is {bit_rate_hz}, but in real time plant and exciter of one process share a bus in memory, on which \
+         frames take no time; leave it out, or use the mode free or lockstep"
     )]
     TimedInRealTime {
         /// Bits a second of arbitration.
@@ -69,31 +69,31 @@ pub enum RunError {
     /// The CAN bus can't be used.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// The recording can't be begun.
+    /// The recording can't be created.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The run has come to its end, its recording has not.
-    #[error("the recording lacks the end of the run: {0}; `resonarm inspect` says what is there")]
+    /// The run has ended, but its recording is incomplete.
+    #[error("the recording lacks the end of the run: {0}; `resonarm inspect` shows the records that it has")]
     NotRecorded(RecordingError),
     /// The simulation of the plant failed.
     #[error("the simulation failed at {0}")]
     Plant(#[from] PlantError),
-    /// A measurement could not be put on the wire.
+    /// A measurement could not be encoded.
     #[error("a measurement can't be sent: {0}")]
     Encode(#[from] PublishError),
-    /// The system has no thread left for the run.
+    /// The operating system has no thread left for the run.
     #[error("the operating system denied the run another thread: {source}; end other programs, or raise `ulimit -u`")]
     NoThread {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The run asks for a real-time thread, and the system refuses it.
-    #[error("the thread of the run must be a real-time thread, and has {}", in_words(shortfalls))]
+    /// The run needs a real-time thread, and the operating system denies it.
+    #[error("the run needs a real-time thread, but has {}", in_words(shortfalls))]
     NoRealTimeThread {
-        /// Settings that the system refuses.
+        /// Settings that the operating system denies.
         shortfalls: Vec<Shortfall>,
     },
-    /// The loop can't spin so.
+    /// The loop can't busy-wait with these settings.
     #[error(transparent)]
     Spin(#[from] SpinError),
     /// The real-time loop ended itself.
@@ -104,24 +104,24 @@ pub enum RunError {
     Histogram(#[from] HistogramError),
     /// No plant answered the exciter.
     #[error(
-        "no plant was heard within {waited_s} s: start one with `resonarm run` on the same bus, with the same rate and base identifier",
+        "no plant was heard within {waited_s} s; start one with `resonarm run` on the same bus, with the same rate and base identifier",
         waited_s = short(.waited_s)
     )]
     NoPlant {
-        /// How long the exciter waited, s.
+        /// Length of the exciter's wait, s.
         waited_s: f64,
     },
-    /// The plant that answered did not let itself be armed.
+    /// The plant that answered was not armed.
     #[error(
-        "a plant was heard, but it was not armed within {waited_s} s: it may have failed, or another exciter holds it: its own \
-         messages say which", waited_s = short(.waited_s)
+        "a plant was heard, but it was not armed within {waited_s} s; see the plant's own messages: it may have failed, or another \
+         exciter may control it", waited_s = short(.waited_s)
     )]
     PlantNotArmed {
-        /// How long the exciter waited, s.
+        /// Length of the exciter's wait, s.
         waited_s: f64,
     },
     /// A run in one loop made no progress.
-    #[error("plant and exciter did not come to terms: the plant is {plant}, the exciter {exciter}")]
+    #[error("plant and exciter made no progress: the plant is {plant}, the exciter {exciter}")]
     Stalled {
         /// State of the plant's node.
         plant: resonarm_protocol::NodeState,
@@ -132,5 +132,5 @@ pub enum RunError {
 
 fn in_words(shortfalls: &[Shortfall]) -> String {
     let words: Vec<String> = shortfalls.iter().map(Shortfall::to_string).collect();
-    format!("{}; without it: --rt auto", words.join("; and "))
+    format!("{}; to run without it, use --rt auto", words.join("; and "))
 }

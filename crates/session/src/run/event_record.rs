@@ -1,4 +1,4 @@
-//! What a node tells of itself, what is asked of it and what it measures, as it is recorded.
+//! Converts the events, requests and measurements of a node to records.
 
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
@@ -9,7 +9,7 @@ use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_bus::ControllerState;
 use resonarm_files::recording::{Clipped, SampleRecord};
 
-/// The name under which a refusal is recorded.
+/// Returns the name under which a rejected request is recorded.
 const fn refusal_name(refusal: Refusal) -> &'static str {
     match refusal {
         Refusal::NotArmed => "plant.command.not_armed",
@@ -22,7 +22,7 @@ const fn refusal_name(refusal: Refusal) -> &'static str {
     }
 }
 
-/// The name under which a refused frame of a user's protocol is recorded.
+/// Returns the name under which a rejected frame of a user protocol is recorded.
 const fn check_name(check: FrameCheck) -> &'static str {
     match check {
         FrameCheck::Format => "frame.format",
@@ -33,7 +33,7 @@ const fn check_name(check: FrameCheck) -> &'static str {
     }
 }
 
-/// The name under which a state of the controller is recorded.
+/// Returns the name under which a state of the controller is recorded.
 pub(super) const fn controller_record(state: ControllerState) -> &'static str {
     match state {
         ControllerState::Active => "bus.error_active",
@@ -43,7 +43,7 @@ pub(super) const fn controller_record(state: ControllerState) -> &'static str {
     }
 }
 
-/// The name and the number under which the event is recorded.
+/// Returns the name and the number under which the event is recorded.
 pub(super) fn event_record(event: &NodeEvent) -> (&'static str, i64) {
     match event {
         NodeEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
@@ -65,8 +65,8 @@ pub(super) fn event_record(event: &NodeEvent) -> (&'static str, i64) {
     }
 }
 
-/// The names and numbers under which a request is recorded. A set-point is recorded in thousandths of N or N·m, of a
-/// hertz and of a degree.
+/// Returns the names and numbers under which a request is recorded. A set-point is recorded in thousandths of N or N·m,
+/// of a hertz and of a degree.
 pub(super) fn request_records(request: &Request) -> [Option<(&'static str, i64)>; 3] {
     let thousandths = |value: f64| libm::round(value * 1e3) as i64;
     match request {
@@ -81,7 +81,7 @@ pub(super) fn request_records(request: &Request) -> [Option<(&'static str, i64)>
     }
 }
 
-/// The readings of a sample as they are recorded.
+/// Returns the readings of a sample as they are recorded.
 pub fn sample_record(measurement: &Measurement) -> SampleRecord {
     let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
     let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);

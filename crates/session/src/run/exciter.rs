@@ -14,30 +14,30 @@ use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_realtime::Clock;
 
-/// Longest sleep between two looks at the stop signal, ns.
+/// Longest sleep between two checks of the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
-/// How long to wait before a full transmit queue is tried again, ns.
+/// Wait before a full transmit queue is tried again, ns.
 const RETRY_NS: u64 = 200_000;
-/// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125
+/// Longest time to send the remaining frames after the end, ns: several times the time that a full outbox takes at 125
 /// kbit/s.
 const SEND_LIMIT_NS: u64 = 500_000_000;
-/// Frames taken in between two looks at the stop signal and at the deadlines, so that a flooded bus delays neither.
+/// Frames processed between two checks of the stop signal and the deadlines, so that a flooded bus delays neither.
 const FRAMES_AT_ONCE: usize = 256;
 
-/// How long to wait for a plant, and how often to begin anew after a fault.
+/// The time to wait for a plant, and the number of restarts after a fault.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patience<'r> {
-    /// How long to wait until a plant is armed; `None` is without end.
+    /// Longest wait until a plant is armed; `None` waits forever.
     pub wait: Option<Duration>,
-    /// How often to begin anew.
+    /// Number of restarts.
     pub rearm: u32,
-    /// Where one process has both: set once the only plant on the bus has ended, and then none is waited for. `None` of
+    /// In a process with both ends, set once the only plant on the bus has ended; then none is waited for. `None` for
     /// an exciter alone.
     pub plant_ended: Option<&'r AtomicBool>,
 }
 
 impl Patience<'_> {
-    /// Whether no plant will come any more. What the plant has sent is on the bus by then.
+    /// Says whether no plant will appear any more. All frames of the plant are on the bus by then.
     fn has_plant_ended(&self) -> bool {
         self.plant_ended.is_some_and(|ended| ended.load(Ordering::Acquire))
     }
@@ -77,16 +77,16 @@ pub(super) fn run<C: Clock>(
     ExciterReport { outcome, responses, rearmed, bus: counts, bus_loss, first_refused, ..report }
 }
 
-/// Cause by which the exciter's loop ended.
+/// Cause of the end of the exciter's loop.
 enum Answered {
-    /// The node's work is done.
+    /// The node has finished its work.
     Node,
     /// The plant has ended, and was never heard to be armed.
     PlantEnded,
 }
 
 impl ExciterReport {
-    /// What the work of `node` came to, without its responses and what was counted on the bus.
+    /// Makes the report of `node`'s work, without its responses and the counts of the bus.
     pub(super) fn new(node: &dyn ExciterInterface, error: Option<RunError>) -> ExciterReport {
         ExciterReport {
             outcome: node.outcome(),
@@ -113,13 +113,13 @@ struct Run<'r, C: Clock> {
     clock: &'r C,
     start_ns: u64,
     patience: Patience<'r>,
-    /// While the bus is lost.
+    /// The outage of the bus, while it is lost.
     outage: Option<Outage>,
-    /// Since when its transmit queue has taken nothing, ns.
+    /// Time since which its transmit queue has accepted nothing, ns.
     jammed_since_ns: Option<u64>,
     /// Cause of the last loss of the bus.
     bus_loss: Option<BusLoss>,
-    /// The first frame that the node refused for one of its checks.
+    /// The first frame that the node rejected in one of its checks.
     first_refused: Option<RefusedFrame>,
     rearmed: u32,
     signals: &'r Signals,
@@ -170,8 +170,9 @@ impl<C: Clock> Run<'_, C> {
         }
     }
 
-    /// Whether the work is done. After a fault with a try left it begins anew, once the bus takes frames again: what is
-    /// heard before then can be of before the fault. A bus whose queue takes none for long is given up.
+    /// Says whether the work is done. After a fault with a try left the node restarts, once the bus accepts frames
+    /// again: frames heard before then can date from before the fault. A bus whose queue accepts none for long is given
+    /// up.
     fn has_ended(&mut self, now_ns: u64) -> bool {
         let Some(outcome) = self.node.outcome() else { return false };
         let begins_anew = matches!(outcome, ExciterOutcome::Faulted(_)) && self.rearmed < self.patience.rearm;
@@ -193,7 +194,7 @@ impl<C: Clock> Run<'_, C> {
         false
     }
 
-    /// Takes in what has come, at most [`FRAMES_AT_ONCE`] frames, and answers it; `true` if nothing is left unread.
+    /// Processes and answers at most [`FRAMES_AT_ONCE`] incoming frames; returns `true` if nothing is left unread.
     fn take_in(&mut self, now_ns: u64) -> Result<bool, BusError> {
         // Bounded, so that a flooded bus can't keep the node from its deadlines.
         for _ in 0..FRAMES_AT_ONCE {
@@ -212,7 +213,7 @@ impl<C: Clock> Run<'_, C> {
         Ok(false)
     }
 
-    /// Sleeps until something comes, `limit_ns` at most.
+    /// Sleeps until a frame arrives, at most `limit_ns`.
     fn wait(&mut self, limit_ns: u64) -> Result<(), RunError> {
         let Err(error) = self.bus.wait(Duration::from_nanos(limit_ns)) else { return Ok(()) };
         self.survive::<bool>(self.now_ns(), Err(error))?;
@@ -221,8 +222,8 @@ impl<C: Clock> Run<'_, C> {
         Ok(())
     }
 
-    /// A bus that is off or down may come back: a controller at work faults, and the run goes on for a while. `None`
-    /// is a bus that is lost.
+    /// Handles a bus that is off or down and may come back: a controller at work faults, and the run continues for a
+    /// while. Returns `None` while the bus is lost.
     fn survive<T>(&mut self, now_ns: u64, outcome: Result<T, BusError>) -> Result<Option<T>, RunError> {
         let error = match outcome {
             Ok(value) => return Ok(Some(value)),
@@ -247,7 +248,7 @@ impl<C: Clock> Run<'_, C> {
         }
     }
 
-    /// Notifies those who watch of what happened, and does what they ask for.
+    /// Notifies watchers of events, and does what they request.
     fn serve_watcher(&mut self, now_ns: u64) {
         let Some(watched) = &mut self.watched else { return };
         if watched.end() == End::Exciter {
@@ -274,12 +275,12 @@ impl<C: Clock> Run<'_, C> {
         Ok(())
     }
 
-    /// Whether the plant was not heard to be armed yet.
+    /// Says whether the plant was not heard to be armed yet.
     fn waits_for_plant(&self) -> bool {
         self.node.state() == NodeState::PreOperational && self.node.samples_played() == 0
     }
 
-    /// Sends what there is to send; `true` if all is sent.
+    /// Sends the queued frames; returns `true` if all are sent.
     fn transmit(&mut self) -> Result<bool, BusError> {
         while let Some(frame) = self.node.next_frame() {
             if self.bus.send(&frame)? == Sent::QueueFull {
@@ -296,8 +297,8 @@ impl<C: Clock> Run<'_, C> {
         Ok(true)
     }
 
-    /// Notifies those who watch an exciter alone of a frame, as it sees it: what comes takes effect in the sample that
-    /// comes next, what is sent tells of the sample before.
+    /// Notifies those who watch an exciter alone of a frame. A received frame counts to the next sample, a sent one to
+    /// the sample before.
     fn notify_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
         let (next, start_ns, clock) = (self.node.samples_played(), self.start_ns, self.clock);
         let Some(watched) = self.watched.as_mut().filter(|watched| watched.end() == End::Exciter) else { return };
@@ -314,8 +315,8 @@ impl<C: Clock> Run<'_, C> {
         });
     }
 
-    /// Leaves the bus: sends what is left, the disarm above all, which the plant answers if it has not yet. A plant
-    /// that sent no sample may say why.
+    /// Leaves the bus: sends the remaining frames, above all the disarm, which the plant answers if it has not yet. A
+    /// plant that sent no sample may report the reason.
     fn send_rest(&mut self) -> Result<(), RunError> {
         self.node.leave(self.now_ns());
         let end_ns = self.now_ns() + SEND_LIMIT_NS;
@@ -333,12 +334,12 @@ impl<C: Clock> Run<'_, C> {
             // Not the bus's own wait, which unread frames end at once.
             self.clock.sleep_until_ns(self.clock.now_ns() + RETRY_NS);
         }
-        // The bus is lost still: that says more than the fault that came of it.
+        // The bus is still lost: this says more than the fault that followed from it.
         lost.map_or(Ok(()), |error| Err(error.into()))
     }
 }
 
-/// The samples that were answered, and the answers.
+/// Notifies watchers of the answered samples, and of the answers.
 fn notify_answers(node: &mut dyn ExciterInterface, watched: &mut Watched) {
     while let Some((measurement, load)) = node.carried_mut().poll_answer() {
         watched.notify(Notice::Record(Record::Sample(sample_record(&measurement))));
@@ -352,13 +353,13 @@ fn notify_events(node: &mut dyn ExciterInterface, watched: &mut Watched) {
     }
 }
 
-/// An event at the sample that comes next. When by the clock does not matter to those who watch.
+/// Notifies watchers of an event at the next sample. Its time on the clock does not matter to them.
 fn notify_event(node: &dyn ExciterInterface, watched: &mut Watched, (name, value): (&'static str, i64)) {
     let event = Event { sample: node.samples_played(), time_ns: 0, name, value };
     watched.notify(Notice::Record(Record::Event(event)));
 }
 
-/// Hands the controller the set-points that are asked for, and tells which it has; whether it is asked to disarm.
+/// Passes requested set-points to the controller and reports the current one; returns whether a disarm was requested.
 pub(super) fn steer(node: &mut dyn ExciterInterface, watched: &mut Watched) -> bool {
     let mut disarm = false;
     while let Some(request) = watched.request() {

@@ -1,21 +1,21 @@
-//! How an exciter ended, in words: one place for everything that runs one.
+//! Describes how an exciter ended, for all callers that run one.
 
 use serde::Serialize;
 
 use super::{ExciterReport, fault_text};
 use resonarm_bench::node::ExciterOutcome;
 
-/// How an exciter ended, as a part of a document.
+/// The end of an exciter's run, as a part of a document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ExciterEnd {
-    /// In a word: finished, aborted, faulted, plant-left, stopped or failed.
+    /// The outcome in one word: finished, aborted, faulted, plant-left, stopped or failed.
     pub outcome: &'static str,
-    /// Why it ended before it was finished; none if it was finished or was stopped.
+    /// The reason for an early end; `None` if it was finished or was stopped.
     pub reason: Option<String>,
 }
 
 impl ExciterEnd {
-    /// The end of a controller's work; without an outcome it was stopped.
+    /// Describes the end of a controller's work; without an outcome it was stopped.
     pub fn of(outcome: Option<&ExciterOutcome>) -> ExciterEnd {
         let (outcome, reason) = match outcome {
             Some(ExciterOutcome::Finished) => ("finished", None),
@@ -29,25 +29,25 @@ impl ExciterEnd {
         ExciterEnd { outcome, reason }
     }
 
-    /// The same, with what the run knows of a fault; an error of the run is left out.
+    /// Describes the end with the run's knowledge of a fault; an error of the run is left out.
     pub fn of_controller(report: &ExciterReport) -> ExciterEnd {
         let end = ExciterEnd::of(report.outcome.as_ref());
         ExciterEnd { reason: report.fault_text().or(end.reason), ..end }
     }
 
-    /// Whether it was asked to stop before the controller had finished.
+    /// Says whether it was asked to stop before the controller had finished.
     pub fn is_stopped(&self) -> bool {
         self.outcome == "stopped"
     }
 
-    /// Whether the controller did all it was for.
+    /// Says whether the controller completed its work.
     pub fn is_finished(&self) -> bool {
         self.outcome == "finished"
     }
 }
 
 impl From<&ExciterReport> for ExciterEnd {
-    /// An error of the run comes before what the controller says.
+    /// An error of the run takes precedence over the controller's outcome.
     fn from(report: &ExciterReport) -> ExciterEnd {
         match &report.error {
             Some(error) => ExciterEnd { outcome: "failed", reason: Some(error.to_string()) },

@@ -7,25 +7,25 @@ use resonarm_bus::Bus;
 use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Clock, PeriodicError};
 
-/// How long to go on sending what is left, ns: several times what a full outbox takes on a wire of 125 kbit/s.
+/// Longest time to send the remaining frames, ns: several times the time that a full outbox takes at 125 kbit/s.
 const SEND_LIMIT_NS: u64 = 500_000_000;
-/// How long to wait before a full transmit queue is tried again, ns.
+/// Wait before a full transmit queue is tried again, ns.
 pub(super) const RETRY_NS: u64 = 200_000;
 
-/// Cause by which the loop of a run ended.
+/// Cause of the end of a run's loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EndedBy {
-    /// All samples asked for were made.
+    /// All requested samples were made.
     Duration,
     /// The plant has left the state armed.
     Disarm,
-    /// Somebody asked for it.
+    /// A stop was requested.
     Signal,
     /// Nobody armed the plant in time.
     Patience,
 }
 
-/// Ends a run that `ended` so, at the sample measured last, and says how it ended. The first error counts.
+/// Ends a run for the cause `ended`, at the sample measured last, and returns its outcome. The first error counts.
 ///
 /// An armed plant is disarmed, or faults if an error ends it; while its load ramps to zero samples go on at the run's
 /// pace.
@@ -100,7 +100,7 @@ fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) 
     failed
 }
 
-/// Sends what is left.
+/// Sends the remaining frames.
 fn send_rest<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &Pace<'_, C>) -> Result<(), RunError> {
     let end_ns = pace.now_ns() + SEND_LIMIT_NS;
     while !bench.transmit(pace.now_ns(), bus)? && pace.now_ns() < end_ns {

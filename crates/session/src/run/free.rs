@@ -11,11 +11,11 @@ use resonarm_bench::node::ExciterInterface;
 use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
 use resonarm_realtime::{Clock, SampleRate, VirtualClock};
 
-/// How long frames may still be on their way at the end, ns of simulated time.
+/// Longest time that frames may still be on their way at the end, ns of simulated time.
 const SEND_LIMIT_NS: u64 = 500_000_000;
 
 /// A run of both nodes in one loop. All times are those of the samples and of the bus between them, so that the same
-/// scenario gives the same recording byte for byte.
+/// scenario produces byte-identical recordings.
 pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub bench: &'r mut Bench<'b>,
     pub exciter: &'r mut dyn ExciterInterface,
@@ -28,19 +28,19 @@ pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub rate: SampleRate,
     pub pace: Pace<'c, C>,
     pub ending: Ending,
-    /// By when the plant must be armed, ns.
+    /// Time by which the plant must be armed, ns.
     pub arming_ns: u64,
     /// Whether plant and exciter hand each other the readings and loads that the protocol does not carry.
     pub hands_over: bool,
     pub signals: &'r Signals,
     pub watched: Option<Watched>,
     pub responses: Vec<ResponsePoint>,
-    /// The first frame that the exciter refused for one of its checks.
+    /// The first frame that the exciter rejected in one of its checks.
     pub first_refused: Option<RefusedFrame>,
 }
 
 impl<C: Clock> Free<'_, '_, '_, C> {
-    /// Runs until the exciter has finished, the duration has passed, or the run is asked to stop.
+    /// Runs until the exciter has finished, the duration has passed, or a stop is requested.
     pub fn run(&mut self) -> (PlantOutcome, Option<RunError>) {
         let ended = self.samples();
         if !matches!(ended, Ok(_) | Err(RunError::Plant(_))) {
@@ -104,10 +104,10 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         Ok(())
     }
 
-    /// As [`finish`](super::finish::finish), in simulated time.
+    /// Works like [`finish`](super::finish::finish), in simulated time.
     fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
         self.bench.leave(self.now_ns());
-        // Told directly, since both are in this loop: the exciter need not find out by a timeout.
+        // The exciter is told directly, since both are in this loop: it need not find out by a timeout.
         self.exciter.plant_ended(self.now_ns());
         while simulates && self.bench.node().is_ramping() {
             self.pass_sample()?;
@@ -119,7 +119,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         Ok(())
     }
 
-    /// Lets what is on its way on the bus come, up to `until_ns`.
+    /// Lets the frames that are on their way on the bus arrive, up to `until_ns`.
     fn pass_until(&mut self, until_ns: u64) -> Result<(), RunError> {
         loop {
             // Time jumps from event to event: nothing on the bus changes between them.
@@ -130,7 +130,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         }
     }
 
-    /// Carries frames both ways until nothing more moves at this time.
+    /// Carries frames both ways until no more frames move at this time.
     fn exchange(&mut self) -> Result<(), RunError> {
         let now_ns = self.now_ns();
         self.bench.handle_deadline(now_ns);
@@ -157,7 +157,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         }
     }
 
-    /// The exciter takes in what has come, and sends what it has.
+    /// Lets the exciter process incoming frames, and sends its frames.
     fn answer(&mut self, now_ns: u64) -> Result<(), BusError> {
         while let Some(received) = self.far.receive()? {
             let refused = self.exciter.frames().refused;
@@ -176,7 +176,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         Ok(())
     }
 
-    /// A controller that is bus-off comes back.
+    /// Handles a controller that is bus-off and comes back.
     fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
         if !error.is_recoverable() {
             return Err(error.into());
@@ -185,7 +185,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         Ok(())
     }
 
-    /// How many frames each end has sent and received.
+    /// Returns how many frames each end has sent and received.
     fn moved(&self) -> [u64; 4] {
         let [near, far]: [Statistics; 2] = [self.near.statistics(), self.far.statistics()];
         [near.sent, near.received, far.sent, far.received]

@@ -5,8 +5,8 @@ use core::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use resonarm_bench::rig::Load;
 use resonarm_protocol::NodeState;
 
-/// Written by the run's loop, which waits for nobody, and read by whoever wants to show it. Each figure is whole by
-/// itself; two of them may be of different samples.
+/// Gauges that the run's loop writes without waiting, and that a display reads. Each figure is consistent by itself;
+/// two of them may belong to different samples.
 #[derive(Debug, Default)]
 pub struct Gauges {
     samples: AtomicU64,
@@ -23,22 +23,22 @@ pub struct Gauges {
 pub struct Shown {
     /// Number of samples worked on.
     pub samples: u64,
-    /// How long all their work took, ns.
+    /// Total execution time of all samples, ns.
     pub work_ns: u64,
-    /// How late the latest sample was since gauges were read before, ns.
+    /// Delay of the latest sample since the gauges were read before, ns.
     pub latest_ns: u64,
     /// Number of deadlines missed.
     pub overruns: u64,
     /// Largest magnitude of the force held since then, N.
     pub force_n: f64,
-    /// The same of the torques, N·m.
+    /// Largest magnitude of the torques held since then, N·m.
     pub torque_nm: f64,
     /// State of the node.
     pub state: NodeState,
 }
 
 impl Gauges {
-    /// A sample more, so late, with so much work, and with deadlines missed before it. Never blocks, locks or
+    /// Counts a sample with its delay, its execution time, and the deadlines missed before it. Never blocks, locks or
     /// allocates.
     pub(crate) fn count(&self, late_ns: u64, work_ns: u64, missed: u32) {
         self.samples.fetch_add(1, Ordering::Relaxed);
@@ -47,7 +47,7 @@ impl Gauges {
         self.overruns.fetch_add(missed.into(), Ordering::Relaxed);
     }
 
-    /// The load that is held, and the node's state. Never blocks, locks or allocates.
+    /// Sets the held load and the node's state. Never blocks, locks or allocates.
     pub(crate) fn set(&self, load: &Load, state: NodeState) {
         // The bits of numbers from 0 up are in the order of the numbers.
         self.force_n.fetch_max(load.force_n.norm().to_bits(), Ordering::Relaxed);
@@ -55,7 +55,7 @@ impl Gauges {
         self.set_state(state);
     }
 
-    /// An exciter's: samples answered, and its state. Never blocks, locks or allocates.
+    /// Sets an exciter's answered samples and its state. Never blocks, locks or allocates.
     pub(crate) fn set_answered(&self, samples: u64, state: NodeState) {
         self.samples.store(samples, Ordering::Relaxed);
         self.set_state(state);
@@ -65,7 +65,7 @@ impl Gauges {
         self.state.store(state.heartbeat_byte(), Ordering::Relaxed);
     }
 
-    /// Reads the gauges; the latest sample and the largest loads are looked for anew from here on.
+    /// Reads the gauges, and restarts the latest sample and the largest loads.
     pub fn read(&self) -> Shown {
         // Each is taken and set back at once, so that what the loop writes meanwhile is there for the next reading.
         let [latest_ns, force, torque] =

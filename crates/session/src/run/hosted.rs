@@ -1,7 +1,7 @@
-//! Both ends of a bus for a host that has the time and carries the frames: a simulation tool in which they are FMUs.
+//! Both ends of a bus for a host that keeps the time and carries the frames: a simulation tool in which they are FMUs.
 //!
-//! The host does what the loop of [`free`](super::Mode::Free) does, in the same order, so that the states have the same
-//! bits:
+//! The host does the work of the loop of [`free`](super::Mode::Free), in the same order, so that the states are
+//! bit-identical:
 //!
 //! ```text
 //! start, exchange at 0; measure sample 0, exchange;  then for each sample: advance, measure, exchange at its time
@@ -22,14 +22,14 @@ use resonarm_files::recording::Record;
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_realtime::SampleRate;
 
-/// The end of a bus of which the host is the other end.
+/// An end of a bus whose other end is the host.
 #[derive(Clone, Debug, Default)]
 pub struct HostPort {
     /// Frames for the host to fetch.
     outgoing: Vec<Frame>,
     /// Frames from the host.
     incoming: VecDeque<Frame>,
-    /// Whether the host says that the node's controller is bus-off.
+    /// Whether the host reports that the node's controller is bus-off.
     is_off: bool,
     statistics: Statistics,
 }
@@ -84,7 +84,7 @@ impl Bus for HostPort {
 pub struct HostedPlant {
     bench: Bench<'static>,
     port: HostPort,
-    /// Sample rate, by which the time of each sample is known.
+    /// Sample rate, which gives the time of each sample.
     rate: SampleRate,
 }
 
@@ -101,7 +101,7 @@ impl core::fmt::Debug for HostedPlant {
 }
 
 impl Session {
-    /// The plant's node for a host, at sample 0 and not yet started. It keeps its records if `keeps_records`.
+    /// Makes the plant's node for a host, at sample 0 and not yet started. It keeps its records if `keeps_records`.
     ///
     /// # Errors
     /// [`RunError`] if the scenario has no such node.
@@ -110,7 +110,7 @@ impl Session {
         Ok(HostedPlant { bench, port: HostPort::default(), rate: self.rate })
     }
 
-    /// The exciter's node with its controller for a host, not yet started. It is made for the plant of the same
+    /// Makes the exciter's node with its controller for a host, not yet started. It is made for the plant of the same
     /// scenario: unless `network.plant_converter` states another converter, it corrects readings for `rig.converter`.
     ///
     /// # Errors
@@ -128,7 +128,7 @@ impl HostedPlant {
         self.bench.start(0, 0);
     }
 
-    /// Measures the sample at which the plant is, and publishes it: sample 0.
+    /// Measures and publishes the plant's current sample: sample 0.
     ///
     /// # Errors
     /// [`RunError::Encode`] if it can't be published.
@@ -136,7 +136,7 @@ impl HostedPlant {
         self.bench.measure()
     }
 
-    /// When the next sample is, ns.
+    /// Returns the time of the next sample, ns.
     pub fn due_ns(&self) -> u64 {
         self.rate.offset_ns(self.bench.sample() + 1)
     }
@@ -155,12 +155,12 @@ impl HostedPlant {
         self.port.incoming.push_back(frame);
     }
 
-    /// Says whether the node's controller is bus-off.
+    /// Sets whether the node's controller is bus-off.
     pub fn set_bus_off(&mut self, is_off: bool) {
         self.port.is_off = is_off;
     }
 
-    /// Reads what has come, does what is due, and sends.
+    /// Reads incoming frames, does the work that is due, and sends.
     ///
     /// # Errors
     /// [`RunError::Bus`] if the bus is off for too long.
@@ -179,12 +179,12 @@ impl HostedPlant {
         }
     }
 
-    /// The frames that were sent since the last call.
+    /// Returns the frames that were sent since the last call.
     pub fn sent(&mut self) -> Vec<Frame> {
         core::mem::take(&mut self.port.outgoing)
     }
 
-    /// The records that were kept since the last call.
+    /// Returns the records that were kept since the last call.
     pub fn take_records(&mut self) -> Vec<Record> {
         self.bench.take_records()
     }
@@ -229,12 +229,12 @@ impl HostedExciter {
         self.port.incoming.push_back(frame);
     }
 
-    /// Says whether the node's controller is bus-off.
+    /// Sets whether the node's controller is bus-off.
     pub fn set_bus_off(&mut self, is_off: bool) {
         self.port.is_off = is_off;
     }
 
-    /// Reads what has come, does what is due, and sends.
+    /// Reads incoming frames, does the work that is due, and sends.
     pub fn exchange(&mut self, now_ns: u64) {
         self.node.handle_deadline(now_ns);
         while let Some(frame) = self.port.incoming.pop_front() {
@@ -253,7 +253,7 @@ impl HostedExciter {
         self.responses.extend(core::iter::from_fn(|| self.node.carried_mut().poll_response()));
     }
 
-    /// The frames that were sent since the last call.
+    /// Returns the frames that were sent since the last call.
     pub fn sent(&mut self) -> Vec<Frame> {
         core::mem::take(&mut self.port.outgoing)
     }
@@ -263,17 +263,17 @@ impl HostedExciter {
         self.node.state()
     }
 
-    /// How the work ended, once it has.
+    /// Returns how the work ended, once it has.
     pub fn outcome(&self) -> Option<ExciterOutcome> {
         self.node.outcome()
     }
 
-    /// Samples answered so far.
+    /// Returns the number of samples answered so far.
     pub fn samples_played(&self) -> u64 {
         self.node.samples_played()
     }
 
-    /// The responses that were read.
+    /// Returns the responses that were read.
     pub fn responses(&self) -> &[ResponsePoint] {
         &self.responses
     }

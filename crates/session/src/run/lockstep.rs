@@ -1,6 +1,6 @@
-//! Lockstep: simulated time, advanced by the controller's answers, and held to the clock if a speed is asked for.
+//! Lockstep: simulated time, advanced by the controller's answers, and paced by the clock if a speed is requested.
 //!
-//! Sample 0 is published when the plant is armed for the first time. On a user's protocol its readings are also sent
+//! Sample 0 is published when the plant is armed for the first time. On a user protocol its readings are also sent
 //! before that, repeatedly, for a controller that waits for a reading before it does anything. From then on an armed
 //! plant waits for the command that answers the sample it published, with the node's own timeout. After a fault or a
 //! disarm nobody answers, and the plant continues at the sample rate.
@@ -14,14 +14,14 @@ use super::{Ending, Histograms, PlantReport, RunError, Signals, Speed};
 use resonarm_bus::Bus;
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 
-/// Longest sleep between two looks at the stop signal, ns.
+/// Longest sleep between two checks of the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
 /// Interval at which a plant that was never armed repeats the readings of sample 0, ns of the clock.
 const REPEAT_NS: u64 = 50_000_000;
-/// How long a plant that has sent readings before it was armed is silent before it publishes sample 0, ns of the clock.
+/// Silence of a plant that has sent readings before it was armed, until it publishes sample 0, ns of the clock.
 /// Commands that don't name their sample may still be on their way as answers to those readings: they would count as
-/// answers to sample 0, and shift all later ones by a sample. And by this silence a controller tells sample 0 from the
-/// readings before it, though it or the plant may be stopped for 150 ms by a busy machine.
+/// answers to sample 0, and shift all later ones by a sample. This silence also lets a controller distinguish sample 0
+/// from the readings before it, though it or the plant may be stopped for 150 ms by a busy machine.
 const SETTLE_NS: u64 = 500_000_000;
 
 /// Runs the plant in lockstep on the calling thread, until its end or until it is asked to stop.
@@ -101,8 +101,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         }
     }
 
-    /// Waits until the plant is armed, and has been for as long as it takes until nothing of before is on its way;
-    /// returns what ended the run instead, if anything did.
+    /// Waits until the plant is armed, and long enough that no earlier frame is still on its way; returns the cause of
+    /// the end if the run ends instead.
     fn wait_for_arming(&mut self) -> Result<Option<EndedBy>, RunError> {
         let sends_readings = self.bench.node().sends_unarmed_readings();
         let (mut repeat_at_ns, mut armed_at_ns) = (0, None);
@@ -139,7 +139,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         self.bench.node().is_armed() && !self.bench.node().is_answered()
     }
 
-    /// Waits for the clock, taking in what comes. Returns the time then.
+    /// Waits for the clock and processes incoming frames. Returns the time then.
     fn wait_until_due(&mut self, mut now_ns: u64) -> Result<u64, RunError> {
         loop {
             let left_ns = self.pace.left_ns(self.bench.sample());
@@ -150,7 +150,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         }
     }
 
-    /// Nobody answers: lets one sample period pass, taking in what comes. Returns the time then.
+    /// Lets one sample period pass without an answer and processes incoming frames. Returns the time then.
     fn pass_period(&mut self, published_ns: u64, mut now_ns: u64) -> Result<u64, RunError> {
         // By the clock, though time is simulated: without an answer to wait for, a plant without a pace would run
         // through its whole duration in a moment.
@@ -165,8 +165,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         Ok(now_ns)
     }
 
-    /// Sends what there is, sleeps until a frame or a deadline comes, `limit_ns` at most, and takes in what came.
-    /// Returns the time then.
+    /// Sends the queued frames, sleeps until a frame or a deadline comes, at most `limit_ns`, and processes incoming
+    /// frames. Returns the time then.
     fn serve(&mut self, now_ns: u64, limit_ns: u64) -> Result<u64, RunError> {
         let sent = self.bench.transmit(now_ns, self.bus)?;
         // Frames that the bus has not taken are offered again soon.

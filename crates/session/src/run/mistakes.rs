@@ -9,7 +9,7 @@ use resonarm_numeric::number::short;
 use resonarm_protocol::{ForceCommand, Frame, Message, Receiver, Refusal, TorqueCommand};
 use resonarm_scenario::Scenario;
 
-/// The first frame that a node refused.
+/// The first frame that a node rejected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RefusedFrame {
     /// The node's sample at that time.
@@ -19,17 +19,18 @@ pub(super) struct RefusedFrame {
 }
 
 impl RefusedFrame {
-    /// The frame and why it was rejected, on the protocol of this scenario.
+    /// Describes the frame and the reason of its rejection, on the protocol of this scenario.
     pub fn in_words(&self, scenario: &Scenario) -> String {
         let RefusedFrame { sample, frame } = self;
         let reason = reason(scenario, frame).unwrap_or_else(|| {
-            String::from("right by itself, but its counter was repeated or jumped, or another node sent it")
+            String::from("the frame itself is valid, but its counter was repeated or jumped, or another node sent it")
         });
         format!("{frame} at sample {sample}: {reason}")
     }
 }
 
-/// Why a receiver that has heard nothing before refuses a frame; `None` if it takes it.
+/// Returns the reason for which a receiver that has heard nothing before rejects a frame; `None` if it accepts the
+/// frame.
 fn reason(scenario: &Scenario, frame: &Frame) -> Option<String> {
     match Decoder::of_scenario(scenario).ok()? {
         Some(mut decoder) => match decoder.decode(frame) {
@@ -42,7 +43,7 @@ fn reason(scenario: &Scenario, frame: &Frame) -> Option<String> {
     }
 }
 
-/// A command that was rejected for its load, with the limit.
+/// Describes a command that was rejected for its load, with the limit.
 pub(super) fn refused_command(refused: &RefusedLoad, plant: &Plant) -> String {
     let RefusedLoad { sample, load, refusal } = refused;
     let ((force_n, torque_nm), gate) = (plant.exciter().limits(), plant.gate());
@@ -58,10 +59,10 @@ pub(super) fn refused_command(refused: &RefusedLoad, plant: &Plant) -> String {
     format!("{} at sample {sample}: {refusal}; the limit is {limits}", load_in_words(load))
 }
 
-/// Why an exciter can't send this load of its controller.
+/// Returns the reason for which an exciter can't send this load of its controller.
 pub(super) fn unsent_command(sample: u64, load: &Load, scenario: &Scenario) -> String {
     let reason = match (&scenario.wire, scenario.network()) {
-        (None, _) if !load.is_native() => Some(String::from("no command of the protocol has a field for a part of it")),
+        (None, _) if !load.is_native() => Some(String::from("the protocol has no field for a part of this load")),
         (None, Ok(network)) => {
             let Load { force_n, torque_nm } = load;
             let message = if torque_nm.norm() > 0.0 || torque_nm.iter().any(|part| part.is_nan()) {
@@ -73,7 +74,7 @@ pub(super) fn unsent_command(sample: u64, load: &Load, scenario: &Scenario) -> S
         }
         _ => None,
     };
-    let reason = reason.unwrap_or_else(|| String::from("no signal of the protocol can command it"));
+    let reason = reason.unwrap_or_else(|| String::from("the protocol has no signal for this load"));
     format!("the controller commands {} at sample {sample}: {reason}", load_in_words(load))
 }
 
@@ -92,14 +93,15 @@ fn load_in_words(load: &Load) -> String {
     }
 }
 
-/// The full index of a sample that a protocol states modulo 65536: the last one up to `now`.
+/// Returns the full index of a sample that a protocol states modulo 65536: the last one up to `now`.
 pub(super) fn last_such_sample(stated: u16, now: u64) -> u64 {
     // The difference modulo 65536 is how many samples ago it was, if less than 65536.
     let ahead = u64::from((now as u16).wrapping_sub(stated));
     now.checked_sub(ahead).unwrap_or_else(|| stated.into())
 }
 
-/// The same: the first one from a little before `from` on.
+/// Returns the full index of a sample that a protocol states modulo 65536: the first one from a little before `from`
+/// on.
 pub(super) fn first_such_sample(stated: u16, from: u64) -> u64 {
     /// Samples by which a node that reports a fault may be behind the one that counts.
     const BEHIND: u64 = 1000;

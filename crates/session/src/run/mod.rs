@@ -1,4 +1,4 @@
-//! Runs: a scenario put to work, by the three run loops, as one session.
+//! Runs of a scenario by the three run loops, as one session.
 //!
 //! [`Session`] puts everything together once: plant, exciter, bus, recording, pace and end. A plant on a memory bus,
 //! with a controller of one's own at its other end, takes this much:
@@ -24,15 +24,15 @@
 //! measure(k) → frames out → frames in, until the deadline → command held (zero-order) → advance to k + 1
 //! ```
 //!
-//! - [`Mode::RealTime`]: samples at absolute deadlines of the monotonic clock; whatever came in by then counts.
+//! - [`Mode::RealTime`]: samples at absolute deadlines of the monotonic clock; commands that arrived by then count.
 //! - [`Mode::Lockstep`]: simulated time; an armed plant waits for the command that answers the sample before it
-//!   advances.
-//! - [`Mode::Free`]: simulated time and no bus: plant and exciter in one loop, as fast as it goes.
+//! advances.
+//! - [`Mode::Free`]: simulated time and no bus: plant and exciter in one loop, as fast as possible.
 //!
-//! For the same commands the three give the same states, bit for bit. Simulated time may be held to the clock
+//! For the same commands the three modes produce bit-identical states. Simulated time may be paced by the clock
 //! ([`Speed`]), which changes no state either.
 //!
-//! However a run ends, it ends in order: an armed plant is disarmed, or faults if an error ends it, samples continue
+//! Every run ends in order: an armed plant is disarmed, or faults if an error ends it, samples continue
 //! while the load ramps to zero, and the partner is notified.
 
 mod bench;
@@ -78,19 +78,19 @@ pub use watch::{CommandRecord, End, NotAsked, Notice, Request, Watch, Watched, W
 use self::bench::Bench;
 use self::finish::EndedBy;
 
-/// When a run ends by itself.
+/// Conditions that end a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Ending {
-    /// After this many samples.
+    /// Ends the run after this many samples.
     after_samples: Option<u64>,
-    /// When an armed plant is disarmed or faults.
+    /// Ends the run when an armed plant is disarmed or faults.
     on_disarm: bool,
-    /// If nobody has armed the plant after this time, ns.
+    /// Ends the run if nobody has armed the plant after this time, ns.
     patience_ns: Option<u64>,
 }
 
 impl Ending {
-    /// What ends the run now, if anything does. The time is asked for only where it matters.
+    /// Returns the cause that ends the run now, if any. The time is read only where it matters.
     fn reached(&self, bench: &Bench, signals: &Signals, now_ns: impl Fn() -> u64) -> Option<EndedBy> {
         if signals.is_stopped() {
             Some(EndedBy::Signal)

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::session::Network;
 
-/// Which run loop drives the plant.
+/// The run loop that drives the plant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Samples at absolute deadlines of the clock.
@@ -23,7 +23,7 @@ impl Mode {
     /// All modes of a run.
     pub const ALL: [Mode; 3] = [Mode::RealTime, Mode::Lockstep, Mode::Free];
 
-    /// Its name in text.
+    /// Returns its name in text.
     pub const fn name(self) -> &'static str {
         match self {
             Mode::RealTime => "real-time",
@@ -48,16 +48,16 @@ impl FromStr for Mode {
     }
 }
 
-/// A text that names no [`Mode`].
+/// Error of a text that is not the name of a [`Mode`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("unknown mode `{got}`; it is one of real-time, lockstep, free")]
+#[error("unknown mode `{got}`: it must be one of real-time, lockstep, free")]
 pub struct UnknownMode {
     /// Text that names no mode.
     pub got: String,
 }
 
 impl Network {
-    /// Name of the bus between the nodes in a recording of both, in a run of this mode.
+    /// Returns the name of the bus between the nodes in a recording of both, in a run of this mode.
     pub(super) const fn interface(self, mode: Mode) -> &'static str {
         match (mode, self) {
             (Mode::Free, _) => "none",

@@ -1,4 +1,4 @@
-//! Pacing: simulated time held to the clock, by waits of the plant alone.
+//! Pacing: simulated time is held to the clock, by waits of the plant alone.
 //!
 //! At speed v, sample k is due v times as fast as it is sampled:
 //!
@@ -6,8 +6,8 @@
 //!     due(k) = anchor + (k − k₀) / (rate · v)
 //! ```
 //!
-//! A run in simulated time never leaves a sample out or changes one for being late: it is worked on as soon as the
-//! machine gets to it, and how far simulated time lags behind the clock is reported.
+//! A run in simulated time skips or changes no sample for being late: it is processed as soon as the machine gets to
+//! it, and the lag of simulated time behind the clock is reported.
 
 use thiserror::Error;
 
@@ -15,12 +15,12 @@ use super::report::Pacing;
 use resonarm_numeric::number::{rounded, short};
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, Percentiles, SampleRate};
 
-/// Simulated seconds a second; 0 is as fast as it goes.
+/// Simulated seconds a second; 0 is as fast as possible.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Speed(f64);
 
 impl Speed {
-    /// As fast as it goes.
+    /// As fast as possible.
     pub const UNPACED: Speed = Speed(0.0);
     /// One simulated second per second of the clock.
     pub const ACTUAL: Speed = Speed(1.0);
@@ -33,49 +33,49 @@ impl Speed {
         if times.is_finite() && times >= 0.0 { Ok(Speed(times)) } else { Err(SpeedError::Value { got: times }) }
     }
 
-    /// Simulated seconds a second, or 0.
+    /// Returns the simulated seconds a second, or 0.
     pub const fn times(self) -> f64 {
         self.0
     }
 
-    /// Whether the clock is waited for.
+    /// Says whether the run waits for the clock.
     pub fn is_paced(self) -> bool {
         self.0 > 0.0
     }
 
-    /// How long a sample period takes on the clock, s; 0 if it is not waited for.
+    /// Returns the length of a sample period on the clock, s; 0 if the run does not wait for it.
     pub(super) fn period_s(self, rate: SampleRate) -> f64 {
         if self.is_paced() { 1.0 / (rate.rate_hz() * self.0) } else { 0.0 }
     }
 }
 
-/// A speed that a run can't have.
+/// Error of a speed that a run can't have.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum SpeedError {
-    /// No speed at all.
-    #[error("the speed is {got}: it must be a number of simulated seconds a second, or 0 for as fast as it goes", got = short(.got))]
+    /// The speed is not a finite number from 0 on.
+    #[error("the speed is {got}: it must be a positive number of simulated seconds a second, or 0 for as fast as possible", got = short(.got))]
     Value {
         /// Speed that was requested.
         got: f64,
     },
-    /// A run in real time has the speed of the clock.
-    #[error("the speed is {got}: a run in real time has the speed of the clock; take the mode lockstep or free", got = short(.got))]
+    /// A run in real time always has the speed of the clock.
+    #[error("the speed is {got}, but a run in real time has the speed of the clock; use the mode lockstep or free", got = short(.got))]
     RealTime {
         /// Speed that was requested.
         got: f64,
     },
-    /// A sample takes so long that the partner would take the plant for lost.
+    /// A sample takes so long that the partner would consider the plant lost.
     #[error(
-        "the speed is {got:e}: a sample would take {period_s} s, and at most half of `network.lockstep_timeout_s` \
-         ({timeout_s} s) is possible, or each end takes the other for lost; the speed must be at least {least:.1e}",
+        "the speed is {got:e}: a sample would take {period_s} s, but may take at most half of `network.lockstep_timeout_s` \
+         ({timeout_s} s), or each end considers the other lost; the speed must be at least {least:.1e}",
         period_s = rounded(.period_s, 3), timeout_s = short(.timeout_s)
     )]
     TooSlow {
         /// Speed that was requested.
         got: f64,
-        /// How long a sample would take, s.
+        /// The duration of a sample, s.
         period_s: f64,
-        /// How long each end waits for the other, s.
+        /// The time for which each end waits for the other, s.
         timeout_s: f64,
         /// Smallest speed that is possible.
         least: f64,
@@ -88,9 +88,9 @@ pub(super) struct Pace<'c, C: Clock> {
     clock: &'c C,
     rate: SampleRate,
     speed: Speed,
-    /// When the run began: its times count from here.
+    /// Start of the run, from which its times count.
     start_ns: u64,
-    /// A sample, and when it is due.
+    /// A sample, and the time at which it is due.
     anchor: (u64, u64),
     late: LatencyHistogram,
     lag_ns: u64,
@@ -98,23 +98,23 @@ pub(super) struct Pace<'c, C: Clock> {
 }
 
 impl<'c, C: Clock> Pace<'c, C> {
-    /// A pace for a run that begins now.
+    /// Starts a pace for a run that begins now.
     pub fn start(clock: &'c C, rate: SampleRate, speed: Speed) -> Result<Self, HistogramError> {
         Pace::start_at(clock, clock.now_ns(), rate, speed)
     }
 
-    /// A pace for a run that begins at `start_ns` on the clock.
+    /// Starts a pace for a run that begins at `start_ns` on the clock.
     pub fn start_at(clock: &'c C, start_ns: u64, rate: SampleRate, speed: Speed) -> Result<Self, HistogramError> {
         let late = LatencyHistogram::new()?;
         Ok(Pace { clock, rate, speed, start_ns, anchor: (0, start_ns), late, lag_ns: 0, longest_lag_ns: 0 })
     }
 
-    /// The run's time, ns.
+    /// Returns the run's time, ns.
     pub fn now_ns(&self) -> u64 {
         self.clock.now_ns().saturating_sub(self.start_ns)
     }
 
-    /// When the run began, on the clock, ns.
+    /// Returns the start of the run on the clock, ns.
     pub fn start_ns(&self) -> u64 {
         self.start_ns
     }
@@ -129,7 +129,7 @@ impl<'c, C: Clock> Pace<'c, C> {
         self.anchor = (sample, self.clock.now_ns());
     }
 
-    /// How long it is until `sample` is due, ns.
+    /// Returns the time until `sample` is due, ns.
     pub fn left_ns(&self, sample: u64) -> u64 {
         if !self.speed.is_paced() {
             return 0;
@@ -146,7 +146,7 @@ impl<'c, C: Clock> Pace<'c, C> {
         }
     }
 
-    /// Notes that `sample` is worked on now, and how late that is.
+    /// Notes that `sample` is processed now, and its delay.
     pub fn note(&mut self, sample: u64) {
         if !self.speed.is_paced() {
             return;
@@ -157,17 +157,17 @@ impl<'c, C: Clock> Pace<'c, C> {
         self.late.record(self.lag_ns);
     }
 
-    /// How late the sample noted last was, ns; 0 if the clock is not waited for.
+    /// Returns the delay of the sample noted last, ns; 0 if the run does not wait for the clock.
     pub fn lag_ns(&self) -> u64 {
         self.lag_ns
     }
 
-    /// How late the samples were; `None` if the clock was not waited for.
+    /// Returns the delays of the samples; `None` if the run did not wait for the clock.
     pub fn wakeup_us(&self) -> Option<Percentiles> {
         self.late.percentiles()
     }
 
-    /// How simulated time kept up with the clock; `None` if that was not waited for.
+    /// Returns how simulated time kept up with the clock; `None` if the run did not wait for it.
     pub fn report(&self) -> Option<Pacing> {
         let (lag_s, longest_lag_s) = (self.lag_ns as f64 * 1e-9, self.longest_lag_ns as f64 * 1e-9);
         self.speed.is_paced().then_some(Pacing { speed: self.speed.0, lag_s, longest_lag_s })

@@ -18,8 +18,8 @@ use resonarm_scenario::ScenarioError;
 const RECORDS_CAPACITY: usize = 1 << 15;
 
 impl Session {
-    /// The filters that let the messages of the session's protocol through, also those that only its own node sends:
-    /// they reveal a second sender.
+    /// Returns the filters that pass the messages of the session's protocol, including those that only its own node
+    /// sends: they reveal a second sender.
     ///
     /// # Errors
     /// [`RunError::Scenario`] for an impossible network.
@@ -36,8 +36,8 @@ impl Session {
         })
     }
 
-    /// The exciter's node on a bus, of the scenario's own protocol or of Resonarm's, for a plant whose instruments have
-    /// this converter.
+    /// Makes the exciter's node, of the user protocol or of Resonarm's, for a plant whose instruments have this
+    /// converter.
     pub(super) fn exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
         let node = self.unchecked_exciter_node(converter)?;
         node.check_readings()?;
@@ -86,7 +86,7 @@ impl Session {
         Ok(node)
     }
 
-    /// Refuses a bus for classical frames if this node sends CAN FD frames.
+    /// Rejects a bus for classical frames if this node sends CAN FD frames.
     pub(super) fn check_fd(&self, node: Node, bus: &dyn Bus) -> Result<(), RunError> {
         let is_fd = |format: FrameFormat| matches!(format, FrameFormat::Fd { .. });
         let sends_fd = match &self.wire {
@@ -100,16 +100,17 @@ impl Session {
         if sends_fd { Ok(bus.check_fd()?) } else { Ok(()) }
     }
 
-    /// What the emulated exciter can't know on the scenario's own protocol; nothing without one.
+    /// Returns remarks on information that the user protocol lacks for the emulated exciter; empty without a user
+    /// protocol.
     ///
     /// # Errors
-    /// [`RunError::WireLacks`] if it can't drive the plant by it.
+    /// [`RunError::WireLacks`] if the exciter can't drive the plant with it.
     pub fn exciter_remarks(&self) -> Result<Vec<ExciterRemark>, RunError> {
         Ok(self.exciter_in_loop(self.scenario.partner_converter())?.remarks())
     }
 
-    /// When the commands of the scenario's own protocol are judged. A free run on which every frame is there at once is
-    /// a lockstep within one loop, if the wire has it, and gives the same bits.
+    /// Returns the time base by which the commands of a user protocol are judged. A free run on which every frame
+    /// arrives at once is a lockstep within one loop, if the protocol supports it, and produces bit-identical results.
     fn time_base(&self) -> TimeBase {
         let has_lockstep = self.scenario.wire.as_ref().is_some_and(|wire| wire.lockstep.is_some());
         match (self.mode, self.network) {
@@ -119,7 +120,7 @@ impl Session {
         }
     }
 
-    /// The plant's node, of the scenario's own protocol or of Resonarm's.
+    /// Makes the plant's node, of the user protocol or of Resonarm's.
     fn plant_node(&self) -> Result<Box<dyn PlantInterface>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let (exciter, limits) = (*self.plant.exciter(), *self.plant.gate());
@@ -149,19 +150,19 @@ impl Session {
         Ok(Bench::new(self.plant.clone(), node, steps, records, watched, Box::new(on_event)))
     }
 
-    /// A bench that nobody watches, and that keeps its records if `keeps_records`.
+    /// Makes a bench that nobody watches, and that keeps its records if `keeps_records`.
     pub(super) fn hosted_bench(&self, keeps_records: bool) -> Result<Bench<'static>, RunError> {
         let records = if keeps_records { RecordSink::Kept(Vec::new()) } else { RecordSink::Off };
         let steps = self.scenario.simulation.steps_per_sample();
         Ok(Bench::new(self.plant.clone(), self.plant_node()?, steps, records, None, Box::new(|_| {})))
     }
 
-    /// The plant at sample 0.
+    /// Returns the plant at sample 0.
     pub fn plant_at_start(&self) -> Plant {
         self.plant.clone()
     }
 
-    /// Creates the recording of the options, if they ask for one; `interface` is what it calls the bus.
+    /// Creates the recording of the options, if requested; `interface` is its name of the bus.
     ///
     /// # Errors
     /// [`RunError::Recording`] if it can't be created.

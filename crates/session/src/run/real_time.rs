@@ -1,8 +1,8 @@
 //! Real time: samples at absolute deadlines.
 //!
-//! Tick k, due at k/rate: take in what came over the bus since tick k − 1, hold the command, advance from sample k − 1
+//! Tick k, due at k/rate: process the frames that arrived since tick k − 1, hold the command, advance from sample k − 1
 //! to k, measure and send sample k. A command that answers sample k − 1 before tick k thus acts from k − 1 on, exactly
-//! as in lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording promise the same.
+//! as in lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording guarantee the same.
 
 use super::bench::Bench;
 use super::core_watch::Overrun;
@@ -15,8 +15,8 @@ use resonarm_files::recording::{Record, TickRecord};
 use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Action, Clock, OverrunPolicy, Periodic, SampleRate, Spin, Tick};
 
-/// Runs the plant in real time on the calling thread, until its end or until it is asked to stop. Missed deadlines are
-/// reported to `overruns`.
+/// Runs the plant in real time on the calling thread, until its end or a requested stop. Missed deadlines are reported
+/// to `overruns`.
 pub(super) fn real_time<C: Clock>(
     bench: &mut Bench,
     bus: &mut dyn Bus,
@@ -73,7 +73,7 @@ fn ticks<C: Clock>(
     }
 }
 
-/// The work of a tick. Returns how much of it went to the bus, ns.
+/// Does the work of a tick. Returns how much of it was spent on the bus, ns.
 fn work<C: Clock>(
     bench: &mut Bench,
     bus: &mut dyn Bus,

@@ -1,22 +1,22 @@
-//! Where the records of a run go.
+//! The destination of a run's records.
 
 use resonarm_files::recording::{Channel, Record};
 
-/// Where the records of a run go.
+/// The destination of a run's records.
 #[derive(Debug)]
 pub(super) enum RecordSink {
     /// The run is not recorded.
     Off,
-    /// To a recording that may lose records rather than hold up the loop; losses are counted.
+    /// A recording that may lose records rather than delay the loop; losses are counted.
     Lossy(Channel),
-    /// To a recording that gets every record, for which a loop in virtual time waits.
+    /// A recording that gets every record; a loop in virtual time waits for it.
     Whole(Channel),
-    /// Kept, for whoever steps the run to take.
+    /// A list from which the caller that steps the run takes the records.
     Kept(Vec<Record>),
 }
 
 impl RecordSink {
-    /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record.
+    /// Sets the start of the run on the loop's clock, ns. Must be called before the first record.
     pub fn begin(&mut self, clock_ns: u64) {
         match self {
             RecordSink::Off | RecordSink::Kept(_) => {}
@@ -24,8 +24,8 @@ impl RecordSink {
         }
     }
 
-    /// Records `record`. If the recording has failed, which its recorder tells, what comes goes nowhere: the run goes
-    /// on.
+    /// Records `record`. If the recording has failed, which its recorder reports, records are discarded, and the run
+    /// continues.
     pub fn record(&mut self, record: &Record) {
         let failed = match self {
             RecordSink::Off => false,
@@ -45,7 +45,7 @@ impl RecordSink {
         }
     }
 
-    /// The records that were kept since the last call.
+    /// Returns the records that were kept since the last call.
     pub fn take_kept(&mut self) -> Vec<Record> {
         match self {
             RecordSink::Kept(records) => core::mem::take(records),
@@ -53,7 +53,7 @@ impl RecordSink {
         }
     }
 
-    /// A sink that keeps what this one has kept; one of another kind keeps nothing.
+    /// Returns a sink with a copy of the kept records; empty for a sink of another kind.
     pub fn copy_of_kept(&self) -> RecordSink {
         match self {
             RecordSink::Kept(records) => RecordSink::Kept(records.clone()),

@@ -16,7 +16,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, Node, Refusal, Trip};
 use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
 use resonarm_scenario::Scenario;
 
-/// How a plant's run ended.
+/// The outcome of a plant's run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PlantOutcome {
@@ -26,7 +26,7 @@ pub enum PlantOutcome {
     Disarmed,
     /// It was asked to stop.
     Stopped,
-    /// No controller armed the plant: within the patience, or before it was stopped without a single sample.
+    /// No controller armed the plant within the patience, or before it was stopped without a single sample.
     NotArmed,
     /// A fault was latched at the end.
     Faulted,
@@ -35,7 +35,7 @@ pub enum PlantOutcome {
 }
 
 impl PlantOutcome {
-    /// Whether the run did what it was for.
+    /// Says whether the run achieved its purpose.
     pub const fn is_good(self) -> bool {
         matches!(self, PlantOutcome::Completed | PlantOutcome::Disarmed | PlantOutcome::Stopped)
     }
@@ -45,23 +45,23 @@ impl PlantOutcome {
 /// `configuration`.
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
-    /// How the run ended.
+    /// The outcome of the run.
     pub outcome: PlantOutcome,
     /// The fault that was latched at the end, if one was.
     pub fault: Option<Fault>,
-    /// The same as the protocol has it.
+    /// The emergency message of that fault, as the protocol encodes it.
     #[serde(skip)]
     pub emergency: Option<Emergency>,
-    /// What the controller did that is the cause of the fault, where the plant knows it.
+    /// The mistake of the controller that caused the fault, where the plant knows it.
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_cause")]
     pub cause: Option<FaultCause>,
-    /// What the exciter said was wrong, where that is the reason of the fault.
+    /// The fault that the exciter reported, where that is the reason of the fault.
     #[serde(skip)]
     pub partner_fault: Option<Emergency>,
-    /// The same as numbers and by name.
+    /// The exciter's fault as numbers and by name.
     #[serde(rename = "partner_fault")]
     pub partner: Option<Fault>,
-    /// How the bus was lost, the last time that it was.
+    /// The cause of the last loss of the bus.
     pub bus_loss: Option<BusLoss>,
     /// Error that ended the run early, if one did.
     #[serde(serialize_with = "as_text")]
@@ -72,36 +72,36 @@ pub struct PlantReport {
     pub steps: u64,
     /// Real time: deadlines missed.
     pub overruns: u64,
-    /// The same by cause.
+    /// Missed deadlines by cause.
     pub overrun_causes: OverrunCauses,
     /// Real time: sample periods by which the schedule moved.
     pub slipped: u64,
-    /// What the plant's thread got of what it asked of the system; `None` if it asked for nothing.
+    /// Thread settings that the operating system granted; `None` if none were requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thread: Option<ThreadReport>,
-    /// Real time: how long the loop spins before a deadline; `None` if it was not to.
+    /// Real time: how long the loop busy-waits before a deadline; `None` if it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spin: Option<SpinChoice>,
-    /// How late the samples were, µs; `None` if there was no schedule, as in simulated time as fast as it goes.
+    /// Delays of the samples, µs; `None` without a schedule, as in simulated time as fast as possible.
     pub wakeup_us: Option<Percentiles>,
-    /// How long the work of a sample took, µs.
+    /// Execution times of the samples, µs.
     pub exec_us: Option<Percentiles>,
-    /// What these two are percentiles of, where a loop has a schedule.
+    /// Histograms of these two, where a loop has a schedule.
     #[serde(skip)]
     pub histograms: Histograms,
-    /// Real time: how long it took from the sending of a sample to the kernel's time stamp of the command that echoes
-    /// its index, µs; `None` where the bus has no time stamps, and without commands.
+    /// Real time: the time from the sending of a sample to the kernel's time stamp of the command that echoes its
+    /// index, µs; `None` where the bus has no time stamps, and without commands.
     pub round_trip_us: Option<Percentiles>,
-    /// Simulated time: how it kept up with the clock, if that was asked for.
+    /// Simulated time: how it kept up with the clock, if a speed was requested.
     pub pacing: Option<Pacing>,
     /// Counts of the bus and of the protocol's checks.
     pub bus: BusCounts,
     /// Valid commands that did not reach the arm, by reason.
     pub refused: RefusedCommands,
-    /// The first command that was refused for its load, with the limit.
+    /// The first command that was rejected for its load, with the limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_refused_command: Option<String>,
-    /// The first frame that was rejected for its checks, with the reason.
+    /// The first frame that was rejected in a check, with the reason.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_refused_frame: Option<String>,
     /// The recording, if there is one.
@@ -110,7 +110,7 @@ pub struct PlantReport {
 }
 
 impl PlantReport {
-    /// Report of a run of `bench`, without its timing.
+    /// Makes the report of a run of `bench`, without its timing.
     pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: PlantOutcome, error: Option<RunError>) -> PlantReport {
         let emergency = bench.node().latched_fault();
         PlantReport {
@@ -142,7 +142,7 @@ impl PlantReport {
         }
     }
 
-    /// The fault that was latched at the end in words, with its cause and how to fix it.
+    /// Returns the fault that was latched at the end in words, with its cause and remedy.
     pub fn fault_text(&self) -> Option<String> {
         let emergency = self.emergency.as_ref()?;
         let text = text_of_fault(emergency, self.cause.as_ref(), self.partner_fault.as_ref(), self.bus_loss);
@@ -154,9 +154,9 @@ impl PlantReport {
 /// Latencies of all samples of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Histograms {
-    /// How late the samples were.
+    /// Delays of the samples.
     pub wakeup: Option<LatencyHistogram>,
-    /// How long their work took.
+    /// Execution times of the samples.
     pub exec: Option<LatencyHistogram>,
 }
 
@@ -165,27 +165,27 @@ pub struct Histograms {
 pub struct ExciterReport {
     /// Outcome of the exciter's work; `None` if an error ended it.
     pub outcome: Option<node::ExciterOutcome>,
-    /// What the plant said was wrong, where that is why the exciter missed its samples.
+    /// The fault that the plant reported, where that is the reason of the exciter's missed samples.
     pub partner_fault: Option<Emergency>,
-    /// How the bus was lost, the last time that it was.
+    /// The cause of the last loss of the bus.
     pub bus_loss: Option<BusLoss>,
-    /// What the controller did that is the cause of a fault, where it is known.
+    /// The mistake of the controller that caused a fault, where it is known.
     pub cause: Option<String>,
-    /// The first frame that was rejected for its checks, with the reason.
+    /// The first frame that was rejected in a check, with the reason.
     pub first_refused_frame: Option<String>,
-    /// The first rejected frame, before it is put in words.
+    /// The first rejected frame, before it is described in words.
     pub(super) first_refused: Option<RefusedFrame>,
-    /// The load by which the controller answered last, and the sample.
+    /// The last load that the controller sent as an answer, and its sample.
     pub(super) last_answer: Option<(u64, Load)>,
     /// Error that ended the run early, if one did.
     pub error: Option<RunError>,
     /// Samples answered, counted from the start of the profile.
     pub samples_played: u64,
-    /// Samples that never came in whole.
+    /// Samples that never arrived whole.
     pub missed_samples: u64,
-    /// Sample periods by which the plant said that its schedule has moved.
+    /// Sample periods by which the plant reported its schedule to have moved.
     pub slipped_periods: u64,
-    /// How often it began anew after a fault.
+    /// Number of restarts after a fault.
     pub rearmed: u32,
     /// Counts of the bus and of the protocol's checks.
     pub bus: BusCounts,
@@ -194,7 +194,7 @@ pub struct ExciterReport {
 }
 
 impl ExciterReport {
-    /// The fault that ended it, if one did.
+    /// Returns the fault that ended it, if one did.
     pub fn fault(&self) -> Option<&Emergency> {
         match &self.outcome {
             Some(node::ExciterOutcome::Faulted(emergency)) => Some(emergency),
@@ -202,18 +202,18 @@ impl ExciterReport {
         }
     }
 
-    /// The full index of the sample that a fault states modulo 65536: an exciter counts samples from arming, and the plant
-    /// from its start.
+    /// Returns the full index of the sample that a fault states modulo 65536: an exciter counts samples from arming,
+    /// and the plant from its start.
     fn full_sample(&self, emergency: &Emergency) -> u64 {
         first_such_sample(emergency.sample, self.samples_played.saturating_sub(1))
     }
 
-    /// A fault as numbers and by name.
+    /// Returns a fault as numbers and by name.
     pub fn found(&self, emergency: &Emergency) -> Fault {
         Fault::at(emergency, self.full_sample(emergency))
     }
 
-    /// The fault that ended it in words, with its cause and how to fix it.
+    /// Returns the fault that ended it in words, with its cause and remedy.
     pub fn fault_text(&self) -> Option<String> {
         let fault = self.fault()?;
         let text = fault_text(fault, self.partner_fault.as_ref(), self.bus_loss);
@@ -231,7 +231,7 @@ impl ExciterReport {
         Some(text)
     }
 
-    /// The report with everything in words that a scenario is needed for.
+    /// Returns the report with everything in words that a scenario is needed for.
     pub(super) fn explained(self, scenario: &Scenario) -> ExciterReport {
         let is_beyond = self
             .fault()
@@ -246,7 +246,7 @@ impl ExciterReport {
 /// Text between the description of a fault and its remedy.
 const REMEDY: &str = "; to fix it: ";
 
-/// The text of a fault with the full index of its sample in place of that modulo 65536.
+/// Replaces the sample modulo 65536 in the text of a fault by its full index.
 fn at_full_sample(text: String, emergency: &Emergency, sample: u64) -> String {
     let stated = format!("at sample {}", emergency.sample);
     if sample == u64::from(emergency.sample) { text } else { text.replacen(&stated, &format!("at sample {sample}"), 1) }
@@ -262,8 +262,8 @@ pub struct BothReport {
 }
 
 impl BothReport {
-    /// How the exciter ended: where the run was asked to stop, by these signals, it was stopped, although it knows only
-    /// that the plant has left.
+    /// Returns how the exciter ended: if these signals requested a stop, it was stopped, although the exciter itself
+    /// knows only that the plant has left.
     pub fn exciter_outcome(&self, signals: &Signals) -> Option<node::ExciterOutcome> {
         match self.exciter.outcome {
             Some(node::ExciterOutcome::PlantLeft) if signals.is_stopped() => Some(node::ExciterOutcome::Stopped),
@@ -272,32 +272,32 @@ impl BothReport {
     }
 }
 
-/// How simulated time kept up with the clock.
+/// The progress of simulated time against the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Pacing {
-    /// Simulated seconds a second that were asked for.
+    /// Simulated seconds a second that were requested.
     pub speed: f64,
-    /// How far simulated time was behind the clock at the last sample, s of the clock.
+    /// Lag of simulated time behind the clock at the last sample, s of the clock.
     pub lag_s: f64,
-    /// How far it was behind at most, s of the clock.
+    /// Largest lag behind the clock, s.
     pub longest_lag_s: f64,
 }
 
 /// A fault, as numbers and by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Fault {
-    /// Its number in the protocol's specification, section 9.
+    /// Number of the fault in the protocol's specification, section 9.
     pub code: u16,
     /// Name of the code in that section.
     pub name: &'static str,
-    /// More about it; the meaning depends on the code.
+    /// Further information; the meaning depends on the code.
     pub detail: u16,
     /// The index of the sample at which it was found.
     pub sample: u64,
 }
 
 impl Fault {
-    /// The fault of an emergency, which states its sample modulo 65536.
+    /// Makes the fault of an emergency, which states its sample modulo 65536.
     pub(super) fn at(emergency: &Emergency, sample: u64) -> Fault {
         let Emergency { code, detail, .. } = *emergency;
         Fault { code: code as u16, name: name(code), detail, sample }
@@ -324,12 +324,12 @@ const fn name(code: EmergencyCode) -> &'static str {
     }
 }
 
-/// A fault in words, and how to fix it; where `partner` reported the reason, its fault and fix.
+/// Describes a fault and its remedy; where `partner` reported the reason, its fault and remedy.
 pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: Option<BusLoss>) -> String {
     text_of_fault(emergency, None, partner, bus_loss)
 }
 
-/// The same, with what the node knows of the cause.
+/// Describes a fault with the node's knowledge of the cause.
 fn text_of_fault(
     emergency: &Emergency,
     cause: Option<&FaultCause>,
@@ -348,19 +348,19 @@ fn text_of_fault(
     if is_bus_off {
         text.push_str(", since its controller was bus-off");
     }
-    // The plant says why it refused commands, which is the reason of both.
+    // The plant says why it rejected commands, which is the reason of both.
     let remedy = match (emergency.code, partner) {
         _ if is_bus_off => {
-            "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
+            "check the bit rate, the wiring and the two terminations of 120 Ω, since there were too many transmit errors"
         }
         (EmergencyCode::PartnerFault, Some(said)) if said.code == EmergencyCode::PartnerFault => {
-            "neither end has faulted by itself: the exciter heard a heartbeat of this plant that says fault or boot-up, which \
-             the plant did not send so. A heartbeat has no checksum. Look for bit errors on the bus, and for a second plant"
+            "check the bus for bit errors and for a second plant: neither end has faulted by itself, but the exciter heard a heartbeat of this plant \
+                 with the state fault or boot-up, which the plant did not send. A heartbeat has no checksum"
         }
         (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => remedy(said),
         _ => match cause {
             Some(FaultCause::Unheeded(Unheeded { frames: 1.., .. })) => {
-                "correct what the controller sends: `resonarm protocol decode` says of each frame why it is rejected"
+                "correct the frames of the controller: `resonarm protocol decode` says why each frame is rejected"
             }
             Some(FaultCause::Unheeded(_)) => "let the controller send that message before its commands",
             Some(FaultCause::Stop(_)) | None => remedy(emergency),
@@ -370,7 +370,7 @@ fn text_of_fault(
     text
 }
 
-/// Says how to fix a fault.
+/// Returns the remedy for a fault.
 fn remedy(emergency: &Emergency) -> &'static str {
     match emergency.code {
         EmergencyCode::CommandTimeout => match Refusal::from_detail(emergency.detail).1 {
@@ -379,15 +379,15 @@ fn remedy(emergency: &Emergency) -> &'static str {
                 "lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change"
             }
             _ => {
-                "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s (on a [wire] of yours the message's timeout_s), or \
-                 take --mode lockstep, where time waits"
+                "the controller was delayed or has ended: give it a core of its own, raise network.command_timeout_s (on a user protocol the message's timeout_s), or \
+             use --mode lockstep, where time waits"
             }
         },
         EmergencyCode::SensorTimeout | EmergencyCode::HeartbeatLost => {
-            "the partner or the bus has gone: see whether it still runs; raise network.partner_timeout_s if it was held up"
+            "the partner or the bus has failed: check whether it still runs; raise network.partner_timeout_s if it was delayed"
         }
         EmergencyCode::PartnerFault => {
-            "the partner's report says why. If it names no other fault than this one, a heartbeat was corrupted, which has no \
+            "see the partner's report. If it names no other fault than this one, a heartbeat was corrupted, which has no \
              checksum: look for bit errors on the bus, and for a second node that sends heartbeats"
         }
         EmergencyCode::Incompatible => "start both ends with the same scenario and the same version",
@@ -395,9 +395,9 @@ fn remedy(emergency: &Emergency) -> &'static str {
         EmergencyCode::SimulationFailed => {
             "lower the excitation: the load is beyond what the arm can be integrated for"
         }
-        EmergencyCode::Overrun => "lower the rate, give the loop a core of its own, or take --overrun slip",
-        EmergencyCode::BusLoss => "see whether the interface is up: `ip -details link show` has its state",
-        EmergencyCode::SampleSequence => "see whether two plants are on this bus",
+        EmergencyCode::Overrun => "lower the rate, give the loop a core of its own, or use --overrun slip",
+        EmergencyCode::BusLoss => "check whether the interface is up: `ip -details link show` shows its state",
+        EmergencyCode::SampleSequence => "check whether two plants are on this bus",
         EmergencyCode::SecondSender => {
             "end the other node, or give this network another base and other node ids (network.base_id, network.plant_id, \
              network.exciter_id)"
@@ -406,29 +406,29 @@ fn remedy(emergency: &Emergency) -> &'static str {
             "lower the excitation, or raise rig.gate.travel_limit_m"
         }
         EmergencyCode::ExciterTripped => {
-            "lower the excitation, or take a larger shaker: the plant's own message names the limit"
+            "lower the excitation, or use a larger shaker: the plant's own message names the limit"
         }
         EmergencyCode::StopRequested => "end the request to stop, then reset and arm the plant",
         EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving => "this is no fault",
     }
 }
 
-/// Valid commands that did not reach the arm, by reason.
+/// Counts of valid commands that did not reach the arm, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct RefusedCommands {
     /// The plant was not armed.
     pub not_armed: u64,
-    /// The sample answered was too old, or still to come.
+    /// The answered sample was too old, or still in the future.
     pub late: u64,
     /// An older sample was answered after a newer one.
     pub out_of_order: u64,
     /// The sample was answered already.
     pub repeated: u64,
-    /// The exciter can't produce it.
+    /// The load was beyond the exciter's limits.
     pub out_of_range: u64,
-    /// It changes the load too fast.
+    /// The load changed too fast.
     pub rate_of_change: u64,
-    /// The plant was beyond its travel.
+    /// The plant was beyond its travel limit.
     pub travel: u64,
 }
 
@@ -456,22 +456,22 @@ pub struct BusCounts {
     /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
     /// time.
     pub dropped: u64,
-    /// Frames of the protocol that were rejected: for their format, length or values, and where the protocol protects
-    /// them for their checksum or counter.
+    /// Frames of the protocol that were rejected: for their format, length or values, or, where the protocol protects
+    /// them, for their checksum or counter.
     pub refused: u64,
-    /// Those of them that came under identifiers which only this node sends: another network has the same base.
+    /// Rejected frames under identifiers that only this node sends: another network has the same base.
     pub other_sender: u64,
-    /// Frames that came in and can't be any: of a length that CAN FD does not have.
+    /// Received frames that are malformed: of a length that CAN FD does not have.
     pub malformed: u64,
-    /// Commands of a user's protocol that newer ones replaced before they could act; left out of documents if there are
+    /// Commands of a user protocol that newer ones replaced before they could act; left out of documents if there are
     /// none.
     #[serde(skip_serializing_if = "is_zero")]
     pub overwritten: u64,
-    /// Values that signals of a user's protocol could not say, so that the nearest was sent; left out of
-    /// documents if there are none.
+    /// Values beyond the range of a user protocol's signal, so that the nearest value was sent; left out of documents
+    /// if there are none.
     #[serde(skip_serializing_if = "is_zero")]
     pub limited_values: u64,
-    /// The errors that the controller reported, on SocketCAN.
+    /// Errors that the controller reported, on SocketCAN.
     pub errors: ControllerErrors,
 }
 

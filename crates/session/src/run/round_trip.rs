@@ -1,26 +1,26 @@
-//! Round trips: how long it takes from the sending of a sample to the command that echoes its index.
+//! Round trips: the time from the sending of a sample to the command that echoes its index.
 //!
 //! ```text
 //!     round trip(k) = kernel's stamp of the first valid command with index k − clock before sample k was sent
 //! ```
 //!
-//! The stamp is of the UNIX epoch, and so is the clock read at the sending. That clock may be set at any moment, that
-//! of the loop is not: what is negative, or longer than the loop's clock says that the command took until it was taken
-//! in, is no round trip, and is left out.
+//! The stamp is of the UNIX epoch, and so is the clock read at the sending. That clock may be set at any moment, while
+//! the loop's clock may not: a time that is negative, or longer than the command took on the loop's clock until it was
+//! processed, is no round trip, and is left out.
 
 use resonarm_realtime::{HistogramError, LatencyHistogram, Percentiles};
 
 /// Samples that may wait for their command; a later command has no round trip. It divides 65536, so that the index of a
-/// sample on the wire tells its place.
+/// sample in its frames tells its place.
 const KEPT: usize = 1024;
 
-/// When a sample was given to the bus.
+/// Time at which a sample was given to the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Departure {
     sample: u64,
     /// On the loop's clock, ns.
     run_ns: u64,
-    /// Of the UNIX epoch, ns.
+    /// The time since the UNIX epoch, ns.
     unix_ns: u64,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct RoundTrips {
 }
 
 impl RoundTrips {
-    /// None yet. All memory is taken here.
+    /// Makes an empty table. All memory is allocated here.
     pub fn new() -> Result<RoundTrips, HistogramError> {
         Ok(RoundTrips { departures: vec![None; KEPT], next: 0, times: LatencyHistogram::new()? })
     }
@@ -49,8 +49,8 @@ impl RoundTrips {
         self.next = self.next.max(end);
     }
 
-    /// A command with `index` was taken in when the loop's clock read `run_ns`. The kernel had it at `stamp_ns` of the
-    /// UNIX epoch; without a stamp there is no telling when it came.
+    /// Notes that a command with `index` was processed when the loop's clock read `run_ns`. The kernel received it at
+    /// `stamp_ns` of the UNIX epoch; without a stamp its arrival time is unknown.
     pub fn arrive(&mut self, index: u16, run_ns: u64, stamp_ns: Option<u64>) {
         let departure = &mut self.departures[usize::from(index) % KEPT];
         // The entry is taken, so that only the first command with this index counts.
@@ -67,7 +67,7 @@ impl RoundTrips {
         }
     }
 
-    /// Durations of the round trips, µs; `None` if there was none.
+    /// Returns the durations of the round trips, µs; `None` if there was none.
     pub fn percentiles(&self) -> Option<Percentiles> {
         self.times.percentiles()
     }

@@ -1,4 +1,4 @@
-//! The session: assembles plant, nodes, bus, recording and pace of a scenario, and runs them in one of the modes.
+//! A session: assembles plant, nodes, bus, recording and pace of a scenario, and runs them in one of the modes.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -28,12 +28,12 @@ use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, Thr
 use resonarm_scenario::wire::Quantities;
 use resonarm_scenario::{Scenario, ScenarioError, StructureSectionError, WireError};
 
-/// Overruns with another cause on their way to the writer.
+/// Capacity of the queue of overruns with another cause, on their way to the writer.
 const CORE_RECORDS_CAPACITY: usize = 1 << 10;
 /// Frames that fit a memory bus in each direction.
 const BUS_CAPACITY: usize = 1024;
-/// How long a free run on a bus with faults or bit rates, or by a protocol of the user's, may take to arm the plant, ns
-/// of simulated time.
+/// Longest time to arm the plant in a free run on a bus with faults or bit rates, or with a user protocol, ns of
+/// simulated time.
 const ARMING_NS: u64 = 10_000_000_000;
 
 /// File and options of the recording that a run writes.
@@ -41,46 +41,47 @@ const ARMING_NS: u64 = 10_000_000_000;
 pub struct RecordTo {
     /// Path of the MCAP file.
     pub path: PathBuf,
-    /// What to do if it is there already.
+    /// The action if the file already exists.
     pub existing: Existing,
 }
 
-/// What to do if the operating system denies a run's thread the settings that were asked for.
+/// The action if the operating system denies a run's thread the requested settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnShortfall {
-    /// A warning in the log.
+    /// Logs a warning.
     #[default]
     Warn,
-    /// The run does not begin: [`RunError::NoRealTimeThread`].
+    /// Does not start the run: [`RunError::NoRealTimeThread`].
     Refuse,
 }
 
-/// How to run a scenario.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where to record; `None` records nothing.
+    /// File of the recording; `None` records nothing.
     pub record: Option<RecordTo>,
-    /// Simulated time: how fast it goes.
+    /// Simulated time: its speed.
     pub speed: Speed,
     /// Real time: what a missed deadline leads to.
     pub overrun: OverrunPolicy,
-    /// Real time: whether the plant's loop spins before a deadline.
+    /// Real time: whether the plant's loop busy-waits before a deadline.
     pub spin: Spin,
-    /// What the plant's thread, the calling one, asks of the system; `None` leaves it as it is. The report says
-    /// what it got.
+    /// Settings that the plant's thread, which is the calling one, requests from the operating system; `None` leaves it
+    /// as it is. The report says what was granted.
     pub thread: Option<ThreadSetup>,
-    /// What to do if the operating system denies a thread setting.
+    /// The action if the operating system denies a thread setting.
     pub on_shortfall: OnShortfall,
     /// Whether a run ends when an armed plant is disarmed or faults.
     pub end_on_disarm: bool,
-    /// How long a plant waits to be armed for the first time, and an exciter for a plant; `None` is without end.
+    /// Longest wait of a plant to be armed for the first time, and of an exciter for a plant; `None` waits forever.
     pub patience: Option<Duration>,
-    /// How often an exciter begins anew after a fault: resets and arms the plant, and plays its profile from the start.
+    /// Number of restarts of an exciter after a fault: it resets and arms the plant, and plays its profile from the
+    /// start.
     pub rearm: u32,
 }
 
 impl Default for Options {
-    /// No recording, as fast as it goes, the default policy, the thread as it is, no end but the scenario's.
+    /// No recording, as fast as possible, the default policy, the thread as it is, no end but the scenario's.
     fn default() -> Options {
         Options {
             record: None,
@@ -99,7 +100,7 @@ impl Default for Options {
 /// Connection between the nodes of a run that has both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Network {
-    /// A bus on which every frame is there at once: each sample is answered before the next.
+    /// A bus on which every frame arrives at once: each sample is answered before the next.
     Ideal,
     /// A bus with faults, or on which frames take their time: the nodes keep the deadlines of real time.
     Real(Option<timed::Spec>),
@@ -125,12 +126,12 @@ pub struct Session {
     pub(super) timing: Timing,
     pub(super) network: Network,
     pub(super) plant: Plant,
-    /// The scenario's own protocol, if it has one.
+    /// The user protocol of the scenario, if it has one.
     pub(super) wire: Option<WireSpec>,
     ending: Ending,
-    /// In place of the scenario's controller.
+    /// Replacement of the scenario's controller.
     controller: Option<MakeController>,
-    /// Who is notified of what the loops do.
+    /// Watcher that is notified of the loops' events.
     pub(super) watch: Option<Watch>,
 }
 
@@ -138,7 +139,7 @@ impl Session {
     /// Checks everything, before anything is opened or written.
     ///
     /// # Errors
-    /// [`RunError`] says what in scenario or options is impossible.
+    /// [`RunError`] with the impossible part of the scenario or the options.
     pub fn new(mut scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
         match (scenario.is_fmu(), mode) {
             (false, _) => {
@@ -151,12 +152,12 @@ impl Session {
         Session::of(scenario, mode, options, |scenario| Ok(scenario.plant()?))
     }
 
-    /// The same with a structure of one's own in place of the arm; the scenario has no other. Its recording says that
-    /// `structure.kind` is own, so that nothing takes it for the arm's. In real time its steps must not allocate, lock
-    /// or block.
+    /// Works like [`Session::new`] with a structure of the caller's own, instead of the arm; the scenario has no other.
+    /// The recording has the `structure.kind` own, so that nothing mistakes it for the arm's. In real time its steps
+    /// must not allocate, lock or block.
     ///
     /// # Errors
-    /// [`RunError`] says what in scenario, options or structure is impossible.
+    /// [`RunError`] with the impossible part of the scenario, the options or the structure.
     pub fn of_structure(
         mut scenario: Scenario,
         mode: Mode,
@@ -223,20 +224,19 @@ impl Session {
         })
     }
 
-    /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for
-    /// one.
+    /// Replaces the scenario's controller by one of the caller's own; every run of the exciter calls `make` once.
     #[must_use]
     pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
         Session { controller: Some(MakeController(Arc::new(make))), ..self }
     }
 
-    /// The same session, watched: its loops report what they do, and take requests.
+    /// Connects a watcher: the loops report their events to it, and accept requests.
     #[must_use]
     pub fn watched(self, watch: Watch) -> Session {
         Session { watch: Some(watch), ..self }
     }
 
-    /// The exciter's controller, with the scenario's limits, at sample 0.
+    /// Returns the exciter's controller, with the scenario's limits, at sample 0.
     ///
     /// # Errors
     /// [`RunError`] if the scenario has none.
@@ -244,7 +244,8 @@ impl Session {
         self.controller_reading(self.scenario.rig.converter)
     }
 
-    /// The same, for a plant whose instruments have this converter. A controller of the caller's own knows its plant.
+    /// Works like [`Session::controller`], for a plant whose instruments have this converter. A controller of the
+    /// caller's own knows its plant.
     pub(super) fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, RunError> {
         let controller = match &self.controller {
             Some(make) => make.0(),
@@ -253,7 +254,7 @@ impl Session {
         Ok(self.scenario.limited(controller, self.plant.structure().outputs()))
     }
 
-    /// Whether the controller is one of the caller's own, in place of the scenario's.
+    /// Says whether the controller is one of the caller's own.
     pub(super) fn has_own_controller(&self) -> bool {
         self.controller.is_some()
     }
@@ -267,7 +268,7 @@ impl Session {
     /// which in real time must not allocate, lock or block.
     ///
     /// # Errors
-    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    /// [`RunError`] if the run can't start. An error that ends it early is in the report.
     pub fn plant(
         &self,
         bus: &mut dyn Bus,
@@ -298,13 +299,13 @@ impl Session {
         Ok(finish_recording(recorder, PlantReport { thread, ..report }))
     }
 
-    /// The report with the first frame that the plant refused, in words.
+    /// Returns the report with the first frame that the plant rejected, in words.
     fn explained(&self, bench: &Bench, report: PlantReport) -> PlantReport {
         let first_refused_frame = bench.first_refused_frame().map(|refused| refused.in_words(&self.scenario));
         PlantReport { first_refused_frame, ..report }
     }
 
-    /// In real time a thread that looks at who has the core of the calling one.
+    /// In real time, starts a thread that checks the use of the calling thread's core.
     fn core_watch(&self, recorder: Option<&Recorder>) -> Result<Option<CoreWatch>, RunError> {
         if self.mode != Mode::RealTime {
             return Ok(None);
@@ -328,12 +329,12 @@ impl Session {
         Ok(PlantReport { overrun_causes: watch.map_or(causes, |watch| watch.finish(causes)), ..report })
     }
 
-    /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked
-    /// to stop. The plant at the other end need not be the scenario's: its readings are corrected only for a converter that
-    /// `network.plant_converter` states.
+    /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or a stop is
+    /// requested. The plant at the other end need not be the scenario's: its readings are corrected only for a
+    /// converter that `network.plant_converter` states.
     ///
     /// # Errors
-    /// [`RunError`] if the run can't begin. What ends it early is in the report.
+    /// [`RunError`] if the run can't start. An error that ends it early is in the report.
     pub fn exciter(&self, bus: &mut dyn Bus, signals: &Signals) -> Result<ExciterReport, RunError> {
         if self.mode == Mode::Free {
             return Err(RunError::FreeHasNoBus);
@@ -351,7 +352,7 @@ impl Session {
         Ok(report.explained(&self.scenario))
     }
 
-    /// Name of the bus between the nodes in a recording of [`Session::both`].
+    /// Returns the name of the bus between the nodes in a recording of [`Session::both`].
     pub fn interface_of_both(&self) -> &'static str {
         self.network.interface(self.mode)
     }
@@ -362,7 +363,8 @@ impl Session {
     /// In lockstep frames take their time by the clock if the scenario names the bit rate of its bus.
     ///
     /// # Errors
-    /// [`RunError`] if the run can't begin: also in real time with a bit rate. What ends it early is in the report.
+    /// [`RunError`] if the run can't start, as in real time with a bit rate. An error that ends it early is in the
+    /// report.
     pub fn both(&self, signals: &Signals, on_event: impl FnMut(RunEvent)) -> Result<BothReport, RunError> {
         let mut session = self.clone();
         session.ending.on_disarm = true;
@@ -379,7 +381,7 @@ impl Session {
         }
     }
 
-    /// The plant on the calling thread at the first end, the exciter on a thread of its own at the other.
+    /// Runs the plant on the calling thread at the first end, the exciter on a thread of its own at the other.
     fn on_threads<B: Bus + Send>(
         &self,
         [mut near, far]: [B; 2],
@@ -425,7 +427,7 @@ impl Session {
         Patience { wait: self.options.patience, rearm: self.options.rearm, plant_ended }
     }
 
-    /// Both in one loop, recorded by `recorder`.
+    /// Runs both in one loop, recorded by `recorder`.
     pub(crate) fn free(
         &self,
         recorder: Option<Recorder>,
@@ -468,7 +470,7 @@ impl Session {
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
     }
 
-    /// Both ends of the bus of a free run, the plant's first.
+    /// Returns both ends of the bus of a free run, the plant's first.
     fn virtual_ends(&self, clock: &VirtualClock) -> [Box<dyn VirtualBus>; 2] {
         match self.network {
             Network::Real(Some(spec)) => self.virtual_pair(timed::pair(&spec, clock), clock),
@@ -490,13 +492,13 @@ impl Session {
         ]
     }
 
-    /// An end with the faults that the scenario gives to `node`.
+    /// Returns an end with the faults that the scenario gives to `node`.
     fn with_faults<B: Bus, C: Clock>(&self, bus: B, clock: C, node: Node) -> Faulty<B, C> {
         Faulty::new(bus, clock, &self.scenario.network.faults, node, self.scenario.simulation.seed)
     }
 }
 
-/// Does something when it is dropped, also while a panic unwinds.
+/// Calls a function when it is dropped, also while a panic unwinds.
 struct AtEnd<F: FnMut()>(F);
 
 impl<F: FnMut()> Drop for AtEnd<F> {
@@ -505,7 +507,7 @@ impl<F: FnMut()> Drop for AtEnd<F> {
     }
 }
 
-/// A paced sample must not take so long that the ends take each other for lost.
+/// Checks that a paced sample does not take so long that the ends consider each other lost.
 fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> Result<(), SpeedError> {
     let (got, period_s, timeout_s) = (speed.times(), speed.period_s(rate), timeout_ns as f64 * 1e-9);
     if mode == Mode::RealTime && speed != Speed::UNPACED {
@@ -545,7 +547,7 @@ fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantRep
     }
 }
 
-/// Refuses a plant whose states are not those that the messages of a user protocol carry: an FMU, or a program's own
+/// Rejects a plant whose states are not those that the messages of a user protocol carry: an FMU, or a program's own
 /// structure, which the scenario does not know.
 fn check_sent_states(scenario: &Scenario, wire: &WireSpec, plant: &Plant) -> Result<(), RunError> {
     let states = plant.structure().states();

@@ -25,7 +25,7 @@ impl Signals {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the run was asked to end.
+    /// Says whether the run was asked to end.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -35,12 +35,12 @@ impl Signals {
         self.has_exciter_ended.store(has_ended, Ordering::Release);
     }
 
-    /// Whether the only exciter on the plant's bus has ended: a plant that is not armed by then never will be.
+    /// Says whether the only exciter on the plant's bus has ended: a plant that is not armed by then never will be.
     pub(super) fn has_exciter_ended(&self) -> bool {
         self.has_exciter_ended.load(Ordering::Acquire)
     }
 
-    /// How far it is: the sample at which a run is, or what else the work counts.
+    /// Returns the progress: the current sample of a run, or the count of any other work.
     pub fn done(&self) -> u64 {
         self.done.load(Ordering::Relaxed)
     }
@@ -66,7 +66,7 @@ impl Signals {
     }
 }
 
-/// How a bus is lost.
+/// Cause of a loss of the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BusLoss {
@@ -77,7 +77,7 @@ pub enum BusLoss {
 }
 
 impl BusLoss {
-    /// Finds how the bus was lost, from the error of a bus that may come back.
+    /// Returns the cause of the loss, from the error of a bus that may come back.
     pub(super) const fn of(error: &BusError) -> BusLoss {
         match error {
             BusError::BusOff { .. } => BusLoss::BusOff,
@@ -106,27 +106,27 @@ pub enum RunEvent {
     Faulted {
         /// Fault that was latched.
         fault: Fault,
-        /// What the exciter said was wrong, where that is the reason.
+        /// The fault that the exciter reported, where that is the reason.
         #[serde(skip_serializing_if = "Option::is_none")]
         partner: Option<Fault>,
     },
-    /// It would not be armed.
+    /// The plant rejected the request to arm.
     NotArmed {
-        /// Reason why the plant refused.
+        /// Reason of the rejection.
         fault: Fault,
     },
-    /// It was behind, and its schedule moved ([`OverrunPolicy::Slip`](resonarm_realtime::OverrunPolicy::Slip)).
+    /// The run was late, and its schedule moved ([`OverrunPolicy::Slip`](resonarm_realtime::OverrunPolicy::Slip)).
     Slipped {
         /// Sample at which the schedule moved.
         sample: u64,
-        /// By so many sample periods.
+        /// Number of sample periods by which it moved.
         periods: u32,
     },
     /// The bus is lost, perhaps for a while.
     BusLost {
         /// Sample at which the loss was found.
         sample: u64,
-        /// How the bus was lost.
+        /// The cause of the loss of the bus.
         cause: BusLoss,
     },
     /// The bus works again.
@@ -134,7 +134,8 @@ pub enum RunEvent {
         /// Sample at which the bus worked again.
         sample: u64,
     },
-    /// A frame came under an identifier which only the plant sends, and that is not of its network; the first of a run.
+    /// A frame arrived under an identifier that only the plant sends, and that is not of its network; the first of a
+    /// run.
     OtherSender {
         /// Sample at which the frame was received.
         sample: u64,
@@ -142,7 +143,7 @@ pub enum RunEvent {
         #[serde(serialize_with = "as_number")]
         identifier: Id,
     },
-    /// The controller of the plant's end is in another state: by itself that ends nothing.
+    /// The CAN controller of the plant's end has entered another state. The run continues.
     Controller {
         /// Sample at which the report was read.
         sample: u64,

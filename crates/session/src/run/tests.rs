@@ -316,9 +316,9 @@ fn a_speed_at_which_the_ends_would_lose_each_other_is_refused() {
         let options = Options { speed: Speed::new(times).unwrap(), ..Options::default() };
         Session::new(scenario(), mode, options).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(refuse(Mode::Lockstep, 1e-12), @"the speed is 1e-12: a sample would take 1000000000.000 s, and at most half of `network.lockstep_timeout_s` (1 s) is possible, or each end takes the other for lost; the speed must be at least 2.0e-3");
-    insta::assert_snapshot!(refuse(Mode::RealTime, 1.0), @"the speed is 1: a run in real time has the speed of the clock; take the mode lockstep or free");
-    insta::assert_snapshot!(Speed::new(f64::NAN).unwrap_err(), @"the speed is NaN: it must be a number of simulated seconds a second, or 0 for as fast as it goes");
+    insta::assert_snapshot!(refuse(Mode::Lockstep, 1e-12), @"the speed is 1e-12: a sample would take 1000000000.000 s, but may take at most half of `network.lockstep_timeout_s` (1 s), or each end considers the other lost; the speed must be at least 2.0e-3");
+    insta::assert_snapshot!(refuse(Mode::RealTime, 1.0), @"the speed is 1, but a run in real time has the speed of the clock; use the mode lockstep or free");
+    insta::assert_snapshot!(Speed::new(f64::NAN).unwrap_err(), @"the speed is NaN: it must be a positive number of simulated seconds a second, or 0 for as fast as possible");
     assert!(Speed::new(-1.0).is_err() && Speed::new(f64::INFINITY).is_err());
 }
 
@@ -453,7 +453,7 @@ fn an_exciter_alone_gives_up_and_a_plant_alone_has_a_patience() {
     let options = Options { patience: Some(Duration::from_millis(50)), ..Options::default() };
     let session = Session::new(scenario(), Mode::Lockstep, options).unwrap();
     let report = session.exciter(&mut far, &Signals::default()).unwrap();
-    insta::assert_snapshot!(report.error.unwrap(), @"no plant was heard within 0.05 s: start one with `resonarm run` on the same bus, with the same rate and base identifier");
+    insta::assert_snapshot!(report.error.unwrap(), @"no plant was heard within 0.05 s; start one with `resonarm run` on the same bus, with the same rate and base identifier");
     let mut events = Vec::new();
     let report = session.plant(&mut near, &Signals::default(), |event| events.push(event)).unwrap();
     assert_eq!((report.outcome, report.samples, report.steps), (PlantOutcome::NotArmed, 0, 0));

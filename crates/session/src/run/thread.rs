@@ -1,4 +1,4 @@
-//! What a run asks of the system for the threads of its loop and around it.
+//! Thread settings that a run requests from the operating system, for its loop and around it.
 
 use super::{OnShortfall, RunError, Session};
 use resonarm_realtime::{CoresAwake, ThreadReport, ThreadSetup};
@@ -8,10 +8,11 @@ impl Session {
     /// does so by itself; call it before starting threads of your own, or a bus that has some.
     pub fn leave_core(&self) {
         let Some(Err(error)) = self.options.thread.as_ref().map(ThreadSetup::leave_core) else { return };
-        tracing::warn!("other threads may come to the core of the loop: {error}");
+        tracing::warn!("other threads may run on the core of the loop: {error}");
     }
 
-    /// Makes the calling thread a real-time thread, if that is asked for, and says what it got and what not.
+    /// Makes the calling thread a real-time thread, if requested, and returns the settings that were granted and
+    /// denied.
     pub(super) fn become_real_time(&self) -> Result<(Option<ThreadReport>, Option<CoresAwake>), RunError> {
         let Some(setup) = &self.options.thread else { return Ok((None, None)) };
         let (report, awake) = setup.apply();

@@ -7,9 +7,9 @@
 //!          ◄─ Watched::request ─────── ring of requests ◄───────────────────────────── Watcher::ask
 //! ```
 //!
-//! A slot of a ring is as large as its largest entry, and what a loop writes has to leave the other core's caches. So
-//! the few large responses have a separate ring. So have events: samples that come faster than they are taken, as of a
-//! run without a pace, crowd out no change of state.
+//! A slot of a ring is as large as its largest entry, and every entry that a loop writes has to leave the other core's
+//! caches. So the few large responses have a separate ring. Events have one, too: samples that come faster than they
+//! are taken, as in a run without a pace, crowd out no change of state.
 //!
 //! The loop's side never waits: an entry that finds a ring full is lost, and counted. The run does not depend on
 //! whether it is watched. Frames are passed on only while the watcher wants them.
@@ -40,10 +40,10 @@ const REQUESTS: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
 pub enum Notice {
-    /// What is recorded too: states, readings, ticks, events; frames if they are wanted
+    /// A record that is also in the recording: states, readings, ticks, events; frames if they are wanted
     /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
     Record(Record),
-    /// What an exciter answers a sample with, where no plant passes on its state.
+    /// Answer of an exciter to a sample, where no plant passes on its state.
     Command(CommandRecord),
     /// A response that the controller has read.
     Response(ResponsePoint),
@@ -51,7 +51,7 @@ pub enum Notice {
     SetPoint(SetPoint),
 }
 
-/// What an exciter notifies of beside records and responses.
+/// Frequent notices: everything that an exciter reports except records and responses.
 #[derive(Clone, Copy, Debug)]
 enum Often {
     Command(CommandRecord),
@@ -86,7 +86,7 @@ pub enum Request {
     Disarm,
     /// Reset a plant that has faulted.
     Reset,
-    /// Lead what is played to a set-point.
+    /// Change the excitation to a set-point.
     Set(SetPoint),
 }
 
@@ -95,17 +95,18 @@ pub enum Request {
 pub enum End {
     /// The plant's end of the bus.
     Plant,
-    /// The exciter's, of a run that has no plant.
+    /// The exciter's end, in a run that has no plant.
     Exciter,
-    /// The exciter's, of a run in which the plant passes on the samples.
+    /// The exciter's end, in a run in which the plant passes on the samples.
     ExciterBesidePlant,
-    /// No loop: the thread beside the plant's that looks at who has its core. It reports missed deadlines, which are events,
-    /// and takes no requests.
+    /// No loop, but the thread beside the plant's that checks which threads use its core. It reports missed deadlines,
+    /// which are events, and accepts no requests.
     CoreWatch,
 }
 
 impl End {
-    /// Entries in its ring at most, and frames: of two loops on one bus the plant's passes them on.
+    /// Returns the largest number of entries in its ring, and of frames: of two loops on one bus the plant's passes
+    /// them on.
     const fn capacities(self) -> (usize, usize) {
         match self {
             End::Plant | End::Exciter => (NOTICES, FRAMES),
@@ -115,14 +116,14 @@ impl End {
     }
 }
 
-/// What a session needs to be watched: each of its runs opens new rings.
+/// The connection that a session needs to be watched: each of its runs opens new rings.
 #[derive(Clone, Debug)]
 pub struct Watch {
     opened: mpsc::Sender<Opened>,
     shared: Arc<Shared>,
 }
 
-/// What both ends have in common.
+/// State that both ends share.
 #[derive(Debug, Default)]
 struct Shared {
     lost: AtomicU64,
@@ -140,9 +141,9 @@ struct Opened {
 }
 
 impl Opened {
-    /// Whether the loop has ended and all its notices were taken.
+    /// Says whether the loop has ended and all its notices were taken.
     fn is_over(&self) -> bool {
-        // First whether it has ended: all its notices are then in the rings.
+        // The order matters: if the loop has ended, all its notices are in the rings by now.
         self.often.is_abandoned()
             && self.often.is_empty()
             && self.events.is_empty()
@@ -173,18 +174,18 @@ pub struct Watcher {
     shared: Arc<Shared>,
 }
 
-/// Why a request is not taken.
+/// Error of a request that was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotAsked {
-    /// No loop runs that could take it.
-    #[error("no loop of this program takes it: it has not begun, or has ended")]
+    /// No running loop could accept the request.
+    #[error("no loop of this program can accept the request: it has not started, or has ended")]
     Nobody,
     /// The ring of requests is full.
-    #[error("the loop takes no requests at the moment: try again")]
+    #[error("the loop accepts no requests at the moment; try again")]
     Busy,
 }
 
-/// Both ends: one for [`Session::watched`](super::Session::watched), one for the watcher.
+/// Makes both ends: one for [`Session::watched`](super::Session::watched), one for the watcher.
 pub fn watch() -> (Watch, Watcher) {
     let ((opened, opening), shared) = (mpsc::channel(), Arc::<Shared>::default());
     (Watch { opened, shared: Arc::clone(&shared) }, Watcher { opening, open: Vec::new(), shared })
@@ -213,12 +214,12 @@ impl Watch {
 }
 
 impl Watched {
-    /// Which loop this is.
+    /// Returns the end of the bus to which this loop belongs.
     pub fn end(&self) -> End {
         self.end
     }
 
-    /// Passes `notice` on, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    /// Passes on `notice`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
     pub fn notify(&mut self, notice: Notice) {
         let is_queued = match notice {
@@ -245,7 +246,7 @@ impl Watched {
         self.shared.lost.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Whether frames are wanted. Never blocks, locks or allocates.
+    /// Says whether frames are wanted. Never blocks, locks or allocates.
     pub fn wants_frames(&self) -> bool {
         self.end.capacities().1 > 0 && self.shared.wants_frames.load(Ordering::Relaxed)
     }
@@ -258,7 +259,7 @@ impl Watched {
         }
     }
 
-    /// The next request, if there is one. Never blocks, locks or allocates.
+    /// Returns the next request, if there is one. Never blocks, locks or allocates.
     pub fn request(&mut self) -> Option<Request> {
         self.requests.pop().ok()
     }
@@ -282,7 +283,7 @@ impl Watcher {
         self.open.retain(|opened| !opened.is_over());
     }
 
-    /// Loops whose rings are open, as of the last look.
+    /// Returns the number of loops whose rings are open, as of the last check.
     #[cfg(test)]
     pub(super) fn loops(&self) -> usize {
         self.open.len()
@@ -298,11 +299,11 @@ impl Watcher {
         self.shared.wants_frames.store(wanted, Ordering::Relaxed);
     }
 
-    /// Asks the loop that the request is for: a set-point goes to the exciter, and to the plant beside it, which
-    /// records it; everything else to the plant, or to an exciter alone.
+    /// Passes a request to the right loop: a set-point goes to the exciter, and to the plant beside it, which records
+    /// it; everything else to the plant, or to an exciter alone.
     ///
     /// # Errors
-    /// [`NotAsked`] if there is no such loop, or it does not take requests.
+    /// [`NotAsked`] if there is no such loop, or it does not accept requests.
     pub fn ask(&mut self, request: Request) -> Result<(), NotAsked> {
         self.open.extend(self.opening.try_iter());
         let wanted = |end: End| match request {

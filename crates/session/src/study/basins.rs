@@ -16,16 +16,16 @@ use resonarm_analysis::time_domain::{StableMotion, StroboscopicMap, outcomes};
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
 
-/// A grid of initial states in two of the numbers of a state.
+/// A grid of initial states in two of the coordinates of a state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateGrid {
-    /// The numbers, by their places in the state, that vary along a row and from row to row.
+    /// The two coordinates, by their places in the state, that vary along a row and from row to row.
     pub coordinates: [usize; 2],
-    /// First value and last of each.
+    /// First and last value of each.
     pub ends: [[f64; 2]; 2],
-    /// How many values of each, from 2.
+    /// Number of values of each, from 2.
     pub counts: [usize; 2],
-    /// The state whose other numbers all have.
+    /// The state that gives all other coordinates.
     pub others: Vec<f64>,
 }
 
@@ -35,12 +35,12 @@ impl StateGrid {
         self.counts[0] * self.counts[1]
     }
 
-    /// Whether there is none.
+    /// Says whether the grid has no states.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The distance of neighbouring values of each coordinate.
+    /// Returns the distance of neighbouring values of each coordinate.
     pub fn spacing(&self) -> [f64; 2] {
         [0, 1].map(|axis| {
             let [from, to] = self.ends[axis];
@@ -48,7 +48,7 @@ impl StateGrid {
         })
     }
 
-    /// The values of both coordinates at a place in the grid, counted along the rows.
+    /// Returns the values of both coordinates at a place in the grid, counted along the rows.
     pub fn values(&self, index: usize) -> [f64; 2] {
         let places = [index % self.counts[0], index / self.counts[0]];
         [0, 1].map(|axis| {
@@ -58,7 +58,7 @@ impl StateGrid {
         })
     }
 
-    /// The state at a place in the grid.
+    /// Returns the state at a place in the grid.
     pub fn state(&self, index: usize) -> Vec<f64> {
         let mut state = self.others.clone();
         for (coordinate, value) in self.coordinates.iter().zip(self.values(index)) {
@@ -68,14 +68,14 @@ impl StateGrid {
     }
 }
 
-/// Basins of a structure to be computed.
+/// A computation of the basins of a structure.
 #[derive(Clone, Debug)]
 pub struct Basins {
     /// The structure and its drive.
     pub forced: Forced,
     /// The frequency of the drive, Hz.
     pub frequency_hz: f64,
-    /// The motions that the states may reach.
+    /// The stable periodic responses that the states may reach.
     pub motions: Vec<StableMotion>,
     /// The initial states, at phase 0 of the drive.
     pub grid: StateGrid,
@@ -83,7 +83,7 @@ pub struct Basins {
     pub time_constants: f64,
 }
 
-/// What became of some neighbours in the grid.
+/// Outcomes of some neighbours in the grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GridPart {
@@ -92,7 +92,7 @@ struct GridPart {
 }
 
 impl Basins {
-    /// The computation, with what is in the journal for this configuration.
+    /// Starts the computation, with the outcomes in the journal for this configuration.
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] for a drive under which nothing can be computed, [`StudyError::Journal`] for a
@@ -116,7 +116,7 @@ impl Basins {
         Ok(BasinComputation { basins: self, parts, journal })
     }
 
-    /// Follows the motions from some of the states to their ends.
+    /// Follows the trajectories from some of the states to their ends.
     fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.forced, self.frequency_hz)?;
         let starts: Vec<Vec<f64>> = states.map(|index| self.grid.state(index)).collect();
@@ -124,12 +124,12 @@ impl Basins {
     }
 }
 
-/// The states of a part, of so many.
+/// Returns the states of a part, of so many.
 fn range(part: usize, states: usize) -> Range<usize> {
     part * TOGETHER..((part + 1) * TOGETHER).min(states)
 }
 
-/// Basins as far as they are computed, and where they are kept.
+/// Basins as far as they are computed, and their journal.
 #[derive(Debug)]
 pub struct BasinComputation {
     basins: Basins,
@@ -138,7 +138,7 @@ pub struct BasinComputation {
 }
 
 impl BasinComputation {
-    /// Returns where the motion from each state ends, in the order of the grid; `None` until all are computed.
+    /// Returns the outcome of each state, in the order of the grid; `None` until all are computed.
     pub fn outcomes(&self) -> Option<Vec<BasinOutcome>> {
         let parts: Option<Vec<&Vec<BasinOutcome>>> = self.parts.iter().map(Option::as_ref).collect();
         parts.map(|parts| parts.into_iter().flatten().copied().collect())
@@ -154,12 +154,12 @@ impl BasinComputation {
         self.basins.grid.len()
     }
 
-    /// Whether what is computed is kept in a journal.
+    /// Says whether results are kept in a journal.
     pub fn is_kept(&self) -> bool {
         self.journal.is_some()
     }
 
-    /// Computes what is missing, on as many threads as there are cores, until it is stopped.
+    /// Computes the missing outcomes, on as many threads as there are cores, until it is stopped.
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] if nothing can be computed, [`StudyError::Journal`] if the journal can't be written.
@@ -191,7 +191,7 @@ impl BasinComputation {
         Ok(BasinComputation { basins: self.basins, parts, journal })
     }
 
-    /// To be called when the results are written: there is nothing left to resume.
+    /// Removes the journal. Call it when the results are written and there is nothing left to resume.
     ///
     /// # Errors
     /// [`StudyError::Journal`] if the journal can't be removed.
@@ -219,7 +219,7 @@ mod tests {
         (Basins { forced, frequency_hz, motions, grid, time_constants: 40.0 }, dof)
     }
 
-    /// The fates on all cores are those of one state after the other, and both motions are reached.
+    /// The outcomes on all cores are those of one state after the other, and both responses are reached.
     #[test]
     fn fates_on_all_cores_are_those_of_one_state_after_the_other() {
         let (basins, _) = basins([13, 11]);

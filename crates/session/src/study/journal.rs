@@ -14,7 +14,7 @@ use thiserror::Error;
 
 use resonarm_files::recording::build_info;
 
-/// Reasons why a journal can't be used.
+/// Error of a journal that can't be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum JournalError {
@@ -35,15 +35,15 @@ pub enum JournalError {
         source: io::Error,
     },
     /// Another process has it open.
-    #[error("{} is in use by another process", path.display())]
+    #[error("{} is in use by another process: wait until it has ended, or name another file", path.display())]
     InUse {
         /// Path of the journal.
         path: PathBuf,
     },
-    /// It holds points of another computation.
+    /// The file holds points of another computation.
     #[error(
-        "{} was begun with {key} = {had}, and this command has {has}: repeat the command that began it to continue it, or \
-         take another folder, or delete it", path.display()
+        "{} was started with {key} = {had}, but this command has {has}: repeat the command that started it to continue it, \
+         name another file, or delete it", path.display()
     )]
     Differs {
         /// Path of the journal.
@@ -55,8 +55,8 @@ pub enum JournalError {
         /// Value of the key in this computation.
         has: Value,
     },
-    /// A line is not what it should be.
-    #[error("line {line} of {} is no {what}: delete the file to begin anew", path.display())]
+    /// A line has an unexpected content.
+    #[error("line {line} of {} is not a {what}: delete the file to start again", path.display())]
     Damaged {
         /// Path of the journal.
         path: PathBuf,
@@ -75,11 +75,11 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal at `path`, or begins it, for a computation that `configuration` describes in full. Returns the
-    /// points in it, too, in the order in which they were written.
+    /// Opens the journal at `path`, or creates it, for a computation that `configuration` describes in full. Also
+    /// returns the points in it, in the order in which they were written.
     ///
     /// # Errors
-    /// [`JournalError`] if the file can't be had, or holds points of another computation, or no journal.
+    /// [`JournalError`] if the file can't be opened, holds points of another computation, or is no journal.
     pub fn open<P: DeserializeOwned>(path: &Path, configuration: &Value) -> Result<(Journal, Vec<P>), JournalError> {
         let path = path.to_path_buf();
         let open = |source| JournalError::Open { path: path.clone(), source };
@@ -95,7 +95,7 @@ impl Journal {
         // Numbers as they are after being written and read.
         // The build belongs to it: another one may round differently, and a study must not mix points of two builds.
         let header: Value = json!({ "build": build_info(), "configuration": configuration });
-        // What stands behind the last end of a line was cut off.
+        // The bytes behind the last end of a line were cut off.
         let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
         let mut lines = bytes[..whole].split(|byte| *byte == b'\n').peekable();
         let had = match lines.next_if(|_first| whole > 0) {
@@ -121,7 +121,7 @@ impl Journal {
         Ok((journal, points))
     }
 
-    /// Takes off what stands behind these bytes.
+    /// Removes the content behind these bytes.
     fn cut(&mut self, bytes: usize) -> Result<(), JournalError> {
         let cut = self.file.set_len(bytes as u64).and_then(|()| self.file.seek(SeekFrom::End(0)));
         cut.map(drop).map_err(|source| JournalError::Write { path: self.path.clone(), source })
@@ -130,7 +130,7 @@ impl Journal {
     /// Writes a line.
     ///
     /// # Errors
-    /// [`JournalError::Write`] with what the system says.
+    /// [`JournalError::Write`] with the error of the operating system.
     pub fn append(&mut self, value: &impl Serialize) -> Result<(), JournalError> {
         let failed = |source| JournalError::Write { path: self.path.clone(), source };
         let mut line = serde_json::to_vec(value).map_err(|error| failed(error.into()))?;
@@ -142,30 +142,30 @@ impl Journal {
     /// Removes the file: the computation is complete.
     ///
     /// # Errors
-    /// [`JournalError::Write`] with what the system says.
+    /// [`JournalError::Write`] with the error of the operating system.
     pub fn remove(self) -> Result<(), JournalError> {
         std::fs::remove_file(&self.path).map_err(|source| JournalError::Write { path: self.path, source })
     }
 
-    /// The error for a line, counted from 1, that isn't what it should be.
+    /// Makes the error for a line, counted from 1, with an unexpected content.
     pub fn damaged(&self, line: usize, what: &'static str) -> JournalError {
         JournalError::Damaged { path: self.path.clone(), line, what }
     }
 }
 
-/// The header in a line, if it is one.
+/// Returns the header in a line, if it is one.
 fn header_in(line: &[u8]) -> Option<Value> {
     let found: Value = serde_json::from_slice(line).ok()?;
     ["build", "configuration"].iter().all(|key| found.get(key).is_some()).then_some(found)
 }
 
-/// Whether a file without the end of a line is empty, or may be a header whose writing was cut off.
+/// Says whether a file without the end of a line is empty, or may be a header whose writing was cut off.
 fn is_torn_header(bytes: &[u8]) -> bool {
     const BEGIN: &[u8] = br#"{"build":{"#;
     bytes.starts_with(BEGIN) || BEGIN.starts_with(bytes)
 }
 
-/// The first key in which two documents differ, as `a.b`, and the two values.
+/// Returns the first key in which two documents differ, as `a.b`, and the two values.
 fn difference(at: &str, had: &Value, has: &Value) -> Option<(String, Value, Value)> {
     if let (Value::Object(a), Value::Object(b)) = (had, has) {
         let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
@@ -181,7 +181,7 @@ fn difference(at: &str, had: &Value, has: &Value) -> Option<(String, Value, Valu
 mod tests {
     use super::*;
 
-    const NO_HEADER: &str = "line 1 of DIR/sweep.partial.jsonl is no header: delete the file to begin anew";
+    const NO_HEADER: &str = "line 1 of DIR/sweep.partial.jsonl is not a header: delete the file to start again";
 
     fn says(path: &Path, configuration: &Value) -> String {
         let error = Journal::open::<u32>(path, configuration).unwrap_err();
@@ -225,7 +225,7 @@ mod tests {
         }
     }
 
-    /// What is left of a process that was killed while it wrote the header.
+    /// The remains of a process that was killed while it wrote the header.
     #[test]
     fn a_journal_with_a_torn_header_is_begun_anew() {
         let folder = tempfile::tempdir().unwrap();
@@ -249,16 +249,16 @@ mod tests {
         let configuration = json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 3 });
         let (mut journal, _) = Journal::open::<u32>(&path, &json!({ "steps": 7 })).unwrap();
         drop(journal);
-        // A journal without points stands in nobody's way.
+        // A journal without points is replaced.
         (journal, _) = Journal::open::<u32>(&path, &configuration).unwrap();
         journal.append(&1).unwrap();
         drop(journal);
-        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"DIR/sweep.partial.jsonl was begun with configuration.arm.beta2_deg = 60.0, and this command has 90.0: repeat the command that began it to continue it, or take another folder, or delete it");
-        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"DIR/sweep.partial.jsonl was begun with configuration.steps = 3, and this command has 4: repeat the command that began it to continue it, or take another folder, or delete it");
+        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"DIR/sweep.partial.jsonl was started with configuration.arm.beta2_deg = 60.0, but this command has 90.0: repeat the command that started it to continue it, name another file, or delete it");
+        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"DIR/sweep.partial.jsonl was started with configuration.steps = 3, but this command has 4: repeat the command that started it to continue it, name another file, or delete it");
         let header = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, format!("{header}three\n")).unwrap();
-        insta::assert_snapshot!(says(&path, &configuration), @"line 3 of DIR/sweep.partial.jsonl is no point: delete the file to begin anew");
+        insta::assert_snapshot!(says(&path, &configuration), @"line 3 of DIR/sweep.partial.jsonl is not a point: delete the file to start again");
         std::fs::write(&path, "once upon a time\n1\n").unwrap();
-        insta::assert_snapshot!(says(&path, &configuration), @"line 1 of DIR/sweep.partial.jsonl is no header: delete the file to begin anew");
+        insta::assert_snapshot!(says(&path, &configuration), @"line 1 of DIR/sweep.partial.jsonl is not a header: delete the file to start again");
     }
 }

@@ -1,8 +1,8 @@
-//! Parameter studies: many motions of a structure, computed on all cores, which can be stopped and resumed.
+//! Parameter studies: many responses of a structure, computed on all cores, which can be stopped and resumed.
 //!
-//! In [`Sweeps`] each motion begins where the one before ended; [`Basins`] say which initial states reach which stable
-//! motion. What is finished goes into a [`Journal`], so that a study that was stopped, or killed, continues from there
-//! and gives the same bits. [`on_all_cores`] spreads independent jobs.
+//! In [`Sweeps`] each response starts where the one before ended; [`Basins`] say which initial states reach which
+//! stable response. Finished points go into a [`Journal`], so that a study that was stopped, or killed, continues from
+//! there and produces bit-identical results. [`on_all_cores`] spreads independent jobs.
 
 mod basins;
 mod journal;
@@ -18,20 +18,20 @@ pub use sweeps::{SweepComputation, SweepPoint, Sweeps};
 
 use resonarm_analysis::time_domain::TimeDomainError;
 
-/// How a study is watched, and stopped; both are called from its threads.
+/// Callbacks that watch and stop a study; both are called from its threads.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {
-    /// Whether to stop; asked now and then.
+    /// Whether to stop; called regularly.
     pub stop: &'a (dyn Fn() -> bool + Sync),
     /// Called after each point, with the number finished.
     pub done: &'a (dyn Fn(u64) + Sync),
 }
 
-/// Reasons why a study ends without a result.
+/// Error of a study that ends without a result.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StudyError {
-    /// A motion can't be computed.
+    /// A response can't be computed.
     #[error(transparent)]
     TimeDomain(#[from] TimeDomainError),
     /// The journal can't be used.
@@ -63,7 +63,7 @@ mod tests {
         (Forced::new(assembly, dof, 2.0), dof)
     }
 
-    /// The frequencies of its folds, Hz.
+    /// Returns the frequencies of its folds, Hz.
     pub(super) fn folds_hz(forced: &Forced, dof: Dof) -> Vec<f64> {
         let options = TraceOptions::new(forced, Coordinate::FrequencyHz, [8.0, 20.0], vec![dof]);
         let branch = trace(forced, 8.0, Coordinate::FrequencyHz, &options).unwrap();

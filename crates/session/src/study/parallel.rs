@@ -1,11 +1,11 @@
-//! Independent jobs over all cores.
+//! Runs independent jobs on all cores.
 
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Does `work` on every job, over all cores, and calls `done` after each. The results stand in the order of the jobs. The
-/// calling thread works, too: where the system gives no more threads, it does what is left.
+/// Does `work` on every job, on all cores, and calls `done` after each. The results are in the order of the jobs. The
+/// calling thread works, too: if the operating system has no more threads, it does the rest.
 pub fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync, done: impl Fn() + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let cores = thread::available_parallelism().map_or(1, |cores| cores.get()).min(jobs.len());

@@ -1,4 +1,5 @@
-//! Stepped sweeps, each motion begun where the one before ended; several sweeps at a time, which can be resumed.
+//! Stepped sweeps, in which each response starts where the one before ended; several sweeps at a time, which can be
+//! resumed.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -13,20 +14,20 @@ use resonarm_analysis::time_domain::{SettleOptions, TimeDomainError};
 use resonarm_analysis::time_domain::{Settled, Sweep, settle};
 use resonarm_dynamics::structure::Dof;
 
-/// Stepped sweeps of a structure, or of structures that differ in a parameter, that begin in the same state.
+/// Stepped sweeps of a structure, or of structures that differ in a parameter, that start in the same state.
 #[derive(Clone, Debug)]
 pub struct Sweeps {
     /// The sweeps to be computed.
     pub sweeps: Vec<Sweep>,
-    /// The degrees of freedom at which motions are read.
+    /// The degrees of freedom at which responses are read.
     pub read: Vec<Dof>,
-    /// The state, at phase 0, in which the first motion of each sweep begins: coordinates, rates, states of elements.
+    /// The state, at phase 0, in which the first response of each sweep starts: coordinates, rates, states of elements.
     pub start: Vec<f64>,
-    /// How long each motion is waited for, and how much is kept of its section.
+    /// The longest time for each response to settle, and the number of points of its section that are kept.
     pub options: SettleOptions,
 }
 
-/// The motion at one value of a sweep.
+/// The response at one value of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SweepPoint {
@@ -55,14 +56,14 @@ impl SweepPoint {
         self.coordinates.iter().copied().map(Reading::from_numbers).collect()
     }
 
-    /// Returns what was read of the response, as [`Settled::readings`].
+    /// Returns the readings of the response, as [`Settled::readings`].
     pub fn readings(&self) -> Vec<Reading> {
         self.readings.iter().copied().map(Reading::from_numbers).collect()
     }
 }
 
 impl Sweeps {
-    /// The computation, with the points that are in the journal for this configuration.
+    /// Starts the computation, with the points that are in the journal for this configuration.
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] for a value at which nothing can be computed, [`StudyError::Journal`] for a journal
@@ -79,7 +80,7 @@ impl Sweeps {
         Ok(SweepComputation { sweeps: self, points, journal })
     }
 
-    /// The points of a journal by sweep; those of one sweep follow each other in it.
+    /// Sorts the points of a journal by sweep; those of one sweep follow each other in it.
     fn sorted(&self, points: Vec<SweepPoint>, journal: &Journal) -> Result<Vec<Vec<SweepPoint>>, StudyError> {
         let mut sweeps: Vec<Vec<SweepPoint>> = self.sweeps.iter().map(|_| Vec::new()).collect();
         for (k, point) in points.into_iter().enumerate() {
@@ -93,7 +94,7 @@ impl Sweeps {
         Ok(sweeps)
     }
 
-    /// The point at a place, after the one before it.
+    /// Computes the point at a place, after the one before it.
     fn point(
         &self,
         sweep: usize,
@@ -146,7 +147,7 @@ impl Sweeps {
     }
 }
 
-/// Sweeps as far as they are computed, and where their points are kept.
+/// Sweeps as far as they are computed, and the journal of their points.
 #[derive(Debug)]
 pub struct SweepComputation {
     sweeps: Sweeps,
@@ -155,7 +156,7 @@ pub struct SweepComputation {
 }
 
 impl SweepComputation {
-    /// The points of each sweep.
+    /// Returns the points of each sweep.
     pub fn points(&self) -> &[Vec<SweepPoint>] {
         &self.points
     }
@@ -170,23 +171,23 @@ impl SweepComputation {
         self.sweeps.sweeps.iter().map(|sweep| sweep.values.len()).sum()
     }
 
-    /// Whether every point is there.
+    /// Says whether all points are computed.
     pub fn is_complete(&self) -> bool {
         self.done() == self.total()
     }
 
-    /// Whether points are kept in a journal.
+    /// Says whether points are kept in a journal.
     pub fn is_kept(&self) -> bool {
         self.journal.is_some()
     }
 
-    /// Computes the points that are missing, on as many threads as there are cores, until it is stopped.
+    /// Computes the missing points, on as many threads as there are cores, until it is stopped.
     ///
-    /// A sweep is the same however often it was stopped, for each point begins with the exact state in which the one
-    /// before ended.
+    /// A sweep has the same result however often it was stopped, since each point starts in the exact state in which
+    /// the one before ended.
     ///
     /// # Errors
-    /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be
+    /// [`StudyError::TimeDomain`] if a response can't be computed, [`StudyError::Journal`] if the journal can't be
     /// written.
     pub fn compute_missing(self, control: &Control<'_>) -> Result<SweepComputation, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
@@ -243,7 +244,7 @@ mod tests {
         sweeps.begin(journal)?.compute_missing(&QUIET)
     }
 
-    /// Up and down the motions differ between the folds, and nowhere else.
+    /// Up and down the responses differ between the folds, and nowhere else.
     #[test]
     fn sweeps_differ_between_the_folds() {
         let computed = computed(sweeps(), None).unwrap();
@@ -261,7 +262,7 @@ mod tests {
         assert!(points.iter().flatten().all(settled));
     }
 
-    /// A study that was killed after any number of points, in the middle of a line, gives the same bits.
+    /// A study that was killed after any number of points, in the middle of a line, produces bit-identical results.
     #[test]
     fn a_sweep_continues_as_if_never_stopped() {
         let folder = tempfile::tempdir().unwrap();
@@ -313,7 +314,7 @@ mod tests {
         journal.append(&SweepPoint { index: 1, ..first }).unwrap();
         drop(journal);
         let refusal = computed(sweeps(), Some((&path, &json!({})))).unwrap_err().to_string();
-        insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
+        insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is not a point that follows: delete the file to start again");
     }
 
     /// A value at which nothing can be computed ends everything, before any point is computed.

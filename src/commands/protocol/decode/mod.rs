@@ -63,17 +63,17 @@ const SHOWN_CHARS: usize = 80;
 
 /// Explains the frames of one protocol, one after another, and counts them.
 trait Explains {
-    /// The next frame for --json, without the frame itself.
+    /// Explains the next frame for --json, without the frame itself.
     fn row(&mut self, line: &LogLine) -> Map<String, Value>;
-    /// The next frame as text, likewise.
+    /// Explains the next frame as text, without the frame itself.
     fn text(&mut self, line: &LogLine) -> String;
-    /// The number of frames so far.
+    /// Returns the number of frames so far.
     fn frames(&self) -> u64;
-    /// Whether none is rejected or too short.
+    /// Says whether no frame was rejected or too short.
     fn is_clean(&self) -> bool;
-    /// The number of frames of each verdict.
+    /// Returns the number of frames of each verdict.
     fn counts(&self) -> Value;
-    /// The same as text.
+    /// States the number of frames of each verdict in words.
     fn counts_text(&self) -> String;
 }
 
@@ -81,11 +81,11 @@ struct Decoding {
     explains: Box<dyn Explains>,
     /// Warnings about the DBC, for --json.
     warnings: Vec<Value>,
-    /// Lines that hold no frame.
+    /// The number of lines that hold no frame.
     unreadable_lines: u64,
-    /// Reports of the CAN controller.
+    /// The number of reports of the CAN controller.
     error_frames: u64,
-    /// With --json: the frames, and the lines that hold none.
+    /// With --json, the frames, and the lines that hold none.
     rows: Option<[Vec<Value>; 2]>,
 }
 
@@ -113,8 +113,8 @@ impl Decode {
         Ok(decoding.finish()?.and(whole))
     }
 
-    /// The decoder of the frames, by the DBC, the scenario, the recording's scenario or the network, in this order; and
-    /// the faults of the DBC.
+    /// Makes the decoder of the frames, by the DBC, the scenario, the recording's scenario or the network, in this
+    /// order; and the faults of the DBC.
     fn explains(&self, recording: Option<&Recording>) -> Result<(Box<dyn Explains>, Vec<Found>), Failure> {
         if let Some(path) = &self.dbc {
             let database = Database::read(path).map_err(|error| Failure::usage(error.to_string()))?;
@@ -123,7 +123,7 @@ impl Decode {
         let scenario = match (recording, &self.scenario) {
             (_, Some(path)) => Scenario::read(path)?,
             (Some(recording), None) => match Scenario::from_configuration(recording.configuration()) {
-                // That of an imported log says no protocol, as the log itself does not.
+                // The scenario of an imported log states no protocol, like the log itself.
                 Err(ScenarioError::NotInRecording) => return self.of_network(),
                 scenario => scenario?,
             },
@@ -135,13 +135,13 @@ impl Decode {
         })
     }
 
-    /// The decoder of Resonarm's own protocol, for the network of the flags.
+    /// Makes the decoder of Resonarm's own protocol, for the network of the flags.
     fn of_network(&self) -> Result<(Box<dyn Explains>, Vec<Found>), Failure> {
         Ok((Box::new(NetworkFrames::new(self.network.network()?)), Vec::new()))
     }
 }
 
-/// The decoder of a DBC or of drives, and the faults of the DBC, which are also reported on standard error.
+/// Makes the decoder of a DBC or of drives, and lists the faults of the DBC, which are also reported on standard error.
 fn wire(decoder: Decoder) -> (Box<dyn Explains>, Vec<Found>) {
     let problems = decoder.problems();
     for Found { line, message, signal, problem } in &problems {
@@ -254,7 +254,7 @@ impl Decoding {
     }
 }
 
-/// Time and interface before a frame.
+/// Writes time and interface before a frame.
 fn at(time_s: Option<f64>, interface: Option<&str>) -> String {
     let time = time_s.map_or(String::new(), |time_s| format!("({time_s:.6}) "));
     let interface = interface.map_or(String::new(), |interface| format!("{interface} "));
@@ -268,7 +268,7 @@ fn parse(line: &str) -> Result<LogEntry, String> {
     })
 }
 
-/// An argument that is no frame may be the name of a file with frames.
+/// Explains that an argument is no frame: it may be the name of a file with frames.
 fn not_a_frame(argument: &str, reason: String) -> Failure {
     Failure::usage(match Path::new(argument).is_file() {
         true => format!("{reason}. It is a file: `resonarm protocol decode < {argument}` reads it"),

@@ -20,7 +20,7 @@ struct Counts {
     lost: u64,
 }
 
-/// Whether a receiver takes a frame; none of another protocol.
+/// The verdict of a receiver on a frame; none on a frame of another protocol.
 type Verdicted = Result<Option<Message>, DecodeError>;
 
 /// A receiver that listens from the first frame on.

@@ -1,4 +1,4 @@
-//! Frames of a user's own protocol.
+//! Frames of a user protocol.
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -15,11 +15,11 @@ struct Counts {
     /// Frames of mapped messages.
     taken: u64,
     refused: u64,
-    /// Frames of messages that the mapping does not use, or of all if there is none.
+    /// Frames of messages that the mapping does not use; without a mapping, of all messages.
     decoded: u64,
-    /// Those of them that are shorter than their message.
+    /// The decoded frames that are shorter than their message.
     short: u64,
-    /// Remote frames and the like.
+    /// Requests for a message, such as remote frames.
     requests: u64,
     /// Frames of no message.
     foreign: u64,
@@ -147,7 +147,7 @@ fn message_row(message: &DecodedMessage) -> Map<String, Value> {
     }
 }
 
-/// A number of JSON, if it has at most 64 bits.
+/// Returns a number of JSON, if the integer has at most 64 bits.
 fn integer(number: i128) -> Option<Value> {
     u64::try_from(number).map(Value::from).or_else(|_| i64::try_from(number).map(Value::from)).ok()
 }

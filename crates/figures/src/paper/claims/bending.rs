@@ -10,7 +10,7 @@ use resonarm_analysis::Bending;
 const SMALL_DEG: f64 = 50.0;
 const LARGE_DEG: f64 = 100.0;
 
-/// Whether the backbones of a mode, up to the torque, are of a kind at each of the selected poses of Fig. 4.
+/// Says whether the backbones of a mode, up to the torque, are of a kind at each of the selected poses of Fig. 4.
 fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn(&Bent) -> bool) -> Judgement {
     let poses: Vec<f64> = survey.settings.figure4.beta2_deg.iter().copied().filter(|pose| wanted(*pose)).collect();
     survey.over_torques(mode, |driven| {
@@ -21,7 +21,7 @@ fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn
     })
 }
 
-/// The backbones at these poses in words and numbers.
+/// Returns the backbones at these poses in words and numbers.
 fn listed(survey: &Survey<'_>, driven: Driven, mode: usize, poses: &[f64]) -> (String, Vec<super::Number>) {
     let (mut words, mut numbers) = (Vec::new(), Vec::new());
     for beta2_deg in poses {

@@ -1,4 +1,4 @@
-//! Which way a zone bends, read from its backbone.
+//! The direction in which a zone bends, read from its backbone.
 
 use super::super::branch::{beta2_deg, natural_hz, zone_hz};
 use super::super::{Drive, PaperError, Subject};
@@ -36,7 +36,7 @@ impl Bent {
     }
 }
 
-/// The backbone of a mode (0 or 1) up to an amplitude of the excitation.
+/// Returns the backbone of a mode (0 or 1) up to an amplitude of the excitation.
 pub(super) fn bent(subject: &Subject, arm: &Assembly, mode: usize, drive: (Drive, f64)) -> Result<Bent, PaperError> {
     let (forced, joint1) = (drive.0.forced(arm, drive.1)?, arm.dof("joint1")?);
     let mut options = BackboneOptions::new(&forced, mode, f64::INFINITY, drive.1, vec![joint1]);

@@ -40,12 +40,12 @@ pub(super) fn number(of: impl Into<String>, value: f64, unit: &'static str) -> N
     Number { of: of.into(), value, unit }
 }
 
-/// A number as text with a typographic minus sign.
+/// Returns a number as text with a typographic minus sign.
 pub(super) fn signed(value: f64) -> String {
     value.to_string().replace('-', "−")
 }
 
-/// Whether all parts hold, if that is known: one that doesn't is enough for `false`.
+/// Says whether all parts hold, if that is known: one that doesn't is enough for `false`.
 pub(super) fn all_hold(parts: impl Iterator<Item = Seen<bool>>) -> Seen<bool> {
     let (mut unknown, mut holds) = (None, true);
     // All parts are asked: a later one that does not hold settles the matter.
@@ -80,14 +80,14 @@ pub(super) fn over<T: Copy + PartialEq>(
 }
 
 impl Survey<'_> {
-    /// A case for each torque of Fig. 4, the figure's own being that of the zone of a mode.
+    /// Judges a case for each torque of Fig. 4, the figure's own being that of the zone of a mode.
     pub fn over_torques(&self, mode: usize, judge: impl Fn(Driven) -> Seen<Opinion>) -> Judgement {
         let torques = torques_nm(self.settings, self.subject.preset(), mode);
         let judge = |nm| judge(Driven::Torque { nm });
         over("torques", self.own_torque_nm(mode), torques, (|nm| format!("{nm} N·m"), judge))
     }
 
-    /// A case for each height of the line and each force at the tip, the figure's own being this force.
+    /// Judges a case for each height of the line and each force at the tip, the figure's own being this force.
     pub fn over_heights_and_forces(&self, own_n: f64, judge: impl Fn(Driven) -> Seen<Opinion>) -> Judgement {
         let forces = forces_n(self.settings);
         let pairs = heights_m(self.settings).into_iter();
@@ -97,7 +97,7 @@ impl Survey<'_> {
         over("heights and forces", (self.settings.line.height_m, own_n), pairs, (words, judge))
     }
 
-    /// A case for each height of the line.
+    /// Judges a case for each height of the line.
     pub fn over_heights(&self, judge: impl Fn(f64) -> Seen<Opinion>) -> Judgement {
         let words = |height_m: f64| format!("{} m", signed(height_m));
         over("heights", self.settings.line.height_m, heights_m(self.settings), (words, judge))

@@ -4,7 +4,7 @@ use super::super::branch::natural_hz;
 use super::cases::{Judgement, Opinion, number, once};
 use super::survey::{Seen, Survey};
 
-/// f1 and f2 at a pose, Hz.
+/// Returns f1 and f2 at a pose, Hz.
 fn frequencies(survey: &Survey<'_>, beta2_deg: f64) -> Seen<[f64; 2]> {
     let arm = survey.subject.bent(beta2_deg).map_err(|why| why.to_string())?;
     Ok(natural_hz(&arm))

@@ -28,15 +28,15 @@ use survey::Survey;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// It does in all cases that could be computed, and these are at least two thirds of all.
+    /// It holds in all cases that could be computed, and these are at least two thirds of all.
     Holds,
-    /// It does in some cases.
+    /// It holds in some cases.
     HoldsInPart,
-    /// It does in none that could be computed, and these are at least two thirds of all.
+    /// It holds in no case that could be computed, and these are at least two thirds of all.
     DoesNotHold,
-    /// It does in none that could be computed, but these are fewer.
+    /// It holds in no case that could be computed, but these are less than two thirds of all.
     Undecided,
-    /// No case could be computed; the value says why.
+    /// No case could be computed; the value states the reason.
     NotComputed,
 }
 
@@ -71,7 +71,7 @@ pub struct Case {
     pub at: String,
     /// Whether the statement holds there.
     pub verdict: Verdict,
-    /// The result in words with rounded numbers, or why it could not be computed.
+    /// The result in words with rounded numbers, or the reason for which it could not be computed.
     pub value: String,
     /// Numbers behind the verdict, not rounded.
     pub numbers: Vec<Number>,
@@ -119,7 +119,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether every statement could be judged in at least one of its cases.
+    /// Says whether every statement could be judged in at least one of its cases.
     pub fn is_complete(&self) -> bool {
         self.claims.iter().flat_map(|claim| &claim.findings).all(|finding| finding.verdict != Verdict::NotComputed)
     }
@@ -185,13 +185,13 @@ fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
     Finding { preset: survey.subject.preset(), verdict, over, own, cases }
 }
 
-/// Whether enough cases could be computed for a verdict: two thirds.
+/// Says whether enough cases could be computed for a verdict: two thirds.
 fn enough(computed: usize, all: usize) -> bool {
     // In whole numbers, so that rounding doesn't decide at exactly two thirds.
     3 * computed >= 2 * all
 }
 
-/// The verdict on a statement from those on its cases.
+/// Returns the verdict on a statement from those on its cases.
 fn verdict(cases: &[Verdict]) -> Verdict {
     let count = |verdict| cases.iter().filter(|case| **case == verdict).count();
     let (holds, not) = (count(Verdict::Holds), count(Verdict::DoesNotHold));

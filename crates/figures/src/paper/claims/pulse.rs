@@ -8,7 +8,7 @@ use super::survey::Survey;
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{Assembly, Dof, StepLoad, Stepper};
 
-/// F sin(πt/T) for 0 ≤ t ≤ T, along x or y at the tip.
+/// A half-sine force F sin(πt/T) for 0 ≤ t ≤ T, along x or y at the tip.
 struct HalfSine {
     force_n: f64,
     length_s: f64,
@@ -26,7 +26,7 @@ const RATE_HZ: f64 = 20_000.0;
 /// Length of the free vibration, s: some ten periods of the slower mode, in which damping reduces it by 1 %.
 const WATCHED_S: f64 = 0.5;
 
-/// The largest displacement of C after a pulse, m; a step in which the pulse ends counts to it.
+/// Returns the largest displacement of C after a pulse, m, including the step in which the pulse ends.
 fn amplitude_m(arm: &Assembly, pulse: &HalfSine) -> Result<f64, PaperError> {
     let tip = [arm.dof("tip.x")?, arm.dof("tip.y")?];
     let driven = tip[usize::from(pulse.along == Along::Y)];
@@ -49,7 +49,7 @@ fn amplitude_m(arm: &Assembly, pulse: &HalfSine) -> Result<f64, PaperError> {
     Ok(largest)
 }
 
-/// The distance of a point from its place at rest, m.
+/// Returns the distance of a point from its place at rest, m.
 fn displacement_m(arm: &Assembly, position: &[f64], point: &[Dof; 2]) -> f64 {
     let at = arm.at(position);
     libm::hypot(at.displacement(point[0]), at.displacement(point[1]))
@@ -85,7 +85,7 @@ mod tests {
     use resonarm_dynamics::structure::Preset;
 
     /// A blow much shorter than the modes' periods gives the arm the momentum w·F·2T/π at once: α̇ = M⁻¹ times it, with
-    /// w the generalised force of a unit force; the motion after it is linear in the force.
+    /// w the generalised force of a unit force; the response after it is linear in the force.
     #[test]
     fn a_short_blow_is_a_momentum() {
         let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();

@@ -17,8 +17,8 @@ impl Finding {
         (labels.len(), listed.unwrap_or_default())
     }
 
-    /// In how many of the cases the statement holds, in which, and which could not be computed; empty for a statement
-    /// without an unstated parameter.
+    /// Says in how many and which of the cases the statement holds, and which could not be computed; empty for a
+    /// statement without an unstated parameter.
     pub fn share(&self) -> String {
         if self.over.is_empty() {
             return String::new();
@@ -34,7 +34,7 @@ impl Finding {
         text
     }
 
-    /// The result: the share of the cases, and the numbers of the figures' case.
+    /// Returns the result: the share of the cases, and the numbers of the figures' case.
     pub fn value(&self) -> String {
         let Some(own) = self.cases.get(self.own) else { return String::new() };
         if self.over.is_empty() {
@@ -45,7 +45,7 @@ impl Finding {
 }
 
 impl Report {
-    /// The number of statements of each verdict for a preset, in words.
+    /// Returns the number of statements of each verdict for a preset, in words.
     fn summary(&self, preset: Preset) -> String {
         let all: Vec<(bool, Verdict)> = self
             .claims
@@ -81,7 +81,7 @@ impl Report {
         Preset::ALL.map(|preset| self.summary(preset))
     }
 
-    /// A paragraph for each claim.
+    /// Returns the report as text, a paragraph for each claim.
     pub fn text(&self) -> String {
         let mut text = String::new();
         for claim in &self.claims {
@@ -96,7 +96,7 @@ impl Report {
         text
     }
 
-    /// A table of the verdicts, a row for each claim, and below it the rules and the numbers.
+    /// Returns a table of the verdicts, a row for each claim, and below it the rules and the numbers.
     pub fn markdown(&self) -> String {
         let [first, second] = Preset::ALL;
         let mut text = format!("| Section | Statement | `{first}` | `{second}` |\n|---|---|---|---|\n");

@@ -6,7 +6,7 @@ use super::bent::{Bent, bent};
 use resonarm_analysis::{BifurcationKind, Maximum};
 use resonarm_dynamics::structure::{Assembly, Preset};
 
-/// A result, or why it could not be computed.
+/// A result, or the reason for which it could not be computed.
 pub(super) type Seen<T> = Result<T, String>;
 
 /// The excitation of the arm, and where it acts.
@@ -45,10 +45,10 @@ pub(super) struct Place {
 /// Values read from a zone.
 #[derive(Clone, Debug)]
 pub(super) struct Zone {
-    /// Of each link, the highest first.
+    /// The maxima of each link, the highest first.
     maxima: [Vec<Maximum>; 2],
     width_hz: [Option<f64>; 2],
-    /// The largest ratio of stable amplitudes of link 1 at one frequency; 1 if there is one motion at each.
+    /// The largest ratio of stable amplitudes of link 1 at one frequency; 1 if there is one response at each.
     pub ratio: f64,
     /// Frequencies of period doublings, folds and Neimark–Sacker bifurcations, Hz.
     doublings_hz: Vec<f64>,
@@ -69,27 +69,27 @@ impl Zone {
         }
     }
 
-    /// The highest maximum of a link (0 or 1).
+    /// Returns the highest maximum of a link (0 or 1).
     pub fn peak(&self, link: usize) -> Seen<Maximum> {
-        self.maxima[link].first().copied().ok_or_else(|| String::from("a zone without a maximum"))
+        self.maxima[link].first().copied().ok_or_else(|| String::from("the zone has no maximum"))
     }
 
-    /// The maxima of a link, the highest first.
+    /// Returns the maxima of a link, the highest first.
     pub fn maxima(&self, link: usize) -> &[Maximum] {
         &self.maxima[link]
     }
 
-    /// The half-power width of a link, Hz.
+    /// Returns the half-power width of a link, Hz.
     pub fn width_hz(&self, link: usize) -> Seen<f64> {
-        self.width_hz[link].ok_or_else(|| String::from("a zone without a maximum"))
+        self.width_hz[link].ok_or_else(|| String::from("the zone has no maximum"))
     }
 
-    /// The number of folds.
+    /// Returns the number of folds.
     pub fn folds(&self) -> usize {
         self.folds_hz.len()
     }
 
-    /// The bifurcations of a kind, Hz.
+    /// Returns the bifurcations of a kind, Hz.
     pub fn bifurcations_hz(&self, kind: BifurcationKind) -> &[f64] {
         match kind {
             BifurcationKind::Fold => &self.folds_hz,
@@ -100,7 +100,7 @@ impl Zone {
     }
 }
 
-/// Zone and backbone of a place, or why each could not be computed.
+/// Zone and backbone of a place, or the reason for which each could not be computed.
 #[derive(Clone, Debug)]
 pub(super) struct View {
     place: Place,
@@ -133,7 +133,7 @@ pub(super) struct Survey<'a> {
     pub over_torque: Vec<Folds>,
 }
 
-/// `values` and `own` together, ascending.
+/// Returns `values` and `own` together, ascending.
 fn with(values: &[f64], own: &[f64]) -> Vec<f64> {
     let mut all = [values, own].concat();
     all.sort_by(f64::total_cmp);
@@ -142,28 +142,28 @@ fn with(values: &[f64], own: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The scanned torques and that of the figure, N·m.
+/// Returns the scanned torques and that of the figure, N·m.
 pub(super) fn torques_nm(settings: &Settings, preset: Preset, mode: usize) -> Vec<f64> {
     with(&settings.scan.torque_nm, &[own_torque_nm(settings, preset, mode)])
 }
 
-/// The torque of Fig. 4 in a zone, N·m.
+/// Returns the torque of Fig. 4 in a zone, N·m.
 pub(super) fn own_torque_nm(settings: &Settings, preset: Preset, mode: usize) -> f64 {
     let four = &settings.figure4;
     *[&four.torque_nm, &four.second_zone_torque_nm][mode].of(preset)
 }
 
-/// The scanned forces and those of Figs. 7 and 9, N.
+/// Returns the scanned forces and those of Figs. 7 and 9, N.
 pub(super) fn forces_n(settings: &Settings) -> Vec<f64> {
     with(&settings.scan.force_n, &[settings.figure7.force_n, settings.figure9.force_n])
 }
 
-/// The scanned heights and that of the figures, m.
+/// Returns the scanned heights and that of the figures, m.
 pub(super) fn heights_m(settings: &Settings) -> Vec<f64> {
     with(&settings.scan.height_m, &[settings.line.height_m])
 }
 
-/// The computations for a preset.
+/// Returns the computations for a preset.
 pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, PaperError> {
     let mut driven: Vec<(Driven, Vec<f64>)> = Vec::new();
     // Both zones are computed under the torques of either, since some statements compare them under one torque.
@@ -193,7 +193,7 @@ pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, P
     Ok(jobs)
 }
 
-/// The poses at which the frequency of Fig. 5 is near to the first natural frequency, degrees.
+/// Returns the poses at which the frequency of Fig. 5 is near to the first natural frequency, degrees.
 fn poses_of_figure5(subject: &Subject, settings: &Settings) -> Result<Vec<f64>, PaperError> {
     let (step, nearness) = (settings.scan.figure5_step_deg, settings.scan.figure5_nearness);
     let mut poses = Vec::new();
@@ -252,30 +252,33 @@ impl<'a> Survey<'a> {
 
     fn view(&self, place: Place) -> Seen<&View> {
         // Compared exactly: the places asked for come from the same settings as those computed.
-        self.views.iter().find(|view| view.place == place).ok_or_else(|| format!("not surveyed: {place:?}"))
+        self.views
+            .iter()
+            .find(|view| view.place == place)
+            .ok_or_else(|| format!("the zone was not computed: {place:?}"))
     }
 
-    /// Values read from a zone.
+    /// Returns the values read from a zone.
     pub fn zone(&self, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<&Zone> {
         self.view(Place { driven, beta2_deg, mode })?.zone.as_ref().map_err(String::clone)
     }
 
-    /// Returns the backbone of a zone up to the excitation, or why it could not be computed.
+    /// Returns the backbone of a zone up to the excitation, or the reason for which it could not be computed.
     pub fn bent(&self, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<&Bent> {
         self.view(Place { driven, beta2_deg, mode })?.bent.as_ref().map_err(String::clone)
     }
 
-    /// All zones that could be computed, with their places.
+    /// Returns all zones that could be computed, with their places.
     pub fn zones(&self) -> impl Iterator<Item = (Place, &Zone)> {
         self.views.iter().filter_map(|view| Some((view.place, view.zone.as_ref().ok()?)))
     }
 
-    /// The number of zones, computed or not.
+    /// Returns the number of zones, computed or not.
     pub fn zone_count(&self) -> usize {
         self.views.len()
     }
 
-    /// The torque of Fig. 4 in a zone, N·m.
+    /// Returns the torque of Fig. 4 in a zone, N·m.
     pub fn own_torque_nm(&self, mode: usize) -> f64 {
         own_torque_nm(self.settings, self.subject.preset(), mode)
     }

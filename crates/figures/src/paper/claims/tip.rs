@@ -8,13 +8,13 @@ use resonarm_analysis::Bending;
 /// "Significantly greater", and "so small" in comparison: at least twice.
 const SIGNIFICANT: f64 = 2.0;
 
-/// The peak of a link (0 or 1) in one zone over that in the other.
+/// Returns the peak of a link (0 or 1) in one zone over that in the other.
 fn peak_ratio(survey: &Survey<'_>, driven: Driven, beta2_deg: f64, link: usize, zones: [usize; 2]) -> Seen<f64> {
     let peak = |mode| Seen::Ok(survey.zone(driven, beta2_deg, mode)?.peak(link)?.amplitude_rad);
     Ok(peak(zones[0])? / peak(zones[1])?)
 }
 
-/// Whether a link moves significantly more in one zone than in the other, at each position of Fig. 7.
+/// Says whether a link moves significantly more in one zone than in the other, at each position of Fig. 7.
 fn larger(survey: &Survey<'_>, link: usize, zones: [usize; 2]) -> Judgement {
     let seven = &survey.settings.figure7;
     survey.over_heights_and_forces(seven.force_n, |driven| {
@@ -71,8 +71,8 @@ pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
     })
 }
 
-/// Whether a width grows from each excitation to the next, as far as it can be computed. For a yes, enough must have
-/// been computed; a single width that falls is a no.
+/// Says whether a width grows from each excitation to the next, as far as it can be computed. For a yes, enough must
+/// have been computed; a single width that falls is a no.
 pub(super) fn widening(excitations: &[f64], unit: &str, width: impl Fn(f64) -> Seen<f64>) -> Seen<Opinion> {
     let seen: Vec<Seen<f64>> = excitations.iter().map(|excitation| width(*excitation)).collect();
     // Up to the first that failed: beyond the gap a width would be compared with one that is not its neighbour.
@@ -127,7 +127,7 @@ pub(super) fn first_zone_widens(survey: &Survey<'_>) -> Judgement {
 /// A maximum visible in a figure: the curve falls by this fraction of its height on both sides.
 pub(super) const PROMINENCE: f64 = 0.05;
 
-/// The same sentence, the first half: the amplitude of link 2 has one maximum along the branch under the smallest
+/// The first half of the same sentence: the amplitude of link 2 has one maximum along the branch under the smallest
 /// force, and two or more under the largest that can be computed.
 pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
     let beta2_deg = survey.settings.figure7.detail_beta2_deg;

@@ -10,12 +10,12 @@ use super::survey::{Driven, Seen, Survey, torques_nm};
 use super::tip::{PROMINENCE, widening};
 use resonarm_analysis::BifurcationKind;
 
-/// The frequency of the peak of link 1 at a pose, Hz.
+/// Returns the frequency of the peak of link 1 at a pose, Hz.
 fn peak_hz(survey: &Survey<'_>, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<f64> {
     Ok(survey.zone(driven, beta2_deg, mode)?.peak(0)?.frequency_hz)
 }
 
-/// Whether a number falls from each pose of Fig. 4 to the next, and the numbers in words.
+/// Says whether a number falls from each pose of Fig. 4 to the next, and the numbers in words.
 fn falls(survey: &Survey<'_>, of: impl Fn(f64) -> Seen<f64>, name: &str) -> Seen<Opinion> {
     let seen: Vec<(f64, Seen<f64>)> =
         survey.settings.figure4.beta2_deg.iter().map(|beta2_deg| (*beta2_deg, of(*beta2_deg))).collect();
@@ -43,13 +43,13 @@ pub(super) fn second_zone_shifts_down(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(1, |driven| falls(survey, |beta2_deg| peak_hz(survey, driven, beta2_deg, 1), "peak"))
 }
 
-/// Motions of one frequency are distinct if their amplitudes differ by more than this, relative: more than rounding.
+/// Responses of one frequency are distinct if their amplitudes differ by more than this, relative: more than rounding.
 const APART: f64 = 1e-6;
 
 /// "The phenomenon of the dependence of the vibration amplitude on the direction of the frequency change is visible,
 /// resulting in a slope of the characteristics in the resonance zones" (Section 4), "within the resonant zones there
-/// are instability areas" (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable
-/// periodic responses share a frequency, with the folds between which the branch runs back.
+/// are instability areas" (Section 6): in each of the two zones, at one pose of Fig. 4 at least, two stable periodic
+/// responses share a frequency, with the folds between which the branch runs back.
 pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
     let poses = &survey.settings.figure4.beta2_deg;
     survey.over_torques(0, |driven| {
@@ -108,7 +108,7 @@ pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
 
 /// "The characteristics for link 2 are qualitatively identical to the characteristics for link 1 shown in Figure 4"
 /// (Section 4): in each zone both links have equally many maxima along the branch. Stability and folds are those of the
-/// motion, the same for both.
+/// response, the same for both.
 pub(super) fn links_alike(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
         let places = || survey.settings.figure4.beta2_deg.iter().flat_map(|pose| [(*pose, 0), (*pose, 1)]);
@@ -151,7 +151,7 @@ pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
     once(opinion())
 }
 
-/// Frequency and amplitude of link 1 at the folds and the peak of a zone, under the torque of Fig. 4.
+/// Returns frequency and amplitude of link 1 at the folds and the peak of a zone, under the torque of Fig. 4.
 fn landmarks(survey: &Survey<'_>, beta2_deg: f64, mode: usize) -> Result<Vec<[f64; 2]>, PaperError> {
     let arm = survey.subject.bent(beta2_deg)?;
     let range_hz = zone_hz(natural_hz(&arm)[mode]);

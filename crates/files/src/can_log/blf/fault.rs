@@ -8,19 +8,21 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum BlfFault {
     /// The file has another signature.
-    #[error("it is not a BLF log: it begins with {:?}, not with LOGG", got.escape_ascii().to_string())]
+    #[error("the file is not a BLF log: it begins with {:?}, expected LOGG", got.escape_ascii().to_string())]
     Signature {
-        /// First bytes of the file, in place of the signature `LOGG`.
+        /// First bytes of the file, instead of the signature `LOGG`.
         got: Vec<u8>,
     },
-    /// The head of the file states no date.
-    #[error("the head states no date: {got:?} (year, month, weekday, day, hour, minute, second, millisecond)")]
+    /// The head of the file has an invalid date.
+    #[error(
+        "the head of the file has the invalid date {got:?} (year, month, weekday, day, hour, minute, second, millisecond)"
+    )]
     Date {
         /// Year, month, weekday, day, hour, minute, second, millisecond.
         got: [u16; 8],
     },
     /// The file is shorter than its head states.
-    #[error("the log is cut short: it has {got} bytes, its head states {expected}")]
+    #[error("the log is cut short: it has {got} bytes, expected {expected} as its head states")]
     Short {
         /// Bytes that the head states.
         expected: u64,
@@ -28,7 +30,7 @@ pub enum BlfFault {
         got: u64,
     },
     /// The file ends inside its head or inside an object.
-    #[error("the log is cut short: {expected} bytes are expected, {got} are there")]
+    #[error("the log is cut short: expected {expected} more bytes, got {got}")]
     Truncated {
         /// Bytes that are needed from this place on.
         expected: usize,
@@ -36,13 +38,13 @@ pub enum BlfFault {
         got: usize,
     },
     /// The last container ends inside an object, and no container follows.
-    #[error("the log ends inside an object: the last container has {got} bytes of it")]
+    #[error("the log ends inside an object, of which the last container has {got} bytes")]
     Unfinished {
         /// Bytes of the object found.
         got: usize,
     },
     /// There is no object where one is expected.
-    #[error("there is no object: one begins with LOBJ")]
+    #[error("expected an object, which begins with LOBJ")]
     NoObject,
     /// An object states an impossible length.
     #[error("an object states a length of {got} bytes, expected {least} to {most}")]
@@ -51,7 +53,7 @@ pub enum BlfFault {
         got: u32,
         /// Smallest length that an object can have, bytes.
         least: usize,
-        /// The largest that is read.
+        /// Largest accepted length, bytes.
         most: usize,
     },
     /// An object that is too short for its kind.
@@ -65,7 +67,7 @@ pub enum BlfFault {
         expected: usize,
     },
     /// A container with an unknown method of compression.
-    #[error("a container is compressed by method {got}; known are 0, none, and 2, deflate")]
+    #[error("a container has compression method {got}, expected 0 (none) or 2 (deflate)")]
     Compression {
         /// Number of the compression method.
         got: u16,
@@ -76,16 +78,16 @@ pub enum BlfFault {
         /// Error that the decompressor reports.
         cause: String,
     },
-    /// A container that holds more or less than it states.
-    #[error("a container holds {got} bytes and states {expected}")]
+    /// A container holds more or less than it states.
+    #[error("a container holds {got} bytes, expected {expected} as its head states")]
     Container {
-        /// Bytes that it states.
+        /// Number of bytes that it states.
         expected: usize,
-        /// Bytes that it holds; counted only up to one more than it states.
+        /// Number of bytes that it holds; counted only up to one more than it states.
         got: usize,
     },
     /// The head of a frame's object has an unknown version.
-    #[error("the head of a frame has version {got}; known are 1 and 2")]
+    #[error("the head of a frame has version {got}, expected 1 or 2")]
     Version {
         /// Version number of the object's head.
         got: u16,
@@ -98,20 +100,20 @@ pub enum BlfFault {
         /// Smallest length with which the head contains the time, bytes.
         least: usize,
     },
-    /// A DLC that no frame has.
+    /// A frame has an invalid DLC.
     #[error("a frame has DLC {got}, expected 0 to 15")]
     Dlc {
         /// Data length code that the object states.
         got: u8,
     },
     /// The time of a frame has an unknown unit.
-    #[error("the time of a frame has unit {got}; known are 1, 10 µs, and 2, 1 ns")]
+    #[error("the time of a frame has unit {got}, expected 1 (10 µs) or 2 (1 ns)")]
     Unit {
         /// Number of the time unit that the object states.
         got: u32,
     },
     /// The time of a frame does not fit 64 bits.
-    #[error("a frame is {got} time units after the start of the log: its time in ns does not fit 64 bits")]
+    #[error("a frame is {got} time units after the start of the log, so its time in ns does not fit 64 bits")]
     Time {
         /// Time from the start of the log, in the object's unit.
         got: u64,

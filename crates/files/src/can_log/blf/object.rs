@@ -29,23 +29,23 @@ impl<'a> Object<'a> {
         Object(bytes)
     }
 
-    /// The kind, at the end of the base.
+    /// Returns the kind, which is at the end of the base.
     pub fn kind(&self) -> Result<u32, BlfFault> {
         self.number(12).map(u32::from_le_bytes)
     }
 
-    /// The bytes from offset `at` to the end.
+    /// Returns the bytes from offset `at` to the end.
     pub fn from(&self, at: usize) -> Result<&'a [u8], BlfFault> {
         self.bytes(at, 0)?;
         Ok(&self.0[at..])
     }
 
-    /// The entry that the object makes in a log that begins at `start_ns`.
+    /// Returns the entry that the object makes in a log that begins at `start_ns`.
     pub fn entry(&self, start_ns: u64) -> Result<Entry, BlfFault> {
         Ok(self.frame(start_ns)?.map_or(Entry::Other, Entry::Frame))
     }
 
-    /// The frame in the object; `None` for objects of other kinds and requests to send.
+    /// Returns the frame in the object; `None` for objects of other kinds and requests to send.
     fn frame(&self, start_ns: u64) -> Result<Option<LoggedFrame>, BlfFault> {
         let fields = match self.kind()? {
             CAN_MESSAGE | CAN_MESSAGE2 => self.classic()?,
@@ -66,7 +66,7 @@ impl<'a> Object<'a> {
         }))
     }
 
-    /// After the base: unit; client and version (version 1) or status and version (version 2); time.
+    /// Parses the time after the base: unit; client and version (version 1) or status and version (version 2); time.
     fn time_ns(&self, start_ns: u64) -> Result<u64, BlfFault> {
         let version = u16::from_le_bytes(self.number(6)?);
         if !matches!(version, 1 | 2) {
@@ -82,7 +82,7 @@ impl<'a> Object<'a> {
         time_ns.ok_or(BlfFault::Time { got: time })
     }
 
-    /// Channel, flags, DLC, identifier, data.
+    /// Parses channel, flags, DLC, identifier, data.
     fn classic(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
         let [flags, dlc] = self.number(body + 2)?;
@@ -92,7 +92,8 @@ impl<'a> Object<'a> {
         Ok(FrameFields { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
     }
 
-    /// Channel, flags, DLC, identifier, length on the wire, bits of the arbitration, flags of CAN FD, length, data.
+    /// Parses channel, flags, DLC, identifier, length on the bus, bits of the arbitration, flags of CAN FD, length,
+    /// data.
     fn fd(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
         let [flags, _dlc] = self.number(body + 2)?;
@@ -103,8 +104,8 @@ impl<'a> Object<'a> {
         Ok(FrameFields { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
     }
 
-    /// Channel, DLC, number of valid bytes, number of tries, identifier, length on the wire, flags, bit timings,
-    /// direction, offset of further data, CRC, data. The DLC says the length; bytes that are not valid, or missing at
+    /// Parses channel, DLC, number of valid bytes, number of tries, identifier, length on the bus, flags, bit timings,
+    /// direction, offset of further data, CRC, data. The DLC states the length; bytes that are not valid, or missing at
     /// the end, count as 0, as in Vector's tools (python-can, issues 1586 and 1905).
     fn fd64(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
@@ -138,7 +139,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// Offset of the body: the length that the head states of itself.
+    /// Returns the offset of the body: the length that the head states for itself.
     fn body(&self) -> Result<usize, BlfFault> {
         let got = u16::from_le_bytes(self.number(4)?);
         let body = usize::from(got);
@@ -154,7 +155,7 @@ impl<'a> Object<'a> {
         })
     }
 
-    /// The bytes of a number.
+    /// Returns the bytes of a number.
     pub fn number<const N: usize>(&self, at: usize) -> Result<[u8; N], BlfFault> {
         let mut number = [0; N];
         number.copy_from_slice(self.bytes(at, N)?);

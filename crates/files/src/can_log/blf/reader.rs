@@ -19,22 +19,23 @@ const LONGEST: usize = 1 << 24;
 /// Most bytes between two objects: each is padded to a multiple of 4.
 const PADDING: usize = 3;
 
-/// The entries of a log. Keeps one container in memory, and the beginning of an object that continues in the next.
+/// Reads the entries of a log. Keeps one container in memory, and the beginning of an object that continues in the
+/// next.
 pub(in crate::can_log) struct Reader {
     path: PathBuf,
     file: BufReader<File>,
-    /// Bytes read of the file.
+    /// Number of bytes read from the file.
     position: u64,
     /// Offset in the file of the object read last, bytes.
     offset: u64,
-    /// When the log begins, ns of the UNIX epoch; 0 without a date.
+    /// Start of the log, ns of the UNIX epoch; 0 without a date.
     start_ns: u64,
     /// Objects from containers, and how many of their bytes are consumed.
     objects: Vec<u8>,
     taken: usize,
 }
 
-/// Reason why reading the log stops.
+/// Reason for which the reading of the log stops.
 enum Stop {
     Io(io::Error),
     Fault(BlfFault),
@@ -67,7 +68,7 @@ impl Reader {
         }
     }
 
-    /// The next entry; `None` at the end of the log.
+    /// Returns the next entry; `None` at the end of the log.
     pub fn next(&mut self) -> Result<Option<Entry>, CanLogError> {
         self.next_entry().map_err(|stop| self.error(stop))
     }
@@ -126,7 +127,7 @@ impl Reader {
         if got > PADDING { Err(BlfFault::Unfinished { got }.into()) } else { Ok(None) }
     }
 
-    /// The next object of the containers read so far, if it is complete.
+    /// Returns the next object of the containers read so far, if it is complete.
     fn entry_of_container(&mut self) -> Result<Option<Entry>, BlfFault> {
         let rest = &self.objects[self.taken..];
         // The length of an object does not include its padding, so the next signature is looked for in the few bytes
@@ -145,12 +146,12 @@ impl Reader {
         Err(BlfFault::NoObject)
     }
 
-    /// The entry of a whole object: where the next one begins is known, whatever is wrong in it.
+    /// Returns the entry of a whole object. The position of the next object is known, even if this one is damaged.
     fn entry(&self, object: &Object<'_>) -> Entry {
         object.entry(self.start_ns).unwrap_or_else(|fault| Entry::Unreadable(self.error(Stop::Fault(fault))))
     }
 
-    /// The next object of the file.
+    /// Returns the next object of the file.
     fn object(&mut self) -> Result<Option<Vec<u8>>, Stop> {
         self.offset = self.position;
         let mut object = self.read(BASE_HEAD)?;
@@ -190,7 +191,7 @@ fn complete(bytes: &[u8], expected: usize) -> Result<(), BlfFault> {
     if got < expected { Err(BlfFault::Truncated { expected, got }) } else { Ok(()) }
 }
 
-/// The length that the base of an object states.
+/// Returns the length that the base of an object states.
 fn object_length(base: &[u8]) -> Result<usize, BlfFault> {
     if !base.starts_with(OBJECT_SIGNATURE) {
         return Err(BlfFault::NoObject);
@@ -224,7 +225,7 @@ fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault>
     if got == expected { Ok(()) } else { Err(BlfFault::Container { expected, got }) }
 }
 
-/// When a log begins, ns of the UNIX epoch: a Windows SYSTEMTIME, taken as UTC; all 0 means no date.
+/// Returns the start of a log, ns of the UNIX epoch: a Windows SYSTEMTIME, taken as UTC; all 0 means no date.
 fn start_ns(got: [u16; 8]) -> Result<u64, BlfFault> {
     if got == [0; 8] {
         return Ok(0);

@@ -25,7 +25,7 @@ pub(in crate::can_log) struct Writer<W> {
     count: u32,
     /// The head and the containers written so far, bytes.
     written: u64,
-    /// When the log begins, and the time of its latest frame, ms of the UNIX epoch.
+    /// The start of the log, and the time of its latest frame, ms of the UNIX epoch.
     start_ms: u64,
     last_ms: u64,
 }
@@ -109,7 +109,7 @@ impl<W: Write + Seek> LogWriter for Writer<W> {
     }
 }
 
-/// The base of an object's head.
+/// Writes the base of an object's head.
 fn base(bytes: &mut Vec<u8>, head: usize, length: usize, kind: u32) {
     bytes.extend_from_slice(OBJECT_SIGNATURE);
     bytes.extend_from_slice(&(head as u16).to_le_bytes());
@@ -118,7 +118,7 @@ fn base(bytes: &mut Vec<u8>, head: usize, length: usize, kind: u32) {
     bytes.extend_from_slice(&kind.to_le_bytes());
 }
 
-/// Kind and body of a frame's object; its length is a multiple of 4, so it needs no padding.
+/// Returns kind and body of a frame's object; its length is a multiple of 4, so it needs no padding.
 fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
     let sent = if direction == Some(Direction::Sent) { SENT } else { 0 };
     let remote = if frame.format() == FrameFormat::Remote { REMOTE } else { 0 };
@@ -131,7 +131,7 @@ fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
     match frame.format() {
         FrameFormat::Fd { .. } => {
             let flags = (vector::flags(frame.format()) >> FD_SHIFT) as u8;
-            // Before the flags: the length on the wire in ns and the bits of the arbitration, both unknown.
+            // Before the flags: the length on the bus in ns and the bits of the arbitration, both unknown.
             body.extend_from_slice(&[0, 0, 0, 0, 0, flags, frame.len() as u8, 0, 0, 0, 0, 0]);
             body.extend_from_slice(frame.data());
             body.resize(20 + 64, 0);
@@ -148,12 +148,12 @@ fn body(frame: &Frame, direction: Option<Direction>) -> (u32, Vec<u8>) {
 /// Earlier times are simulated ones: the file then states no date. python-can uses the same limit, 1990.
 const EARLIEST_MS: u64 = 631_152_000_000;
 
-/// The time that a head states, ms of the UNIX epoch; 0 for none.
+/// Returns the time that a head states, ms of the UNIX epoch; 0 for none.
 fn stated_ms(unix_ms: u64) -> u64 {
     if unix_ms < EARLIEST_MS { 0 } else { unix_ms }
 }
 
-/// A Windows SYSTEMTIME: year, month, weekday, day, hour, minute, second, millisecond; all 0 means no date.
+/// Returns a Windows SYSTEMTIME: year, month, weekday, day, hour, minute, second, millisecond; all 0 means no date.
 fn system_time(unix_ms: u64) -> [u8; 16] {
     let mut bytes = [0; 16];
     if stated_ms(unix_ms) > 0 {

@@ -24,7 +24,7 @@ pub enum StructureFileError {
 #[non_exhaustive]
 pub enum UrdfError {
     /// The file is not XML.
-    #[error("it is not XML: {reason}")]
+    #[error("the file is not XML: {reason}")]
     Xml {
         /// Message of the XML parser, with the position.
         reason: String,
@@ -40,7 +40,7 @@ pub enum UrdfError {
         got: String,
     },
     /// The XML describes something other than a robot.
-    #[error("it is not a robot: its root is <{got}>, not <robot>")]
+    #[error("the file is not a robot: its root is <{got}>, not <robot>")]
     NotARobot {
         /// Tag of the root element.
         got: String,
@@ -92,7 +92,7 @@ pub enum UrdfError {
         link: String,
     },
     /// A link is the child of two joints.
-    #[error("link `{link}` is the child of two joints, `{}` and `{}`: a robot is a tree", joints[0], joints[1])]
+    #[error("link `{link}` is the child of two joints, `{}` and `{}`: a robot must be a tree", joints[0], joints[1])]
     TwoParents {
         /// Name of the link.
         link: String,
@@ -100,14 +100,14 @@ pub enum UrdfError {
         joints: [String; 2],
     },
     /// The joints form a closed loop.
-    #[error("joint `{joint}` is beyond itself: a robot is a tree")]
+    #[error("joint `{joint}` is in a closed loop: a robot must be a tree")]
     Cycle {
         /// Name of a joint in the loop.
         joint: String,
     },
     /// A link has moments of inertia but no positive mass.
     #[error(
-        "link `{link}`: its mass is {} kg: it must be positive, or, with all moments of inertia, 0, as that of a frame", short(.mass_kg)
+        "link `{link}`: its mass is {} kg: it must be positive, or 0 together with all moments of inertia, for a frame", short(.mass_kg)
     )]
     Mass {
         /// Name of the link.
@@ -116,7 +116,7 @@ pub enum UrdfError {
         mass_kg: f64,
     },
     /// A link has a negative moment of inertia about the joints' axis.
-    #[error("link `{link}`: its moment of inertia about the joints' axis is {} kg·m²: no body has a negative one", short(.got_kg_m2))]
+    #[error("link `{link}`: its moment of inertia about the joints' axis is {} kg·m²: it must not be negative", short(.got_kg_m2))]
     Moment {
         /// Name of the link.
         link: String,
@@ -127,10 +127,10 @@ pub enum UrdfError {
     #[error(
         "joint `{joint}` mimics `{followed}`, {}",
         if *is_of_chain {
-            "so that it turns with that joint and has no spring of its own: the joints of a chain turn freely"
+            "so it turns with that joint and has no spring of its own; the joints of a chain must turn freely"
         } else {
-            "which is a joint of the chain, and it is not named, so that it would be rigid: remove <mimic> from the file where \
-             that will do"
+            "which is a joint of the chain, but it is itself not named and would be rigid; remove <mimic> from the file if a rigid \
+             joint is acceptable"
         }
     )]
     Mimic {
@@ -161,7 +161,7 @@ pub enum UrdfError {
         known: String,
     },
     /// A named joint does not turn.
-    #[error("joint `{joint}` is {kind}: a chain has revolute joints; what is not named is rigid")]
+    #[error("joint `{joint}` is {kind}: a chain has only revolute joints; joints that are not named are rigid")]
     NotRevolute {
         /// Name of the joint.
         joint: String,
@@ -169,7 +169,7 @@ pub enum UrdfError {
         kind: String,
     },
     /// A joint has the axis 0 0 0.
-    #[error("joint `{joint}`: its axis is 0 0 0")]
+    #[error("joint `{joint}`: its axis is 0 0 0: it must have a direction")]
     NoAxis {
         /// Name of the joint.
         joint: String,
@@ -189,8 +189,8 @@ pub enum UrdfError {
     },
     /// The axes of two joints are not parallel.
     #[error(
-        "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: those of a planar chain are parallel{}",
-        if *axis_is_default { "; the joint has no <axis>, so that its axis is the default, x" } else { "" }
+        "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: the axes of a planar chain must be parallel{}",
+        if *axis_is_default { "; the joint has no <axis>, so its axis is the default, x" } else { "" }
     )]
     NotParallel {
         /// Name of the joint.
@@ -204,7 +204,7 @@ pub enum UrdfError {
     },
     /// Gravity does not act in the plane of motion.
     #[error(
-        "`gravity_m_s2` acts in the plane of motion: here the axes are {tilt_deg:.3}° from horizontal; leave it out"
+        "`gravity_m_s2` needs horizontal axes, so that it acts in the plane of motion; they are {tilt_deg:.3}° from horizontal: leave it out"
     )]
     Gravity {
         /// Angle of the axes to the horizontal, degrees.
@@ -214,7 +214,7 @@ pub enum UrdfError {
     #[error(
         "from joint `{joint}` to `{end}` there is no length in the plane of motion: {}",
         if *axis_is_default {
-            "the joint has no <axis>, so that it turns about the default, x; state its axis"
+            "the joint has no <axis>, so it turns about the default, x; state its axis"
         } else {
             "leave one out, or state `tip`"
         }
@@ -229,7 +229,7 @@ pub enum UrdfError {
     },
     /// No body of a link of the chain has a mass.
     #[error(
-        "nothing beyond joint `{joint}`, up to the next of the chain, has a mass: give link `{link}` an <inertial>"
+        "no body between joint `{joint}` and the next joint of the chain has a mass: give link `{link}` an <inertial>"
     )]
     NoInertial {
         /// Name of the joint at the start of the link.
@@ -238,7 +238,7 @@ pub enum UrdfError {
         link: String,
     },
     /// The combined moment of inertia of a link is not positive.
-    #[error("the moment of inertia beyond joint `{joint}` comes out as {} kg·m²: it must be positive", short(.got_kg_m2))]
+    #[error("the moment of inertia beyond joint `{joint}` is {} kg·m²: it must be positive", short(.got_kg_m2))]
     Inertia {
         /// Name of the joint at the start of the link.
         joint: String,
@@ -246,7 +246,7 @@ pub enum UrdfError {
         got_kg_m2: f64,
     },
     /// The link named as the tip does not move with the last joint.
-    #[error("structure.tip: link `{got}` does not ride on joint `{joint}`: these do: {known}")]
+    #[error("structure.tip: link `{got}` does not move with joint `{joint}`: these links do: {known}")]
     Tip {
         /// Name of the link.
         got: String,
@@ -256,7 +256,7 @@ pub enum UrdfError {
         known: String,
     },
     /// The chain could end at several links.
-    #[error("beyond joint `{joint}` there are several ends: say by `tip` which is the chain's: {ends}")]
+    #[error("the chain has several ends beyond joint `{joint}`: name one of them in `tip`: {ends}")]
     Ends {
         /// Name of the last joint of the chain.
         joint: String,
@@ -271,8 +271,8 @@ pub enum UrdfError {
 pub enum UrdfWarning {
     /// The moments of inertia belong to no physical body.
     #[error(
-        "link `{link}`: its principal moments of inertia are {}, {} and {} kg·m²: no body has a negative one, or one above the sum of \
-         the other two; the chain takes the moment about the joints' axis as it is",
+        "link `{link}`: its principal moments of inertia are {}, {} and {} kg·m², but no body has a negative one, or one above the sum \
+         of the other two; the chain uses the moment about the joints' axis unchanged",
         short(&principal_kg_m2[0]), short(&principal_kg_m2[1]), short(&principal_kg_m2[2])
     )]
     Moments {
@@ -296,7 +296,7 @@ pub enum UffError {
         fault: UffFault,
     },
     /// The file ends inside a dataset.
-    #[error("dataset {dataset}, from line {line}, has no end: a line -1")]
+    #[error("dataset {dataset}, which begins in line {line}, lacks its end, a line -1")]
     NoEnd {
         /// Number of the dataset, as the file has it.
         dataset: String,
@@ -304,13 +304,13 @@ pub enum UffError {
         line: usize,
     },
     /// The file has no dataset with modes.
-    #[error("there are no modes: no dataset 55 or 2414 of normal modes; there are {known}")]
+    #[error("the file has no modes: it needs a dataset 55 or 2414 of normal modes, and it has {known}")]
     NoModes {
         /// Numbers of the datasets that it has.
         known: String,
     },
     /// The named node has no values in any mode.
-    #[error("structure.nodes: `{name}` is node {node}: no mode has values there; nodes with values are {known}")]
+    #[error("structure.nodes: `{name}` is node {node}, where no mode has values; nodes with values are {known}")]
     NoNode {
         /// Name of the point.
         name: String,
@@ -326,7 +326,9 @@ pub enum UffError {
         got: f64,
     },
     /// A modal mass is stated, but the file states that of every mode.
-    #[error("structure.modal_mass_kg is of modes whose modal mass the file leaves at 0, and it has none: leave it out")]
+    #[error(
+        "structure.modal_mass_kg applies only to modes whose modal mass is 0 in the file, and there are none: leave it out"
+    )]
     MassIdle,
     /// Two points have the same node.
     #[error("structure.nodes: `{}` and `{}` are both node {node}", names[0], names[1])]
@@ -361,7 +363,7 @@ pub enum UffFault {
         dataset: String,
     },
     /// The line has too few numbers.
-    #[error("{what} needs {expected} numbers here: there are {got}")]
+    #[error("{what}: expected {expected} numbers, got {got}")]
     Short {
         /// Record that the line belongs to.
         what: &'static str,
@@ -388,9 +390,9 @@ pub enum UffFault {
     },
     /// The mode is complex: no rotation makes its shape real.
     #[error(
-        "mode {mode} is complex: turned so that it is as real as it can be, its shape has an imaginary part of {} of the \
-         shape; a modal structure has normal modes, with {} at most. Identify normal modes, or write the structure as \
-         matrices, with its dampers as elements of kind `linear`", short(&(libm::round(share * 1e4) / 1e4)), short(.most)
+        "mode {mode} is complex: after the best rotation, its shape has an imaginary part of {} of the shape; normal modes may have \
+         at most {}. Identify normal modes, or write the structure as matrices, with its dampers as elements of kind `linear`",
+         short(&(libm::round(share * 1e4) / 1e4)), short(.most)
     )]
     ComplexShape {
         /// The number of the mode in the file.
@@ -402,8 +404,8 @@ pub enum UffFault {
     },
     /// Modal A does not yield a positive real modal mass.
     #[error(
-        "mode {mode}: modal A, over twice its eigenvalue's imaginary part, is a modal mass of {} + {}j: that of a normal \
-         mode is positive, with an imaginary part of {} of it at most", short(&got[0]), short(&got[1]), short(.most)
+        "mode {mode}: modal A, over twice its eigenvalue's imaginary part, gives a modal mass of {} + {}j: it must be positive, with \
+         an imaginary part of at most {} of it", short(&got[0]), short(&got[1]), short(.most)
     )]
     ModalA {
         /// The number of the mode in the file.
@@ -426,7 +428,7 @@ pub enum UffFault {
     },
     /// The dataset is of another type of analysis.
     #[error(
-        "dataset {dataset} of analysis type {got}: modes have 2, normal mode, or 3, complex eigenvalue of first order"
+        "dataset {dataset} has analysis type {got}: it must be 2 (normal mode) or 3 (complex eigenvalue of first order)"
     )]
     Analysis {
         /// Number of the dataset, as the file has it.
@@ -435,7 +437,7 @@ pub enum UffFault {
         got: i64,
     },
     /// The values at the nodes are not displacements.
-    #[error("dataset {dataset} of specific data type {got}: shapes are displacements, 8")]
+    #[error("dataset {dataset} has specific data type {got}: it must be 8 (displacement)")]
     Quantity {
         /// Number of the dataset, as the file has it.
         dataset: u32,
@@ -443,7 +445,7 @@ pub enum UffFault {
         got: i64,
     },
     /// The number of values at a node is not that of a vector.
-    #[error("dataset {dataset} has {got} values at a node: vectors have 3, or 6 with rotations")]
+    #[error("dataset {dataset} has {got} values at a node: it must have 3, or 6 with rotations")]
     Values {
         /// Number of the dataset, as the file has it.
         dataset: u32,
@@ -453,7 +455,7 @@ pub enum UffFault {
     /// The modal mass is not positive, so that the shape can't be normalised.
     #[error(
         "mode {mode}: its modal mass is {}: shapes are normalised with it, so it must be positive{}", short(.got),
-        if *got == 0.0 { "; state the one of modes that the file leaves at 0 by structure.modal_mass_kg" } else { "" }
+        if *got == 0.0 { "; state it in structure.modal_mass_kg" } else { "" }
     )]
     ModalMass {
         /// The number of the mode in the file.
@@ -462,7 +464,7 @@ pub enum UffFault {
         got: f64,
     },
     /// The mode has hysteretic damping only.
-    #[error("mode {mode} has hysteretic damping, {}, and no viscous: state it as viscous damping, half the loss factor", short(.got))]
+    #[error("mode {mode} has hysteretic damping, {}, but no viscous damping; state it as viscous damping, half the loss factor", short(.got))]
     Hysteretic {
         /// The number of the mode in the file.
         mode: i64,
@@ -470,7 +472,7 @@ pub enum UffFault {
         got: f64,
     },
     /// A node occurs twice in one dataset.
-    #[error("node {node} stands here for the second time")]
+    #[error("node {node} occurs for the second time")]
     NodeAgain {
         /// Number of the node.
         node: u32,
@@ -488,7 +490,7 @@ pub enum MatrixError {
         what: &'static str,
     },
     /// The file is not in the Matrix Market format.
-    #[error("line {line} is not as Matrix Market has it: {what}")]
+    #[error("line {line} violates the Matrix Market format: {what}")]
     NotMtx {
         /// The line, from 1.
         line: usize,
@@ -496,7 +498,7 @@ pub enum MatrixError {
         what: &'static str,
     },
     /// Too few or too many entries.
-    #[error("it has {got} entries: its sizes say {expected}")]
+    #[error("it has {got} entries: its sizes require {expected}")]
     Entries {
         /// Entries in the file, up to the first that is too many.
         got: usize,
@@ -561,7 +563,7 @@ pub enum MatrixError {
     },
     /// Degrees of freedom without mass are not held by stiffness, so that they can't be condensed.
     #[error(
-        "degrees of freedom without mass, from row {row} on, are not held by stiffness: their displacement does not follow from the \
+        "degrees of freedom without mass, from row {row} on, are not held by stiffness, so their displacement does not follow from the \
          others'; give them a stiffness, or leave them out"
     )]
     MasslessFree {
@@ -570,8 +572,8 @@ pub enum MatrixError {
     },
     /// Damping acts on a degree of freedom without mass other than by its stiffness.
     #[error(
-        "row {row} has no mass, and its damping moves it against the stiffness: such a degree of freedom can't be condensed; take \
-         damping that is Rayleigh's, C = aM + bK, or give it a mass"
+        "row {row} has no mass, and its damping moves it against the stiffness, so it can't be condensed; use Rayleigh damping, \
+         C = aM + bK, or give it a mass"
     )]
     MasslessDamped {
         /// The row, from 0.
@@ -579,8 +581,8 @@ pub enum MatrixError {
     },
     /// Damping acts on a rigid-body mode.
     #[error(
-        "its damping acts on mode {}, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode {} is {} 1/s, and no damping ratio states that; take it \
-         out, as the part aM of Rayleigh's, and state what damps the whole structure as elements of kind linear", modes[0], modes[1], short(.got)
+        "its damping acts on mode {}, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode {} is {} 1/s, which no damping ratio can state; remove \
+         this part, such as aM of Rayleigh damping, and state dampers of the whole structure as elements of kind linear", modes[0], modes[1], short(.got)
     )]
     RigidDamped {
         /// The modes, from 1; the first is rigid.
@@ -593,8 +595,8 @@ pub enum MatrixError {
     NotSolved,
     /// The damping matrix couples the modes.
     #[error(
-        "its damping couples modes {} and {}: φᵢᵀCφⱼ is {} of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most {}; take \
-         damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear", modes[0], modes[1], short(.coupling), short(.most)
+        "its damping couples modes {} and {}: φᵢᵀCφⱼ is {} of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping may have at most {}; use \
+         modal damping, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear", modes[0], modes[1], short(.coupling), short(.most)
     )]
     Coupled {
         /// The modes, from 1.

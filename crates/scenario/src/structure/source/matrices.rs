@@ -113,7 +113,7 @@ impl StructureSection {
     /// `base`, the rows that move by 1 with the base along an axis.
     ///
     /// # Errors
-    /// [`StructureSectionError::File`] says what is wrong with a matrix, by its name in place of a file's;
+    /// [`StructureSectionError::File`] with the fault of a matrix, by its name instead of a file's;
     /// [`StructureSectionError::Kept`], [`StructureSectionError::Row`], [`StructureSectionError::Missing`] and
     /// [`StructureSectionError::Place`] of the other arguments.
     pub fn from_matrices(

@@ -55,7 +55,7 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
             false => coordinate(line, number, (rows, is_symmetric))?,
         };
         if std::mem::replace(&mut given[row * rows + column], true) {
-            return Err(refused(number, "this entry is given twice: add them to one"));
+            return Err(refused(number, "this entry is given twice: give their sum once"));
         }
         matrix[(row, column)] = value;
         if is_symmetric {
@@ -104,7 +104,7 @@ fn coordinate(
     let outside = || refused(number, "row and column count from 1, up to the size");
     let at = (index(row).ok_or_else(outside)?, index(column).ok_or_else(outside)?);
     if is_symmetric && at.0 < at.1 {
-        return Err(refused(number, "a symmetric matrix has its lower triangle alone"));
+        return Err(refused(number, "only the lower triangle of a symmetric matrix may be given"));
     }
     Ok((at, of_text(value, number)?))
 }

@@ -23,14 +23,14 @@ const COUPLING_LIMIT: f64 = 1e-2;
 pub enum NotModal {
     /// The structure has elements, which modes leave out.
     #[error(
-        "the structure has elements, {count}, and modes are of its linear part: leave them out, and add them to the modes"
+        "the structure has elements ({count}), but only its linear part has modes; leave them out, and add them to the modal structure"
     )]
     Elements {
         /// Number of elements of the structure.
         count: usize,
     },
     /// The number of modes to keep is out of range.
-    #[error("{got} modes are to be kept: the structure has {most}")]
+    #[error("{got} modes can't be kept: it must be from 1 to {most}, the modes of the structure")]
     Kept {
         /// Number that was given.
         got: usize,
@@ -39,8 +39,8 @@ pub enum NotModal {
     },
     /// The damping couples two modes too strongly.
     #[error(
-        "its damping couples modes {} and {}: one moves the other by {} of its motion, and modes alone may leave out at most \
-         {most}; keep the structure as it is, or take less damping",
+        "its damping couples modes {} and {}: one moves the other by {} of its motion, but a modal structure may neglect at most \
+         {most}; keep the structure as it is, or use less damping",
         modes[0], modes[1], rounded(.coupling, 3)
     )]
     Coupled {
@@ -59,7 +59,7 @@ impl StructureSection {
     /// links; joints are left out.
     ///
     /// # Errors
-    /// [`NotModal`]: elements, a number of modes that there are not, or damping that couples modes by more than 0.01.
+    /// [`NotModal`] for elements, an impossible number of modes, or damping that couples modes by more than 0.01.
     pub fn from_modes(of: &Assembly, modes: Option<usize>) -> Result<StructureSection, NotModal> {
         if !of.elements().is_empty() {
             return Err(NotModal::Elements { count: of.elements().len() });

@@ -292,7 +292,7 @@ fn insert(
     }
 }
 
-/// Dataset 15, a node per line: number, two coordinate systems, colour, x, y, z.
+/// Reads dataset 15, a node per line: number, two coordinate systems, colour, x, y, z.
 fn nodes(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>, units: Units) -> Result<(), UffError> {
     let what = "dataset 15, a node";
     while !records.is_at_end() {
@@ -303,7 +303,7 @@ fn nodes(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>, units: U
     Ok(())
 }
 
-/// Dataset 2411, two lines per node: number, two coordinate systems, colour; then x, y, z.
+/// Reads dataset 2411, two lines per node: number, two coordinate systems, colour; then x, y, z.
 fn nodes_of_two_lines(
     records: &mut Records<'_>,
     into: &mut BTreeMap<u32, [f64; 3]>,
@@ -319,8 +319,8 @@ fn nodes_of_two_lines(
     Ok(())
 }
 
-/// Dataset 82: the number of the line, how many entries it has, colour; a name; the entries, eight in a line: nodes,
-/// and 0 where the line is interrupted.
+/// Reads dataset 82: the number of the line, how many entries it has, colour; a name; the entries, eight in a line:
+/// nodes, and 0 where the line is interrupted.
 fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result<(), UffError> {
     let what = "dataset 82, a line of nodes";
     let head = records.numbers(what, 2)?;
@@ -338,7 +338,7 @@ fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result
     Ok(())
 }
 
-/// Dataset 164: after the code of the units, the number of units in a metre, a newton and a kelvin.
+/// Reads dataset 164: after the code of the units, the number of units in a metre, a newton and a kelvin.
 fn units(records: &mut Records<'_>) -> Result<Units, UffError> {
     records.next();
     let factors = records.numbers("dataset 164, the units", 2)?;
@@ -350,8 +350,9 @@ fn units(records: &mut Records<'_>) -> Result<Units, UffError> {
     }
 }
 
-/// Dataset 55: five lines of text; model, analysis, characteristic, quantity, real or complex, values at a node; counts
-/// and the number of the mode; frequency, modal mass, damping ratios; then each node and its values.
+/// Reads the head of dataset 55: five lines of text; model, analysis, characteristic, quantity, real or complex, values
+/// at a node; counts and the number of the mode; frequency, modal mass, damping ratios. Each node and its values
+/// follow.
 fn head_of_55(records: &mut Records<'_>) -> Result<ModeHead, UffError> {
     let what = "dataset 55";
     for _ in 0..5 {
@@ -409,10 +410,10 @@ fn viscous_ratio(records: &Records<'_>, mode: i64, viscous: f64, hysteretic: f64
     Ok(viscous)
 }
 
-/// Dataset 2414: its label, a name, where the data are, five lines of text; a line as in dataset 55; eight numbers, the
-/// sixth that of the mode, and two more; time, frequency, eigenvalue, modal mass and both damping ratios; a line of
-/// complex eigenvalues; then each node and its values. `None` of analyses, quantities and places other than
-/// displacements of modes at nodes: a file has many.
+/// Reads the head of dataset 2414: its label, a name, where the data are, five lines of text; a line as in dataset 55;
+/// eight numbers, the sixth that of the mode, and two more; time, frequency, eigenvalue, modal mass and both damping
+/// ratios; a line of complex eigenvalues. Each node and its values follow. Returns `None` for analyses, quantities and
+/// places other than displacements of modes at nodes: a file has many.
 fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError> {
     const AT_NODES: i64 = 1;
     let what = "dataset 2414";

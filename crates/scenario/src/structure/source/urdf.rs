@@ -1,8 +1,8 @@
 //! Robots in the Unified Robot Description Format of ROS (wiki.ros.org/urdf/XML): links, joints, inertias.
 //!
-//! A file is XML without a schema. Read are `link` with its `inertial`, and `joint` with type, parent, child, origin,
-//! axis and `mimic`; the rest says nothing about the dynamics. A link of mass 0 without moments of inertia is a frame,
-//! as one without `inertial` is: exporters write both.
+//! A file is XML without a schema. The reader uses `link` with its `inertial`, and `joint` with type, parent, child,
+//! origin, axis and `mimic`; the rest does not affect the dynamics. A link of mass 0 without moments of inertia is a
+//! frame, as one without `inertial` is: exporters write both.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -27,7 +27,7 @@ const TRIANGLE_LIMIT: f64 = 1e-3;
 /// Shortest length of a link, m.
 const SHORTEST_M: f64 = 1e-6;
 
-/// What a scenario asks of a robot: the chain's joints, its tip, and gravity.
+/// The chain that a scenario requests of a robot: its joints, its tip, and gravity.
 pub(super) struct Wanted<'a> {
     /// Joints of the chain, from the base out.
     pub joints: &'a [JointSection],

@@ -22,11 +22,11 @@ pub struct Quantities {
 }
 
 impl Quantities {
-    /// The quantities of the scenario's plant. Of a structure that a program makes the states are taken to be those of a
-    /// two-link arm; a run refuses it if they are not.
+    /// Returns the quantities of the scenario's plant. For a structure that a program makes, the states are assumed to
+    /// be those of a two-link arm; a run rejects it if they are not.
     ///
     /// # Errors
-    /// [`WireError::Structure`] if the scenario makes no structure.
+    /// [`WireError::Structure`] if the scenario has no valid structure.
     pub fn of_scenario(scenario: &Scenario) -> Result<Quantities, WireError> {
         let impossible = |reason: String| WireError::Structure { reason };
         if scenario.is_fmu() {
@@ -44,23 +44,23 @@ impl Quantities {
         Ok(Quantities { readings, states, loads: tested.load_set() })
     }
 
-    /// The readings: of the impedance head, of sensors B and C, and of the scenario's other sensors.
+    /// Returns the readings: of the impedance head, of sensors B and C, and of the scenario's other sensors.
     pub fn readings(&self) -> &[Channel] {
         &self.readings
     }
 
-    /// The coordinates and their rates, which come first among the states.
+    /// Returns the coordinates and their rates, which come first among the states.
     pub fn moving(&self) -> &[Channel] {
         let count = self.states.iter().take_while(|channel| channel.kind == Kind::State).count();
         &self.states[..count]
     }
 
-    /// The loads that the plant takes.
+    /// Returns the loads that the plant accepts.
     pub fn loads(&self) -> LoadSet {
         self.loads
     }
 
-    /// The channel of a value; of [`Value::Clipped`] that of the reading.
+    /// Returns the channel of a value; for [`Value::Clipped`] that of the reading.
     pub fn channel(&self, value: Value) -> Option<Channel> {
         match value {
             Value::Clipped(place) | Value::Reading(place) => self.readings.get(place).copied(),
@@ -82,7 +82,7 @@ impl Quantities {
         of(&self.readings, Value::Reading).into_iter().chain(of(&self.states, Value::State)).chain(loads)
     }
 
-    /// The index of a reading.
+    /// Returns the index of a reading.
     pub(in crate::wire) fn reading(&self, place: &Place, name: &str) -> Result<usize, WireError> {
         let index = self.readings.iter().position(|channel| channel.name == name);
         index.ok_or_else(|| unknown(place, name, self.readings.iter().copied()))
@@ -99,7 +99,7 @@ impl Quantities {
     ) -> Result<Source, WireError> {
         let Some((channel, value)) = self.all().find(|(channel, _)| channel.name == name) else {
             if COIL_CURRENT.name == name {
-                let problem = "is a state of the shaker, and the scenario has no [rig.shaker]";
+                let problem = "is a state of the shaker, but the scenario has no [rig.shaker]";
                 return Err(WireError::Input { place: place.clone(), input: COIL_CURRENT.name, problem });
             }
             return Err(unknown(place, name, self.all().map(|(channel, _)| channel)));
@@ -125,7 +125,7 @@ fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> W
 
 /// Returns the units of the signal for one unit of the quantity.
 ///
-/// Behind a gear of ratio n a motor turns n times as far and fast, and has 1/n of the torque.
+/// With a gear of ratio n, a motor turns n times as far and fast, and has 1/n of the torque.
 fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -> Result<f64, WireError> {
     let checked = |name, value: Option<f64>| match value {
         Some(got) if !got.is_finite() || got == 0.0 => {

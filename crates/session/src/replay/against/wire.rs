@@ -1,9 +1,9 @@
-//! A controller on a scenario's own protocol, beside the recorded one.
+//! Compares a controller on a user protocol with the recorded one.
 //!
 //! Its commands name no sample, so they are compared by their order, message by message: the first command with a load
-//! of the one controller with the first of the other, the next with the next. What a controller sends before that has no
-//! load, and how often it does so depends on when it was started. Requests to arm, disarm, reset or stop must come in
-//! their order; one repeated is one.
+//! of one controller with the first of the other, the second with the second, and so on. Commands before that have no
+//! load, and their number depends on when the controller was started. Requests to arm, disarm, reset or stop must come
+//! in the same order; a repeated request counts once.
 
 use core::ops::ControlFlow;
 
@@ -22,16 +22,16 @@ const DISARM: &str = "disarm";
 /// Commands that may wait to be compared: more than are under way at one moment.
 const AHEAD: usize = 1024;
 
-/// Statement of a controller's frame.
+/// Statement in a controller's frame.
 #[derive(Clone, Debug, PartialEq)]
 enum Said {
-    /// It asks for something, by its name: `arm`.
+    /// A request, by its name: `arm`.
     Request(&'static str),
-    /// It commands a load by message `place`.
+    /// A load that is commanded by message `place`.
     Load { place: usize, load: Load },
 }
 
-/// A message that the plant takes, and the last value of each event's signal.
+/// A message that the plant accepts, and the last value of each event's signal.
 #[derive(Clone, Debug)]
 struct Message {
     incoming: Incoming,
@@ -89,16 +89,16 @@ const fn name(action: Action) -> &'static str {
     }
 }
 
-/// The live controller, as its frames show it so far.
+/// State of the live controller, gathered from its frames so far.
 pub(super) struct Live {
     reader: Reader,
-    /// Anything of it has been heard.
+    /// Whether any frame of it has been heard.
     is_there: bool,
     /// Whether it has commanded a load.
     has_begun: bool,
-    /// What it asked for from what was compared last on, oldest first.
+    /// Its requests since the last comparison, oldest first.
     requests: VecDeque<&'static str>,
-    /// Its loads that are not compared yet, by the places of their messages.
+    /// Its loads that are not yet compared, by the places of their messages.
     loads: Vec<VecDeque<Load>>,
 }
 
@@ -127,7 +127,7 @@ impl Controller for Live {
                 }
                 Said::Load { place, load } => {
                     self.has_begun |= load != Load::default();
-                    // No more than shows that it is ahead.
+                    // One more load than the limit shows that it is ahead.
                     if self.has_begun && self.loads[place].len() <= AHEAD {
                         self.loads[place].push_back(load);
                     }
@@ -137,7 +137,7 @@ impl Controller for Live {
     }
 }
 
-/// The recorded controller, as its frames show it so far.
+/// State of the recorded controller, gathered from its frames so far.
 pub(super) struct Recorded {
     reader: Reader,
     has_begun: bool,
@@ -150,7 +150,7 @@ impl Recorded {
     }
 }
 
-/// Waits until the live controller has done what the recorded one says in this frame, and compares.
+/// Waits until the live controller has caught up with this frame of the recorded one, and compares.
 pub(super) fn expect<C: Clock>(
     test: &mut Test<'_, C, Live>,
     recorded: &mut Recorded,

@@ -165,7 +165,7 @@ fn an_exciter_does_not_wait_without_end_for_its_bus() {
 #[test]
 fn bus_off_is_called_bus_off() {
     let (report, _) = exciter_beside(Loss::Silent, 300 * MS..650 * MS, 0);
-    insta::assert_snapshot!(ExciterEnd::from(&report).reason.unwrap(), @"fault of the exciter, code 9: bus-off, or frames could not be sent (0 frames), at sample 0, since its controller was bus-off; to fix it: check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors");
+    insta::assert_snapshot!(ExciterEnd::from(&report).reason.unwrap(), @"fault of the exciter, code 9: bus-off, or frames could not be sent (0 frames), at sample 0, since its controller was bus-off; to fix it: check the bit rate, the wiring and the two terminations of 120 Ω, since there were too many transmit errors");
 }
 
 /// Of the two commands that answer the samples at 0.31 s one takes the other's place.

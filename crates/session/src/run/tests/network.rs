@@ -105,5 +105,5 @@ fn a_plant_that_cannot_be_armed_in_10_s_of_simulated_time_ends_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let session = session("[[network.faults]]\nnode = 'plant'\nkind = 'link_down'\nfrom_s = 0\n", &folder);
     let (report, ..) = free(&session);
-    insta::assert_snapshot!(report.plant.error.unwrap(), @"plant and exciter did not come to terms: the plant is pre-operational, the exciter pre-operational");
+    insta::assert_snapshot!(report.plant.error.unwrap(), @"plant and exciter made no progress: the plant is pre-operational, the exciter pre-operational");
 }

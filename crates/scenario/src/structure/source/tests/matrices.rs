@@ -66,19 +66,19 @@ fn matrices_that_make_no_modes_are_said() {
     insta::assert_snapshot!(with(m, c, &two(&[1e4, -2e4, -2e4, 1e4])), @"/k.npy: it is not positive definite: with a negative stiffness the structure is at no stable rest");
     insta::assert_snapshot!(with(&two(&[2.0, 1.0, 1.0, 0.5]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass, or a row of zeros, and is then condensed");
     insta::assert_snapshot!(with(&two(&[0.0; 4]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass, or a row of zeros, and is then condensed");
-    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), &two(&[2.0, 0.0, 0.0, 1.0]), k), @"/c.npy: row 1 has no mass, and its damping moves it against the stiffness: such a degree of freedom can't be condensed; take damping that is Rayleigh's, C = aM + bK, or give it a mass");
-    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), c, &two(&[3e4, 0.0, 0.0, 0.0])), @"/k.npy: degrees of freedom without mass, from row 1 on, are not held by stiffness: their displacement does not follow from the others'; give them a stiffness, or leave them out");
-    insta::assert_snapshot!(with(m, c, &two(&[1e4, -1e4, -1e4, 1e4])), @"/c.npy: its damping acts on mode 1, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode 1 is 1 1/s, and no damping ratio states that; take it out, as the part aM of Rayleigh's, and state what damps the whole structure as elements of kind linear");
+    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), &two(&[2.0, 0.0, 0.0, 1.0]), k), @"/c.npy: row 1 has no mass, and its damping moves it against the stiffness, so it can't be condensed; use Rayleigh damping, C = aM + bK, or give it a mass");
+    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), c, &two(&[3e4, 0.0, 0.0, 0.0])), @"/k.npy: degrees of freedom without mass, from row 1 on, are not held by stiffness, so their displacement does not follow from the others'; give them a stiffness, or leave them out");
+    insta::assert_snapshot!(with(m, c, &two(&[1e4, -1e4, -1e4, 1e4])), @"/c.npy: its damping acts on mode 1, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode 1 is 1 1/s, which no damping ratio can state; remove this part, such as aM of Rayleigh damping, and state dampers of the whole structure as elements of kind linear");
     insta::assert_snapshot!(with(m, &two(&[2.0, f64::NAN, 0.0, 1.0]), k), @"/c.npy: entry 0, 1 is NaN: all must be finite");
-    insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most 0.001; take damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear");
-    insta::assert_snapshot!(of([m, c, k], "k.npy", "q.npy"), @"can't read /q.npy: No such file or directory (os error 2); paths count from the scenario's folder");
-    insta::assert_snapshot!(of([m, c, k], "k.npy'", "k.npy', modes = 3"), @"structure.matrices: `modes` is 3: the matrices have 2 rows, and 1 to 2 of the lowest modes are kept");
+    insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping may have at most 0.001; use modal damping, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear");
+    insta::assert_snapshot!(of([m, c, k], "k.npy", "q.npy"), @"can't read /q.npy: No such file or directory (os error 2); paths are relative to the scenario's folder");
+    insta::assert_snapshot!(of([m, c, k], "k.npy'", "k.npy', modes = 3"), @"structure.matrices: `modes` is 3: it must be from 1 to 2, since the matrices have 2 rows");
     insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip.x' = 2"), @"structure: `tip.x` is row 2: the matrices have rows 0 to 1");
-    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip' = 1"), @r#"structure: `tip` names no place: write point and axis, as in "tip.x""#);
+    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip' = 1"), @r#"structure: `tip` is not a place: write point and axis, as in "tip.x""#);
     insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", ""), @r#"structure: `dofs` are missing: name degrees of freedom by their rows, from 0, in a table [structure.dofs], as "tip.x" = 0"#);
     let many: Vec<f64> = (0..33 * 33).map(|k| f64::from(k % 34 == 0)).collect();
     let many = npy("(33, 33)", &many);
-    insta::assert_snapshot!(with(&many, c, k), @"structure.matrices: `modes` is missing: the matrices have 33 rows, and 1 to 32 of the lowest modes are kept");
+    insta::assert_snapshot!(with(&many, c, k), @"structure.matrices: `modes` is missing: it must be from 1 to 32, since the matrices have 33 rows");
 }
 
 #[test]
@@ -131,21 +131,21 @@ fn matrices_of_matrix_market_are_those_of_numpy() {
         assert_eq!(with(stiffness), expected, "{stiffness}");
     }
     let says = |text: &str| with(&format!("%%MatrixMarket matrix {text}"));
-    insta::assert_snapshot!(says("coordinate complex symmetric\n2 2 0\n"), @"/k.npy: line 1 is not as Matrix Market has it: the field must be `real` or `integer`");
-    insta::assert_snapshot!(says("coordinate real hermitian\n2 2 0\n"), @"/k.npy: line 1 is not as Matrix Market has it: the symmetry must be `general` or `symmetric`");
-    insta::assert_snapshot!(says("list real general\n2 2 0\n"), @"/k.npy: line 1 is not as Matrix Market has it: the format must be `array` or `coordinate`");
-    insta::assert_snapshot!(says("array real\n"), @"/k.npy: line 1 is not as Matrix Market has it: it must be `%%MatrixMarket matrix`, format, field and symmetry");
-    insta::assert_snapshot!(says("array real general\n"), @"/k.npy: line 1 is not as Matrix Market has it: the line of sizes is missing");
+    insta::assert_snapshot!(says("coordinate complex symmetric\n2 2 0\n"), @"/k.npy: line 1 violates the Matrix Market format: the field must be `real` or `integer`");
+    insta::assert_snapshot!(says("coordinate real hermitian\n2 2 0\n"), @"/k.npy: line 1 violates the Matrix Market format: the symmetry must be `general` or `symmetric`");
+    insta::assert_snapshot!(says("list real general\n2 2 0\n"), @"/k.npy: line 1 violates the Matrix Market format: the format must be `array` or `coordinate`");
+    insta::assert_snapshot!(says("array real\n"), @"/k.npy: line 1 violates the Matrix Market format: it must be `%%MatrixMarket matrix`, format, field and symmetry");
+    insta::assert_snapshot!(says("array real general\n"), @"/k.npy: line 1 violates the Matrix Market format: the line of sizes is missing");
     insta::assert_snapshot!(says("array real general\n2 3\n"), @"/k.npy: its shape is (2 3): it must be square, with 1 to 1000 rows");
     insta::assert_snapshot!(says("array real general\n1001 1001\n"), @"/k.npy: its shape is (1001, 1001): it must be square, with 1 to 1000 rows");
-    insta::assert_snapshot!(says("array real general\ntwo 2\n"), @"/k.npy: line 2 is not as Matrix Market has it: the sizes must be rows and columns, and of `coordinate` the number of entries");
-    insta::assert_snapshot!(says("array real symmetric\n2 2\n1\n2\n"), @"/k.npy: it has 2 entries: its sizes say 3");
-    insta::assert_snapshot!(says("array real symmetric\n2 2\n1\n2\n3\n4\n"), @"/k.npy: it has 4 entries: its sizes say 3");
-    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 3 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: row and column count from 1, up to the size");
-    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: it must be row, column and number");
-    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1 one\n"), @"/k.npy: line 3 is not as Matrix Market has it: it has no number");
-    insta::assert_snapshot!(says("coordinate real symmetric\n2 2 1\n1 2 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: a symmetric matrix has its lower triangle alone");
-    insta::assert_snapshot!(says("coordinate real general\n2 2 2\n1 1 1\n1 1 1\n"), @"/k.npy: line 4 is not as Matrix Market has it: this entry is given twice: add them to one");
+    insta::assert_snapshot!(says("array real general\ntwo 2\n"), @"/k.npy: line 2 violates the Matrix Market format: the sizes must be rows and columns, and of `coordinate` the number of entries");
+    insta::assert_snapshot!(says("array real symmetric\n2 2\n1\n2\n"), @"/k.npy: it has 2 entries: its sizes require 3");
+    insta::assert_snapshot!(says("array real symmetric\n2 2\n1\n2\n3\n4\n"), @"/k.npy: it has 4 entries: its sizes require 3");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 3 1\n"), @"/k.npy: line 3 violates the Matrix Market format: row and column count from 1, up to the size");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1\n"), @"/k.npy: line 3 violates the Matrix Market format: it must be row, column and number");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1 one\n"), @"/k.npy: line 3 violates the Matrix Market format: it has no number");
+    insta::assert_snapshot!(says("coordinate real symmetric\n2 2 1\n1 2 1\n"), @"/k.npy: line 3 violates the Matrix Market format: only the lower triangle of a symmetric matrix may be given");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 2\n1 1 1\n1 1 1\n"), @"/k.npy: line 4 violates the Matrix Market format: this entry is given twice: give their sum once");
 }
 
 /// A beam of `n` elements by E. Hermite's cubics, 1 m long; its mass consistent, or lumped at the nodes without rotary
@@ -256,5 +256,5 @@ fn participation_factors_of_matrices_are_effective_masses() {
     insta::assert_snapshot!(refused, @"structure: `base.y` is row 20: the matrices have rows 0 to 19");
     let other = std::collections::BTreeMap::from([("foot.y".to_owned(), vec![0])]);
     let refused = crate::structure::StructureSection::from_matrices(&of, &dofs, &other, None).unwrap_err();
-    insta::assert_snapshot!(refused, @r#"structure: `foot.y`: `base` is what the structure stands on: its motion excites the modes by the key `participation`, as "base.z" = 1.2, √kg, and no point of a shape is called so"#);
+    insta::assert_snapshot!(refused, @r#"structure: `foot.y`: `base` is the base of the structure; state it in `participation`, as "base.z" = 1.2 (√kg), and use another name for a point in `shape`"#);
 }

@@ -52,14 +52,14 @@ fn what_was_read_is_written_and_needs_no_file() {
 
 #[test]
 fn keys_that_contradict_are_refused() {
-    insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'none.uff'\n"), @"can't read examples/none.uff: No such file or directory (os error 2); paths count from the scenario's folder");
+    insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'none.uff'\n"), @"can't read examples/none.uff: No such file or directory (os error 2); paths are relative to the scenario's folder");
     insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\nmatrices = { mass = 'm', stiffness = 'k' }\n"), @"structure: give `file` or `matrices`, not both: modes come from one of them");
     insta::assert_snapshot!(says("[structure]\nfile = 'arm6.urdf'\n"), @"structure: `file` does not apply to a structure of kind `preset`: leave it out");
     insta::assert_snapshot!(says("[structure]\nkind = 'chain'\nmatrices = { mass = 'm', stiffness = 'k' }\n"), @"structure: `matrices` does not apply to a structure of kind `chain`: leave it out");
-    insta::assert_snapshot!(says("[structure]\nkind = 'chain'\ntip = 'tool0'\n"), @"structure: `tip` is of a chain with the `file` of a robot, URDF: leave it out");
-    insta::assert_snapshot!(says("[structure]\nkind = 'chain'\njoints = [{ name = 'a', stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]\n"), @"structure: `joints` is of a chain with the `file` of a robot, URDF: leave it out");
-    insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nnodes = { tip = 1 }\n"), @"structure: `nodes` is of a modal structure with the `file` of its modes, UFF: leave it out");
-    insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\ndofs = { 'tip.x' = 1 }\n"), @"structure: `dofs` is of a modal structure with `matrices`: leave it out");
+    insta::assert_snapshot!(says("[structure]\nkind = 'chain'\ntip = 'tool0'\n"), @"structure: `tip` applies only to a chain with the `file` of a robot, URDF: leave it out");
+    insta::assert_snapshot!(says("[structure]\nkind = 'chain'\njoints = [{ name = 'a', stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]\n"), @"structure: `joints` applies only to a chain with the `file` of a robot, URDF: leave it out");
+    insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nnodes = { tip = 1 }\n"), @"structure: `nodes` applies only to a modal structure with the `file` of its modes, UFF: leave it out");
+    insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\ndofs = { 'tip.x' = 1 }\n"), @"structure: `dofs` applies only to a modal structure with `matrices`: leave it out");
     let unread = Scenario::parse("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\n", "bench.toml").unwrap();
     insta::assert_snapshot!(unread.under_test().unwrap_err(), @"structure: `file` names a file that has not been read: read the scenario from its file, or give `modes`");
 }

@@ -39,10 +39,10 @@ fn modes_of_a_chain_have_its_frequencies_and_move_its_points() {
 #[test]
 fn structures_whose_modes_are_not_all_are_refused() {
     let says = |name, modes| StructureSection::from_modes(&assembly(name), modes).unwrap_err().to_string();
-    insta::assert_snapshot!(says("hardening.toml", None), @"the structure has elements, 1, and modes are of its linear part: leave them out, and add them to the modes");
-    insta::assert_snapshot!(says("chain.toml", Some(7)), @"7 modes are to be kept: the structure has 6");
-    insta::assert_snapshot!(says("chain.toml", Some(0)), @"0 modes are to be kept: the structure has 6");
-    insta::assert_snapshot!(says("chain.toml", None), @"its damping couples modes 3 and 4: one moves the other by 0.036 of its motion, and modes alone may leave out at most 0.01; keep the structure as it is, or take less damping");
+    insta::assert_snapshot!(says("hardening.toml", None), @"the structure has elements (1), but only its linear part has modes; leave them out, and add them to the modal structure");
+    insta::assert_snapshot!(says("chain.toml", Some(7)), @"7 modes can't be kept: it must be from 1 to 6, the modes of the structure");
+    insta::assert_snapshot!(says("chain.toml", Some(0)), @"0 modes can't be kept: it must be from 1 to 6, the modes of the structure");
+    insta::assert_snapshot!(says("chain.toml", None), @"its damping couples modes 3 and 4: one moves the other by 0.036 of its motion, but a modal structure may neglect at most 0.01; keep the structure as it is, or use less damping");
 }
 
 const MASS: [f64; 4] = [2.0, 0.0, 0.0, 1.0];

@@ -87,7 +87,7 @@ fn lines_from_node_to_node_are_read() {
     assert_eq!(named(&[("tip", 15), ("root", 12)]), [["root", "tip"], ["tip", "root"]]);
     assert!(named(&[("tip", 15)]).is_empty());
     let short = read(&text.replace("        10         7", "        12         7"), &BTreeMap::new());
-    insta::assert_snapshot!(short.map(|read| read.modes).unwrap_err(), @"line 30: dataset 82, a line of nodes needs 1 numbers here: there are 0");
+    insta::assert_snapshot!(short.map(|read| read.modes).unwrap_err(), @"line 30: dataset 82, a line of nodes: expected 1 numbers, got 0");
 }
 
 /// The units of a meshers' file: so many make a metre, and a newton.
@@ -234,7 +234,7 @@ fn complex_modes_that_are_no_normal_modes_are_refused() {
         read(&changed, &BTreeMap::new()).map(|read| read.modes)
     };
     assert!(quarter(0.005).is_ok());
-    insta::assert_snapshot!(quarter(0.3).unwrap_err(), @"line 10: mode 7 is complex: turned so that it is as real as it can be, its shape has an imaginary part of 0.2468 of the shape; a modal structure has normal modes, with 0.01 at most. Identify normal modes, or write the structure as matrices, with its dampers as elements of kind `linear`");
+    insta::assert_snapshot!(quarter(0.3).unwrap_err(), @"line 10: mode 7 is complex: after the best rotation, its shape has an imaginary part of 0.2468 of the shape; normal modes may have at most 0.01. Identify normal modes, or write the structure as matrices, with its dampers as elements of kind `linear`");
     let says = |text: &str| read(text, &BTreeMap::new()).map(|read| read.modes).unwrap_err().to_string();
     let negative = says(&complex_mode(0.3, -4.0));
     assert!(negative.starts_with("line 10: mode 7: ") && negative.contains("is a modal mass of -"), "{negative}");
@@ -259,7 +259,7 @@ fn an_unknown_modal_mass_is_stated() {
     assert_eq!([0, 1].map(|mode: usize| both[mode].shape["node12.x"]), [2.0 / 1.5, 1.0]);
     let says = |text: &str, mass_kg: f64| read(text, mass_kg).map(|read| read.modes).unwrap_err().to_string();
     insta::assert_snapshot!(says(&unknown, 0.0), @"structure.modal_mass_kg is 0: it must be a positive number");
-    insta::assert_snapshot!(says(MODE, 1.0), @"structure.modal_mass_kg is of modes whose modal mass the file leaves at 0, and it has none: leave it out");
+    insta::assert_snapshot!(says(MODE, 1.0), @"structure.modal_mass_kg applies only to modes whose modal mass is 0 in the file, and there are none: leave it out");
     insta::assert_snapshot!(says(&MODE.replace("4.00000D+00", "-4.0000D+00"), 1.0), @"line 10: mode 7: its modal mass is -4: shapes are normalised with it, so it must be positive");
 }
 
@@ -280,20 +280,20 @@ fn what_gives_no_modes_is_said() {
     insta::assert_snapshot!(of("    -1", "text\n    -1"), @r#"line 1: "text" is outside the datasets, which begin and end with a line -1"#);
     insta::assert_snapshot!(of("    55", "    5x"), @r#"line 2: "5x" is not the number of a dataset"#);
     insta::assert_snapshot!(of("    55", "    55b     1     2"), @"line 2: dataset 55b is binary: export the modes as ASCII");
-    insta::assert_snapshot!(of("    55", "    58b     1     2"), @"there are no modes: no dataset 55 or 2414 of normal modes; there are 58b");
-    insta::assert_snapshot!(of("    -1\n    55", "    -1\n    57"), @"there are no modes: no dataset 55 or 2414 of normal modes; there are 57");
-    insta::assert_snapshot!(of("0.00000D+00  0.00000D+00  0.00000D+00\n    -1\n", "0.00000D+00  0.00000D+00  0.00000D+00\n"), @"dataset 55, from line 2, has no end: a line -1");
-    insta::assert_snapshot!(read("", &BTreeMap::new()).map(|read| read.modes).unwrap_err(), @"there are no modes: no dataset 55 or 2414 of normal modes; there are none");
-    insta::assert_snapshot!(of("1         2         3         8", "1         5         3         8"), @"line 8: dataset 55 of analysis type 5: modes have 2, normal mode, or 3, complex eigenvalue of first order");
-    insta::assert_snapshot!(of("1         2         3         8", "1         7         3         8"), @"line 8: dataset 55 of analysis type 7: modes have 2, normal mode, or 3, complex eigenvalue of first order");
-    insta::assert_snapshot!(of("3         8         2", "3        12         2"), @"line 8: dataset 55 of specific data type 12: shapes are displacements, 8");
-    insta::assert_snapshot!(of("2         6\n", "2         1\n"), @"line 8: dataset 55 has 1 values at a node: vectors have 3, or 6 with rotations");
-    insta::assert_snapshot!(of("4.00000D+00", "0.00000D+00"), @"line 10: mode 7: its modal mass is 0: shapes are normalised with it, so it must be positive; state the one of modes that the file leaves at 0 by structure.modal_mass_kg");
-    insta::assert_snapshot!(of("2.00000D-02  0.00000D+00", "0.00000D+00  1.00000D-02"), @"line 10: mode 7 has hysteretic damping, 0.01, and no viscous: state it as viscous damping, half the loss factor");
-    insta::assert_snapshot!(of("  0.00000D+00\n        12", "\n        12"), @"line 10: dataset 55, frequency, modal mass and damping ratios needs 4 numbers here: there are 3");
+    insta::assert_snapshot!(of("    55", "    58b     1     2"), @"the file has no modes: it needs a dataset 55 or 2414 of normal modes, and it has 58b");
+    insta::assert_snapshot!(of("    -1\n    55", "    -1\n    57"), @"the file has no modes: it needs a dataset 55 or 2414 of normal modes, and it has 57");
+    insta::assert_snapshot!(of("0.00000D+00  0.00000D+00  0.00000D+00\n    -1\n", "0.00000D+00  0.00000D+00  0.00000D+00\n"), @"dataset 55, which begins in line 2, lacks its end, a line -1");
+    insta::assert_snapshot!(read("", &BTreeMap::new()).map(|read| read.modes).unwrap_err(), @"the file has no modes: it needs a dataset 55 or 2414 of normal modes, and it has none");
+    insta::assert_snapshot!(of("1         2         3         8", "1         5         3         8"), @"line 8: dataset 55 has analysis type 5: it must be 2 (normal mode) or 3 (complex eigenvalue of first order)");
+    insta::assert_snapshot!(of("1         2         3         8", "1         7         3         8"), @"line 8: dataset 55 has analysis type 7: it must be 2 (normal mode) or 3 (complex eigenvalue of first order)");
+    insta::assert_snapshot!(of("3         8         2", "3        12         2"), @"line 8: dataset 55 has specific data type 12: it must be 8 (displacement)");
+    insta::assert_snapshot!(of("2         6\n", "2         1\n"), @"line 8: dataset 55 has 1 values at a node: it must have 3, or 6 with rotations");
+    insta::assert_snapshot!(of("4.00000D+00", "0.00000D+00"), @"line 10: mode 7: its modal mass is 0: shapes are normalised with it, so it must be positive; state it in structure.modal_mass_kg");
+    insta::assert_snapshot!(of("2.00000D-02  0.00000D+00", "0.00000D+00  1.00000D-02"), @"line 10: mode 7 has hysteretic damping, 0.01, but no viscous damping; state it as viscous damping, half the loss factor");
+    insta::assert_snapshot!(of("  0.00000D+00\n        12", "\n        12"), @"line 10: dataset 55, frequency, modal mass and damping ratios: expected 4 numbers, got 3");
     insta::assert_snapshot!(of("-1.00000D+00", "-1.0000D+400"), @r#"line 12: dataset 55, the values at a node: "-1.0000D+400" is not a finite number"#);
     insta::assert_snapshot!(of("        15", "      1.5"), @r#"line 13: dataset 55, a node: "1.5" is not a finite number"#);
-    insta::assert_snapshot!(of("        15", "        12"), @"line 14: node 12 stands here for the second time");
-    insta::assert_snapshot!(named(&[("tip", 13)]), @"structure.nodes: `tip` is node 13: no mode has values there; nodes with values are 12, 15");
+    insta::assert_snapshot!(of("        15", "        12"), @"line 14: node 12 occurs for the second time");
+    insta::assert_snapshot!(named(&[("tip", 13)]), @"structure.nodes: `tip` is node 13, where no mode has values; nodes with values are 12, 15");
     insta::assert_snapshot!(named(&[("tip", 12), ("top", 12)]), @"structure.nodes: `tip` and `top` are both node 12");
 }

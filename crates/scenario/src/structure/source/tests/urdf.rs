@@ -67,7 +67,7 @@ fn an_impossible_inertia_is_a_warning() {
         warnings.into_iter().filter(|UrdfWarning::Moments { link, .. }| link == "upper").collect()
     };
     let triangle = warnings([0.001, 0.001, 0.5]);
-    insta::assert_snapshot!(triangle[0], @"link `upper`: its principal moments of inertia are 0.001, 0.001 and 0.5 kg·m²: no body has a negative one, or one above the sum of the other two; the chain takes the moment about the joints' axis as it is");
+    insta::assert_snapshot!(triangle[0], @"link `upper`: its principal moments of inertia are 0.001, 0.001 and 0.5 kg·m², but no body has a negative one, or one above the sum of the other two; the chain uses the moment about the joints' axis unchanged");
     assert_eq!(warnings([-0.1, 0.3, 0.3]).len(), 1);
     assert_eq!(warnings([0.0, 0.2, 0.2]), []);
     assert_eq!(warnings([0.1, 0.2, 0.3001]), []);
@@ -158,14 +158,14 @@ fn of(from: &str, to: &str, joints: &[&str]) -> String {
 #[test]
 fn what_is_no_robot_is_said() {
     let both = ["shoulder", "elbow"];
-    insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"base\">", &both), @"it is not XML: expected 'link' tag, not 'robot' at 13:1");
-    insta::assert_snapshot!(of("<robot name=\"two\">", "<robot name=\"two\" xmlns=\"\">&payload;", &both), @"it is not XML: unknown entity reference 'payload' at 1:28");
-    insta::assert_snapshot!(chain("<sdf/>", &[], None).unwrap_err(), @"it is not a robot: its root is <sdf>, not <robot>");
+    insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"base\">", &both), @"the file is not XML: expected 'link' tag, not 'robot' at 13:1");
+    insta::assert_snapshot!(of("<robot name=\"two\">", "<robot name=\"two\" xmlns=\"\">&payload;", &both), @"the file is not XML: unknown entity reference 'payload' at 1:28");
+    insta::assert_snapshot!(chain("<sdf/>", &[], None).unwrap_err(), @"the file is not a robot: its root is <sdf>, not <robot>");
     insta::assert_snapshot!(of("<link name=\"base\"/>", "<link/>", &both), @"line 2: <link> lacks `name`");
     insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"ten\"/>", &both), @r#"line 3: `value` is "ten": it must be a finite number"#);
     insta::assert_snapshot!(of("0.5 0 0", "0.5 0", &both), @r#"line 11: `xyz` is "0.5 0": it must be three finite numbers"#);
     insta::assert_snapshot!(of("<mass value=\"10\"/>", "", &both), @"the inertial of link upper lacks <mass>");
-    insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"0\"/>", &both), @"link `upper`: its mass is 0 kg: it must be positive, or, with all moments of inertia, 0, as that of a frame");
+    insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"0\"/>", &both), @"link `upper`: its mass is 0 kg: it must be positive, or 0 together with all moments of inertia, for a frame");
     insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"nan\"/>", &both), @r#"line 3: `value` is "nan": it must be a finite number"#);
     let declared = "<robot name=\"two\" xmlns:xacro=\"http://www.ros.org/wiki/xacro\">";
     insta::assert_snapshot!(of("<robot name=\"two\">", &format!("{declared}<xacro:property name=\"a\" value=\"1\"/>"), &both), @"line 1: <xacro:property>: the file is xacro, not URDF: expand it first, xacro file.urdf.xacro > file.urdf, and name that file");
@@ -175,8 +175,8 @@ fn what_is_no_robot_is_said() {
     insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"upper\"/>", &both), @"there are two of the link `upper`");
     insta::assert_snapshot!(of("joint name=\"grip\"", "joint name=\"elbow\"", &both), @"there are two of the joint `elbow`");
     insta::assert_snapshot!(of("<parent link=\"upper\"/>", "<parent link=\"uper\"/>", &both), @"joint `elbow`: there is no link `uper`");
-    insta::assert_snapshot!(of("<child link=\"payload\"/>", "<child link=\"lower\"/>", &both), @"link `lower` is the child of two joints, `elbow` and `grip`: a robot is a tree");
-    insta::assert_snapshot!(of("<parent link=\"base\"/>", "<parent link=\"payload\"/>", &both), @"joint `shoulder` is beyond itself: a robot is a tree");
+    insta::assert_snapshot!(of("<child link=\"payload\"/>", "<child link=\"lower\"/>", &both), @"link `lower` is the child of two joints, `elbow` and `grip`: a robot must be a tree");
+    insta::assert_snapshot!(of("<parent link=\"base\"/>", "<parent link=\"payload\"/>", &both), @"joint `shoulder` is in a closed loop: a robot must be a tree");
 }
 
 #[test]
@@ -184,29 +184,29 @@ fn what_is_no_chain_is_said() {
     let both = ["shoulder", "elbow"];
     insta::assert_snapshot!(of("", "", &[]), @"name the chain's joints, from the base out, in tables [[structure.joints]]: those that turn are shoulder, elbow");
     insta::assert_snapshot!(of("", "", &["shoulder", "elbo"]), @"there is no joint `elbo`, did you mean `elbow`?: those that turn are shoulder, elbow");
-    insta::assert_snapshot!(of("", "", &["shoulder", "grip"]), @"joint `grip` is prismatic: a chain has revolute joints; what is not named is rigid");
-    insta::assert_snapshot!(of("0 0 2", "0 0 0", &both), @"joint `shoulder`: its axis is 0 0 0");
+    insta::assert_snapshot!(of("", "", &["shoulder", "grip"]), @"joint `grip` is prismatic: a chain has only revolute joints; joints that are not named are rigid");
+    insta::assert_snapshot!(of("0 0 2", "0 0 0", &both), @"joint `shoulder`: its axis is 0 0 0: it must have a direction");
     insta::assert_snapshot!(of("", "", &["elbow", "shoulder"]), @"joint `shoulder` is not beyond `elbow`: name the joints from the base out");
     insta::assert_snapshot!(of("<parent link=\"upper\"/>", "<parent link=\"base\"/>", &both), @"joint `elbow` is not beyond `shoulder`: a chain has joints of one branch");
-    insta::assert_snapshot!(of("0 0 -1", "1 0 -1", &both), @"the axis of joint `elbow` is 45.000° from that of `shoulder`: those of a planar chain are parallel");
+    insta::assert_snapshot!(of("0 0 -1", "1 0 -1", &both), @"the axis of joint `elbow` is 45.000° from that of `shoulder`: the axes of a planar chain must be parallel");
     insta::assert_snapshot!(of("0.5 0 0", "0 0 0.5", &both), @"from joint `shoulder` to `lower` there is no length in the plane of motion: leave one out, or state `tip`");
-    insta::assert_snapshot!(of("izz=\"0.3\"", "izz=\"-0.3\"", &both), @"link `upper`: its moment of inertia about the joints' axis is -0.3 kg·m²: no body has a negative one");
+    insta::assert_snapshot!(of("izz=\"0.3\"", "izz=\"-0.3\"", &both), @"link `upper`: its moment of inertia about the joints' axis is -0.3 kg·m²: it must not be negative");
     let bare = "<link name=\"upper\"/><joint name=\"other\" type=\"fixed\"><parent link=\"lower\"/><child link=\"base2\"/></joint>\
         <link name=\"base2\"/><link name=\"unused\">";
-    insta::assert_snapshot!(of("<link name=\"upper\">", bare, &both), @"beyond joint `elbow` there are several ends: say by `tip` which is the chain's: base2, payload");
-    insta::assert_snapshot!(of("<link name=\"upper\">", "<link name=\"upper\"/><link name=\"unused\">", &both), @"nothing beyond joint `shoulder`, up to the next of the chain, has a mass: give link `upper` an <inertial>");
-    insta::assert_snapshot!(of("<axis xyz=\"0 0 -1\"/>", "", &both), @"the axis of joint `elbow` is 90.000° from that of `shoulder`: those of a planar chain are parallel; the joint has no <axis>, so that its axis is the default, x");
+    insta::assert_snapshot!(of("<link name=\"upper\">", bare, &both), @"the chain has several ends beyond joint `elbow`: name one of them in `tip`: base2, payload");
+    insta::assert_snapshot!(of("<link name=\"upper\">", "<link name=\"upper\"/><link name=\"unused\">", &both), @"no body between joint `shoulder` and the next joint of the chain has a mass: give link `upper` an <inertial>");
+    insta::assert_snapshot!(of("<axis xyz=\"0 0 -1\"/>", "", &both), @"the axis of joint `elbow` is 90.000° from that of `shoulder`: the axes of a planar chain must be parallel; the joint has no <axis>, so its axis is the default, x");
     let no_axis = ROBOT
         .replace("<axis xyz=\"0 0 -1\"/>", "")
         .replace("<axis xyz=\"0 0 2\"/>", "")
         .replace(" rpy=\"0 0 1.5707963267948966\"", "");
-    insta::assert_snapshot!(chain(&no_axis, &both.map(|name| joint(name, 0.0)), None).unwrap_err(), @"from joint `shoulder` to `lower` there is no length in the plane of motion: the joint has no <axis>, so that it turns about the default, x; state its axis");
+    insta::assert_snapshot!(chain(&no_axis, &both.map(|name| joint(name, 0.0)), None).unwrap_err(), @"from joint `shoulder` to `lower` there is no length in the plane of motion: the joint has no <axis>, so it turns about the default, x; state its axis");
     let mimic = ["0 0 -1\"/>", "0 0 -1\"/><mimic joint=\"shoulder\" multiplier=\"-1\"/>"];
-    insta::assert_snapshot!(of(mimic[0], mimic[1], &both), @"joint `elbow` mimics `shoulder`, so that it turns with that joint and has no spring of its own: the joints of a chain turn freely");
-    insta::assert_snapshot!(of(mimic[0], mimic[1], &["shoulder"]), @"joint `elbow` mimics `shoulder`, which is a joint of the chain, and it is not named, so that it would be rigid: remove <mimic> from the file where that will do");
+    insta::assert_snapshot!(of(mimic[0], mimic[1], &both), @"joint `elbow` mimics `shoulder`, so it turns with that joint and has no spring of its own; the joints of a chain must turn freely");
+    insta::assert_snapshot!(of(mimic[0], mimic[1], &["shoulder"]), @"joint `elbow` mimics `shoulder`, which is a joint of the chain, but it is itself not named and would be rigid; remove <mimic> from the file if a rigid joint is acceptable");
     let tip = chain(ROBOT, &[joint("shoulder", 0.0), joint("elbow", 0.0)], Some("upper"));
-    insta::assert_snapshot!(tip.unwrap_err(), @"structure.tip: link `upper` does not ride on joint `elbow`: these do: lower, payload");
+    insta::assert_snapshot!(tip.unwrap_err(), @"structure.tip: link `upper` does not move with joint `elbow`: these links do: lower, payload");
     let joints = "joints = [{ name = 'turn', stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]";
     let turning = format!("[structure]\nkind = 'chain'\nfile = 'arm6.urdf'\ngravity_m_s2 = 9.81\n{joints}\n");
-    insta::assert_snapshot!(says(&turning), @"examples/arm6.urdf: `gravity_m_s2` acts in the plane of motion: here the axes are 90.000° from horizontal; leave it out");
+    insta::assert_snapshot!(says(&turning), @"examples/arm6.urdf: `gravity_m_s2` needs horizontal axes, so that it acts in the plane of motion; they are 90.000° from horizontal: leave it out");
 }
