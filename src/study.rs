@@ -68,7 +68,7 @@ fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {
     let advice = if is_kept {
         "the same command resumes from there"
     } else {
-        "with --out the same command would resume from there"
+        "with --plot the same command would resume from there"
     };
     tracing::error!("stopped after {done} of {total} {what}; {advice}");
 }
