@@ -59,7 +59,7 @@ def help_of(program, *words):
 
 def listed(text):
     """The names in the lists of commands of a help."""
-    before = text.split("\nOptions:")[0].split("Usage:")[1]
+    before = text.split("\nCommon to all commands:")[0].split("Usage:")[1]
     lines = [line for line in before.splitlines()[1:] if line.startswith("  ") and not line.startswith("   ")]
     return [line.split()[0] for line in lines if line.split()[0] != "help"]
 

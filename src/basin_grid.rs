@@ -3,6 +3,8 @@
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::help::heading;
+use crate::numbers;
 use resonarm::study::StateGrid;
 use resonarm_numeric::number::short;
 
@@ -11,21 +13,23 @@ const MOST: u32 = 1000;
 
 /// The grid of initial states.
 #[derive(Debug, Args)]
+#[command(next_help_heading = heading::RANGE)]
 pub(crate) struct GridFlags {
-    /// First value of each [default: minus the last].
+    /// First value of each coordinate [default: minus the last].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     from: Option<Vec<f64>>,
-    /// Last value of each [default: 1.5 times as far as the largest stable motion reaches].
+    /// Last value of each coordinate [default: 1.5 times as far as the largest stable motion reaches].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     to: Option<Vec<f64>>,
-    /// Number of values of each, evenly spaced, from 2 to 1000.
+    /// Number of values of each coordinate, evenly spaced, from 2 to 1000.
     #[arg(
         long,
         value_name = "NX,NY",
         default_value = "41,41",
         allow_hyphen_values = true,
         value_delimiter = ',',
-        num_args = 1
+        num_args = 1,
+        value_parser = numbers::integer_checked_later(2..=MOST)
     )]
     points: Vec<u32>,
 }

@@ -3,18 +3,23 @@
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::help::heading;
+use crate::numbers;
 use resonarm::analysis::BranchOptions;
 
 /// Settings of the continuation along a branch.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::COMPUTATION)]
 pub(crate) struct ContinuationFlags {
-    /// Most harmonics that a motion may take.
-    #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_HARMONICS as u16, value_parser = clap::value_parser!(u16).range(3..=1000))]
+    /// Most harmonics of a motion, from 3 to 1000.
+    #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_HARMONICS as u16, value_parser = numbers::integer(3..=1000_u16))]
     most_harmonics: u16,
     /// Most points of a branch.
-    #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_POINTS as u32, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_POINTS as u32, value_parser = numbers::integer(1..=u32::MAX))]
     most_points: u32,
-    /// Largest step along a branch, as a fraction of the motion's size.
+    /// Largest step along a branch, over the motion's size.
+    ///
+    /// It is a fraction from 1e-6 to 1.
     #[arg(long, value_name = "X", default_value_t = BranchOptions::LARGEST_STEP)]
     largest_step: f64,
 }

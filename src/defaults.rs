@@ -36,7 +36,13 @@ fn with(command: Command, defaults: &Defaults) -> Command {
         }
         command.mut_arg(id, |arg| {
             let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
-            arg.help(format!("{help} [default: {default}]"))
+            // clap states its defaults in the long help in a paragraph of their own.
+            let long = arg.get_long_help().map(|long| format!("{long}\n\n[default: {default}]"));
+            let arg = arg.help(format!("{help} [default: {default}]"));
+            match long {
+                Some(long) => arg.long_help(long),
+                None => arg,
+            }
         })
     })
 }
@@ -239,7 +245,7 @@ mod tests {
         run --duration-s: until it is stopped
         run --duration-s: until the exciter has finished
         experiment walk --duration-s: until the walk ends
-        conformance --beyond-n: none is tried; in the FD profile 1.01 times the limit that the plant states
+        conformance --beyond-n: none; in the FD profile 1.01 times the plant's limit
         conformance --beyond-n-per-s: none is tried
         conformance --beyond-travel-n: none is tried
         conformance --bit-rate-hz: they are not
@@ -247,18 +253,18 @@ mod tests {
         conformance --pid: it isn't
         replay --from-s: the beginning
         replay --to-s: the end
-        identify --from-hz: that of the recorded excitation, or 1; with --angles a quarter of the structure's lowest natural frequency
-        identify --to-hz: that of the recorded excitation; of an impact 1 over its length; or 100
+        identify --from-hz: that of the recorded excitation, or 1
+        identify --to-hz: that of the recorded excitation, or 100
         identify --segment-s: whole periods, or an eighth of the record
-        diff --parts: states,samples, or frames if neither recording has those
+        diff --parts: states,samples, or frames if there are neither
         diff --from-s: the beginning
         diff --to-s: the end
         cut --from-s: the beginning
         cut --to-s: the end
-        export --out: that name, in the current folder
         export --parts: all that the format holds
         export --from-s: the beginning
         export --to-s: the end
+        export --out: the recording's name, in the current folder
         import --from: by its ending, .log for candump, .asc, .blf
         import --interface: that of the first frame
         frf --drive: joint1 of a chain
@@ -270,7 +276,7 @@ mod tests {
         backbone --to: 0.3 at a joint
         sweep --initial: that of the scenario, at rest
         sweep --at: where the loads act
-        sweep --points: 101, and between them as many as the resonances of the forced response need
+        sweep --points: 101, and more at resonances
         poincare --initial: that of the scenario, at rest
         poincare --at: where the loads act
         poincare --parameter: nothing, one section
@@ -280,7 +286,7 @@ mod tests {
         basins --coordinates: the first and its rate
         basins --from: minus the last
         basins --to: 1.5 times as far as the largest stable motion reaches
-        compare --at: where they move most, without clipped readings if possible
+        compare --at: where the points move most
         fmu --library: libresonarm_fmu.so beside this program
         ");
     }

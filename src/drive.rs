@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::numbers;
 use crate::read_at::{ReadAt, dof};
 use resonarm::analysis::Forced;
@@ -18,9 +19,11 @@ use resonarm_numeric::number::short;
 
 /// The loads.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::LOADS)]
 pub(crate) struct DriveFlags {
-    /// Load A·sin(2πft) at a degree of freedom, which is a point and an axis, as tip.x, or a joint, as joint1: N, at a
-    /// joint N·m; may be repeated, all in phase.
+    /// Load A·sin(2πft), as tip.x=20, N, or joint1=60, N·m; may be repeated.
+    ///
+    /// DOF is a degree of freedom: a point and an axis, as tip.x, or a joint, as joint1. Several loads are in phase.
     #[arg(long = "drive", value_name = "DOF=A", allow_hyphen_values = true)]
     loads: Vec<LoadFlag>,
 }

@@ -3,6 +3,8 @@
 use clap::Command;
 use clap::builder::StyledStr;
 
+use crate::help::heading::COMMON;
+
 /// The text that `resonarm` prints without arguments.
 pub(crate) const BY_TRADE: &str = "\
 Resonarm simulates the vibration of a robot arm, or of a structure of yours, on a CAN bus, and analyses it.
@@ -10,8 +12,8 @@ Resonarm simulates the vibration of a robot arm, or of a structure of yours, on 
 First         resonarm demo                          arm and controller in one process: a folded resonance, plotted
               resonarm quickstart my-bench           a folder with a bench, and controllers in three languages
 Controllers   resonarm run --bus vcan0               the plant on a bus, for your controller or firmware
-              resonarm conformance --bus vcan0 --role plant      whether a node keeps the protocol
-Measurements  resonarm inspect run.mcap              what a recording holds; export and import convert it
+              resonarm conformance --bus vcan0 --role plant      tests a node for protocol conformance
+Measurements  resonarm inspect run.mcap              shows a recording; export and import convert it
               resonarm identify run.mcap             natural frequencies and damping from what was measured
 Analysis      resonarm frf --plot responses          responses of the linear structure
               resonarm continue --drive joint1=60 --from-hz 21 --to-hz 23 --plot branch    folds and stability
@@ -23,7 +25,7 @@ pub(crate) fn in_groups(command: Command, groups: &[(&str, &[&str])]) -> Command
     let listed =
         groups.iter().map(|(title, names)| format!("{title}:\n{}\n", list(&command, names))).collect::<String>();
     command.help_template(format!(
-        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{listed}Options:\n{{options}}{{after-help}}"
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{listed}{COMMON}:\n{{options}}{{after-help}}"
     ))
 }
 

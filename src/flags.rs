@@ -1,22 +1,44 @@
 //! Flags that several subcommands share.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
-use clap::{Args, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Arg, Args, Command, ValueEnum};
 
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::numbers;
 use resonarm::integrate::Scheme;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
 use resonarm::scenario::{Scenario, StructureKind};
+use resonarm::structure::Preset;
 use resonarm_numeric::seed;
 
 /// Parses the number of points in a range; the maximum fits easily in memory and in a figure.
-pub(crate) fn points() -> RangedI64ValueParser<u32> {
-    RangedI64ValueParser::new().range(2..=1_000_000)
+pub(crate) fn points() -> impl TypedValueParser<Value = u32> {
+    numbers::integer(2..=1_000_000)
+}
+
+/// Parses a value by its name with the parser, and the message, of its type. The help and a shell list the names.
+#[derive(Clone, Copy)]
+pub(crate) struct ByName<T, const N: usize>(pub [T; N], pub fn(T) -> &'static str);
+
+impl<T, const N: usize> TypedValueParser for ByName<T, N>
+where
+    T: FromStr<Err: core::error::Error + Send + Sync> + Copy + Send + Sync + 'static,
+{
+    type Value = T;
+
+    fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<T, clap::Error> {
+        str::parse::<T>.parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(self.0.iter().map(|one| PossibleValue::new(self.1(*one)))))
+    }
 }
 
 /// Parses one of these values by its name.
@@ -52,18 +74,22 @@ impl FromStr for NamedNumber {
 /// The scenario, and what of its structure differs. [`defaults`](crate::defaults) adds each command's defaults to the
 /// help.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::SIMULATED)]
 pub(crate) struct StructureFlags {
-    /// TOML file with the whole scenario, in place of the defaults; flags take precedence.
+    /// TOML file with the whole scenario; flags take precedence over it.
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
-    /// Parameters of the two-link arm: irb1600-fitted or irb1600-table1.
-    #[arg(long, value_name = "NAME")]
-    pub preset: Option<String>,
-    /// Angle of each link of a chain against the link before, degrees, from the base out; 0 goes straight on.
+    /// Parameters of the two-link arm.
+    #[arg(long, value_name = "NAME", value_parser = ByName(Preset::ALL, Preset::name))]
+    pub preset: Option<Preset>,
+    /// Angle of each link, degrees.
+    ///
+    /// It counts from the link before, from the base out. At 0 a link continues in the direction of the link before.
     #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
     pub angles_deg: Option<Vec<f64>>,
-    /// Value of a parameter of the structure, as link2.mass_kg=40, mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may
-    /// be repeated.
+    /// Value of a structure's parameter, as link2.mass_kg=40; may be repeated.
+    ///
+    /// Modes and elements have parameters, too, as mode1.damping_ratio=0.01 and element1.gap_m=1e-3.
     #[arg(long, value_name = "NAME=X", allow_hyphen_values = true)]
     pub set: Vec<NamedNumber>,
 }
@@ -73,57 +99,63 @@ pub(crate) struct StructureFlags {
 pub(crate) struct SessionFlags {
     #[command(flatten)]
     pub structure: StructureFlags,
-    /// Samples a second, whole Hz.
-    #[arg(long, value_name = "HZ")]
+    /// Sample rate, Hz, an integer from 1 to 65535.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "HZ")]
     pub rate_hz: Option<f64>,
-    /// Seed of the sensor noise, decimal or as 0x1F.
-    #[arg(long, value_name = "N", value_parser = seed::parse)]
+    /// Seed of the noise, decimal or as 0x1F.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "N", value_parser = seed::parse)]
     pub seed: Option<u64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8.
-    #[arg(long, value_name = "NAME")]
-    pub scheme: Option<String>,
+    /// Integration scheme.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "NAME", value_parser = ByName(Scheme::ALL, Scheme::name), hide_short_help = true)]
+    pub scheme: Option<Scheme>,
     /// Length of the run, s.
-    #[arg(long, value_name = "S")]
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "S")]
     pub duration_s: Option<f64>,
 }
 
 /// How strictly a run in real time needs a real-time thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum RealTimeThread {
-    // Uses what the system grants and reports the rest. No documentation: the help would repeat that of the flag.
+    /// Uses what the system grants, and reports the rest.
     #[default]
     Auto,
-    // Refuses to run without all of it.
+    /// Refuses to run without all of it.
     Require,
-    // Asks for nothing.
+    /// Asks for nothing.
     Off,
 }
 
 /// Whether the real-time loop spins.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = heading::BUS)]
 pub(crate) struct SpinFlag {
-    /// Sleep until this many µs before each deadline, then poll the clock; auto measures how late sleeps are, off
-    /// sleeps until the deadline. At most a quarter of the period.
+    /// Time to poll the clock before each deadline, µs, or auto, or off.
+    ///
+    /// The loop sleeps until then. `auto` measures how late sleeps are and polls for as long; `off` sleeps until the
+    /// deadline. At most a quarter of the period.
     #[arg(long, value_name = "SPIN", default_value_t, allow_hyphen_values = true)]
     pub spin: Spin,
 }
 
 /// Thread settings that a run in real time asks of the system.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::BUS)]
 pub(crate) struct ThreadFlags {
-    /// Real-time scheduling, locked memory and the core: auto takes what the system grants and reports the rest,
-    /// require refuses to run without them, off does not ask.
+    /// Whether to ask for real-time scheduling, locked memory and the core.
     #[arg(long, value_enum, default_value_t)]
     rt: RealTimeThread,
-    /// Core to pin the real-time loop to; recorder, live view and python-can adapters move off it if there is another.
-    #[arg(long, value_name = "N")]
+    /// Core to pin the real-time loop to, from 0.
+    ///
+    /// Recorder, live view and python-can adapters move off it if there is another.
+    #[arg(long, value_name = "N", value_parser = numbers::integer(0..=1023_usize))]
     core: Option<usize>,
     /// SCHED_FIFO priority of the real-time loop, 1 to 99.
-    #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get())]
+    #[arg(long, value_name = "P", default_value_t = FifoPriority::DEFAULT.get(), value_parser = numbers::integer_checked_later(1..=99_u8), hide_short_help = true)]
     priority: u8,
-    /// Keep all cores of the machine out of their idle states during the run, so that no wake-up waits for one to
-    /// resume. It costs power, and takes time from other guests of a shared machine.
-    #[arg(long)]
+    /// Keep all cores of the machine out of their idle states during the run.
+    ///
+    /// No wake-up then waits for a core to resume. It costs power, and takes time from other guests of a shared machine.
+    #[arg(long, hide_short_help = true)]
     cores_awake: bool,
 }
 
@@ -164,7 +196,7 @@ impl StructureFlags {
             Some(path) => read_scenario(path)?,
             None => default()?,
         };
-        if let Some(preset) = &self.preset {
+        if let Some(preset) = self.preset.map(Preset::name) {
             let kind = scenario.structure.kind;
             if kind != StructureKind::Preset {
                 return Err(Failure::usage(format!(
@@ -172,7 +204,7 @@ impl StructureFlags {
                     kind.name()
                 )));
             }
-            scenario.structure.preset = Some(preset.clone());
+            scenario.structure.preset = Some(preset.to_owned());
         }
         if let Some(angles_deg) = &self.angles_deg {
             turn(&mut scenario, angles_deg)?;
@@ -225,9 +257,7 @@ impl SessionFlags {
         simulation.rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz);
         simulation.seed = self.seed.unwrap_or(simulation.seed);
         simulation.duration_s = self.duration_s.or(simulation.duration_s);
-        if let Some(scheme) = &self.scheme {
-            simulation.scheme = parse_scheme(scheme)?;
-        }
+        simulation.scheme = self.scheme.unwrap_or(simulation.scheme);
         Ok(scenario)
     }
 }
@@ -237,9 +267,6 @@ pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::usage(format!("{flag}: {error}"))
 }
 
-pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
-    name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::usage(error.to_string()))
-}
 /// Reads a scenario, and warns of doubtful content in the files that it names.
 pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let scenario = Scenario::read(path)?;

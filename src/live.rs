@@ -3,6 +3,7 @@
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::output;
 use crate::supervise::supervise;
 use resonarm::control::{Length, Steered};
@@ -16,21 +17,27 @@ const LOOK_NS: u64 = 20_000_000;
 
 /// Whether the live view is served, and where.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::LIVE)]
 pub(crate) struct LiveFlags {
-    /// Show the run in a browser, at this address and port; the line that begins with `live view` has the URL. Without
-    /// a port a free one is chosen.
+    /// Show it in a browser, served at this address, or at 127.0.0.1.
+    ///
+    /// The address may have a port; without one a free port is chosen. The line that begins with `live view` has the
+    /// URL.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1")]
     pub live: Option<String>,
     /// Also allow pages of this origin, as https://app.foxglove.dev; may be repeated.
-    #[arg(long, value_name = "ORIGIN", requires = "live")]
+    #[arg(long, value_name = "ORIGIN", requires = "live", hide_short_help = true)]
     pub live_origin: Vec<String>,
 }
 
 /// Whether the exciter is steered.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = heading::LIVE)]
 pub(crate) struct SteerFlag {
-    /// Play a sine whose load, frequency and phase are set in the live view, along the scenario's load and in place of
-    /// its excitation or control. It begins with no load.
+    /// Play a sine that is set in the live view, not the scenario's excitation.
+    ///
+    /// Load, frequency and phase are set in the live view; the load acts along that of the scenario, in place of its
+    /// excitation or control. It begins at zero.
     #[arg(long, requires = "live")]
     pub steer: bool,
 }

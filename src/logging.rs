@@ -1,4 +1,4 @@
-//! Log levels, from `-v` and from the environment variable `RESONARM_LOG`.
+//! Log levels, from `-v`, `-q` and the environment variable `RESONARM_LOG`.
 
 use std::io::IsTerminal;
 
@@ -14,9 +14,10 @@ use crate::output::printable;
 /// between them.
 const VARIABLE: &str = "RESONARM_LOG";
 
-/// Logs to standard error: warnings, more with `-v`, and the levels of `RESONARM_LOG`.
-pub(crate) fn log_to_stderr(verbose: u8) -> Result<(), Failure> {
+/// Logs to standard error: warnings, more with `-v`, only errors with `-q`, and the levels of `RESONARM_LOG`.
+pub(crate) fn log_to_stderr(verbose: u8, quiet: bool) -> Result<(), Failure> {
     let level = match verbose {
+        _ if quiet => LevelFilter::ERROR,
         0 => LevelFilter::WARN,
         1 => LevelFilter::INFO,
         2 => LevelFilter::DEBUG,

@@ -17,6 +17,7 @@ mod figures;
 mod file_size;
 mod first_minute;
 mod flags;
+mod help;
 mod live;
 #[cfg(feature = "live")]
 mod live_branch;
@@ -45,22 +46,34 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use failure::{Failure, Verdict};
+use help::{LAST, heading};
 use progress::Progress;
+
+const ENVIRONMENT: &str = "\
+Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.
+
+RESONARM_LOG sets what is logged, as `debug` or `resonarm_bus=trace`. Where standard error is not a terminal, long work \
+writes a line of progress every 10 s; the levels `error` and `off` suppress it, too. NO_COLOR turns colours off.";
 
 /// Real-time vibration simulator of a compliant-joint robot arm, with an exciter bridge over CAN.
 #[derive(Debug, Parser)]
 #[command(name = "resonarm", version, max_term_width = 120)]
+#[command(next_help_heading = heading::COMMON, next_display_order = LAST)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something.\n\
-                        RESONARM_LOG sets what is logged, as `debug` or `resonarm_bus=trace`. Where standard error is no terminal, a line \
-                        of progress is written every 10 s; the levels `error` and `off` suppress it, too."
+    after_help = "Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environment lacks something."
 )]
+#[command(after_long_help = ENVIRONMENT)]
 struct Cli {
     /// Log more: -v for what happens, -vv for every detail.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
-    /// Leave the title and the line below it out of figures, as papers want them; the caption in STEM.txt has both.
-    #[arg(long, global = true)]
+    /// Log errors only, and show no progress.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Leave the title and the subtitle out of figures, as papers want them.
+    ///
+    /// The caption in STEM.txt has both.
+    #[arg(long, global = true, hide_short_help = true)]
     no_title: bool,
     #[command(subcommand)]
     command: Command,
@@ -154,7 +167,7 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
-    if let Err(failure) = logging::log_to_stderr(cli.verbose) {
+    if let Err(failure) = logging::log_to_stderr(cli.verbose, cli.quiet) {
         output::complain(&failure);
         return failure.exit_code();
     }
@@ -196,23 +209,24 @@ fn whole() -> clap::Command {
 /// Returns the command line with the arguments of the wanted commands, with strict numbers and the defaults in the
 /// help. The arguments of all commands take milliseconds to make, longer than many commands run.
 fn with_arguments(is_wanted: impl Fn(&str) -> bool) -> clap::Command {
-    let command = Cli::command();
+    let command = help::with_common_flags(Cli::command());
     let names: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
     let wanted = names.into_iter().zip(Command::ARGUMENTS).filter(|(name, _)| is_wanted(name));
     wanted.fold(command, |command, (name, augment)| {
         // The arguments are added here, since clap adds deferred ones only while it parses.
         let add = |bare: clap::Command| augment(bare.defer(|command| command));
-        command.mut_subcommand(name, |bare| defaults::stated(numbers::strict(add(bare))))
+        command.mut_subcommand(name, |bare| help::in_order(defaults::stated(numbers::strict(add(bare)))))
     })
 }
 
-/// Returns the command that a command line begins with, after flags for more logging; `None` if anything else comes
-/// first.
+/// Returns the command that a command line begins with, after flags for logging; `None` if anything else comes first.
 fn named(arguments: &[OsString]) -> Option<&str> {
-    let logs_more =
-        |flag: &str| flag == "--verbose" || flag.strip_prefix("-v").is_some_and(|more| more.chars().all(|c| c == 'v'));
+    let sets_logging = |flag: &str| {
+        ["--verbose", "--quiet", "-q"].contains(&flag)
+            || flag.strip_prefix("-v").is_some_and(|more| more.chars().all(|c| c == 'v'))
+    };
     let mut words = arguments.iter().skip(1).map(|word| word.to_str());
-    let name = words.find(|word| !word.is_some_and(logs_more)).flatten()?;
+    let name = words.find(|word| !word.is_some_and(sets_logging)).flatten()?;
     let commands = || Command::GROUPS.iter().flat_map(|(_, commands)| *commands);
     commands().any(|command| command.to_lowercase() == name).then_some(name)
 }
@@ -252,6 +266,9 @@ mod tests {
             let name = named(&words.iter().map(OsString::from).collect::<Vec<_>>()).map(String::from);
             assert_eq!(name.as_ref(), path.first());
             assert_eq!(help(with_arguments(|command| command == path[0])).err(), help(whole()).err(), "{path:?}");
+        }
+        for words in ["resonarm run", "resonarm -q run", "resonarm --quiet -vv run"] {
+            assert_eq!(named(&words.split(' ').map(OsString::from).collect::<Vec<_>>()), Some("run"), "{words}");
         }
         for words in ["resonarm", "resonarm help run", "resonarm --rate-hz 1 run", "resonarm -x run", "resonarm runs"] {
             assert_eq!(named(&words.split(' ').map(OsString::from).collect::<Vec<_>>()), None, "{words}");

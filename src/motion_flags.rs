@@ -10,6 +10,7 @@ use crate::configuration;
 use crate::drive::{Drive, DriveFlags};
 use crate::failure::Failure;
 use crate::flags::StructureFlags;
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::analysis::time_domain::{Direction, SettleOptions};
 use resonarm::plant::TestedAssembly;
@@ -23,16 +24,18 @@ pub(crate) struct MotionFlags {
     pub structure: StructureFlags,
     #[command(flatten)]
     pub drive: DriveFlags,
-    /// State in which the first motion begins: the coordinates, of a chain the deflections of its joints, rad, then
-    /// their rates [default: that of the scenario, at rest].
-    #[arg(long, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
+    /// Initial state: coordinates, rates [default: that of the scenario, at rest].
+    ///
+    /// The first motion begins there. The coordinates of a chain are the deflections of its joints, rad.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
-    /// Longest wait for a motion to settle, in time constants of the slowest mode.
-    #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
+    /// Longest settling time, in time constants of the slowest mode.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
     pub time_constants: f64,
-    /// Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A command that was stopped resumes from
-    /// STEM.partial.jsonl.
-    #[arg(long, value_name = "STEM")]
+    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
+    ///
+    /// A command that was stopped resumes from STEM.partial.jsonl.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

@@ -1,6 +1,9 @@
 //! Strict parsing of all numeric flags.
 
 use core::any::TypeId;
+use core::fmt::Display;
+use core::ops::RangeInclusive;
+use core::str::FromStr;
 
 use clap::{Arg, Command};
 
@@ -12,27 +15,86 @@ pub(crate) fn strict(command: Command) -> Command {
 }
 
 fn strict_flag(arg: Arg) -> Arg {
-    // clap has no mark for numeric flags: the type of the parsed value is the only one.
-    let holds = arg.get_value_parser().type_id();
-    let integers = [
-        TypeId::of::<u8>(),
-        TypeId::of::<u16>(),
-        TypeId::of::<u32>(),
-        TypeId::of::<u64>(),
-        TypeId::of::<usize>(),
-        TypeId::of::<i64>(),
-    ];
-    if holds == TypeId::of::<f64>() {
+    if holds::<f64>(&arg) {
         arg.allow_hyphen_values(true).value_parser(finite)
-    } else if integers.iter().any(|integer| holds == *integer) && arg.get_action().takes_values() {
+    } else if holds_integer(&arg) && arg.get_action().takes_values() {
         arg.allow_negative_numbers(true)
     } else {
         arg
     }
 }
 
+/// Whether the values of a flag are of this type: clap has no other mark for numeric flags.
+fn holds<T: 'static>(arg: &Arg) -> bool {
+    arg.get_value_parser().type_id() == TypeId::of::<T>()
+}
+
+fn holds_integer(arg: &Arg) -> bool {
+    holds::<u8>(arg)
+        || holds::<u16>(arg)
+        || holds::<u32>(arg)
+        || holds::<u64>(arg)
+        || holds::<usize>(arg)
+        || holds::<i32>(arg)
+        || holds::<i64>(arg)
+}
+
 /// Parses a finite number for an argument.
 pub(crate) fn finite(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().map_err(|error| error.to_string())?;
-    if number.is_finite() { Ok(number) } else { Err(String::from("it must be a finite number")) }
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+    number.ok_or_else(|| String::from("it must be a finite number"))
+}
+
+/// Parses an integer within these bounds for an argument.
+pub(crate) fn integer<T>(
+    bounds: RangeInclusive<T>,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
+where
+    T: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
+{
+    move |text| {
+        let number = text.parse::<T>().ok().filter(|number| bounds.contains(number));
+        number.ok_or_else(|| out_of(&bounds))
+    }
+}
+
+/// The same where the command itself checks the bounds, with a message that says more: here they are only named.
+pub(crate) fn integer_checked_later<T>(
+    bounds: RangeInclusive<T>,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
+where
+    T: FromStr + Display + Clone + Send + Sync + 'static,
+{
+    move |text| text.parse::<T>().map_err(|_error| out_of(&bounds))
+}
+
+fn out_of<T: Display>(bounds: &RangeInclusive<T>) -> String {
+    format!("it must be an integer from {} to {}", bounds.start(), bounds.end())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::help::tests::commands_of_the_program;
+
+    /// Every numeric flag says in the same words what its value must be.
+    #[test]
+    fn words_in_place_of_numbers_are_rejected_in_one_style() {
+        let mut flags = 0;
+        for (name, command) in commands_of_the_program() {
+            let is_numeric = |arg: &&Arg| {
+                let is_number = holds::<f64>(arg) || holds_integer(arg);
+                arg.get_id() != "seed" && arg.get_action().takes_values() && is_number
+            };
+            for flag in command.get_arguments().filter(is_numeric).filter_map(Arg::get_long) {
+                let words = [name.clone(), format!("--{flag}=many")];
+                let said = command.clone().try_get_matches_from(words).unwrap_err().to_string();
+                let expected = format!("error: invalid value 'many' for '--{flag} <");
+                assert!(said.starts_with(&expected) && said.contains(">': it must be a"), "{name}: {said}");
+                flags += 1;
+            }
+        }
+        assert!(flags > 60, "{flags}");
+    }
 }

@@ -12,6 +12,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use resonarm::scenario::Scenario;
 use resonarm::{same_file, write_whole};
 use resonarm_figures::plot::{Figure, beside};
@@ -26,8 +27,9 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 
 /// The flag that makes a command print its document as JSON.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = heading::OUTPUT)]
 pub(crate) struct JsonFlag {
-    /// Print one JSON document.
+    /// Print the results as one JSON document.
     #[arg(long)]
     pub json: bool,
 }
@@ -180,6 +182,7 @@ impl Inputs {
 
 /// Whether existing files may be overwritten. A command that writes files checks before it computes anything.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = heading::OUTPUT)]
 pub(crate) struct OverwriteFlag {
     /// Overwrite existing files.
     #[arg(long)]

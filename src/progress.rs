@@ -1,7 +1,7 @@
 //! Progress on standard error: a bar on a terminal, elsewhere a plain line every ten seconds.
 //!
-//! The lines follow `RESONARM_LOG` like log entries: `error` and `off` suppress them, also for the target
-//! `resonarm::progress` alone.
+//! Both follow the log levels like warnings: `-q`, and in `RESONARM_LOG` `error` and `off`, suppress them, also for the
+//! target `resonarm::progress` alone.
 
 use std::io::IsTerminal;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -55,8 +55,8 @@ impl Pace {
     }
 }
 
-/// Says whether the log levels allow lines of progress.
-pub(crate) fn are_lines_wanted() -> bool {
+/// Says whether the log levels allow progress to be shown.
+pub(crate) fn is_wanted() -> bool {
     tracing::enabled!(target: "resonarm::progress", tracing::Level::WARN)
 }
 
@@ -112,7 +112,7 @@ impl Progress {
     /// Adds one finished step.
     pub fn step(&self) {
         let after_ns = SystemClock.now_ns().saturating_sub(self.start_ns);
-        if self.bar.is_hidden() && after_ns > PATIENCE_NS && std::io::stderr().is_terminal() {
+        if self.bar.is_hidden() && after_ns > PATIENCE_NS && std::io::stderr().is_terminal() && is_wanted() {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
         }
         self.bar.inc(1);
@@ -128,7 +128,7 @@ impl Drop for Progress {
 /// Writes lines on a separate thread until the returned sender is dropped. If the system has no thread left, work
 /// continues without them.
 fn lines(name: &'static str, done: impl Fn() -> Done + Send + 'static) -> Option<Sender<()>> {
-    if !are_lines_wanted() {
+    if !is_wanted() {
         return None;
     }
     let (sender, ended) = mpsc::channel();

@@ -6,15 +6,17 @@ use std::path::Path;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use resonarm::recording::{Existing, Integrity, Recording};
 
 /// A range of simulated time: its beginning and its end.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = heading::RECORDS)]
 pub(crate) struct TimeRange {
-    /// From this simulated time on, s [default: the beginning].
+    /// First simulated time, s [default: the beginning].
     #[arg(long, value_name = "S")]
     pub from_s: Option<f64>,
-    /// Up to this simulated time, s [default: the end].
+    /// Last simulated time, s [default: the end].
     #[arg(long, value_name = "S")]
     pub to_s: Option<f64>,
 }

@@ -9,6 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::output::Inputs;
 use crate::recordings::existing;
 use crate::supervise::Line;
@@ -22,11 +23,12 @@ const EVENTS: usize = 256;
 
 /// The recording of a session.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::OUTPUT)]
 pub(crate) struct RecordFlags {
     /// Record everything into this MCAP file.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Overwrite the recording and the figure if they exist.
+    /// Overwrite existing files.
     #[arg(long)]
     pub overwrite: bool,
 }
@@ -75,7 +77,13 @@ impl EventLog {
     /// Writes the events since the last call, above the last line.
     pub fn write(&mut self, last: &Line) {
         while let Ok(event) = self.events.pop() {
-            let line = if self.json { serde_json::to_string(&event).ok() } else { self.words(&event) };
+            let line = if self.json {
+                serde_json::to_string(&event).ok()
+            } else if are_events_wanted() {
+                self.words(&event)
+            } else {
+                None
+            };
             if let Some(line) = line {
                 last.note(&line);
             }
@@ -109,6 +117,11 @@ impl EventLog {
             RunEvent::Slipped { .. } => return None,
         })
     }
+}
+
+/// Says whether the log levels allow events in words, which count as warnings.
+fn are_events_wanted() -> bool {
+    tracing::enabled!(target: "resonarm::events", tracing::Level::WARN)
 }
 
 /// The advice about another sender.

@@ -6,6 +6,7 @@ use core::time::Duration;
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::session::seconds;
 use crate::supervise::Line;
 use resonarm::protocol::NodeState;
@@ -19,10 +20,12 @@ const WINDOW_NS: u64 = 1_000_000_000;
 
 /// The interval of status lines where there is no terminal.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = heading::OUTPUT)]
 pub(crate) struct StatusFlag {
-    /// Write a line with rate, load, lateness, force and state to standard error at this interval, s, where that is no
-    /// terminal. A terminal always shows it.
-    #[arg(long, value_name = "S")]
+    /// Interval of status lines where standard error is not a terminal, s.
+    ///
+    /// A line has rate, load, lateness, force and state. A terminal always shows it, unless --quiet is given.
+    #[arg(long, value_name = "S", hide_short_help = true)]
     status_s: Option<f64>,
 }
 

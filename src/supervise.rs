@@ -37,8 +37,10 @@ pub(crate) struct Line {
 
 impl Line {
     fn new(name: &'static str, length: Length) -> Line {
-        let is_on_terminal = std::io::stderr().is_terminal();
-        let has_lines = !is_on_terminal && length != Length::Unknown && progress::are_lines_wanted();
+        let is_wanted = progress::is_wanted();
+        // A terminal on which nothing is to be shown is treated as a file: no bar, and status lines with --status-s only.
+        let is_on_terminal = is_wanted && std::io::stderr().is_terminal();
+        let has_lines = is_wanted && !is_on_terminal && length != Length::Unknown;
         let pace = has_lines.then(|| Pace::new(name, SystemClock.now_ns()));
         Line { bar: bar(length, is_on_terminal), length, is_on_terminal, shows_text: false, pace }
     }

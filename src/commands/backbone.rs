@@ -14,6 +14,8 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::branches::{of_each, table, with_branches};
 use crate::figures::captions;
 use crate::flags::StructureFlags;
+use crate::help::heading;
+use crate::numbers;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
@@ -35,37 +37,41 @@ Examples:
 
 A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
 
-/// Follows a resonance of the structure to larger amplitudes: its frequency, the excitation it needs, whether it hardens
-/// or softens.
+/// Follows a resonance to larger amplitudes: its frequency and its excitation.
 ///
-/// With damping each point is a motion in phase quadrature, 90° behind the excitation, which is at the peak of the
-/// forced response. Without damping it is a free motion, and the curve a nonlinear normal mode. Without --drive a torque
-/// acts at joint 1 of a chain; the amplitude of a load may be left out, and the curve then ends at --to.
+/// The curve shows whether the structure hardens or softens. With damping each point is a motion in phase quadrature,
+/// 90° behind the excitation, which is at the peak of the forced response. Without damping it is a free motion, and the
+/// curve a nonlinear normal mode. Without --drive a torque acts at joint 1 of a chain; the amplitude of a load may be
+/// left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Backbone {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
     /// Linear mode in which the curve begins, from 1, by frequency.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..))]
+    #[arg(long, help_heading = heading::LOADS, value_name = "N", default_value_t = 1, value_parser = numbers::integer(1..=u8::MAX))]
     mode: u8,
-    /// The nonlinear normal mode without damping, which takes no excitation; --drive says where one would act.
-    #[arg(long)]
+    /// Follow the nonlinear normal mode of the undamped structure.
+    ///
+    /// It takes no excitation; --drive says where one would act.
+    #[arg(long, help_heading = heading::COMPUTATION)]
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
-    /// Where the motion is read, separated by commas [default: where the loads act].
-    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// The curve ends where the first of --at reaches this, m, or rad at a joint, or where the loads reach their
-    /// amplitudes [default: 0.3 at a joint].
-    #[arg(long, value_name = "X")]
+    /// Displacement at which the curve ends, m, or rad at a joint [default: 0.3 at a joint].
+    ///
+    /// It is that of the first of --at. The curve also ends where the loads reach their amplitudes.
+    #[arg(long, help_heading = heading::RANGE, value_name = "X")]
     to: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV
-    /// and JSON beside them, of the forced response STEM-response.csv.
-    #[arg(long, value_name = "STEM")]
+    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
+    ///
+    /// If an amplitude of the excitation is given, the forced response is drawn, too; its data are in STEM-response.csv.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

@@ -10,6 +10,7 @@ use crate::configuration;
 use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
+use crate::help::heading;
 use crate::motion_flags::MotionFlags;
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use crate::study;
@@ -34,8 +35,9 @@ A state counts as having reached a stable motion when, over a quarter of the slo
 the linearisation at that motion says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
 of which that never holds within --time-constants are undecided, and marked as such.";
 
-/// Which initial states reach which stable motion: basins of attraction over two coordinates of the state, at phase 0
-/// of the excitation.
+/// Computes basins of attraction: which initial states reach which stable motion.
+///
+/// The initial states cover two coordinates of the state, at phase 0 of the excitation.
 ///
 /// The stable motions are those of the branch that `continue` follows at this frequency, and those in which the structure
 /// settles from beside its unstable ones.
@@ -44,15 +46,17 @@ of which that never holds within --time-constants are undecided, and marked as s
 pub(crate) struct Basins {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
-    /// Excitation frequency, Hz.
-    #[arg(long, value_name = "F")]
+    /// Frequency of the excitation, Hz.
+    #[arg(long, help_heading = heading::LOADS, value_name = "F")]
     frequency_hz: f64,
-    /// Where the motions are read, separated by commas [default: where the loads act].
-    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// The two coordinates that vary, by the names of their channels, as alpha1_rad and alpha1_dot_rad_s, or of modes
-    /// q1_m_sqrt_kg. The others are those of --initial [default: the first and its rate].
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', num_args = 1)]
+    /// The two coordinates that vary, as alpha1_rad,alpha1_dot_rad_s [default: the first and its rate].
+    ///
+    /// They have the names of their channels; those of modes are q1_m_sqrt_kg and so on. The other coordinates are those
+    /// of --initial.
+    #[arg(long, help_heading = heading::RANGE, value_name = "NAMES", value_delimiter = ',', num_args = 1)]
     coordinates: Vec<String>,
     #[command(flatten)]
     grid: GridFlags,

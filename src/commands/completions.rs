@@ -12,7 +12,7 @@ use crate::output;
     after_help = "bash: resonarm completions bash > ~/.local/share/bash-completion/completions/resonarm\nfish: resonarm completions fish > ~/.config/fish/completions/resonarm.fish\nzsh: into the file _resonarm of a folder in $fpath."
 )]
 pub(crate) struct Completions {
-    /// The shell.
+    /// Shell that reads the script.
     #[arg(value_name = "SHELL")]
     shell: Shell,
 }

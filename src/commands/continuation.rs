@@ -15,6 +15,7 @@ use crate::figures::branches::{of_each, table, with_branches};
 use crate::figures::captions;
 use crate::figures::singular_curves::{BifurcationCurve, CurveFlags, Curves, LARGEST_STEP, coordinate, title, unit};
 use crate::flags::StructureFlags;
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::quantity::{self, Ends};
@@ -50,7 +51,10 @@ angular frequency Ω a velocity is iΩ times this component, an acceleration −
 
 A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
 
-/// Follows periodic motions of the structure under a sine in a parameter, with stability and bifurcations, around folds.
+/// Follows periodic responses around folds, with their stability and bifurcations.
+///
+/// The responses to a sine are followed in the frequency or the amplitude of the excitation, or in a parameter of the
+/// structure.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Continue {
@@ -58,31 +62,36 @@ pub(crate) struct Continue {
     pub(crate) structure: StructureFlags,
     #[command(flatten)]
     drive: DriveFlags,
-    /// Where the motion is read, separated by commas [default: where the loads act].
-    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// Leave out the stability, and with it all bifurcations but folds. Faster, with many modes most.
-    #[arg(long, conflicts_with = "doubled")]
+    /// Leave out the stability, and with it all bifurcations but folds.
+    ///
+    /// This is faster, most of all with many modes.
+    #[arg(long, help_heading = heading::COMPUTATION, conflicts_with = "doubled")]
     no_stability: bool,
-    /// What varies: frequency, amplitude, or a parameter of the structure, as link2.angle_deg, mode3.damping_ratio,
-    /// element1.gap_m or gravity_m_s2. The amplitude is that of the first load; others keep their ratio to it.
-    #[arg(long, value_name = "NAME", default_value = "frequency")]
+    /// What varies: frequency, amplitude, or a parameter, as link2.angle_deg.
+    ///
+    /// Parameters of the structure are mode3.damping_ratio, element1.gap_m, gravity_m_s2 and others. The amplitude is that
+    /// of the first load; others keep their ratio to it.
+    #[arg(long, help_heading = heading::RANGE, value_name = "NAME", default_value = "frequency")]
     parameter: String,
     #[command(flatten)]
     range: RangeFlags,
-    /// Excitation frequency if it does not vary, Hz.
-    #[arg(long, value_name = "F")]
+    /// Frequency of the excitation if it does not vary, Hz.
+    #[arg(long, help_heading = heading::LOADS, value_name = "F")]
     frequency_hz: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    /// Also follow the doubled branches that leave at period doublings.
-    #[arg(long)]
+    /// Also follow the branches of doubled period from period doublings.
+    #[arg(long, help_heading = heading::COMPUTATION)]
     doubled: bool,
     #[command(flatten)]
     curves: CurveFlags,
-    /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; captions,
-    /// CSV and JSON beside them.
-    #[arg(long, value_name = "STEM")]
+    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
+    ///
+    /// The curves of --curves-in are in STEM-curves.svg and STEM-curves.png.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
@@ -92,17 +101,20 @@ pub(crate) struct Continue {
 
 /// The interval of the quantity that varies.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::RANGE)]
 struct RangeFlags {
     /// First frequency, Hz.
     #[arg(long, value_name = "F")]
     from_hz: Option<f64>,
-    /// Last frequency, Hz; below the first for a walk down.
+    /// Last frequency, Hz; it may be below the first.
     #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
-    /// First amplitude, in the unit of the first load, or value of a parameter, in the unit of its name.
+    /// First amplitude or value of the parameter.
+    ///
+    /// An amplitude has the unit of the first load, a parameter the unit in its name.
     #[arg(long, value_name = "X")]
     from: Option<f64>,
-    /// Last amplitude or value.
+    /// Last amplitude or value of the parameter.
     #[arg(long, value_name = "X")]
     to: Option<f64>,
 }

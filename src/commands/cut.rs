@@ -5,41 +5,45 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use crate::output::{Inputs, JsonFlag};
 use crate::recordings::{TimeRange, existing, open_one, verdict};
 use resonarm::cut::{cut, merge};
 use resonarm::export::samples;
 use resonarm::recording::Summary;
 
-/// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept. Of a recording
-/// that is not whole, what can be read is copied: the copy is not whole either, and the exit code is 1.
+/// Copies a range of time of a recording into a separate recording.
+///
+/// `resim`, `replay` and all other commands accept the new recording. If a recording is not whole, its readable part is
+/// copied: the copy is not whole either, and the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Cut {
-    /// The recording, an MCAP file.
+    /// Recording, an MCAP file.
     file: PathBuf,
-    /// The new recording.
+    /// New recording.
     output: PathBuf,
     #[command(flatten)]
     range: TimeRange,
     /// Overwrite the new recording if it exists.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::OUTPUT)]
     overwrite: bool,
     #[command(flatten)]
     json: JsonFlag,
 }
 
-/// Joins recordings of one run that follow each other, as `cut` makes them. If one is not whole, nor is the new one, and
-/// the exit code is 1.
+/// Joins recordings of one run that follow each other, as `cut` makes them.
+///
+/// If one of them is not whole, the new one is not whole either, and the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Merge {
-    /// The recordings, in order.
+    /// Recordings to join, in order.
     #[arg(required = true, num_args = 2..)]
     files: Vec<PathBuf>,
-    /// The new recording.
-    #[arg(long, value_name = "FILE")]
+    /// New recording.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     out: PathBuf,
     /// Overwrite the new recording if it exists.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::OUTPUT)]
     overwrite: bool,
     #[command(flatten)]
     json: JsonFlag,

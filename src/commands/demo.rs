@@ -13,6 +13,7 @@ use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, StructureFlags};
+use crate::help::heading;
 use crate::live::{LiveFlags, Role, ShownRole};
 use crate::measured_points::{self, MeasuredPoint};
 use crate::output::{self, Inputs, JsonFlag};
@@ -29,23 +30,26 @@ use resonarm_numeric::number::rounded;
 /// The time for which plant and exciter wait for each other: far longer than a loaded machine delays a thread.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first
-/// resonance, or over that of a scenario's structure. Records it, prints the points, and plots them over the computed
-/// branch. The plant waits for the controller's answer to each sample, so the result is the same to the last bit on
-/// every machine, however busy. With --live the result stays in the browser until Ctrl-C.
+/// Runs plant and controller in one process, and plots a folded resonance.
+///
+/// The controller performs a phase-resonance test over the folded first resonance of the arm, or over that of a scenario's
+/// structure, on an in-memory bus. The command records it, prints the points, and plots them over the computed branch.
+/// The plant waits for the controller's answer to each sample, so the results are bit-identical on every machine,
+/// however busy. With --live the result stays in the browser until Ctrl-C.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     #[command(flatten)]
     structure: StructureFlags,
-    /// Which run loop drives the plant; in real-time a machine that stalls disturbs the result.
-    #[arg(long, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
+    /// Run loop of the plant; in real-time a machine that stalls disturbs the result.
+    #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
     mode: Mode,
-    /// Simulated seconds a second in lockstep; 0 is as fast as possible.
-    #[arg(long, value_name = "X")]
+    /// Speed in lockstep: 1 is that of the clock, 0 as fast as possible.
+    #[arg(long, help_heading = heading::BUS, value_name = "X")]
     speed: Option<f64>,
-    /// Folder for demo.mcap, response.svg, response.png and its caption, response.txt; those of an earlier demo are
-    /// overwritten.
-    #[arg(long, value_name = "DIR", default_value = "resonarm-demo")]
+    /// Folder for the results; those of an earlier demo are overwritten.
+    ///
+    /// The files are demo.mcap, response.svg, response.png, and its caption, response.txt.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "DIR", default_value = "resonarm-demo")]
     out: PathBuf,
     #[command(flatten)]
     live: LiveFlags,

@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags;
+use crate::help::heading;
 use crate::output::{JsonFlag, in_line};
 use crate::recordings::{TimeRange, verdict, warn_of_one};
 use resonarm::diff::{DiffOptions, Difference, PartDifference, diff};
@@ -20,24 +21,27 @@ const PARTS: [RecordingPart; 4] =
 /// The parts that are compared without --parts.
 const DEFAULT: [RecordingPart; 2] = [RecordingPart::States, RecordingPart::Samples];
 
-/// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance, or one of them is
-/// not whole. Differences in their configuration are listed, too.
+/// Compares two recordings sample by sample.
+///
+/// The exit code is 1 if their records differ beyond the tolerance, or if one of them is not whole. Differences in their
+/// configuration are listed, too.
 #[derive(Debug, Args)]
-#[command(after_help = "States and samples are compared by their sample, frames and events in their order, whenever \
-                        they were on the bus.\nExample: resonarm diff a.mcap b.mcap --parts states --tolerance 1e-9")]
+#[command(
+    after_long_help = "States and samples are compared by their sample, frames and events in their order, whenever \
+                        they were on the bus.\nExample: resonarm diff a.mcap b.mcap --parts states --tolerance 1e-9"
+)]
 pub(crate) struct Diff {
-    /// The first recording, A.
+    /// First recording, A.
     #[arg(value_name = "A")]
     a: PathBuf,
-    /// The second recording, B.
+    /// Second recording, B.
     #[arg(value_name = "B")]
     b: PathBuf,
-    /// Which records, separated by commas: states, samples, frames, events [default: states,samples, or frames if
-    /// neither recording has those].
-    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, RecordingPart::name))]
+    /// Records to compare, separated by commas [default: states,samples, or frames if there are neither].
+    #[arg(long, help_heading = heading::RECORDS, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, RecordingPart::name))]
     parts: Vec<RecordingPart>,
-    /// How much a channel may differ, relative to its largest magnitude in A; at 0 every bit counts.
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    /// Largest accepted difference, relative to the channel's largest magnitude in A; 0 is bit-identical.
+    #[arg(long, help_heading = heading::TEST, value_name = "X", default_value_t = 0.0)]
     tolerance: f64,
     #[command(flatten)]
     range: TimeRange,

@@ -5,7 +5,9 @@ use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::{self, SessionFlags, ThreadFlags};
+use crate::help::heading;
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
+use crate::numbers;
 use crate::output::JsonFlag;
 use crate::responses::{self, ResponseDocument};
 use crate::session::{frames_text, open_bus, other_sender_warning, seconds};
@@ -17,25 +19,29 @@ use resonarm::rig::Converter;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 
-/// Runs the exciter controller: arms the plant, plays the scenario's excitation or closes its control loop, reads the
-/// responses, disarms. Without --scenario it plays a stepped sine below the first resonance.
+/// Runs the emulated exciter controller on a CAN bus, as the partner of `run`.
+///
+/// It arms the plant, plays the scenario's excitation or closes its control loop, reads the responses, and disarms the
+/// plant. Without --scenario it plays a stepped sine below the first resonance.
 #[derive(Debug, Args)]
 pub(crate) struct Exciter {
-    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
-    #[arg(long, value_name = "BUS")]
+    /// CAN bus, as vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, help_heading = heading::BUS, value_name = "BUS")]
     bus: String,
-    /// How the plant runs; in lockstep both ends wait longer for each other.
-    #[arg(long, value_parser = flags::one_of([Mode::RealTime, Mode::Lockstep], Mode::name), default_value_t)]
+    /// Mode in which the plant runs; in lockstep both ends wait longer for each other.
+    #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of([Mode::RealTime, Mode::Lockstep], Mode::name), default_value_t)]
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
     thread: ThreadFlags,
     /// How long to wait for a plant that can be armed, s.
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    #[arg(long, help_heading = heading::BUS, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
-    /// How often to restart after a fault: reset and arm the plant, and begin from the start.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    /// How often to restart after a fault.
+    ///
+    /// A restart resets and arms the plant, and begins from the start.
+    #[arg(long, help_heading = heading::BUS, value_name = "N", default_value_t = 0, value_parser = numbers::integer(0..=u32::MAX))]
     rearm: u32,
     #[command(flatten)]
     live: LiveFlags,

@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags;
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings::{self, TimeRange};
 use resonarm::export::{ExportFormat, ExportedFile, RecordingPart, Selection, export};
@@ -23,29 +24,33 @@ Parquet and MF4 are written by the Python package: python3 -m resonarm export RE
 Times are simulated time; a log of a run in real time has the machine's. Readings are of a \
 time before their sample, by the delay of the converters: their time_s says so.";
 
-/// Writes a recording in the formats of other tools, record by record, so it may be larger than the memory. Names the
-/// files on standard error before it writes them. If the recording is not whole, it writes what can be read, and the exit
-/// code is 1.
+/// Writes a recording as CSV, candump, ASC, BLF, Foxglove, UFF or WAV.
+///
+/// The recording is converted record by record, so it may be larger than the memory. The command names the files on
+/// standard error before it writes them. If the recording is not whole, the readable part is written, and the exit code
+/// is 1.
 #[derive(Debug, Args)]
-#[command(after_help = HELP)]
+#[command(after_long_help = HELP)]
 pub(crate) struct Export {
-    /// The recording, an MCAP file.
+    /// Recording, an MCAP file.
     file: PathBuf,
-    /// The format: csv, candump, asc, blf, foxglove, uff58, wav.
-    #[arg(long, value_name = "FORMAT", value_parser = str::parse::<ExportFormat>)]
+    /// Format of the files.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FORMAT", value_parser = flags::ByName(ExportFormat::ALL, ExportFormat::name))]
     to: ExportFormat,
-    /// Where the files go: STEM is the beginning of their names, or a folder in which they have the recording's name
-    /// [default: that name, in the current folder].
-    #[arg(long, value_name = "STEM")]
+    /// Beginning of the files' names, or a folder [default: the recording's name, in the current folder].
+    ///
+    /// In a folder the files have the recording's name.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     out: Option<PathBuf>,
-    /// Which records, separated by commas: states, samples, frames, ticks, events [default: all that the format holds].
-    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(RecordingPart::ALL, RecordingPart::name))]
+    /// Records to export, separated by commas [default: all that the format holds].
+    #[arg(long, help_heading = heading::RECORDS, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(RecordingPart::ALL, RecordingPart::name))]
     parts: Vec<RecordingPart>,
     #[command(flatten)]
     range: TimeRange,
-    /// Add the moving arm, or the structure in its place, for 3D views, its vibrations drawn X times as large; only
-    /// foxglove.
-    #[arg(long, value_name = "X")]
+    /// Add the moving structure for 3D views, its vibration X times as large.
+    ///
+    /// This is possible with --to foxglove only.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "X")]
     moving_arm: Option<f64>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

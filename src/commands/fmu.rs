@@ -6,37 +6,41 @@ use clap::{Args, ValueEnum};
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::read_scenario;
+use crate::help::heading;
+use crate::numbers;
 use crate::output::{Inputs, JsonFlag, OverwriteFlag};
 use resonarm::scenario::Scenario;
 use resonarm_fmu::content::{Content, Interface, Role, Settings, TxClock};
 use resonarm_fmu::export::{Library, Summary, export};
 
-/// Writes a scenario's plant, exciter controller or bus as an FMU (FMI 3.0 co-simulation) for other simulation tools.
+/// Writes a plant, exciter or bus as an FMU (FMI 3.0) for other simulation tools.
+///
+/// The FMU is one for co-simulation, made from a scenario.
 #[derive(Debug, Args)]
 pub(crate) struct Fmu {
-    /// The scenario, a TOML file.
-    #[arg(long, value_name = "FILE")]
+    /// TOML file with the scenario.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE")]
     scenario: PathBuf,
-    /// The FMU to write; its name without `.fmu` is that of the model.
-    #[arg(long, value_name = "FILE")]
+    /// FMU to write; its name without `.fmu` is that of the model.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     out: PathBuf,
-    /// How it is connected: `signals` has loads as inputs and readings as outputs, `can` frames by FMI-LS-BUS.
-    #[arg(long, value_name = "KIND", value_enum, default_value_t = InterfaceFlag::Signals)]
+    /// Interface of the FMU.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "KIND", value_enum, default_value_t = InterfaceFlag::Signals)]
     interface: InterfaceFlag,
-    /// What it simulates; exciter and bus need `--interface can`.
-    #[arg(long, value_name = "ROLE", value_enum, default_value_t = RoleFlag::Plant)]
+    /// What the FMU simulates; exciter and bus need `--interface can`.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "ROLE", value_enum, default_value_t = RoleFlag::Plant)]
     role: RoleFlag,
-    /// By which clock frames leave it: `triggered` at the end of a step, `countdown` at a time said beforehand.
-    #[arg(long, value_name = "KIND", value_enum, default_value_t = ClockFlag::Triggered)]
+    /// Clock by which frames leave the FMU.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "KIND", value_enum, default_value_t = ClockFlag::Triggered)]
     clock: ClockFlag,
-    /// Of a bus: how many nodes it has terminals for, from 2 to 32.
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    /// Number of nodes for which a bus has terminals, from 2 to 32.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "N", default_value_t = 2, value_parser = numbers::integer_checked_later(2..=32_u8))]
     nodes: u8,
-    /// The library to pack, of Linux on x86-64 or AArch64 [default: libresonarm_fmu.so beside this program].
-    #[arg(long, value_name = "FILE")]
+    /// Library to pack, for Linux on x86-64 or AArch64 [default: libresonarm_fmu.so beside this program].
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     library: Option<PathBuf>,
     /// Overwrite the FMU if it exists.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::OUTPUT)]
     overwrite: bool,
     #[command(flatten)]
     json: JsonFlag,
@@ -45,7 +49,9 @@ pub(crate) struct Fmu {
 /// The values of the flag for an [`Interface`].
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum InterfaceFlag {
+    /// Loads are inputs, and readings are outputs.
     Signals,
+    /// Frames by FMI-LS-BUS.
     Can,
 }
 
@@ -60,7 +66,9 @@ enum RoleFlag {
 /// The values of the flag for a [`TxClock`].
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ClockFlag {
+    /// At the end of a step.
     Triggered,
+    /// At a time that is stated beforehand.
     Countdown,
 }
 

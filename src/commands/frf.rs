@@ -12,6 +12,7 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::response_curves::{csv, style};
 use crate::flags::{self, StructureFlags};
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::read_at::{ReadAt, displacement_unit, dof, read_at};
 use resonarm::analysis::LinearResponse;
@@ -21,8 +22,10 @@ use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series, Subtitle};
 use resonarm_numeric::number::short;
 
-/// Frequency responses of the structure, linearised at rest: receptance, mobility or accelerance over a load at a degree
-/// of freedom, which is a point and an axis, as tip.x, or a joint, as joint1.
+/// Computes frequency responses of the structure, linearised at rest.
+///
+/// They are receptance, mobility or accelerance over a load at a degree of freedom, which is a point and an axis, as
+/// tip.x, or a joint, as joint1.
 ///
 /// CSV has a line for each frequency, with modulus and phase; JSON has complex values, [real, imaginary]. Every
 /// response names its unit. With --plot both go to files beside the figure, and standard output lists them.
@@ -30,26 +33,30 @@ use resonarm_numeric::number::short;
 pub(crate) struct Frf {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
-    /// Where the load acts, a force, or a torque at a joint [default: joint1 of a chain].
-    #[arg(long, value_name = "DOF")]
+    /// Degree of freedom of the load, a force, or a torque at a joint [default: joint1 of a chain].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF")]
     drive: Option<String>,
     /// Displacement, velocity or acceleration over the load.
-    #[arg(long, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
+    #[arg(long, help_heading = heading::LOADS, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
     quantity: Quantity,
-    /// Where the response is read, separated by commas [default: where the load acts].
-    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    /// Degrees of freedom to read, as tip.x,joint1 [default: where the load acts].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
     /// First frequency, Hz.
-    #[arg(long, value_name = "F", default_value_t = 1.0)]
+    #[arg(long, help_heading = heading::RANGE, value_name = "F", default_value_t = 1.0)]
     from_hz: f64,
     /// Last frequency, Hz.
-    #[arg(long, value_name = "F", default_value_t = 80.0)]
+    #[arg(long, help_heading = heading::RANGE, value_name = "F", default_value_t = 80.0)]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced, at most a million [default: 801, and more about each natural frequency].
-    #[arg(long, value_name = "N", value_parser = flags::points())]
+    /// Number of frequencies, evenly spaced [default: 801, and more about each natural frequency].
+    ///
+    /// It must be from 2 to 1000000.
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", value_parser = flags::points())]
     points: Option<u32>,
-    /// Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them, instead of CSV on standard output.
-    #[arg(long, value_name = "STEM")]
+    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
+    ///
+    /// Standard output then lists the files in place of the CSV.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

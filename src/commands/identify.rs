@@ -12,6 +12,7 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::response_curves::broken_at_wraps;
 use crate::flags;
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings;
 use resonarm::analysis::{self, Pole};
@@ -27,8 +28,9 @@ use resonarm::scenario::{READS_IMAGES, Scenario};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 use resonarm_numeric::number::short;
 
-/// Poles and frequency responses from the readings in a recording: accelerations of B and C over the force in the
-/// impedance head.
+/// Identifies poles and frequency responses from the readings in a recording.
+///
+/// The responses are the accelerations of B and C over the force in the impedance head.
 ///
 /// A pole λ is stated by its frequency |λ|/2π and its damping ratio −Re λ/|λ|. With damping that is not proportional they
 /// differ from those of the undamped structure; `resonarm modes` states both.
@@ -49,29 +51,34 @@ use resonarm_numeric::number::short;
 /// converters is corrected. Times are those of the readings, earlier than their samples by the converters' delay.
 #[derive(Debug, Args)]
 pub(crate) struct Identify {
-    /// The recording, an MCAP file.
+    /// Recording, an MCAP file.
     file: PathBuf,
-    /// Lowest frequency, Hz [default: that of the recorded excitation, or 1; with --angles a quarter of the
-    /// structure's lowest natural frequency].
-    #[arg(long, value_name = "F")]
+    /// Lowest frequency, Hz [default: that of the recorded excitation, or 1].
+    ///
+    /// With --angles the default is a quarter of the structure's lowest natural frequency.
+    #[arg(long, help_heading = heading::RANGE, value_name = "F")]
     from_hz: Option<f64>,
-    /// Highest frequency, Hz [default: that of the recorded excitation; of an impact 1 over its length; or 100].
-    #[arg(long, value_name = "F")]
+    /// Highest frequency, Hz [default: that of the recorded excitation, or 100].
+    ///
+    /// The default for an impact is 1 over its length.
+    #[arg(long, help_heading = heading::RANGE, value_name = "F")]
     to_hz: Option<f64>,
     /// Direction of the input force.
-    #[arg(long, value_enum, default_value_t = Input::Principal)]
+    #[arg(long, help_heading = heading::COMPUTATION, value_enum, default_value_t = Input::Principal)]
     input: Input,
-    /// Average segments of this length, s [default: whole periods, or an eighth of the record].
-    #[arg(long, value_name = "S")]
+    /// Length of the segments to average, s [default: whole periods, or an eighth of the record].
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "S")]
     segment_s: Option<f64>,
-    /// Plot the responses to STEM.svg and STEM.png; caption, CSV and JSON beside them.
-    #[arg(long, value_name = "STEM")]
+    /// Plot the responses to STEM.svg and STEM.png, with caption, CSV and JSON.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
-    /// Write the angles α1 and α2 over time, rad, and their standard deviations to a CSV file.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "segment_s", "plot"])]
+    /// Write the angles of the joints over time to this CSV file, in place of identifying poles.
+    ///
+    /// The columns are α1 and α2, rad, and their standard deviations.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "segment_s", "plot"])]
     angles: Option<PathBuf>,
     /// Domain in which accelerations are integrated twice [default: frequency].
-    #[arg(long, value_name = "DOMAIN", value_enum, requires = "angles")]
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "DOMAIN", value_enum, requires = "angles")]
     integration: Option<Domain>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

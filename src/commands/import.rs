@@ -6,40 +6,45 @@ use clap::Args;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags;
+use crate::help::heading;
 use crate::output::{Inputs, JsonFlag};
 use crate::recordings::existing;
 use resonarm::can_log::LogFormat;
 use resonarm::import::{ImportOptions, Imported, Missing, SampleClock, WireImport, import};
 use resonarm::scenario::Scenario;
 
-/// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
-/// `resim` does not accept it. The log is read twice and never held in memory. Lines or objects that can't be read are
-/// counted and left out; then the exit code is 1.
+/// Converts a CAN log into a recording, for `replay`, and with --scenario for `compare`.
+///
+/// The recording has no states of the arm, so `resim` does not accept it. The log is read twice and never held in memory.
+/// Lines or objects that can't be read are counted and left out; then the exit code is 1.
 ///
 /// With a scenario that has [wire] the recording also has the readings of the bench that was logged, for `identify`, if
 /// its protocol carries all of them every sample; what is missing is named. CANopen drives have no readings, but states
 /// and commanded torques. Samples that are not in the log are gaps.
 #[derive(Debug, Args)]
 pub(crate) struct Import {
-    /// The log: of `candump -L` or `candump -t a`, or ASC or BLF of Vector's tools. Python's `resonarm.import_log` reads
-    /// TRC, MF4 and CSV.
+    /// Log of `candump -L` or `candump -t a`, or ASC or BLF of Vector's tools.
+    ///
+    /// Python's `resonarm.import_log` reads TRC, MF4 and CSV.
     log: PathBuf,
-    /// The new recording.
+    /// New recording.
     output: PathBuf,
-    /// The format of the log [default: by its ending, .log for candump, .asc, .blf].
-    #[arg(long, value_name = "FORMAT", value_parser = flags::one_of(LogFormat::ALL, LogFormat::name))]
+    /// Format of the log [default: by its ending, .log for candump, .asc, .blf].
+    #[arg(long, help_heading = heading::RECORDS, value_name = "FORMAT", value_parser = flags::one_of(LogFormat::ALL, LogFormat::name))]
     from: Option<LogFormat>,
-    /// TOML file with the scenario that was logged: its network, and its rate; it goes into the recording.
-    #[arg(long, value_name = "FILE")]
+    /// TOML file with the scenario that was logged, which goes into the recording.
+    ///
+    /// Its network and its sample rate are used to read the frames.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// The interface, or the channel, whose frames are imported [default: that of the first frame].
-    #[arg(long, value_name = "NAME")]
+    /// Interface, or channel, whose frames are imported [default: that of the first frame].
+    #[arg(long, help_heading = heading::RECORDS, value_name = "NAME")]
     interface: Option<String>,
-    /// Count samples of CANopen drives by SYNC: each is one, as in lockstep; else the time stamps do.
-    #[arg(long, requires = "scenario")]
+    /// Count samples of CANopen drives by SYNC frames, as in lockstep, not by time stamps.
+    #[arg(long, help_heading = heading::RECORDS, requires = "scenario")]
     by_sync: bool,
     /// Overwrite the new recording if it exists.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::OUTPUT)]
     overwrite: bool,
     #[command(flatten)]
     json: JsonFlag,

@@ -10,6 +10,8 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, StructureFlags};
+use crate::help::heading;
+use crate::numbers;
 use crate::output::JsonFlag;
 use crate::progress::Progress;
 use resonarm::analysis::Forced;
@@ -19,20 +21,22 @@ use resonarm::realtime::{Clock, SystemClock};
 use resonarm::scenario::Scenario;
 use resonarm::structure::{Assembly, StepError, Stepper};
 
-/// Each integration scheme's numerical damping and frequency error in every mode of a chain, its drift of energy, and its
-/// cost per step.
+/// Measures the numerical damping, errors and cost of each integration scheme.
+///
+/// The errors are those of the frequency and of the energy. Damping and frequency error are those in every mode of a
+/// chain; the cost is the time of a step.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "All is measured on the chain without its damping and without load. docs/integrators.md describes how, and what each scheme is for."
+    after_long_help = "All is measured on the chain without its damping and without load. docs/integrators.md describes how, and what each scheme is for."
 )]
 pub(crate) struct Integrators {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
-    /// Integration steps a second, else as many as the scenario has.
-    #[arg(long, value_name = "HZ")]
+    /// Integration rate, Hz.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "HZ")]
     rate_hz: Option<f64>,
     /// Steps of free vibration over which the energy is monitored, at least 10.
-    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(10..))]
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "N", default_value_t = 100_000, value_parser = numbers::integer(10..=u32::MAX))]
     drift_steps: u32,
     #[command(flatten)]
     json: JsonFlag,

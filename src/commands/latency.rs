@@ -10,6 +10,8 @@ use crate::commands::doctor;
 use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};
 use crate::flags::{SpinFlag, ThreadFlags};
+use crate::help::heading;
+use crate::numbers;
 use crate::output::{Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings::{existing, wait_for_reader};
 use crate::session::seconds;
@@ -22,28 +24,29 @@ use resonarm::run::{Histograms, Mode, Options, RecordTo, RunError, Session, Sign
 use resonarm_figures::plot::Color;
 use resonarm_numeric::number::short;
 
-/// Measures how late an empty loop and the plant's loop wake up on this machine: in turns, on threads with the same
-/// settings. Says what would improve it.
+/// Measures how late the plant's loop wakes up on this machine, against an empty loop.
+///
+/// The two loops run in turns, on threads with the same settings. The command says what would improve the result.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and with \
+    after_long_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and with \
                         --record a recording. Reported are the medians of the turns' percentiles, and the longest of all.\n\n\
                         Example:\n  resonarm latency --rate-hz 1000,4000,10000 --core 1"
 )]
 pub(crate) struct Latency {
-    /// Samples a second, whole Hz, separated by commas.
-    #[arg(long, value_name = "HZ", value_delimiter = ',', default_value = "1000")]
+    /// Sample rates, Hz, integers from 1 to 65535, separated by commas.
+    #[arg(long, help_heading = heading::RANGE, value_name = "HZ", value_delimiter = ',', default_value = "1000")]
     rate_hz: Vec<f64>,
-    /// How long a turn is, s.
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    /// Length of a turn, s.
+    #[arg(long, help_heading = heading::RANGE, value_name = "S", default_value_t = 1.0)]
     turn_s: f64,
-    /// Turns of each loop at each rate.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
+    /// Number of turns of each loop at each rate.
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 5, value_parser = numbers::integer(1..=u16::MAX))]
     turns: u16,
     #[command(flatten)]
     thread: ThreadFlags,
     /// Record the plant's turns into this MCAP file, which keeps the last.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     record: Option<PathBuf>,
     #[command(flatten)]
     spin: SpinFlag,

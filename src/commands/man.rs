@@ -8,10 +8,12 @@ use serde::Serialize;
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
 
-/// Writes the help of all commands as manual pages for `man`, one file a command. Replaces pages of an earlier version.
+/// Writes the help of all commands as manual pages for `man`, one file for each command.
+///
+/// Pages of an earlier version are replaced.
 #[derive(Debug, Args)]
 pub(crate) struct Man {
-    /// The folder for the pages, as `~/.local/share/man/man1`; it is created if missing.
+    /// Folder for the pages, as `~/.local/share/man/man1`; it is created if missing.
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]

@@ -11,6 +11,7 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, StructureFlags};
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::analysis::{Pole, structure_poles};
 use resonarm::plant::TestedAssembly;
@@ -19,9 +20,11 @@ use resonarm::structure::{Assembly, CoordinateUnit, Linear, Parameter, Structure
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series, Subtitle};
 use resonarm_numeric::number::short;
 
-/// Natural frequencies of the undamped structure, damping ratios and mode shapes, or over a range of a parameter. Beside
-/// them are the poles λ of the damped one, which `resonarm identify` finds: their frequency |λ|/2π and damping ratio
-/// −Re λ/|λ|. Elements take part with their slopes at rest.
+/// Computes natural frequencies, damping ratios and mode shapes, also over a parameter.
+///
+/// Natural frequencies and shapes are those of the undamped structure. Beside them are the poles λ of the damped one,
+/// which `resonarm identify` finds: their frequency |λ|/2π and damping ratio −Re λ/|λ|. Elements take part with their
+/// slopes at rest.
 ///
 /// Coordinates of a chain with gravity count from rest under its weight; angles are those of relaxed springs, before it
 /// sags.
@@ -33,19 +36,19 @@ pub(crate) struct Modes {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
     /// Parameter that varies, as link2.angle_deg, mode1.frequency_hz or element1.stiffness_n_m.
-    #[arg(long, value_name = "NAME", requires = "from", requires = "to")]
+    #[arg(long, help_heading = heading::RANGE, value_name = "NAME", requires = "from", requires = "to")]
     over: Option<String>,
-    /// Its first value, in the unit of its name.
-    #[arg(long, value_name = "X", requires = "over")]
+    /// First value of the parameter, in the unit of its name.
+    #[arg(long, help_heading = heading::RANGE, value_name = "X", requires = "over")]
     from: Option<f64>,
-    /// Its last value.
-    #[arg(long, value_name = "X", requires = "over")]
+    /// Last value of the parameter.
+    #[arg(long, help_heading = heading::RANGE, value_name = "X", requires = "over")]
     to: Option<f64>,
-    /// Number of values, evenly spaced, at most a million.
-    #[arg(long, value_name = "N", default_value_t = 181, requires = "over", value_parser = flags::points())]
+    /// Number of values, evenly spaced, from 2 to 1000000.
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 181, requires = "over", value_parser = flags::points())]
     points: u32,
-    /// Plot the natural frequencies over the parameter to STEM.svg and STEM.png; caption, CSV and JSON beside them.
-    #[arg(long, value_name = "STEM", requires = "over")]
+    /// Plot the natural frequencies over the parameter to STEM.svg and STEM.png, with caption, CSV and JSON.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM", requires = "over")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

@@ -9,7 +9,9 @@ use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::singular_curves::{coordinate, title};
+use crate::help::heading;
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
+use crate::numbers;
 use crate::quantity::{Ends, interval};
 use crate::read_at::{ReadAt, dofs, read_at, readings};
 use crate::study;
@@ -34,49 +36,57 @@ Examples:
   resonarm poincare --parameter frequency --drive joint1=60 --from-hz 21.9 \\
       --to-hz 22.3 --points 21";
 
-/// The states of the settled structure at phase 0 of the excitation: one section, or a bifurcation diagram in the
-/// frequency, the amplitude or a parameter.
+/// Computes Poincaré sections, and bifurcation diagrams made of them.
+///
+/// A section has the states of the settled structure at phase 0 of the excitation. A bifurcation diagram has sections in
+/// the frequency, the amplitude or a parameter.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Poincare {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
-    /// Where the motion is read and drawn, separated by commas [default: where the loads act].
-    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// Excitation frequency, Hz; not with --parameter frequency.
-    #[arg(long, value_name = "F")]
+    /// Frequency of the excitation, Hz; not with --parameter frequency.
+    #[arg(long, help_heading = heading::LOADS, value_name = "F")]
     frequency_hz: Option<f64>,
-    /// What is stepped for a bifurcation diagram: frequency, amplitude, or a parameter of the structure, as
-    /// link2.angle_deg [default: nothing, one section].
-    #[arg(long, value_name = "NAME")]
+    /// What is stepped: frequency, amplitude, or a parameter, as link2.angle_deg [default: nothing, one section].
+    ///
+    /// The sections at all values make a bifurcation diagram.
+    #[arg(long, help_heading = heading::RANGE, value_name = "NAME")]
     parameter: Option<String>,
     #[command(flatten)]
     range: RangeFlags,
-    /// Number of values, evenly spaced, both ends among them.
-    #[arg(long, value_name = "N", default_value_t = 101, requires = "parameter")]
+    /// Number of values, evenly spaced, with both ends.
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 101, requires = "parameter", value_parser = numbers::integer_checked_later(2..=1_000_000_u32))]
     points: u32,
-    /// Which way to step.
-    #[arg(long, value_enum, default_value_t, requires = "parameter")]
+    /// Direction of steps.
+    #[arg(long, help_heading = heading::RANGE, value_enum, default_value_t, requires = "parameter")]
     direction: DirectionFlag,
-    /// Points of the section to keep if a motion doesn't settle [default: 2000, in a diagram 200].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    /// Points of a section to keep if a motion does not settle [default: 2000, in a diagram 200].
+    ///
+    /// It must be from 1 to 1000000.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "N", value_parser = numbers::integer(1..=1_000_000_u32))]
     section_points: Option<u32>,
 }
 
 /// The interval of the quantity that is stepped.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::RANGE)]
 struct RangeFlags {
     /// One end of the frequencies, Hz.
     #[arg(long, value_name = "F")]
     from_hz: Option<f64>,
-    /// The other end, Hz.
+    /// Other end of the frequencies, Hz.
     #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
-    /// One end of the amplitudes, in the unit of the first load, or of the values of a parameter, in the unit of its name.
+    /// One end of the amplitudes, or of the parameter's values.
+    ///
+    /// An amplitude has the unit of the first load, a parameter the unit in its name.
     #[arg(long, value_name = "X")]
     from: Option<f64>,
-    /// The other end.
+    /// Other end of the amplitudes, or of the parameter's values.
     #[arg(long, value_name = "X")]
     to: Option<f64>,
 }

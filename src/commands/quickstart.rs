@@ -12,11 +12,11 @@ use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
 use resonarm::protocol::{Profile, SPEC, dbc, sources};
 
-/// Writes a folder with a scenario, a script that makes a virtual bus, and controllers in Python, C and Rust to change.
+/// Writes a scenario, a virtual bus, and controllers in Python, C and Rust to change.
 #[derive(Debug, Args)]
 #[command(after_help = "Its README.md has the commands that run each controller against the simulated arm.")]
 pub(crate) struct Quickstart {
-    /// The folder; it must not exist, or be empty.
+    /// Folder to write; it must not exist, or be empty.
     #[arg(value_name = "FOLDER", default_value = "resonarm-bench")]
     folder: PathBuf,
     #[command(flatten)]

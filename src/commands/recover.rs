@@ -5,21 +5,23 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use crate::output::JsonFlag;
 use crate::recordings::{existing, integrity_note};
 use resonarm::recording::{Recovered, recover};
 
-/// Writes the readable records of a truncated or damaged recording into a whole one, for tools that accept only whole
-/// files. Damaged chunks are left out and listed. The old file is not changed; if it has no readable record, no file is
-/// written (exit code 1).
+/// Writes the readable records of a truncated or damaged recording into a whole one.
+///
+/// Some tools accept only whole files. Damaged chunks are left out and listed. The old file is not changed. If it has no
+/// readable record, no file is written, and the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Recover {
-    /// The recording, an MCAP file that `inspect` calls truncated or damaged.
+    /// Recording, an MCAP file that `inspect` calls truncated or damaged.
     file: PathBuf,
-    /// The new file.
+    /// New recording.
     output: PathBuf,
-    /// Overwrite the new file if it exists.
-    #[arg(long)]
+    /// Overwrite the new recording if it exists.
+    #[arg(long, help_heading = heading::OUTPUT)]
     overwrite: bool,
     #[command(flatten)]
     json: JsonFlag,

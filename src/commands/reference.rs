@@ -13,12 +13,12 @@ use serde::Serialize;
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
 
-/// Writes the tables of channels and of requirements as Markdown, as the program has them.
+/// Writes the tables of channels and of requirements as Markdown.
 ///
-/// Replaces those of an earlier version.
+/// Tables of an earlier version are replaced.
 #[derive(Debug, Args)]
 pub(crate) struct Reference {
-    /// The folder for the documents; it is created if missing.
+    /// Folder for the documents; it is created if missing.
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]

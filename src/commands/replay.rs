@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use crate::live::{self, LiveFlags, Showing};
+use crate::numbers;
 use crate::output::JsonFlag;
 use crate::recordings::{self, TimeRange};
 use crate::session::seconds;
@@ -20,22 +22,26 @@ use resonarm::replay::{Compared, Difference, Playback, Regression, ReplayError, 
 use resonarm::run::Signals;
 use resonarm_numeric::number::short;
 
-/// Sends the frames of a recording to a bus, with their recorded timing; or shows the recording in a browser (--live).
+/// Sends the frames of a recording to a bus, or shows the recording in a browser.
+///
+/// The frames keep their recorded timing. To show the recording, use --live.
 ///
 /// With --against it acts as the plant for a live controller: it sends the recorded plant's frames, waits for the
 /// controller's answers, and compares them with the recorded commands, sample by sample (exit code 1 at a difference).
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
+#[command(after_long_help = "Examples:\n  \
                         resonarm replay run.mcap --bus vcan0 --direction sent --id 203,204 --loop 0\n  \
                         resonarm replay run.mcap --bus can0 --against --limit-n 0.1")]
 pub(crate) struct Replay {
-    /// The recording, an MCAP file.
+    /// Recording, an MCAP file.
     file: PathBuf,
-    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
-    #[arg(long, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
+    /// CAN bus, as vcan0, can0, python-can:interface=I,channel=C; not with --live.
+    #[arg(long, help_heading = heading::BUS, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
     bus: Option<String>,
-    /// Times the recorded speed, from 0.001 to 1000000, with --live to 1000; 0 is as fast as possible, not with --live.
-    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    /// Factor of the recorded speed, from 0.001 to 1e6, or 0 for as fast as possible.
+    ///
+    /// With --live it goes to 1000, and can't be 0.
+    #[arg(long, help_heading = heading::BUS, value_name = "X", default_value_t = 1.0)]
     speed: f64,
     #[command(flatten)]
     selection: SelectionFlags,
@@ -44,46 +50,52 @@ pub(crate) struct Replay {
     #[command(flatten)]
     live: LiveFlags,
     /// With --live: stay at the first sample until the first viewer connects.
-    #[arg(long, requires = "live", conflicts_with = "bus")]
+    #[arg(long, help_heading = heading::LIVE, requires = "live", conflicts_with = "bus")]
     wait: bool,
-    /// Print one JSON document.
-    #[arg(long, conflicts_with = "live")]
+    /// Print the results as one JSON document.
+    #[arg(long, help_heading = heading::OUTPUT, conflicts_with = "live")]
     json: bool,
 }
 
 /// The frames that are sent, and how often.
 #[derive(Debug, Args)]
 struct SelectionFlags {
-    /// Which frames, from the plant's point of view.
-    #[arg(long, value_enum, value_name = "DIRECTION", default_value_t = Which::Both, conflicts_with = "live")]
+    /// Direction of the frames, from the plant's point of view.
+    #[arg(long, help_heading = heading::RECORDS, value_enum, value_name = "DIRECTION", default_value_t = Which::Both, conflicts_with = "live")]
     direction: Which,
-    /// Only frames with these identifiers, separated by commas: 3 hexadecimal digits, 8 for an extended one, as in
-    /// candump.
-    #[arg(long, value_name = "ID,…", value_delimiter = ',', value_parser = identifier, conflicts_with = "live")]
+    /// Only frames with these identifiers, hexadecimal, separated by commas.
+    ///
+    /// An identifier has 3 digits, an extended one 8, as in candump.
+    #[arg(long, help_heading = heading::RECORDS, value_name = "ID,…", value_delimiter = ',', value_parser = identifier, conflicts_with = "live")]
     id: Vec<Id>,
-    /// Identifiers to replace by others, separated by commas, as 203=213. The checks of protected frames then fail.
-    #[arg(long, value_name = "ID=ID,…", value_delimiter = ',', value_parser = mapping, conflicts_with = "live")]
+    /// Identifiers to replace by others, hexadecimal, as 203=213, separated by commas.
+    ///
+    /// The checks of protected frames then fail.
+    #[arg(long, help_heading = heading::RECORDS, value_name = "ID=ID,…", value_delimiter = ',', value_parser = mapping, conflicts_with = "live")]
     map: Vec<(Id, Id)>,
     #[command(flatten)]
     range: TimeRange,
-    /// How often, in succession; 0 repeats until it is stopped. With --live it then stays at its end.
-    #[arg(long = "loop", value_name = "N", default_value_t = 1)]
+    /// How often to send them, in succession; 0 repeats until it is stopped.
+    ///
+    /// With --live the recording stays at its end afterwards.
+    #[arg(long = "loop", help_heading = heading::RECORDS, value_name = "N", default_value_t = 1, value_parser = numbers::integer(0..=u32::MAX))]
     times: u32,
 }
 
 /// Settings for a live controller and the tolerances.
 #[derive(Debug, Args)]
+#[command(next_help_heading = heading::TEST)]
 struct AgainstFlags {
     /// Compare the commands of a live controller on the bus with the recorded ones.
     #[arg(long, conflicts_with_all = ["direction", "id", "map", "from_s", "to_s", "times", "live"])]
     against: bool,
-    /// Largest accepted difference of a commanded force, N; 0 is equal on the wire.
+    /// Largest accepted difference of a commanded force, N; 0 is equal frames.
     #[arg(long, value_name = "N", default_value_t = 0.0)]
     limit_n: f64,
     /// Largest accepted difference of a commanded torque, N·m.
     #[arg(long, value_name = "N", default_value_t = 0.0)]
     limit_nm: f64,
-    /// How long to wait for the controller, and for each of its answers, s.
+    /// Longest wait for the controller, and for each of its answers, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
 }
@@ -101,11 +113,11 @@ enum Which {
 /// Parses an identifier as candump writes it.
 fn identifier(text: &str) -> Result<Id, String> {
     let frame = format!("{text}#").parse::<Frame>();
-    frame.map(|frame| frame.id()).map_err(|error| format!("{error}; write 3 hexadecimal digits, or 8"))
+    frame.map(|frame| frame.id()).map_err(|error| format!("{error}; it must have 3 hexadecimal digits, or 8"))
 }
 
 fn mapping(text: &str) -> Result<(Id, Id), String> {
-    let (from, to) = text.split_once('=').ok_or("write it as 203=213")?;
+    let (from, to) = text.split_once('=').ok_or("it must be two identifiers, as 203=213")?;
     Ok((identifier(from)?, identifier(to)?))
 }
 

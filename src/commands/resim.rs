@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use crate::output::JsonFlag;
 use crate::recordings::{integrity_note, verdict};
 use resonarm::recording::{Recording, build_info};
@@ -12,18 +13,21 @@ use resonarm::replay::{self, ReadingsVerdict, resimulate, resimulate_readings};
 use resonarm::scenario::StructureKind;
 use serde::Serialize;
 
-/// Simulates a recorded run again from its recorded loads and says whether every state is identical (if not, or if the
-/// recording is not whole, exit code 1).
+/// Re-simulates a recorded run, and says whether every state is identical.
+///
+/// The simulation has the recorded loads. If a state differs, or if the recording is not whole, the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Resim {
-    /// The recording, an MCAP file.
+    /// Recording, an MCAP file.
     file: PathBuf,
-    /// The FMU of the run, if the structure was one: it is loaded and runs with your rights, if its SHA-256 is the recorded
-    /// one. The file that a recording names is never loaded.
-    #[arg(long, value_name = "FILE")]
+    /// FMU of the run, if the structure was one.
+    ///
+    /// It is loaded, and runs with your rights, if its SHA-256 is the recorded one. The file that a recording names is
+    /// never loaded.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE")]
     fmu: Option<PathBuf>,
     /// Simulate the instruments as well, and compare every reading.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::SIMULATED)]
     readings: bool,
     #[command(flatten)]
     json: JsonFlag,

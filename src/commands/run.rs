@@ -11,6 +11,7 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};
 use crate::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
+use crate::help::heading;
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use crate::output::{Inputs, JsonFlag};
 use crate::recordings::wait_for_reader;
@@ -33,29 +34,35 @@ use resonarm_figures::plot::Color;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
 #[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct Run {
-    /// The bus: vcan0, can0, python-can:interface=I,channel=C. Not for --mode free.
-    #[arg(long, value_name = "BUS")]
+    /// CAN bus, as vcan0, can0, python-can:interface=I,channel=C; not for --mode free.
+    #[arg(long, help_heading = heading::BUS, value_name = "BUS")]
     bus: Option<String>,
-    /// Which run loop drives the plant: real-time takes samples at deadlines of the clock; lockstep waits for the
-    /// command that answers each sample; free runs plant and exciter of the scenario in one loop, without a bus.
-    #[arg(long, value_parser = flags::one_of(Mode::ALL, Mode::name), default_value_t)]
+    /// Run loop of the plant.
+    ///
+    /// `real-time` takes samples at deadlines of the clock. `lockstep` waits for the command that answers each sample.
+    /// `free` runs the plant and the exciter of the scenario in one loop, without a bus.
+    #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of(Mode::ALL, Mode::name), default_value_t)]
     mode: Mode,
     #[command(flatten)]
     session: SessionFlags,
-    /// Simulated seconds a second in lockstep and free; 0 is as fast as possible.
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    /// Speed in lockstep and free: 1 is that of the clock, 0 as fast as possible.
+    #[arg(long, help_heading = heading::BUS, value_name = "X", default_value_t = 0.0)]
     speed: f64,
     #[command(flatten)]
     record: RecordFlags,
     /// End when the controller disarms the plant, or the armed plant faults.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::BUS)]
     stop_on_disarm: bool,
-    /// How long to wait for a controller to arm the plant, s [default: without end].
-    #[arg(long, value_name = "S")]
+    /// Longest wait for a controller to arm the plant, s [default: without end].
+    #[arg(long, help_heading = heading::BUS, value_name = "S")]
     patience_s: Option<f64>,
-    /// Reaction to a missed deadline in real time: slip, continue, fault, stop.
-    #[arg(long, value_name = "POLICY", default_value_t)]
+    /// Reaction to a missed deadline in real time.
+    ///
+    /// `slip` runs up to three overdue samples late, and shifts the schedule if it is further behind. `continue` runs all
+    /// overdue samples late. `fault` does the same, and puts the plant into fault. `stop` ends the run.
+    #[arg(long, help_heading = heading::BUS, value_name = "POLICY", default_value_t, value_parser = flags::ByName(OverrunPolicy::ALL, OverrunPolicy::name), hide_short_help = true)]
     overrun: OverrunPolicy,
     #[command(flatten)]
     thread: ThreadFlags,
@@ -71,10 +78,18 @@ pub(crate) struct Run {
     status: StatusFlag,
     #[command(flatten)]
     json: JsonFlag,
-    /// Write events to standard error as JSON, one object a line: ready, armed, disarmed, faulted, slipped …
-    #[arg(long)]
+    /// Write events to standard error as JSON, one object a line.
+    ///
+    /// Events are ready, armed, disarmed, faulted, slipped and others.
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true)]
     json_events: bool,
 }
+
+const EXAMPLES: &str = "\
+Examples:
+  resonarm run --bus vcan0 --record run.mcap
+  resonarm run --bus vcan0 --mode lockstep --scenario bench.toml
+  resonarm run --mode free --scenario bench.toml --json";
 
 type Result<T> = core::result::Result<T, Failure>;
 

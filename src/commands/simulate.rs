@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use crate::configuration;
 use crate::drive::DriveFlags;
 use crate::failure::{Failure, Verdict};
-use crate::flags::{self, StructureFlags, parse_scheme};
+use crate::flags::{self, StructureFlags};
+use crate::help::heading;
 use crate::output::JsonFlag;
 use crate::progress::timed;
 use resonarm::integrate::Scheme;
@@ -15,28 +16,33 @@ use resonarm::scenario::{Scenario, SimulationSection};
 use resonarm::structure::{Dof, StepLoad, Stepper};
 use resonarm_numeric::number::short;
 
-/// Simulates the structure under A·sin(2πft), exact inside the step, and prints the state at the end.
+/// Simulates the structure under a sine, and prints the state at the end.
+///
+/// The excitation A·sin(2πft) is exact inside the step.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
-    /// Initial state: the coordinates, of a chain the deflections of its joints, rad, then their rates [default: that of
-    /// the scenario, at rest].
-    #[arg(long, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
+    /// Initial state: coordinates, rates [default: that of the scenario, at rest].
+    ///
+    /// The coordinates of a chain are the deflections of its joints, rad.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     #[command(flatten)]
     drive: DriveFlags,
     /// Frequency f of the excitation, Hz.
-    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    #[arg(long, help_heading = heading::LOADS, value_name = "F", default_value_t = 0.0)]
     frequency_hz: f64,
-    /// Integration steps a second; without it as many as the scenario has with this scheme.
-    #[arg(long, value_name = "R")]
+    /// Integration rate, Hz.
+    ///
+    /// Without it the rate is that of the scenario with this scheme.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "HZ")]
     rate_hz: Option<f64>,
-    /// Integration scheme of a chain: rk4, dop853, gl4, gl6, exponential, exponential8.
-    #[arg(long, value_name = "NAME")]
-    scheme: Option<String>,
-    /// Length, s, a whole number of steps.
-    #[arg(long, value_name = "T")]
+    /// Integration scheme of a chain.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "NAME", value_parser = flags::ByName(Scheme::ALL, Scheme::name))]
+    scheme: Option<Scheme>,
+    /// Length of the simulation, s, a whole number of steps.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "S")]
     duration_s: f64,
     #[command(flatten)]
     json: JsonFlag,
@@ -65,7 +71,7 @@ const MOST_STEPS: u64 = 10_000_000_000;
 impl Simulate {
     /// Returns the scheme, and the number of integration steps a second.
     pub(crate) fn scheme_and_rate(&self, scenario: &Scenario) -> Result<(Scheme, f64), Failure> {
-        let scheme = self.scheme.as_deref().map_or(Ok(scenario.simulation.scheme), parse_scheme)?;
+        let scheme = self.scheme.unwrap_or(scenario.simulation.scheme);
         let simulation = SimulationSection { scheme, ..scenario.simulation.clone() };
         Ok((scheme, self.rate_hz.unwrap_or(simulation.step_rate_hz())))
     }

@@ -10,6 +10,7 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions::label;
 use crate::flags::read_scenario;
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::structure::NotModal;
@@ -17,7 +18,9 @@ use resonarm::scenario::{Scenario, StructureSection};
 use resonarm::structure::{BodySpec, Link};
 use resonarm_numeric::number::short;
 
-/// Checks a scenario's structure and prints what it is made of: links or modes, points, elements, natural frequencies.
+/// Checks a scenario's structure, and prints its parts and natural frequencies.
+///
+/// The parts are links or modes, points and elements.
 ///
 /// What the scenario takes from files (URDF, UFF, matrices) is shown as the links or modes that it makes. With --out it
 /// is written as a section [structure] that needs no file. With --from-modes it is the modal structure of the modes
@@ -25,13 +28,13 @@ use resonarm_numeric::number::short;
 #[derive(Debug, Args)]
 pub(crate) struct Structure {
     /// TOML file with the scenario.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// TOML file with a scenario: take the modes of its chain as a modal structure.
-    #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
+    /// TOML file with a scenario, to take the modes of its chain as a modal structure.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE", conflicts_with = "scenario")]
     from_modes: Option<PathBuf>,
     /// Write the section [structure], with the links or modes from files in it, to this TOML file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

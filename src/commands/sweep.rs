@@ -12,6 +12,7 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::branches::of_each;
 use crate::figures::captions;
 use crate::flags;
+use crate::help::heading;
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};
 use crate::numbers;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
@@ -38,31 +39,34 @@ Examples:
 The motion is read as by `continue`: the largest displacement, the mean, and the component at the frequency of the drive. A
 motion that has not settled is read over 64 periods of the excitation.";
 
-/// Steps the frequency of a sine up and down and lets the structure settle at each step, as on a bench, with jumps and
-/// hysteresis. Every motion is followed until it is proved to have settled.
+/// Simulates a stepped-sine test up and down in frequency, with jumps and hysteresis.
+///
+/// The structure settles at each step, as on a bench. Every motion is followed until it is proved to have settled.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Sweep {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
-    /// Where the motion is read, separated by commas [default: where the loads act].
-    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
     /// One end of the frequencies, Hz.
-    #[arg(long, value_name = "F")]
+    #[arg(long, help_heading = heading::RANGE, value_name = "F")]
     from_hz: f64,
-    /// The other end, Hz.
-    #[arg(long, value_name = "F")]
+    /// Other end of the frequencies, Hz.
+    #[arg(long, help_heading = heading::RANGE, value_name = "F")]
     to_hz: f64,
-    /// Number of frequencies, evenly spaced, both ends among them; a resonance between two of them is reported
-    /// [default: 101, and between them as many as the resonances of the forced response need].
-    #[arg(long, value_name = "N")]
+    /// Number of frequencies, evenly spaced, with both ends [default: 101, and more at resonances].
+    ///
+    /// By default there are as many between the 101 as the resonances of the forced response need. With a number of
+    /// yours, a resonance between two frequencies is reported.
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", value_parser = numbers::integer_checked_later(2..=1_000_000_u32))]
     points: Option<u32>,
-    /// Which way to step.
-    #[arg(long, value_enum, default_value_t)]
+    /// Direction of steps.
+    #[arg(long, help_heading = heading::RANGE, value_enum, default_value_t)]
     direction: DirectionFlag,
-    /// Sweep at each of these values of a parameter instead of one, as link2.angle_deg=60,70.
-    #[arg(long, value_name = "NAME=X,…", allow_hyphen_values = true)]
+    /// Sweep at each of these values of a parameter, as link2.angle_deg=60,70.
+    #[arg(long, help_heading = heading::RANGE, value_name = "NAME=X,…", allow_hyphen_values = true)]
     over: Option<OverFlag>,
 }
 

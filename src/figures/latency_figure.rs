@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::output::{self, Inputs, OverwriteFlag};
 use resonarm::realtime::LatencyHistogram;
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
@@ -18,9 +19,11 @@ const SHORTEST_NS: u64 = 100;
 
 /// Where to draw latencies.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::OUTPUT)]
 pub(crate) struct LatencyPlotFlag {
-    /// Plot how late samples were and how long their work took, counts over microseconds, to STEM.svg and STEM.png, with
-    /// the caption beside them.
+    /// Plot histograms of lateness and work time to STEM.svg and STEM.png.
+    ///
+    /// The histograms count how late samples were and how long their work took. The caption is in STEM.txt.
     #[arg(long, value_name = "STEM")]
     pub plot: Option<PathBuf>,
 }

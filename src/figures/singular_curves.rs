@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use crate::drive::Drive;
 use crate::failure::Failure;
+use crate::help::heading;
 use crate::read_at::{ReadAt, amplitude, readings};
 use resonarm::analysis::BifurcationKind;
 use resonarm::analysis::{Coordinate, SingularCurve, SingularPoint, Turn};
@@ -14,11 +15,16 @@ use resonarm_numeric::number::rounded;
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::COMPUTATION)]
 pub(crate) struct CurveFlags {
-    /// Also follow the folds and period doublings of the branch in a second parameter: a name as for --parameter.
+    /// Second parameter in which to follow folds and period doublings.
+    ///
+    /// It is named as for --parameter.
     #[arg(long, value_name = "NAME", requires = "curves_to")]
     curves_in: Option<String>,
-    /// Where the curves end, in the unit of the second parameter; they begin at its value on the branch.
+    /// Value of the second parameter at which these curves end.
+    ///
+    /// They begin at its value on the branch.
     #[arg(long, value_name = "X", requires = "curves_in")]
     curves_to: Option<f64>,
 }

@@ -21,7 +21,11 @@ fn scenario(text: &str) -> String {
 
 #[test]
 fn arms_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @r"
+    error: invalid value 'irb140' for '--preset <NAME>': there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted
+
+    For more information, try '--help'.
+    ");
     assert_snapshot!(complaint(here(), 2, &["modes", "--angles-deg", "0,nan"]), @r"
     error: invalid value 'nan' for '--angles-deg <A,B>': it must be a finite number
 
@@ -68,7 +72,11 @@ fn rates_and_times_that_cannot_be() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--drive", "tip.x=1", "--duration-s", "1"]), @"resonarm: --frequency-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: expected one of rk4, dop853, gl4, gl6, exponential, exponential8");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @r"
+    error: invalid value 'euler' for '--scheme <NAME>': there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential, exponential8
+
+    For more information, try '--help'.
+    ");
 }
 
 #[test]
@@ -207,7 +215,7 @@ fn invalid_ranges_of_a_parameter() {
     assert_snapshot!(over("--from 30 --to 30"), @"resonarm: --from 30 --to 30: the ends must be different");
     assert_snapshot!(over("--from 0 --to 400"), @"resonarm: --over link2.angle_deg: link 2: `angle_deg` is 362.22222222222223: it must be a number from -360 to 360 degrees");
     assert_snapshot!(over("--from 0 --to 90 --points 1"), @r"
-    error: invalid value '1' for '--points <N>': 1 is not in 2..=1000000
+    error: invalid value '1' for '--points <N>': it must be an integer from 2 to 1000000
 
     For more information, try '--help'.
     ");
@@ -251,7 +259,7 @@ fn invalid_responses() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["frf", "--points", "4000000000"]), @r"
-    error: invalid value '4000000000' for '--points <N>': 4000000000 is not in 2..=1000000
+    error: invalid value '4000000000' for '--points <N>': it must be an integer from 2 to 1000000
 
     For more information, try '--help'.
     ");

@@ -27,7 +27,7 @@ fn every_command_is_listed_once_in_its_group() {
     Recordings:
     Structures and their vibration:
     Other tools:
-    Options:
+    Common to all commands:
     ");
     for name in ["quickstart", "identify", "continue", "fmu", "man"] {
         let lines = help.lines().filter(|line| line.split_whitespace().next() == Some(name));

@@ -100,10 +100,14 @@ fn bad_input_is_refused() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: the integration rate is 1e14 Hz: it must be at most 3.29881543934e11 Hz for this structure, since the changes over a shorter step are lost in rounding");
-    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this structure; what a shorter step changes is lost in rounding");
+    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @r"
+    error: invalid value 'irb140' for '--preset <NAME>': there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted
+
+    For more information, try '--help'.
+    ");
     insta::assert_snapshot!(complaint(&["--drift-steps", "9"]), @r"
-    error: invalid value '9' for '--drift-steps <N>': 9 is not in 10..=4294967295
+    error: invalid value '9' for '--drift-steps <N>': it must be an integer from 10 to 4294967295
 
     For more information, try '--help'.
     ");

@@ -52,7 +52,7 @@ const COMMANDS: [(&str, &str); 39] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 23] = [
+const NUMERIC: [&str; 21] = [
     "N",
     "NM",
     "N/S",
@@ -67,8 +67,6 @@ const NUMERIC: [&str; 23] = [
     "NX,NY",
     "RAD",
     "P",
-    "T",
-    "R",
     "Z",
     "α1,α2,α̇1,α̇2",
     "A,B",
@@ -192,7 +190,10 @@ fn wrong(folder: &Path, arguments: &[String], flag: &str, value: &str) -> Option
 fn every_numeric_flag_accepts_its_value_or_says_why_not() {
     let folder = tempfile::tempdir().unwrap();
     let help = resonarm(folder.path(), &["--help"]).stdout;
-    let listed = help.lines().skip_while(|line| !line.starts_with("Usage:")).take_while(|line| *line != "Options:");
+    let listed = help
+        .lines()
+        .skip_while(|line| !line.starts_with("Usage:"))
+        .take_while(|line| *line != "Common to all commands:");
     // Further lines of a description are indented more.
     let listed = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let listed: Vec<&str> =

@@ -18,7 +18,12 @@ fn said(child: Child) -> String {
 #[test]
 fn long_work_writes_a_line_every_ten_seconds() {
     let wanted = started(&[], "");
-    let quiet = [started(&[], "error"), started(&[], "resonarm::progress=off"), started(&["--json-events"], "")];
+    let quiet = [
+        started(&[], "error"),
+        started(&["--quiet"], ""),
+        started(&[], "resonarm::progress=off"),
+        started(&["--json-events"], ""),
+    ];
     let by_status = started(&["--status-s", "1"], "");
     let lines = said(wanted);
     assert!(!lines.is_empty(), "no line");

@@ -14,6 +14,7 @@ use crate::configuration;
 use crate::drive::{Drive, LoadDocument};
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
+use crate::help::heading;
 use crate::measured_points::MeasuredPoint;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::read_at::displacement_unit;
@@ -36,20 +37,24 @@ Examples:
   resonarm experiment walk --drive joint1=20 --record walk.mcap
   resonarm compare walk.mcap --at joint2.y";
 
-/// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys,
-/// or a recording
+/// Compares measured points with the computed branch.
+///
+/// The points are those of a document of `experiment walk`, of any other with the same keys, or of a recording.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct Compare {
-    /// The document with the points, - for standard input; or a recording, an MCAP file.
+    /// JSON document with the points, - for standard input; or a recording, an MCAP file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Degree of freedom whose amplitude is compared, one at which the points were measured [default: where they move
-    /// most, without clipped readings if possible].
-    #[arg(long, value_name = "DOF")]
+    /// Degree of freedom whose amplitude is compared [default: where the points move most].
+    ///
+    /// It is one at which the points were measured. By default one without clipped readings is taken if there is one.
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF")]
     at: Option<String>,
-    /// Draw the points over the branch to STEM.svg and STEM.png, and write the deviations to STEM.csv and STEM.json.
-    #[arg(long, value_name = "STEM")]
+    /// Plot the points over the branch to STEM.svg and STEM.png.
+    ///
+    /// The deviations are in STEM.csv and STEM.json.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

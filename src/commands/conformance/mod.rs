@@ -4,11 +4,13 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, value_parser};
+use clap::Args;
 
 use crate::commands::protocol::NetworkFlags;
 use crate::failure::{Failure, Verdict};
 use crate::flags;
+use crate::help::heading;
+use crate::numbers;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings::{existing, wait_for_reader};
 use crate::session::seconds;
@@ -25,23 +27,30 @@ use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
 
-/// Tests whether a plant or an exciter on a bus conforms to the protocol, or to one of yours (--scenario with [wire]):
-/// acts as the other node, and reports violations. It makes a plant shake its arm and fault.
+/// Tests a node on a CAN bus for conformance to the protocol, or to a protocol of yours.
+///
+/// The command acts as the other node, and reports violations. It makes a plant shake its arm and fault. A protocol of
+/// yours is in the section [wire] of --scenario.
 #[derive(Debug, Args)]
 pub(crate) struct Conformance {
-    /// The bus: vcan0, can0, python-can:interface=I,channel=C.
-    #[arg(long, value_name = "BUS")]
+    /// CAN bus, as vcan0, can0, python-can:interface=I,channel=C.
+    #[arg(long, help_heading = heading::BUS, value_name = "BUS")]
     bus: String,
-    /// The node under test. An exciter must be restarted whenever it ends, as by a loop in a shell.
-    #[arg(long, value_parser = flags::one_of(Node::ALL, role))]
+    /// Node under test.
+    ///
+    /// An exciter must be restarted whenever it ends, as by a loop in a shell.
+    #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of(Node::ALL, role))]
     role: Node,
-    /// The mode of the node: each has its specific cases.
-    #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
+    /// Mode of the node; each has its specific cases.
+    #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
     mode: Mode,
-    /// TOML file with a protocol of yours, [wire], in place of Resonarm's; before an exciter its arm is simulated.
+    /// TOML file with a protocol of yours, [wire], in place of Resonarm's.
+    ///
+    /// To test an exciter, the arm of the scenario is simulated.
     #[arg(
         long,
         value_name = "FILE",
+        help_heading = heading::NETWORK,
         conflicts_with_all = [
             "base", "plant_id", "exciter_id", "profile", "beyond_n_per_s", "beyond_travel_n", "bit_rate_hz", "soak_s",
             "expect_frequency_hz", "expect_force_n", "expect_torque_nm", "pid", "seed",
@@ -50,58 +59,73 @@ pub(crate) struct Conformance {
     scenario: Option<PathBuf>,
     #[command(flatten)]
     network: NetworkFlags,
-    /// Only the cases whose names begin with this, such as plant-hello; may be repeated.
-    #[arg(long = "case", value_name = "NAME")]
+    /// Only the cases whose names begin with this; may be repeated.
+    ///
+    /// For example, `--case plant-hello`.
+    #[arg(long = "case", help_heading = heading::TEST, value_name = "NAME")]
     cases: Vec<String>,
-    /// Force commanded to a plant along x, in both directions, N.
-    #[arg(long, value_name = "N", default_value_t = 5.0)]
+    /// Force commanded along x, in both directions, N.
+    #[arg(long, help_heading = heading::TEST, value_name = "N", default_value_t = 5.0)]
     force_n: f64,
-    /// Torque commanded to a plant whose own protocol has no forces, at a joint, in both directions, N m.
-    #[arg(long, value_name = "NM", default_value_t = 5.0, requires = "scenario")]
+    /// Torque commanded by a protocol without forces, N·m.
+    ///
+    /// It acts at a joint, in both directions.
+    #[arg(long, help_heading = heading::TEST, value_name = "NM", default_value_t = 5.0, requires = "scenario")]
     torque_nm: f64,
-    /// A force that the plant must refuse for its size, N [default: none is tried; in the FD profile 1.01 times the
-    /// limit that the plant states]. A plant that accepts it applies it.
-    #[arg(long, value_name = "N")]
+    /// Force that the plant must reject for its size, N [default: none; in the FD profile 1.01 times the plant's limit].
+    ///
+    /// A plant that accepts it applies it.
+    #[arg(long, help_heading = heading::TEST, value_name = "N", hide_short_help = true)]
     beyond_n: Option<f64>,
-    /// A rate of change of the force that the plant must refuse, N/s [default: none is tried]. A plant that accepts it
-    /// applies it.
-    #[arg(long, value_name = "N/S")]
+    /// Rate of change of the force that the plant must reject, N/s [default: none is tried].
+    ///
+    /// A plant that accepts it applies it.
+    #[arg(long, help_heading = heading::TEST, value_name = "N/S", hide_short_help = true)]
     beyond_n_per_s: Option<f64>,
-    /// A force along x that drives the plant beyond its largest travel, N [default: none is tried].
-    #[arg(long, value_name = "N")]
+    /// Force along x that drives the plant beyond its largest travel, N [default: none is tried].
+    #[arg(long, help_heading = heading::TEST, value_name = "N", hide_short_help = true)]
     beyond_travel_n: Option<f64>,
-    /// How long to wait for the node under test, s.
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    /// Longest wait for the node under test, s.
+    #[arg(long, help_heading = heading::BUS, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
-    /// Bit rate of the bus, Hz: some cases are also tried at 70 % of it [default: they are not].
-    #[arg(long, value_name = "HZ", value_parser = value_parser!(u32).range(10_000..=1_000_000))]
+    /// Bit rate of the bus, Hz, to try some cases at 70 % of it as well [default: they are not].
+    #[arg(long, help_heading = heading::TEST, value_name = "HZ", value_parser = numbers::integer(10_000..=1_000_000_u32), hide_short_help = true)]
     bit_rate_hz: Option<u32>,
-    /// How long to send random good and bad frames, s; 0 sends none.
-    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    /// Time of random good and bad frames, s; 0 sends none.
+    #[arg(long, help_heading = heading::TEST, value_name = "S", default_value_t = 5.0)]
     soak_s: f64,
-    /// Frequency of the sine that the exciter is set up to command, Hz, with its amplitude [default: no sine is
-    /// expected].
-    #[arg(long, value_name = "HZ")]
+    /// Frequency of the sine to expect, Hz [default: no sine is expected].
+    ///
+    /// The exciter is set up to command it. Its amplitude is --expect-force-n or --expect-torque-nm.
+    #[arg(long, help_heading = heading::TEST, value_name = "HZ")]
     expect_frequency_hz: Option<f64>,
-    /// Amplitude of that sine as a force along x, N; a ramp may come before.
-    #[arg(long, value_name = "N")]
+    /// Amplitude of that sine as a force along x, N.
+    ///
+    /// A ramp may come before it.
+    #[arg(long, help_heading = heading::TEST, value_name = "N")]
     expect_force_n: Option<f64>,
-    /// Amplitude of that sine as a torque at joint 1, N m; a ramp may come before.
-    #[arg(long, value_name = "NM")]
+    /// Amplitude of that sine as a torque at joint 1, N·m.
+    ///
+    /// A ramp may come before it.
+    #[arg(long, help_heading = heading::TEST, value_name = "NM")]
     expect_torque_nm: Option<f64>,
-    /// Process of the node under test on this machine, to be stopped for 0.4 s in one case [default: it isn't].
-    #[arg(long, value_name = "PID", value_parser = value_parser!(i32).range(1..))]
+    /// Process of the node, to be stopped for 0.4 s in one case [default: it isn't].
+    ///
+    /// It must be on this machine.
+    #[arg(long, help_heading = heading::TEST, value_name = "PID", value_parser = numbers::integer(1..=i32::MAX), hide_short_help = true)]
     pid: Option<i32>,
-    /// Seed of the random frames, and the first bit to damage; each further damaged frame has the next bit wrong.
-    #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
+    /// Seed of the random frames, decimal or as 0x1F.
+    ///
+    /// It is the first bit to damage, too; each further damaged frame has the next bit wrong.
+    #[arg(long, help_heading = heading::TEST, value_name = "N", value_parser = seed::parse, default_value_t = 0, hide_short_help = true)]
     seed: u64,
     #[command(flatten)]
     json: JsonFlag,
-    /// Also write the report as JUnit XML.
-    #[arg(long, value_name = "FILE")]
+    /// Also write the report as JUnit XML to this file.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     junit: Option<PathBuf>,
     /// Record every frame, and where each case begins and ends, into this MCAP file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     record: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

@@ -11,7 +11,7 @@ use crate::output::JsonFlag;
 use resonarm::bus::socketcan;
 use resonarm::realtime::{Finding, Privileges};
 
-/// Says what this machine supports (CAN, real-time privileges, clock) and how to fix what is missing.
+/// Checks CAN, real-time privileges and clock of this machine, and says how to fix them.
 #[derive(Debug, Args)]
 pub(crate) struct Doctor {
     #[command(flatten)]

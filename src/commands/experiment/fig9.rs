@@ -12,7 +12,9 @@ use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::{captions, zone_figure};
 use crate::flags::SessionFlags;
+use crate::help::heading;
 use crate::measured_points::{self, MeasuredPoint};
+use crate::numbers;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::supervise::{Line, supervise};
@@ -24,33 +26,41 @@ use resonarm::run::{ExciterEnd, Signals};
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
 
-/// Section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz. In each zone a walk over the whole response,
-/// the backbone, and stepped sines up and down at controlled force, through shaker, impedance head, frames and
-/// accelerometers, with the force's harmonics 2 and 3 cancelled; all against the computed response.
+/// Repeats section 5 of the paper on the emulated bench: β2 = 120°, 26 to 46 Hz.
+///
+/// In each resonance zone the command measures the whole response by a phase-resonance test, the backbone, and stepped
+/// sines up and down at controlled force. The measurement goes through shaker, impedance head, frames and
+/// accelerometers, with the force's harmonics 2 and 3 cancelled. All results are compared with the computed response.
 #[derive(Debug, Args)]
 pub(crate) struct Fig9 {
     #[command(flatten)]
     session: SessionFlags,
     /// Force in the first zone, N.
-    #[arg(long, value_name = "N", default_value_t = 100.0)]
+    #[arg(long, help_heading = heading::LOADS, value_name = "N", default_value_t = 100.0)]
     first_force_n: f64,
-    /// Force in the second zone, N: above about 16 N accelerations exceed the range of the protocol, 1638 m/s².
-    #[arg(long, value_name = "N", default_value_t = 15.0)]
+    /// Force in the second zone, N.
+    ///
+    /// Above about 16 N accelerations exceed the range of the protocol, 1638 m/s².
+    #[arg(long, help_heading = heading::LOADS, value_name = "N", default_value_t = 15.0)]
     second_force_n: f64,
-    /// Lowest frequency, Hz. The zones meet halfway between the natural frequencies.
-    #[arg(long, value_name = "F", default_value_t = 26.0)]
+    /// Lowest frequency, Hz.
+    ///
+    /// The zones meet halfway between the natural frequencies.
+    #[arg(long, help_heading = heading::RANGE, value_name = "F", default_value_t = 26.0)]
     from_hz: f64,
     /// Highest frequency, Hz.
-    #[arg(long, value_name = "F", default_value_t = 46.0)]
+    #[arg(long, help_heading = heading::RANGE, value_name = "F", default_value_t = 46.0)]
     to_hz: f64,
     /// Largest step of the sines, Hz; near the resonance the steps are smaller.
-    #[arg(long, value_name = "F", default_value_t = 0.5)]
+    #[arg(long, help_heading = heading::RANGE, value_name = "F", default_value_t = 0.5)]
     step_hz: f64,
-    /// Number of points of each walk.
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(3..=1000))]
+    /// Number of points of each walk, from 3 to 1000.
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 40, value_parser = numbers::integer(3..=1000_u16))]
     points: u16,
-    /// Draw everything to STEM.svg and STEM.png, with the caption in STEM.txt and the data in STEM.csv and STEM.json.
-    #[arg(long, value_name = "STEM")]
+    /// Plot everything to STEM.svg and STEM.png.
+    ///
+    /// The caption is in STEM.txt, the data are in STEM.csv and STEM.json.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

@@ -7,7 +7,9 @@ use clap::{Args, Subcommand};
 
 use crate::failure::{Failure, Verdict};
 
-/// Whole experiments of plant and controller in one process, in simulated time, through the frames of the wire.
+/// Runs whole experiments of plant and controller in one process, in simulated time.
+///
+/// Plant and controller exchange the frames of the CAN protocol.
 #[derive(Debug, Args)]
 pub(crate) struct Experiment {
     #[command(subcommand)]

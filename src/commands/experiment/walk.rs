@@ -13,7 +13,9 @@ use crate::drive::{Drive, LoadFlag, lacks_amplitude, missing};
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::SessionFlags;
+use crate::help::heading;
 use crate::measured_points::{self, MeasuredPoint};
+use crate::numbers;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::read_at::dof;
@@ -40,33 +42,38 @@ displacement, as the accelerometers read it.";
 /// The value of --drive that stands for the direction of the scenario's shaker.
 const SHAKER: &str = "shaker";
 
-/// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
-/// lag of the response behind the load of 10° to 170°. Displacements are computed from the accelerometers.
+/// Phase walk: measures a resonance by a phase-resonance test that follows it through folds.
+///
+/// A closed loop holds one periodic response after another, stable or not, at constant amplitude of the load. The phase
+/// lag of the response behind the load goes from 10° to 170°. Displacements are computed from the accelerometers.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct WalkExperiment {
     #[command(flatten)]
     session: SessionFlags,
-    /// Load whose amplitude is held: at a joint, as joint1=20, N·m; where the exciter is along an axis, as tip.x=14, or
-    /// along the scenario's shaker, as shaker=100, N; may be repeated, all in phase. Without it the walk takes the load of
-    /// the scenario's control or excitation.
-    #[arg(long, value_name = "DOF=A", allow_hyphen_values = true)]
+    /// Load whose amplitude is held, as joint1=20, N·m, or tip.x=14, N; may be repeated.
+    ///
+    /// The load is a torque at a joint, as joint1=20, N·m; a force where the exciter is, along an axis, as tip.x=14, or
+    /// along the scenario's shaker, as shaker=100, N. Several loads are in phase. Without this option the walk takes the
+    /// load of the scenario's control or excitation.
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF=A", allow_hyphen_values = true)]
     drive: Vec<LoadFlag>,
-    /// The mode whose resonance is walked through, from 1, by frequency.
-    #[arg(long, value_name = "N")]
+    /// Mode whose resonance is measured, from 1, by frequency.
+    #[arg(long, help_heading = heading::LOADS, value_name = "N", value_parser = numbers::integer_checked_later(1..=32_u8))]
     mode_number: Option<u8>,
-    /// Walk the backbone: a lag of 90° at loads from a tenth of the given one up to it.
-    #[arg(long)]
+    /// Measure the backbone: a lag of 90° at loads from a tenth of the given one up to it.
+    #[arg(long, help_heading = heading::LOADS)]
     backbone: bool,
     /// Number of points.
-    #[arg(long, value_name = "N")]
+    #[arg(long, help_heading = heading::RANGE, value_name = "N", value_parser = numbers::integer_checked_later(3..=10_000_usize))]
     points: Option<usize>,
     /// Record everything into this MCAP file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Draw the points over the computed branch to STEM.svg and STEM.png, with the caption in STEM.txt and their data
-    /// in STEM.csv and STEM.json.
-    #[arg(long, value_name = "STEM")]
+    /// Plot the points over the computed branch to STEM.svg and STEM.png.
+    ///
+    /// The caption is in STEM.txt, the data are in STEM.csv and STEM.json.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

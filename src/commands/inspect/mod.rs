@@ -8,23 +8,29 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag, in_line};
 use crate::recordings::{integrity_note, verdict_of};
 use resonarm::recording::{Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, RecordingStatistics, statistics};
 use resonarm_figures::plot::Figure;
 
-/// Shows a recording: its run, its problems and faults, its contents, and whether it is whole (if not, exit code 1).
+/// Shows a recording: its run, problems and faults, contents, and whether it is whole.
+///
+/// If it is not whole, the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Inspect {
-    /// The recording, an MCAP file.
+    /// Recording, an MCAP file.
     file: PathBuf,
-    /// Add least, largest, mean and root-mean-square value of every channel, and counts of messages, of refused and
-    /// lost frames and of events.
-    #[arg(long)]
+    /// Add statistics of every channel, and counts of messages, frames and events.
+    ///
+    /// The statistics are minimum, maximum, mean and root mean square. Rejected and lost frames are counted, too.
+    #[arg(long, help_heading = heading::OUTPUT)]
     statistics: bool,
-    /// Draw angles, load and readings over time to STEM.svg and STEM.png, with the caption in STEM.txt.
-    #[arg(long, value_name = "STEM")]
+    /// Plot angles, load and readings over time to STEM.svg and STEM.png.
+    ///
+    /// The caption is in STEM.txt.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,

@@ -9,6 +9,8 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
+use crate::flags;
+use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::Progress;
 use resonarm::realtime::{Clock, SystemClock};
@@ -19,31 +21,31 @@ use resonarm_figures::paper::{
 };
 use resonarm_figures::plot;
 
-/// Reproduces the figures of Gierlak & Warmiński (2023), and checks the paper's statements against the computed
-/// results.
+/// Reproduces the figures of Gierlak & Warmiński (2023), and checks its statements.
 ///
 /// Every figure is written as SVG and PNG, with its caption, CSV and JSON. Values that the paper does not give are in
 /// the settings file, which is copied to the folder. Exit code 1 means that a statement could not be computed; it does
 /// not depend on whether statements hold.
 #[derive(Debug, Args)]
 pub(crate) struct Paper {
-    /// The figure or the statements to compute.
+    /// Figure or statements to compute.
     #[arg(value_enum)]
     what: What,
-    /// Folder for the files, created if missing. Optional for `claims`.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the files, created if missing; optional for `claims`.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Parameter set of Figs. 4, 5, 7 and 9; the others show both.
-    #[arg(long, value_name = "NAME")]
+    /// Parameters of the arm in figures 4, 5, 7 and 9; the others show both sets.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "NAME", value_parser = flags::ByName(Preset::ALL, Preset::name))]
     preset: Option<Preset>,
-    /// Draw Fig. 9 with measured points: the settled points of FILE, the document of `experiment fig9 --json`, over
-    /// curves for the arm and the forces in it. For `fig9`.
-    #[arg(long, value_name = "FILE", conflicts_with = "preset")]
+    /// Document of `experiment fig9 --json`, whose measured points figure 9 shows.
+    ///
+    /// The settled points are drawn over curves for the arm and the forces in the document.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE", conflicts_with = "preset")]
     measured: Option<PathBuf>,
     /// TOML file in place of scenarios/paper/settings.toml, which is built in.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE")]
     settings: Option<PathBuf>,
     #[command(flatten)]
     json: JsonFlag,

@@ -5,20 +5,24 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
+use crate::numbers;
 use crate::output;
 use resonarm::node::WireSpec;
 use resonarm::node::cia402::DriveSpec;
 use resonarm::scenario::Scenario;
 
-/// Prints the EDS (CiA 306) of a drive of a scenario with `preset = "cia402"`, for CANopen masters: object dictionary
-/// with its values after power-on.
+/// Prints the EDS (CiA 306) of a CANopen drive of a scenario, for CANopen masters.
+///
+/// The scenario has `preset = "cia402"` in [wire]. The EDS is the object dictionary with its values after power-on.
 #[derive(Debug, Args)]
+#[command(next_help_heading = heading::NETWORK)]
 pub(super) struct Eds {
-    /// The scenario file.
-    #[arg(long, value_name = "FILE")]
+    /// TOML file with the scenario.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE")]
     scenario: PathBuf,
-    /// The node id of the drive; without it the scenario's only one.
-    #[arg(long, value_name = "N")]
+    /// Node id of the drive; without it the scenario's only one.
+    #[arg(long, value_name = "N", value_parser = numbers::integer_checked_later(1..=127_u8))]
     node_id: Option<u8>,
 }
 

@@ -4,20 +4,22 @@ use clap::Args;
 
 use super::NetworkFlags;
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
+use crate::numbers;
 use crate::output;
 use resonarm::protocol::{Message, MessageKind, Transmitter};
 
 /// Prints the frame of a message, protected, as cansend takes it.
 #[derive(Debug, Args)]
 pub(super) struct Encode {
-    /// The message, by its name in the DBC, such as ForceCommand.
+    /// Name of the message in the DBC, as ForceCommand.
     #[arg(value_name = "MESSAGE")]
     message: String,
-    /// Its signals, such as force_x_n=10; marks of saturation that are left out are 0.
+    /// Values of its signals, as force_x_n=10; saturation marks that are left out are 0.
     #[arg(value_name = "SIGNAL=VALUE")]
     signals: Vec<String>,
-    /// The counter of the message.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    /// Counter of the message.
+    #[arg(long, help_heading = heading::NETWORK, value_name = "N", default_value_t = 0, value_parser = numbers::integer(0..=u8::MAX))]
     counter: u8,
     #[command(flatten)]
     network: NetworkFlags,

@@ -9,10 +9,11 @@ mod log_line;
 use clap::{Args, Subcommand};
 
 use crate::failure::{Failure, Verdict};
-use crate::{flags, output};
+use crate::help::heading;
+use crate::{flags, numbers, output};
 use resonarm::protocol::{DEFAULT_BASE, Network, Node, Profile, SPEC, dbc, header};
 
-/// Prints the specification, DBC and C header of the wire; decodes and encodes frames; prints the EDS of a drive.
+/// Prints the specification, DBC, C header or EDS; decodes and encodes frames.
 #[derive(Debug, Args)]
 pub(crate) struct Protocol {
     #[command(subcommand)]
@@ -34,17 +35,18 @@ enum Action {
 
 /// Which network.
 #[derive(Debug, Args)]
+#[command(next_help_heading = heading::NETWORK)]
 pub(crate) struct NetworkFlags {
     /// Base identifier, a multiple of 0x10 from 0x180 to 0x570.
     #[arg(long, value_name = "ID", value_parser = identifier, default_value_t = Hexadecimal(DEFAULT_BASE))]
     base: Hexadecimal,
-    /// Node id of the plant, 1 to 127.
-    #[arg(long, value_name = "N", default_value_t = Network::default().node_id(Node::Plant))]
+    /// Node id of the plant, from 1 to 127.
+    #[arg(long, value_name = "N", value_parser = numbers::integer_checked_later(1..=127_u8), default_value_t = Network::default().node_id(Node::Plant))]
     plant_id: u8,
-    /// Node id of the exciter, 1 to 127.
-    #[arg(long, value_name = "N", default_value_t = Network::default().node_id(Node::Exciter))]
+    /// Node id of the exciter, from 1 to 127.
+    #[arg(long, value_name = "N", value_parser = numbers::integer_checked_later(1..=127_u8), default_value_t = Network::default().node_id(Node::Exciter))]
     exciter_id: u8,
-    /// Frames of commands and samples.
+    /// Frames of commands and samples: classic CAN or CAN FD.
     #[arg(long, value_parser = flags::one_of(Profile::ALL, Profile::name), default_value_t)]
     profile: Profile,
 }
@@ -65,7 +67,7 @@ fn identifier(text: &str) -> Result<Hexadecimal, String> {
         Some(digits) => u16::from_str_radix(digits, 16),
         None => text.parse(),
     };
-    number.map(Hexadecimal).map_err(|error| format!("{error}; write it as 0x200 or as 512"))
+    number.map(Hexadecimal).map_err(|_error| String::from("it must be an identifier, as 0x200 or 512"))
 }
 
 impl NetworkFlags {

@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 use super::NetworkFlags;
 use super::log_line::{LogEntry, LogLine};
 use crate::failure::{Failure, Verdict};
+use crate::help::heading;
 use crate::output::{self, JsonFlag};
 use crate::recordings;
 use network::NetworkFrames;
@@ -21,8 +22,9 @@ use resonarm::recording::Recording;
 use resonarm::scenario::{Scenario, ScenarioError};
 use wire::WireFrames;
 
-/// Explains frames, and says whether a receiver accepts them: form, E2E protection, content. Counters are checked from
-/// frame to frame, as by a receiver that listens from the first one on.
+/// Explains frames, and says whether a receiver accepts them: form, E2E protection, content.
+///
+/// Counters are checked from frame to frame, as by a receiver that listens from the first one on.
 ///
 /// Without the flags below the frames are those of Resonarm's protocol. With a scenario that has [wire], or a recording
 /// of one, they are those of its DBC: signals have their unit, the text of their value table, and in brackets what they
@@ -34,21 +36,24 @@ use wire::WireFrames;
 /// if a frame is rejected or too short.
 #[derive(Debug, Args)]
 pub(super) struct Decode {
-    /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump`, with or
-    /// without -L, from standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol
-    /// decode < can0.log`. Error frames say what the CAN controller reports. Other lines are reported, counted and left
-    /// out; then the exit code is 1.
+    /// Frames as cansend takes them, as 201#8A00F40183FF3412; without any, lines from standard input.
+    ///
+    /// The lines are frames, or those of `candump`, with or without -L: `candump -L can0 | resonarm protocol decode`,
+    /// or of a file: `resonarm protocol decode < can0.log`. Error frames say what the CAN controller reports. Other
+    /// lines are reported, counted and left out; then the exit code is 1.
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     /// TOML file with the scenario of the frames: its network, or its own protocol, [wire].
-    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK)]
+    #[arg(long, help_heading = heading::NETWORK, value_name = "FILE", conflicts_with_all = NETWORK)]
     scenario: Option<PathBuf>,
     /// DBC file of the frames.
-    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "scenario")]
+    #[arg(long, help_heading = heading::NETWORK, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "scenario")]
     dbc: Option<PathBuf>,
-    /// Explain the frames in a recording, by the protocol of its scenario, or by that of --scenario or --dbc; without any,
-    /// as in that of an imported log, by Resonarm's. Times count from its beginning.
-    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "frames")]
+    /// Explain the frames in this recording, an MCAP file.
+    ///
+    /// They are explained by the protocol of its scenario, or by that of --scenario or --dbc; without any, as in that of an
+    /// imported log, by Resonarm's. Times count from its beginning.
+    #[arg(long, help_heading = heading::RECORDS, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "frames")]
     recording: Option<PathBuf>,
     #[command(flatten)]
     network: NetworkFlags,
