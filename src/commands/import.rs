@@ -126,7 +126,7 @@ fn wire_text(wire: &WireImport) -> String {
         true if wire.missing_readings.is_empty() => format!("states and commanded loads of {} samples\n", wire.states),
         true => format!(
             "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out since some of \
-             their frames\n",
+             their frames are missing\n",
             wire.states, wire.missing_samples, wire.gaps, wire.incomplete_samples
         ),
         false => {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use insta::assert_snapshot;
 
-use crate::complaint;
+use crate::{complaint, resonarm};
 
 fn conformance(code: i32, arguments: &[&str]) -> String {
     complaint(Path::new("."), code, &[&["conformance", "--role", "plant"], arguments].concat())
@@ -26,8 +26,8 @@ fn flags_that_cannot_be() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter can't both have the node id 1");
-    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus lives inside one process, so no other program can be reached on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
+    assert_snapshot!(conformance(2, &["--bus", "vcan0", "--exciter-id", "1"]), @"resonarm: plant and exciter both have the node id 1: give them different ones");
+    assert_snapshot!(conformance(2, &["--bus", "memory"]), @"resonarm: a memory bus exists only inside one process, and no other program can be reached on it: expected a bus that several processes share. Use vcan0 or another CAN interface; `resonarm demo` runs plant and exciter together on a memory bus");
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--case", "exciter"]), @r#"resonarm: unknown case "exciter", expected one of plant-hello, plant-first-hello, plant-heartbeats, plant-frames, plant-counters, plant-remote-frames, plant-arms-for-a-hello, plant-states, plant-reset, plant-commands-act, plant-not-armed, plant-wrong-crc, plant-repeated-counter, plant-counter-jump, plant-data-id, plant-other-format, plant-length, plant-extended-id, plant-foreign-base, plant-reserved-bit, plant-not-available, plant-old-command, plant-early-command, plant-same-sample, plant-older-command, plant-too-large, plant-too-fast, plant-command-timeout, plant-disarm, plant-partner-fault, plant-exciter-leaves, plant-second-sender, plant-stopped, plant-bus-off, plant-saturation, plant-pairs, plant-load-hello, plant-load-wrong-crc, plant-load-states, plant-soak, plant-too-far"#);
     assert_snapshot!(conformance(2, &["--bus", "vcan0", "--bit-rate-hz", "9600"]), @r"
     error: invalid value '9600' for '--bit-rate-hz <HZ>': it must be an integer from 10000 to 1000000
@@ -44,9 +44,9 @@ fn flags_that_cannot_be() {
 #[test]
 fn forces_that_cannot_be() {
     let on_vcan0 = |arguments: &[&str]| conformance(2, &[&["--bus", "vcan0"], arguments].concat());
-    assert_snapshot!(on_vcan0(&["--force-n", "700"]), @"resonarm: --force-n is 700 N, and commands of the classic profile go to ±655.34 N; use --profile fd, which carries more");
-    assert_snapshot!(on_vcan0(&["--beyond-n", "700"]), @"resonarm: --beyond-n is 700 N, and commands of the classic profile go to ±655.34 N; use --profile fd, which carries more");
-    assert_snapshot!(on_vcan0(&["--beyond-travel-n", "1e39", "--profile", "fd"]), @"resonarm: --beyond-travel-n is 1e39 N, and commands of the fd profile go to ±3.4028234663852886e38 N");
+    assert_snapshot!(on_vcan0(&["--force-n", "700"]), @"resonarm: --force-n is 700 N, but commands of the classic profile reach only ±655.34 N; use --profile fd, which carries more");
+    assert_snapshot!(on_vcan0(&["--beyond-n", "700"]), @"resonarm: --beyond-n is 700 N, but commands of the classic profile reach only ±655.34 N; use --profile fd, which carries more");
+    assert_snapshot!(on_vcan0(&["--beyond-travel-n", "1e39", "--profile", "fd"]), @"resonarm: --beyond-travel-n is 1e39 N, but commands of the fd profile reach only ±3.4028234663852886e38 N");
     assert_snapshot!(on_vcan0(&["--beyond-n", "5"]), @"resonarm: --beyond-n is 5 N, but it must be larger than --force-n, 5 N");
     assert_snapshot!(on_vcan0(&["--expect-force-n", "20", "--expect-frequency-hz", "15"]), @"resonarm: --expect-frequency-hz is for --role exciter: leave it out");
     let of_exciter = |arguments: &[&str]| {

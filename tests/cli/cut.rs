@@ -51,7 +51,7 @@ fn joined_sections_are_the_whole() {
     run(folder.path(), "run --mode free --duration-s 0.05 --angles-deg 0,30 --record other.mcap");
     assert_snapshot!(said(&["a.mcap", "other.mcap"]), @"resonarm: recording `other.mcap` can't be joined to the one before it: it has another configuration (see `resonarm diff`), expected the same");
     run(folder.path(), "run --mode free --duration-s 0.05 --rate-hz 500 --record slow.mcap");
-    assert_snapshot!(said(&["a.mcap", "slow.mcap"]), @"resonarm: recording `slow.mcap` can't be joined to the one before it: it has 0.002 s from sample to sample, expected 0.001 s from sample to sample");
+    assert_snapshot!(said(&["a.mcap", "slow.mcap"]), @"resonarm: recording `slow.mcap` can't be joined to the one before it: it has the sample period 0.002 s, expected the sample period 0.001 s");
     assert!(!folder.path().join("new.mcap").exists());
 }
 

@@ -100,9 +100,9 @@ fn bad_input_is_refused() {
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this structure; what a shorter step changes is lost in rounding");
-    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @r"
-    error: invalid value 'irb140' for '--preset <NAME>': there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted
+    insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: the integration rate is 1e14 Hz: it must be at most 3.29881543934e11 Hz for this structure, since the changes over a shorter step are lost in rounding");
+    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"
+    error: invalid value 'irb140' for '--preset <NAME>': there is no preset `irb140`: expected one of irb1600-table1, irb1600-fitted
 
     For more information, try '--help'.
     ");

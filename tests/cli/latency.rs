@@ -98,7 +98,7 @@ fn a_core_is_refused_with_rt_off() {
     let said = complaint(here(), 2, &["latency", "--rt", "off", "--cores-awake"]);
     assert_snapshot!(said, @"resonarm: --cores-awake and --rt off exclude each other: give one of them");
     let said = complaint(here(), 2, &["latency", "--turn-s", "0.0001"]);
-    assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: at 1000 Hz there is no sample in it");
+    assert_snapshot!(said, @"resonarm: --turn-s is 0.0001: it must contain at least one sample at 1000 Hz");
     let said = complaint(here(), 2, &["latency", "--turn-s", "-1"]);
     assert_snapshot!(said, @"resonarm: --turn-s is -1: cannot convert float seconds to Duration: value is negative; expected a time in seconds, 0 or more");
 }

@@ -101,14 +101,14 @@ fn bad_input_is_refused() {
     assert_snapshot!(said(&["dbc", "--plant-id", "2"]), @"resonarm: plant and exciter both have the node id 2: give them different ones");
     assert_snapshot!(said(&["header", "--base", "0x600"]), @"resonarm: base identifier 0x600 is outside 0x180 to 0x570");
     assert_snapshot!(said(&["encode", "Force"]), @r#"resonarm: unknown message "Force", expected one of OperatorCommand, ForceCommand, TorqueCommand, ImpedanceHead, AccelerometerB, AccelerometerC, PlantHello, ExciterHello, PlantHeartbeat, ExciterHeartbeat, PlantEmergency, ExciterEmergency, Sensors, SensorPair, PlantCapabilities, ExciterCapabilities"#);
-    assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand needs force_y_n");
-    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: state has no value 3");
+    assert_snapshot!(said(&["encode", "ForceCommand", "force_x_n=1"]), @"resonarm: ForceCommand has no value for force_y_n: give one");
+    assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=3"]), @"resonarm: PlantHeartbeat: 3 is not a value of state");
     assert_snapshot!(said(&["encode", "PlantHeartbeat", "state=5", "mass=3"]), @"resonarm: PlantHeartbeat has no signal mass, expected one of state");
     assert_snapshot!(said(&["encode", "PlantHeartbeat", "state"]), @r#"resonarm: "state" is not of the form signal=number"#);
     let force = ["encode", "ForceCommand", "force_x_n=700", "force_y_n=0", "sample=0"];
     assert_snapshot!(said(&force), @"resonarm: ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
     assert_snapshot!(said(&[&force[..], &["--counter", "15"]].concat()), @"resonarm: --counter is 15: for ForceCommand it must be from 0 to 14");
-    assert_snapshot!(said(&["encode", "Sensors", "sample=0"]), @"resonarm: Sensors needs force_x_n");
+    assert_snapshot!(said(&["encode", "Sensors", "sample=0"]), @"resonarm: Sensors has no value for force_x_n: give one");
 }
 
 #[test]

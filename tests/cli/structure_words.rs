@@ -42,7 +42,7 @@ fn what_has_two_units_ends_early_or_has_no_meaning() {
     }
     let says =
         |command: &[&str]| complaint(folder.path(), 2, command).trim().trim_start_matches("resonarm: ").to_owned();
-    insta::assert_snapshot!(says(&["modes", "--scenario", &chain, "--angles-deg", "30,20"]), @"--angles-deg has 2 numbers: give 6, one for each link");
+    insta::assert_snapshot!(says(&["modes", "--scenario", &chain, "--angles-deg", "30,20"]), @"--angles-deg has 2 numbers, expected 6, one for each link");
     insta::assert_snapshot!(says(&["frf", "--scenario", &chain, "--preset=irb1600-table1", "--drive=joint2"]), @"--preset irb1600-table1 is a structure of its own, but the scenario's [structure] is of the kind chain: leave --preset out");
     let still = "[structure]\nkind = \"modal\"\nmodes = [{ frequency_hz = 9.0, damping_ratio = 0.01, \
                  shape = { \"tip.x\" = 1.0, \"b.x\" = 0.0 } }]\n";

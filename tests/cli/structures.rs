@@ -553,9 +553,9 @@ fn analyses_of_structures_refuse_in_words() {
     insta::assert_snapshot!(says("integrators", ""), @"the structure consists of modes, which are stepped by their exact solution, not by a scheme: use a chain");
     insta::assert_snapshot!(says("modes", "--angles-deg 1"), @"--angles-deg turns the links of a chain, but the scenario's [structure] is of the kind modal: leave --angles-deg out");
     insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is a structure of its own, but the scenario's [structure] is of the kind modal: leave --preset out");
-    insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
+    insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     let sweep = |more: &str| says("sweep", &format!("--drive tip.x=1 --from-hz 9 --to-hz 10 {more}"));
-    insta::assert_snapshot!(sweep("--initial 0"), @"--initial has 1 numbers: give 2, q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
+    insta::assert_snapshot!(sweep("--initial 0"), @"--initial has 1 numbers, expected 2: q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
     insta::assert_snapshot!(sweep("--over link2.angle_deg=1,2"), @"--over: there is no parameter `link2.angle_deg` in this structure: expected one of mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     insta::assert_snapshot!(sweep("--over mode1.damping_ratio=-1"), @"--over: mode 1: `damping_ratio` is -1: it must be a number from 0");
     let basins = |more: &str| says("basins", &format!("--drive tip.x=5 --frequency-hz 13 {more}"));
@@ -662,7 +662,7 @@ fn a_free_structure_through_the_commands() {
     insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz, so no response settles; give the mode the frequency and the damping that it has on its soft supports");
     insta::assert_snapshot!(refused(2, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so it has no resonance: choose another mode");
     insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so nothing holds the structure; start above 0 Hz");
-    insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance");
+    insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; choose a mode that has a resonance");
 }
 
 /// Doubtful moments of inertia are told, by link and numbers; the chain is computed.

@@ -140,7 +140,7 @@ fn bad_input_has_exit_code_2() {
     insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=23 --to-hz=23"), @"resonarm: the sweep goes from 23 to 23: its ends must be two different numbers");
     insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
     insta::assert_snapshot!(sweep("--drive=joint1=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
-    insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: give 4, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1"), @"resonarm: --initial has 2 numbers, expected 4: alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
     insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1,NaN,0"), @r"
     error: invalid value 'NaN' for '--initial <Q,V>': it must be a finite number
 

@@ -102,7 +102,7 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     100#F40101000000013D  Drive ForceY=10 N (load force_y_n=10) Enable=1 (arm) Alive=1 (counter) Crc=61 (checksum)
     100#F40101000000013D  Drive rejected: counter 1 was repeated; ForceY=10 N (load force_y_n=10) Enable=1 (arm, unchanged) Alive=1 (counter) Crc=61 (checksum)
     100#E7FF010000000445  Drive ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=4 (counter) Crc=69 (checksum); 2 lost before it
-    100#E7FF010000000AE3  Drive rejected: 5 frames were lost before it, and 3 may be; ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=10 (counter) Crc=227 (checksum)
+    100#E7FF010000000AE3  Drive rejected: 5 frames were lost before it, but at most 3 may be; ForceY=-0.5 N (load force_y_n=-0.5) Enable=1 (arm, unchanged) Alive=10 (counter) Crc=227 (checksum)
     100#3300010000000799  Drive rejected: the checksum is 0x99, expected 0xc4; ForceY=1.02 N (load force_y_n=1.02) Enable=1 (arm, unchanged) Alive=7 (counter) Crc=153 (checksum)
     201#83FF320002110382  Head HeadX=-1.25 N (head_force_x_n=-1.25) HeadY=0.5 N (head_force_y_n=0.5) State=2 "running" (operational) Sample=17 (sample) Alive=3 (counter) Crc=130 (checksum)
     200#03E80000F8300FA0  Accelerations BX=0.5 g (acceleration_b_x_m_s2=4.903325) BY=0 g (acceleration_b_y_m_s2=0) CX=-1 g (acceleration_c_x_m_s2=-9.80665) CY=2 g (acceleration_c_y_m_s2=19.6133)

@@ -154,6 +154,6 @@ fn a_batch_that_states_another_period_is_damage() -> TestResult {
     let Integrity::Damaged { cause, .. } = recording.integrity() else {
         return Err(format!("{:?}", recording.integrity()).into());
     };
-    insta::assert_snapshot!(cause, @"a batch states 0.002 s from sample to sample, expected 0.001 s");
+    insta::assert_snapshot!(cause, @"a batch states the sample period 0.002 s, expected 0.001 s");
     Ok(())
 }

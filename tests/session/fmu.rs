@@ -291,7 +291,7 @@ fn what_can_not_be_is_refused_before_the_run() {
     other.structure.sha256 = Some("0".repeat(64));
     let text = refused(other, Mode::Free);
     let (_, reason) = text.split_once("structure.sha256").unwrap();
-    insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");
+    insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000, so it is another FMU than the one that was meant or recorded");
     let mut shaken = scenario(3, "");
     shaken.rig = Scenario::parse(SHAKER, "rig").unwrap().rig;
     insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, since its armature moves with it: leave it out; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");

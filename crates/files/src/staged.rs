@@ -57,7 +57,7 @@ impl Staged {
             // alone until it has that file's mode.
             temporary.permissions(Permissions::from_mode(0o666));
         }
-        let (file, temporary) = temporary.tempfile_in(folder_of(&target))?.into_parts();
+        let (file, temporary) = temporary.tempfile_in(folder_of(&target)).map_err(without_path)?.into_parts();
         if let Some(replaced) = &replaced {
             take_mode_and_owner(&file, replaced)?;
         }
@@ -110,6 +110,13 @@ impl Drop for Staged {
             let _gone = fs::remove_file(&self.target);
         }
     }
+}
+
+/// The error of the system alone: the library adds the temporary name, which means nothing to a user.
+fn without_path(error: io::Error) -> io::Error {
+    let inner =
+        error.get_ref().and_then(core::error::Error::source).and_then(|source| source.downcast_ref::<io::Error>());
+    inner.and_then(io::Error::raw_os_error).map_or(error, io::Error::from_raw_os_error)
 }
 
 /// The folder that a file is in.

@@ -33,7 +33,7 @@ fn finding(root: &Path, name: &str) -> Option<Finding> {
     let fix = cores.parse::<usize>().is_err().then(|| {
         format!(
             "a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core \
-             takes them in: `echo 0 | sudo tee /{list}`"
+             handles the interrupt: `echo 0 | sudo tee /{list}`"
         )
     });
     let state = format!("{name}: {driver}, interrupt {interrupt} on cores {cores}");

@@ -279,7 +279,7 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
 fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     let Some(said_every_ns) = said_every(t, state) else {
         let state = in_words(state);
-        return skipped(format!("no reading that is sent at least twice a second carries the plant's state {state}"));
+        return skipped(format!("no reading that is sent at least twice a second says that the plant is {state}"));
     };
     let reacts_ns = REACTION_NS + said_every_ns;
     begin(t)?;

@@ -177,7 +177,7 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 10: message NineBytes: its length is 9 bytes: a classical frame has 0 to 8; if it is CAN FD, its attribute VFrameFormat has to be StandardCAN_FD or ExtendedCAN_FD
     bench.dbc, line 11: message NoFdLength: its length is 9 bytes: CAN FD has 0 to 8, 12, 16, 20, 24, 32, 48 or 64
     bench.dbc, line 12: message NoFormat: its VFrameFormat is new: it must be StandardCAN (0), ExtendedCAN (1), J1939PG (3), StandardCAN_FD (14) or ExtendedCAN_FD (15)
-    bench.dbc, line 15: signal past of Signals: from start bit 60 its 8 bits take 9 bytes, and the payload has 8
+    bench.dbc, line 15: signal past of Signals: from start bit 60 its 8 bits take 9 bytes, but the payload has only 8
     bench.dbc, line 16: signal none of Signals: it has 0 bits: it must have 1 to 64
     bench.dbc, line 17: signal wide of Signals: it has 65 bits: it must have 1 to 64
     bench.dbc, line 18: signal zero of Signals: its factor is 0: it must be a finite number other than 0
@@ -188,7 +188,7 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 23: signal twice of Signals: its name is also used in line 24
     bench.dbc, line 23: signal twice of Signals: its name is also used in line 24
     bench.dbc, line 25: signal selected of Signals: it is multiplexed, but the message has no switch, a signal marked M
-    bench.dbc, line 27: signal all of Wide: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
+    bench.dbc, line 27: signal all of Wide: it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly
     bench.dbc, line 31: signal either of Switches: it is multiplexed, but the message has several switches: SG_MUL_VAL_ must say which one selects it
     bench.dbc, line 32: signal named of Switches: its switch "nothing" is not a signal of the message
     bench.dbc, line 33: signal round of Switches: its switches select each other in a circle
@@ -271,9 +271,9 @@ fn what_can_only_be_read_is_refused_by_its_name() {
     insta::assert_snapshot!(refused.join("\n"), @"
     3: Shared.Byte: bit 3 also belongs to Flag, in line 4
     4: Shared.Flag: bit 3 also belongs to Byte, in line 3
-    7: Large.Stamp: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
-    8: Large.Serial: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
-    9: Large.Signed: it is an integer of 60 bits: up to 53 keep every bit in a floating-point number
+    7: Large.Stamp: it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly
+    8: Large.Serial: it is an integer of 64 bits: it must have at most 53, which a floating-point number represents exactly
+    9: Large.Signed: it is an integer of 60 bits: it must have at most 53, which a floating-point number represents exactly
     12: Page.Value: its name is also used in line 13
     13: Page.Value: its name is also used in line 12
     14: Twice: its name is also used in line 16

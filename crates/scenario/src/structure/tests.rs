@@ -136,9 +136,9 @@ fn what_makes_no_structure_is_said() {
 
 #[test]
 fn what_makes_no_element_is_said() {
-    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: there are mid.x, tip.x");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: expected one of mid.x, tip.x");
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip\"\nstiffness3_n_m3 = 1"), @r#"structure: `tip` is not a place: write point and axis, as in "tip.x""#);
-    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: joint 1: a structure of modes has no joints; name a point and an axis");
+    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: there is no joint 1: a structure of modes has no joints; name a point and an axis");
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip.x\"\nstiffness3_nm_rad3 = 1"), @"structure.elements, number 1: `stiffness3_nm_rad3` has the unit of a joint, and the element is at an axis: give `stiffness3_n_m3`");
     insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m");
     insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");

@@ -164,7 +164,7 @@ fn readings_that_are_refused() {
 #[test]
 fn signals_of_the_dbc_that_are_refused() {
     insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 0|16@1- (0,0)"), @"bench.dbc, line 10: signal Force of Drive: its factor is 0: it must be a finite number other than 0");
-    insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 56|16@1- (0.02,0)"), @"bench.dbc, line 10: signal Force of Drive: from start bit 56 its 16 bits take 9 bytes, and the payload has 8");
+    insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 56|16@1- (0.02,0)"), @"bench.dbc, line 10: signal Force of Drive: from start bit 56 its 16 bits take 9 bytes, but the payload has only 8");
     insta::assert_snapshot!(dbc_says("Enable : 16|1@1+", "Enable : 8|1@1+"), @"bench.dbc, line 10: signal Force of Drive: bit 8 also belongs to Enable, in line 11");
     insta::assert_snapshot!(dbc_says("SG_ Force :", "SG_ Force m1 :"), @"bench.dbc, line 10: signal Force of Drive: it is multiplexed, but the message has no switch, a signal marked M");
     insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 256 Drive: 9"), @"bench.dbc, line 9: message Drive: its length is 9 bytes: a classical frame has 0 to 8; if it is CAN FD, its attribute VFrameFormat has to be StandardCAN_FD or ExtendedCAN_FD");

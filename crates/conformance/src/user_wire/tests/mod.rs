@@ -177,8 +177,8 @@ fn what_a_protocol_does_not_have_is_skipped_with_the_reason() {
     exciter-in-time
     exciter-acts
     exciter-limits
-    exciter-plant-faults: no reading that is sent at least twice a second carries the plant's fault
-    exciter-plant-disarmed: no reading that is sent at least twice a second carries the plant's state disarmed
+    exciter-plant-faults: no reading that is sent at least twice a second says that the plant is in fault
+    exciter-plant-disarmed: no reading that is sent at least twice a second says that the plant is disarmed
     ");
     let wire = bare(Node::Plant);
     let found = findings(&wire, || Box::new(PlantDevice::new(wire.clone(), NONE)));

@@ -91,7 +91,7 @@ fn a_run_on_a_bus_refuses_what_the_protocol_does_not_carry() {
         let text = format!("{CHAIN}{}{network}", dwell("joint3 = 5.0"));
         let refused = session(&text, mode, Options::default()).both(&Signals::default(), |_| {}).unwrap_err();
         insta::allow_duplicates! {
-            insta::assert_snapshot!(refused, @"the exciter's load has torque3_nm, and Resonarm's protocol carries torque1_nm, torque2_nm, force_x_n and force_y_n alone: change the excitation, or map a protocol of your own by [wire]");
+            insta::assert_snapshot!(refused, @"the exciter's load has torque3_nm, but Resonarm's protocol carries only torque1_nm, torque2_nm, force_x_n and force_y_n: change the excitation, or map a user protocol by [wire]");
         }
     }
 }
@@ -111,7 +111,7 @@ fn a_free_run_refuses_a_load_that_the_structure_does_not_take() {
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
     let session = session(&dwell("joint3 = 5.0"), Mode::Free, Options { record, ..Options::default() });
     let refused = session.both(&Signals::default(), |_| {}).unwrap_err();
-    insta::assert_snapshot!(refused, @"the load has `joint3` = 5: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(refused, @"the load has `joint3` = 5, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
     assert!(!path.exists());
 }
 

@@ -66,8 +66,8 @@ fn reason(text: &str, folder: &std::path::Path, mode: Mode) -> String {
 fn a_free_run_keeps_the_limits_of_every_sensor() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    insta::assert_snapshot!(reason(&format!("{DWELL}{M3}"), folder, Mode::Free), @"limits.sensors.m3: sensor m3 reads 50.35 m/s² along x after 0.201 s, beyond the limit of 50 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
-    insta::assert_snapshot!(reason(&format!("{WALK}{M3}"), folder, Mode::Free), @"limits.sensors.m3: sensor m3 reads 50.1 m/s² along x after 0.206 s, beyond the limit of 50 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(reason(&format!("{DWELL}{M3}"), folder, Mode::Free), @"limits.sensors.m3: sensor m3 reads 50.35 m/s² along x after 0.201 s, beyond the limit of 50 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
+    insta::assert_snapshot!(reason(&format!("{WALK}{M3}"), folder, Mode::Free), @"limits.sensors.m3: sensor m3 reads 50.1 m/s² along x after 0.206 s, beyond the limit of 50 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
     let within = M3.replace("m3 = 50", "m3 = 1000");
     assert!(end(&format!("{DWELL}{within}"), folder, Mode::Free).unwrap().is_finished());
 }
@@ -93,8 +93,8 @@ fn a_limit_is_kept_by_a_user_protocol_that_carries_the_sensor_with_every_sample(
     let folder = folder.path();
     let every = format!("{DWELL}{M3}{}", wire(folder, "every = 1"));
     let free = reason(&every, folder, Mode::Free);
-    insta::assert_snapshot!(free, @"limits.sensors.m3: sensor m3 reads 50.349998474121094 m/s² along x after 0.201 s, beyond the limit of 50 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+    insta::assert_snapshot!(free, @"limits.sensors.m3: sensor m3 reads 50.349998474121094 m/s² along x after 0.201 s, beyond the limit of 50 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
     assert_eq!(reason(&every, folder, Mode::Lockstep), free);
     let sparse = format!("{DWELL}{M3}{}", wire(folder, "every = 5"));
-    insta::assert_snapshot!(end(&sparse, folder, Mode::Free).unwrap_err(), @"the controller reads acceleration_m3_x_m_s2, and no message of every sample says it: give a [[wire.readings]] with `every = 1` and that `quantity`");
+    insta::assert_snapshot!(end(&sparse, folder, Mode::Free).unwrap_err(), @"the controller reads acceleration_m3_x_m_s2, but no message of every sample carries it: give a [[wire.readings]] with `every = 1` and that `quantity`");
 }
