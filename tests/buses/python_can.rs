@@ -339,7 +339,7 @@ fn refuses_what_python_can_does_not_know() {
     let message = |options: &str| open(options).err().map(|error| error.to_string()).unwrap_or_default();
     let unknown = message("interface=slacn,channel=/dev/ttyACM0");
     assert!(unknown.starts_with("python-can 4"), "{unknown}");
-    assert!(unknown.contains("has no interface `slacn`; it has: "), "{unknown}");
+    assert!(unknown.contains("has no interface `slacn`; expected one of "), "{unknown}");
     assert!(unknown.contains(", slcan, socketcan, "), "{unknown}");
     insta::assert_snapshot!(message("channel=0"), @"python-can option `interface`: missing; name the adapter, for example interface=slcan,channel=/dev/ttyACM0");
     insta::assert_snapshot!(message("interface=slcan,channel=/nonexistent"), @"python-can could not open the bus: CanInitializationError: [Errno 2] could not open port /nonexistent: [Errno 2] No such file or directory: '/nonexistent'");

@@ -371,8 +371,8 @@ mod tests {
         let says = |limits: &str, e_rad| {
             of_sensors(limits, 30, still, e_rad).map_or(String::new(), |abort| format!("{abort}"))
         };
-        insta::assert_snapshot!(says("sensors.m3 = 65", 0.0), @"limits.sensors.m3: sensor m3 reads -70 m/s² along z after 0.000 s, beyond the limit of 65 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
-        insta::assert_snapshot!(says("sensors.e = 0.5", 0.6), @"limits.sensors.e: sensor e reads 0.6 rad about z after 0.000 s, beyond the limit of 0.5 rad: drive less, fix the sensor if that can't be, or raise the limit");
+        insta::assert_snapshot!(says("sensors.m3 = 65", 0.0), @"limits.sensors.m3: sensor m3 reads -70 m/s² along z after 0.000 s, beyond the limit of 65 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
+        insta::assert_snapshot!(says("sensors.e = 0.5", 0.6), @"limits.sensors.e: sensor e reads 0.6 rad about z after 0.000 s, beyond the limit of 0.5 rad: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
         // Each limit is that of one sensor, and that of acceleration those of B and C.
         assert_eq!(says("acceleration_m_s2 = 65\nsensors.e = 0.5", 0.4), "");
         assert_eq!(says("sensors = { m3 = 75, m4 = 65 }", 0.6), "");
@@ -390,11 +390,11 @@ mod tests {
         };
         // B reads n + 2.5 along y, and C 7 along x and n along y.
         let (n, reason) = beyond("acceleration_m_s2 = 20").unwrap();
-        insta::assert_snapshot!(format!("{n}: {reason}"), @"18: limits.acceleration_m_s2: the accelerometer at B reads 20.5 m/s² along y after 0.018 s, beyond the limit of 20 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+        insta::assert_snapshot!(format!("{n}: {reason}"), @"18: limits.acceleration_m_s2: the accelerometer at B reads 20.5 m/s² along y after 0.018 s, beyond the limit of 20 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
         let (n, reason) = beyond("acceleration_m_s2 = 20\nsensors.b = 30").unwrap();
-        insta::assert_snapshot!(format!("{n}: {reason}"), @"21: limits.acceleration_m_s2: the accelerometer at C reads 21 m/s² along y after 0.021 s, beyond the limit of 20 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+        insta::assert_snapshot!(format!("{n}: {reason}"), @"21: limits.acceleration_m_s2: the accelerometer at C reads 21 m/s² along y after 0.021 s, beyond the limit of 20 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
         let (n, reason) = beyond("acceleration_m_s2 = 20\nsensors.c = 5").unwrap();
-        insta::assert_snapshot!(format!("{n}: {reason}"), @"0: limits.sensors.c: the accelerometer at C reads 7 m/s² along x after 0.000 s, beyond the limit of 5 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
+        insta::assert_snapshot!(format!("{n}: {reason}"), @"0: limits.sensors.c: the accelerometer at C reads 7 m/s² along x after 0.000 s, beyond the limit of 5 m/s²: reduce the excitation, check the sensor if the reading is implausible, or raise the limit");
     }
 
     #[test]
@@ -403,8 +403,8 @@ mod tests {
         let says = |limits: &str, clipped| {
             of_sensors(limits, 30, axis(clipped), 0.0).map_or(String::new(), |abort| format!("{abort}"))
         };
-        insta::assert_snapshot!(says("clipped_samples = 4\nsensors.m3 = 50", true), @"limits.clipped_samples: sensor m3 is clipped along z for 4 samples in a row, up to 0.003 s: drive less, or give it more range (`rig.sensors.m3.range_m_s2`)");
-        insta::assert_snapshot!(says("stuck_samples = 9\nsensors.m3 = 50", false), @"limits.stuck_samples: sensor m3 says 7 m/s² along z and does not move for 9 samples under load, up to 0.009 s: fix sensor or cable, or state more samples if the axis has nothing to read");
+        insta::assert_snapshot!(says("clipped_samples = 4\nsensors.m3 = 50", true), @"limits.clipped_samples: sensor m3 is clipped along z for 4 samples in a row, up to 0.003 s: reduce the excitation, or increase its range (`rig.sensors.m3.range_m_s2`)");
+        insta::assert_snapshot!(says("stuck_samples = 9\nsensors.m3 = 50", false), @"limits.stuck_samples: sensor m3 reads exactly 7 m/s² along z for 9 samples under load, up to 0.009 s: check sensor and cable, or raise the number of samples if the axis has nothing to measure");
         assert_eq!((says("clipped_samples = 4", true), says("stuck_samples = 9", false)), Default::default());
     }
 

@@ -99,7 +99,7 @@ fn commands_that_are_refused() {
     insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = 0.001"), @"wire.commands: message Drive: `timeout_s` is 0.001, but the DBC sends the message every 0.001 s: it must be at least two cycles");
     insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = -1.0"), @"wire.commands: message Drive: `timeout_s` is -1: it must be a positive number of seconds, at most 3600");
     insta::assert_snapshot!(dbc_says("[-655|655] \"N\"", "[-655|655] \"kp\""), @r#"wire.commands: message Drive, signal Force: its unit "kp" can't be converted to N (known are N, mN, daN, kN, lbf): give `scale`, the load in N for its value 1"#);
-    insta::assert_snapshot!(dbc_says("Alive : 48|4@1+ (1,0) [0|14] \"\" Shaker", "Alive : 48|3@1+ (1,0) [0|7] \"\" Shaker"), @"wire.commands: message Drive, signal Alive: it has 15 values: with 3 bits a counter has 2 to 8");
+    insta::assert_snapshot!(dbc_says("Alive : 48|4@1+ (1,0) [0|14] \"\" Shaker", "Alive : 48|3@1+ (1,0) [0|7] \"\" Shaker"), @"wire.commands: message Drive, signal Alive: it has 15 values: with 3 bits a counter must have 2 to 8");
 }
 
 #[test]
