@@ -112,11 +112,13 @@ impl Drop for Staged {
     }
 }
 
-/// The error of the system alone: the library adds the temporary name, which means nothing to a user.
+/// The error of the system alone. The library adds ` at path "…"` with the temporary name, which means nothing to a user,
+/// and gives no other access to what it has wrapped.
 fn without_path(error: io::Error) -> io::Error {
-    let inner =
-        error.get_ref().and_then(core::error::Error::source).and_then(|source| source.downcast_ref::<io::Error>());
-    inner.and_then(io::Error::raw_os_error).map_or(error, io::Error::from_raw_os_error)
+    match error.to_string().split_once(" at path ") {
+        Some((cause, _)) => io::Error::new(error.kind(), cause.to_owned()),
+        None => error,
+    }
 }
 
 /// The folder that a file is in.

@@ -26,7 +26,7 @@
 //!
 //! - [`Mode::RealTime`]: samples at absolute deadlines of the monotonic clock; commands that arrived by then count.
 //! - [`Mode::Lockstep`]: simulated time; an armed plant waits for the command that answers the sample before it
-//! advances.
+//!   advances.
 //! - [`Mode::Free`]: simulated time and no bus: plant and exciter in one loop, as fast as possible.
 //!
 //! For the same commands the three modes produce bit-identical states. Simulated time may be paced by the clock
