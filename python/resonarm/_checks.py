@@ -70,7 +70,7 @@ def steps(duration_s: float, rate_hz: float) -> int:
     if abs(exact - steps) > 1e-6:
         raise ValueError(
             f"duration_s {duration_s!r} is {exact!r} steps at {rate_hz:g} Hz, not a whole number: "
-            f"take {steps / rate_hz!r}, or another rate"
+            f"choose {steps / rate_hz!r}, or another rate"
         )
     return steps
 
@@ -85,8 +85,8 @@ def controller(given: Any) -> None:
     """Raises TypeError unless this can be called with a measurement."""
     if not callable(given):
         raise TypeError(
-            "controller is {given!r}: it must be a function of a Measurement, or a list of the words of a command "
-            f"where a bench runs it"
+            f"controller is {given!r}: it must be a function of a Measurement, or a list of the words of a command "
+            "where a bench runs it"
         )
 
 

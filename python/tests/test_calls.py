@@ -80,8 +80,8 @@ def frequencies(of):
             "drive['joint2'] is nan: it must be a finite number",
         ),
         (lambda: resonarm.run("scenarios/bench.toml"), TypeError, "Scenario.load('scenarios/bench.toml') reads one"),
-        (lambda: resonarm.Plant("bench.toml"), TypeError, "scenario is s: it must be a resonarm.Scenariotr"),
-        (lambda: resonarm.Node("plant", None, "vcan0"), TypeError, "scenario is N: it must be a resonarm.Scenarioone"),
+        (lambda: resonarm.Plant("bench.toml"), TypeError, "scenario is str: it must be a resonarm.Scenario"),
+        (lambda: resonarm.Node("plant", None, "vcan0"), TypeError, "scenario is None: it must be a resonarm.Scenario"),
         (
             lambda: resonarm.Scenario("scenarios/bench.toml"),
             ValueError,
@@ -146,7 +146,7 @@ def frequencies(of):
             ValueError,
             "load applies only to a controller in Python, and none is given: leave it out",
         ),
-        (lambda: resonarm.run(resonarm.Scenario(), controller=5), TypeError, "a controller is a function of a Measure"),
+        (lambda: resonarm.run(resonarm.Scenario(), controller=5), TypeError, "controller is 5: it must be a function of a Measure"),
         (
             lambda: resonarm.Node("planet", resonarm.Scenario(), "vcan0"),
             ValueError,
@@ -160,12 +160,12 @@ def frequencies(of):
         (
             lambda: Bench().run("controller {bus}"),
             TypeError,
-            "a controller is a function of a Measurement, or a list of",
+            "it must be a function of a Measurement, or a list of",
         ),
         (
             lambda: Bench().run(object()),
             TypeError,
-            "a controller is a function of a Measurement, or a list of the words",
+            "it must be a function of a Measurement, or a list of the words",
         ),
     ],
 )

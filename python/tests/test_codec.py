@@ -122,7 +122,7 @@ def test_faults_have_the_same_verdict(profile, name, channel, tmp_path):
     arriving = [
         (made[0], "taken", "Ok"),
         (made[1], "taken", "Ok"),
-        (made[1], "again", "Repeated"),
+        (made[1], "repeated", "Repeated"),
         (made[2], "taken", "Ok"),
         (broken, "CRC", "CrcError"),
         (made[4], "taken", "OkSomeLost"),
@@ -204,6 +204,6 @@ def test_an_error_frame_is_foreign(identifier):
 def test_a_frame_of_data_is_made_of_nothing_else(kind):
     message = can.Message(arbitration_id=0x701, is_extended_id=False, **{f"is_{kind}_frame": True})
     with pytest.raises(
-        ValueError, match=f"the message is an? {kind} frame, of identifier 0x701: a resonarm.Frame must be a data frame"
+        ValueError, match=f"the message is an? {kind} frame, of identifier 0x701: it must be a data frame"
     ):
         resonarm.Frame.of(message)

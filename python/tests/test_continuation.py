@@ -86,7 +86,7 @@ def test_doubled_branches_belong_to_their_branch():
 
 
 def test_a_branch_that_ends_early_is_kept():
-    with pytest.raises(resonarm.EndedEarly, match="more than 10 points") as raised:
+    with pytest.raises(resonarm.EndedEarly, match="limit of 10 points") as raised:
         ARM.continuation("frequency", 21, 23, drive={"joint1": 60}, most_points=10)
     assert isinstance(raised.value, resonarm.ResonarmError)
     assert len(pickle.loads(pickle.dumps(raised.value)).branch.points) >= 10
@@ -104,7 +104,7 @@ def test_a_branch_that_ends_early_is_kept():
         ({"drive": {"joint1": 1.0}, "most_harmonics": 2}, "most_harmonics is 2: it must be from 3 to 1000"),
         ({"drive": {"joint1": 1.0}, "most_points": 0}, "most_points is 0: it must be 1 or more"),
         ({"drive": {"joint1": 1.0}, "curves_in": "amplitude"}, "give both or neither"),
-        ({"drive": {"joint1": 1.0}, "curves_in": "frequency", "curves_to": 1}, "name another parameter"),
+        ({"drive": {"joint1": 1.0}, "curves_in": "frequency", "curves_to": 1}, "give another parameter"),
         ({"drive": {"joint1": 1.0}, "curves_in": "foo", "curves_to": 1}, "curves_in foo: "),
         ({"drive": {"joint1": 1.0}, "at": ["elbow"]}, "at elbow: there is no `elbow`"),
     ],

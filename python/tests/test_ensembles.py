@@ -93,7 +93,7 @@ ONE = {"drive": {"joint1": 1.0}}
     ("call", "message"),
     [
         (lambda arm: arm.basins(-1.0, **ONE), "frequency_hz is -1: it must be a positive number"),
-        (lambda arm: arm.basins(22.0, **ONE, points=(1, 5)), "points has 1: it must be from 2 to 1000"),
+        (lambda arm: arm.basins(22.0, **ONE, points=(1, 5)), "points has 1: each must be from 2 to 1000"),
         (lambda arm: arm.basins(22.0, **ONE, points=(5,)), "points has 1 values, expected two: X,Y"),
         (lambda arm: arm.basins(22.0, **ONE, start=(1, 1), stop=(1, 2)), "invalid grid from 1 to 1"),
         (lambda arm: arm.basins(22.0, **ONE, coordinates=("a", "b")), "unknown coordinate `a`: the coord"),

@@ -169,7 +169,7 @@ def test_a_map_goes_over_any_load():
 
 def test_invalid_arguments_are_value_errors():
     for hz in ([22.0], [22.0, 21.0], [-1.0, 1.0]):
-        with pytest.raises(ValueError, match="two or more positive frequencies that rise"):
+        with pytest.raises(ValueError, match="two or more positive frequencies that increase"):
             response_map(ARM, frequency_hz=hz, drive="joint1", amplitude=[1.0])
 
 

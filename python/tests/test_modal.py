@@ -267,7 +267,7 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
             lambda: resonarm.Modal.from_chain(resonarm.Chain.from_scenario(EXAMPLES / "hardening.toml")),
             "the structure has elements (1), but only its linear part has modes",
         ),
-        (lambda: resonarm.Modal.from_scenario(EXAMPLES / "chain.toml"), "Chain.from_scenario takes it"),
+        (lambda: resonarm.Modal.from_scenario(EXAMPLES / "chain.toml"), "use Chain.from_scenario"),
         (
             lambda: resonarm.Modal.from_scenario(resonarm.Scenario()),
             "structure.kind is preset: use Chain.from_scenario",

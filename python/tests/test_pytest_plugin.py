@@ -388,5 +388,5 @@ def test_a_folder_that_can_not_be_written_is_named(pytester):
     result = run(pytester, "def test_it(bench):\n    pass\n", "--resonarm-recordings", "out/kept")
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(
-        ["*the folder of --resonarm-recordings can't be made: *Name one that this user may write*"]
+        ["*the folder of --resonarm-recordings can't be made: *Give one that this user may write*"]
     )
