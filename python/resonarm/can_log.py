@@ -64,7 +64,8 @@ class McapWriter(MessageWriter):
     def __init__(self, file: StringPathLike, *, append: bool = False, **kwargs: Any) -> None:
         if append:
             raise ValueError(
-                f"{file}: nothing can be appended to a recording: write another; `resonarm merge` joins parts of one run"
+                f"{file}: nothing can be appended to a recording: write another; "
+                "`resonarm merge` joins parts of one run"
             )
         self._log: _resonarm.LogWriter | None = _resonarm.LogWriter(str(file))
 

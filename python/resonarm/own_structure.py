@@ -78,8 +78,8 @@ class Stepped:
         sensed = [self.sensed] if isinstance(self.sensed, str) else list(self.sensed)
         if (self.sensors is None) == bool(sensed):
             raise ValueError(
-                "only one of sensed and sensors is given: give both, the names of what the sensors read and its motion, "
-                "or neither"
+                "only one of sensed and sensors is given: give both, the names of what the sensors read and its "
+                "motion, or neither"
             )
         if self.sensors is not None and not callable(self.sensors):
             raise TypeError(f"sensors is {self.sensors!r}: it must be a function")

@@ -352,7 +352,11 @@ def test_a_missing_core_is_logged(bench_scenario, caplog):
         ("real-time", {"spin_s": math.nan}, "spin_s is NaN: it must be auto, off, or a time in seconds"),
         ("real-time", {"spin_s": 0.251e-3}, "spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs"),
         ("real-time", {"rt": "maybe"}, "rt is `maybe`: it must be one of auto, require, off"),
-        ("lockstep", {"priority": 10}, "priority applies only to the mode real-time, but the mode is lockstep: leave it out"),
+        (
+            "lockstep",
+            {"priority": 10},
+            "priority applies only to the mode real-time, but the mode is lockstep: leave it out",
+        ),
         ("lockstep", {"cores_awake": True}, "cores_awake applies only to the mode real-time, but the mode is lockstep"),
         ("free", {"spin_s": "off"}, "spin_s applies only to the mode real-time, but the mode is free: leave it out"),
         ("free", {"overrun": "slip"}, "overrun applies only to the mode real-time, but the mode is free: leave it out"),

@@ -35,7 +35,11 @@ def frequencies(of):
             "the frame is bytes: it must be a resonarm.Frame or a can.Message, which have identifier and data",
         ),
         (lambda: resonarm.Decoder().decode((1, False, b"", False, False)), TypeError, "it must be a resonarm.Frame or"),
-        (lambda: frequencies(np.array([1 + 2j])), TypeError, "frequency_hz has complex numbers: it must have real ones"),
+        (
+            lambda: frequencies(np.array([1 + 2j])),
+            TypeError,
+            "frequency_hz has complex numbers: it must have real ones",
+        ),
         (lambda: frequencies([1 + 2j]), TypeError, "frequency_hz has complex numbers: it must have real ones"),
         (lambda: frequencies(["x"]), TypeError, "frequency_hz has values of the type <U1: it must have real numbers"),
         (lambda: frequencies([1, [2]]), TypeError, "frequency_hz must be an array of numbers"),
@@ -146,7 +150,11 @@ def frequencies(of):
             ValueError,
             "load applies only to a controller in Python, and none is given: leave it out",
         ),
-        (lambda: resonarm.run(resonarm.Scenario(), controller=5), TypeError, "controller is 5: it must be a function of a Measure"),
+        (
+            lambda: resonarm.run(resonarm.Scenario(), controller=5),
+            TypeError,
+            "controller is 5: it must be a function of a Measure",
+        ),
         (
             lambda: resonarm.Node("planet", resonarm.Scenario(), "vcan0"),
             ValueError,

@@ -56,7 +56,9 @@ def test_what_makes_no_basins_is_said():
         modal.basins(0.0, **drive)
     with pytest.raises(ValueError, match=r"drive top\.x: there is no `top\.x`"):
         modal.basins(HZ, drive={"top.x": FORCE_N})
-    with pytest.raises(ValueError, match="unknown coordinate `alpha1_rad`: the coordinates are q1_m_sqrt_kg, q2_m_sqrt_kg"):
+    with pytest.raises(
+        ValueError, match="unknown coordinate `alpha1_rad`: the coordinates are q1_m_sqrt_kg, q2_m_sqrt_kg"
+    ):
         modal.basins(HZ, **drive, coordinates=("alpha1_rad", "q1_m_sqrt_kg"))
     with pytest.raises(ValueError, match=r"initial has the shape \(1, 2\): give rows of 4 numbers"):
         modal.basins(HZ, **drive, initial=(0.0, 0.0))

@@ -261,7 +261,9 @@ def test_a_signal_is_the_channel_of_its_name(bench):
         times, values = result.signal(name)
         np.testing.assert_array_equal(values, parts[part][name][:count], name)
         np.testing.assert_array_equal(times, parts[part]["time_s"][:count], name)
-    with pytest.raises(ValueError, match=r"there is no signal 'torque_nm_x': expected one of .*, torque1_nm, torque2_nm, "):
+    with pytest.raises(
+        ValueError, match=r"there is no signal 'torque_nm_x': expected one of .*, torque1_nm, torque2_nm, "
+    ):
         result.signal("torque_nm_x")
 
 
