@@ -94,7 +94,7 @@ REFUSED = {
     FOLLOW: "which an FMU does not provide",
     ("demo",): "which an FMU does not provide",
     ("run", "--bus", "vcan9"): "use the mode free or lockstep",
-    ("fmu", "--out", "again.fmu"): "`kind` is fmu: it is one already",
+    ("fmu", "--out", "again.fmu"): "`kind` is fmu: the structure is an FMU already",
 }
 
 
