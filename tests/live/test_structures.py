@@ -229,6 +229,6 @@ def test_a_load_that_nothing_takes_is_not_steered(programs, tmp_path):
     run = free_run(programs, "--scenario", scenario)
     assert run.wait() == 2
     assert run.stderr == (
-        "resonarm: the load has `exciter_y` = 50: nothing of the structure takes it: take a load along an axis of "
+        "resonarm: the load has `exciter_y` = 50, but no part of the structure accepts it; choose a load along an axis of "
         "`rig.exciter.at`, or place the exciter elsewhere\n"
     )
