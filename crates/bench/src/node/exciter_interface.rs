@@ -93,6 +93,12 @@ pub trait ExciterInterface: fmt::Debug + Send {
         &mut self.work_mut().controller
     }
 
+    /// Returns the load that answers the last sample, with the sample's index on the bus; `None` if no load answers it.
+    fn answering_load(&self) -> Option<(u16, Load)> {
+        let (sample, load) = self.carried().last_answer()?;
+        (sample + 1 == self.samples_played()).then_some((self.work().last_index, load))
+    }
+
     /// Checks that the protocol can command a load. With Resonarm's protocol the encoder checks the ranges.
     ///
     /// # Errors

@@ -123,12 +123,12 @@ pub trait PlantInterface: fmt::Debug + Send {
     /// fault or a disarm each call goes one step down the ramp.
     /// A ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0. Arming does not end it; the first
     /// accepted command does.
-    /// command taken does.
     fn load(&mut self) -> Load;
 
-    /// Hands over the load that the exciter in the same loop commands with its next frame. Its parts that the protocol
-    /// does not carry act together with those in the frame. A protocol that carries every load ignores it.
-    fn hand_over(&mut self, _load: &Load) {}
+    /// Hands over the load by which the exciter in the same loop answers the sample of index `index`. Its parts that the
+    /// protocol does not carry act together with those in the frame that answers this sample, and with no other frame. A
+    /// protocol that carries every load ignores it.
+    fn hand_over(&mut self, _index: u16, _load: &Load) {}
 
     /// Enters a fault from outside: the simulation failed, its shaker tripped, or ticks were missed. The load
     /// ramps to zero; if the simulation can't continue or the exciter is off, it is dropped at once.

@@ -36,8 +36,9 @@ pub struct PlantNode {
     exciter_fault: Option<Emergency>,
     /// Fault of the exciter that caused the node's last fault, if any.
     reason: Option<Emergency>,
-    /// Load of the exciter in the same loop, for the parts that no frame carries; 0 on a bus.
-    handed_over: Load,
+    /// Load that the exciter in the same loop commands, with the index of the sample that it answers: its parts that no
+    /// frame carries. `None` on a bus.
+    handed_over: Option<(u16, Load)>,
 }
 
 impl PlantNode {
@@ -58,7 +59,7 @@ impl PlantNode {
             is_leaving: false,
             exciter_fault: None,
             reason: None,
-            handed_over: Load::default(),
+            handed_over: None,
         }
     }
 
@@ -175,7 +176,7 @@ impl PlantNode {
     /// back.
     fn take(&mut self, now_ns: u64, index: u16, carried: &Load) {
         self.echoed = Some(index);
-        let load = self.completed(carried);
+        let load = self.completed(index, carried);
         let state = self.state();
         match self.guard.take(&mut self.link.core, state, index, load) {
             Ok(()) => self.guard.heeded(),
@@ -184,10 +185,14 @@ impl PlantNode {
         }
     }
 
-    /// Returns the load of a command with the parts that no frame carries. The parts in the frame are copied and not
-    /// added, since a sum would lose the sign of a zero, and a free run would differ from one in lockstep.
-    fn completed(&self, carried: &Load) -> Load {
-        let mut load = self.handed_over;
+    /// Returns the load of a command that answers the sample `index`, with the parts that no frame carries. Parts that
+    /// were handed over for another sample stay 0. The parts in the frame are copied and not added, since a sum would
+    /// lose the sign of a zero, and a free run would differ from one in lockstep.
+    fn completed(&self, index: u16, carried: &Load) -> Load {
+        let mut load = match self.handed_over {
+            Some((answered, load)) if answered == index => load,
+            _ => Load::default(),
+        };
         let [torque1_nm, torque2_nm, x_n, y_n] = carried.native_parts();
         (load.torque_nm[0], load.torque_nm[1]) = (torque1_nm, torque2_nm);
         (load.force_n.x, load.force_n.y) = (x_n, y_n);
@@ -345,8 +350,8 @@ impl PlantInterface for PlantNode {
         self.guard.load()
     }
 
-    fn hand_over(&mut self, load: &Load) {
-        self.handed_over = *load;
+    fn hand_over(&mut self, index: u16, load: &Load) {
+        self.handed_over = Some((index, *load));
     }
 
     fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {

@@ -393,9 +393,9 @@ impl<'a> Bench<'a> {
         self.more
     }
 
-    /// Hands over the load that the exciter in the same loop commands with its next frame.
-    pub fn hand_over(&mut self, load: &Load) {
-        self.node.hand_over(load);
+    /// Hands over the load by which the exciter in the same loop answers the sample of index `index`.
+    pub fn hand_over(&mut self, index: u16, load: &Load) {
+        self.node.hand_over(index, load);
     }
 
     /// Advances to the next sample with the command that is held now, and records the state before. If the simulation

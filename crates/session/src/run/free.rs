@@ -146,8 +146,8 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             if let Err(error) = self.answer(now_ns) {
                 self.lose_bus(now_ns, error)?;
             }
-            if let Some((_, load)) = self.exciter.carried().last_answer().filter(|_| self.hands_over) {
-                self.bench.hand_over(&load);
+            if let Some((index, load)) = self.exciter.answering_load().filter(|_| self.hands_over) {
+                self.bench.hand_over(index, &load);
             }
             self.bench.receive(now_ns, self.near)?;
             self.bench.handle_deadline(now_ns);

@@ -80,6 +80,19 @@ fn a_jump_is_refused_until_the_command_timeout_and_a_slope_is_taken() {
     assert!(driven.plant.is_ramping());
 }
 
+/// Parts that no frame carries act with the frame that answers the same sample, and with no other.
+#[test]
+fn parts_handed_over_for_another_sample_do_not_act() {
+    let mut driven = Driven::new();
+    let at_joint3 = Load::at_joint(2, 0.5);
+    driven.plant.hand_over(driven.sample as u16, &at_joint3);
+    assert_eq!(driven.plant.load(), Load::default(), "nothing acts without a frame");
+    driven.force(0.0, 0.0);
+    assert_eq!(driven.tick(0.0), at_joint3);
+    driven.force(1.0, 0.0);
+    assert_eq!(driven.tick(0.0), Load::force_n(1.0, 0.0), "these parts answered the sample before");
+}
+
 #[test]
 fn a_torque_in_place_of_a_force_changes_both() {
     let mut driven = Driven::new();
