@@ -258,7 +258,7 @@ fn integrate(error: &IntegrateError) -> Exit {
 fn step(error: &StepError) -> Exit {
     match error {
         StepError::Integrate(source) => integrate(source),
-        StepError::NotFinite { .. } | StepError::TooStiff { .. } => Exit::Negative,
+        StepError::TooStiff { .. } => Exit::Negative,
         _ => Exit::Usage,
     }
 }

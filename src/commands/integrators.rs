@@ -108,10 +108,7 @@ impl Integrators {
     fn row(&self, chain: &Assembly, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
         let mut row = Row { scheme, order: scheme.order(), modes: None, energy: None, cost_ns: None, refused: None };
         match self.measure(chain, rate_hz, &mut row) {
-            Err(
-                error @ (StepError::Rate { .. }
-                | StepError::Integrate(IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })),
-            ) => {
+            Err(error @ StepError::Integrate(IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })) => {
                 return Err(if self.rate_hz.is_some() { flags::refused("--rate-hz", &error) } else { error.into() });
             }
             Err(error) => row.refused = Some(error.to_string()),

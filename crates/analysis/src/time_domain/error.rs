@@ -93,7 +93,7 @@ pub enum TimeDomainError {
 /// Returns the reason, with advice for users who don't choose the step rate.
 fn reason(error: &StepError) -> alloc::string::String {
     match error {
-        StepError::NotFinite { t_s } | StepError::Integrate(IntegrateError::NotFinite { t_s }) => {
+        StepError::Integrate(IntegrateError::NotFinite { t_s }) => {
             alloc::format!("the response grows without bound, {t_s:.2e} s after phase 0; lower the excitation")
         }
         StepError::Integrate(source) => alloc::format!("{source}"),

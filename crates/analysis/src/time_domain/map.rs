@@ -118,7 +118,7 @@ impl StroboscopicMap {
         let dofs: Vec<Dof> = forced.drives.iter().map(|(dof, _)| *dof).collect();
         let stepper = Stepper::new(&forced.assembly, &dofs, Self::SCHEME, steps * frequency_hz);
         let stepper = match stepper {
-            Err(StepError::RateTooLow { needed_hz, .. }) => {
+            Err(StepError::Integrate(IntegrateError::RateTooLow { needed_hz, .. })) => {
                 // At least one step more: rounding of the rate must not lead to the same number again.
                 let more = libm::ceil(needed_hz / frequency_hz).max(steps + 1.0);
                 return StroboscopicMap::with_steps(forced, frequency_hz, more, unit, time_constant_periods);
@@ -269,11 +269,7 @@ fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
 
 /// Says whether the error is that of a trajectory that grows without bound.
 fn diverges(error: &TimeDomainError) -> bool {
-    use StepError::{Integrate, NotFinite};
-    matches!(
-        error,
-        TimeDomainError::Step { source: NotFinite { .. } | Integrate(IntegrateError::NotFinite { .. }), .. }
-    )
+    matches!(error, TimeDomainError::Step { source: StepError::Integrate(IntegrateError::NotFinite { .. }), .. })
 }
 
 /// Methods for the search for settled responses.

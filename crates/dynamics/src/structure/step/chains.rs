@@ -67,10 +67,7 @@ fn boxed<const N: usize>(
         Drive::Shaker(driver) => (driver.armature.dofs().map(|(dof, share)| (0, dof, share)).collect(), Some(driver)),
     };
     let links = Links::<N>::new(chain, assembly, driver.as_ref().map(|driver| &driver.armature));
-    let integrator = Integrator::new(scheme, rate_hz, &links).map_err(|error| match error {
-        IntegrateError::RateTooLow { scheme, got_hz, needed_hz } => StepError::RateTooLow { scheme, got_hz, needed_hz },
-        other => StepError::Integrate(other),
-    })?;
+    let integrator = Integrator::new(scheme, rate_hz, &links)?;
     let motion = Motion { x: [0.0; N], v: [0.0; N] };
     Ok(Box::new(Stepped { links, integrator, drive, motion, driver }))
 }

@@ -1,33 +1,14 @@
-//! Errors of stepping a structure: rates and coils that don't fit, and steps that can't be made.
+//! Errors of stepping a structure beyond those of its integrator.
 
 use thiserror::Error;
 
-use crate::integrate::{IntegrateError, Scheme};
+use crate::integrate::IntegrateError;
 use resonarm_numeric::number::short;
 
 /// Error of a structure that can't be stepped, or can't make a step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// The rate is not a positive number.
-    #[error("the integration rate is {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
-    Rate {
-        /// Rate that was given, Hz.
-        got_hz: f64,
-    },
-    /// The scheme is unstable at this rate, or makes less than one step a period.
-    #[error(
-        "scheme {scheme} is too coarse for this structure at {got_hz} Hz: its fastest mode needs a rate of at least {needed_hz} Hz",
-        got_hz = short(.got_hz), needed_hz = short(.needed_hz)
-    )]
-    RateTooLow {
-        /// Scheme that was chosen.
-        scheme: Scheme,
-        /// Rate that was given, Hz.
-        got_hz: f64,
-        /// The lowest rate that would do, Hz.
-        needed_hz: f64,
-    },
     /// The elements, as stiff or as fast as they are where the step starts, need more parts of it than are made.
     #[error(
         "the step at t = {t_s} s needs more than {most} parts for the stiffness of the elements: raise the \
@@ -56,18 +37,9 @@ pub enum StepError {
     /// A load that varies over a step, on a shaker.
     #[error("the shaker's command varies within the step: expected a load that is held over the step")]
     NotHeld,
-    /// The integrator can't make the step.
+    /// The rate does not fit, the integrator can't make the step, or the new state is not finite.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
-    /// The new state is infinite or not a number.
-    #[error(
-        "the state at t = {t_s} s is not finite: raise the rate, or check for a load that is too large for the structure",
-        t_s = short(.t_s)
-    )]
-    NotFinite {
-        /// End of the step, s.
-        t_s: f64,
-    },
     /// Another number of loads than the drive has degrees of freedom.
     #[error("got {got} loads: expected {expected}, one for each degree of freedom of the drive")]
     Loads {

@@ -35,6 +35,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 
 use super::{Engine, StateRef, StepError, StepLoad, rows};
+use crate::integrate::IntegrateError;
 use crate::structure::MOST_MODES;
 use crate::structure::assembly::Assembly;
 use crate::structure::dof::Dof;
@@ -206,7 +207,7 @@ impl Exact {
             finite &= q[i].is_finite() & v[i].is_finite();
         }
         if !finite {
-            return Err(StepError::NotFinite { t_s: t_s + self.step_s });
+            return Err(IntegrateError::NotFinite { t_s: t_s + self.step_s }.into());
         }
         self.q.copy_from_slice(&q[..n]);
         self.v.copy_from_slice(&v[..n]);

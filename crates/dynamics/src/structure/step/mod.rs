@@ -33,7 +33,7 @@ use super::assembly::{Assembly, Body};
 use super::dof::Dof;
 use super::element::Branch;
 use super::position::Kinematics;
-use crate::integrate::Scheme;
+use crate::integrate::{IntegrateError, Scheme};
 
 /// Engine that makes the steps of a structure.
 trait Engine: fmt::Debug + Send + Sync {
@@ -127,11 +127,11 @@ impl Stepper {
     /// and torques, N·m, in this order.
     ///
     /// # Errors
-    /// [`StepError::Integrate`] if the rate is not a positive number, [`StepError::RateTooLow`] with the lowest valid
-    /// rate if the scheme, or the explicit steps between switches, need a higher one.
+    /// [`IntegrateError::Rate`] if the rate is not a positive number, [`IntegrateError::RateTooLow`] with the lowest
+    /// valid rate if the scheme needs a higher one, [`StepError::TooStiff`] if the explicit steps between switches do.
     pub fn new(assembly: &Assembly, drive: &[Dof], scheme: Scheme, rate_hz: f64) -> Result<Stepper, StepError> {
         let engine = match &assembly.body {
-            _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
+            _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(IntegrateError::Rate { got_hz: rate_hz }.into()),
             Body::Chain(chain) if assembly.is_smooth() => {
                 chains::engine(chain, assembly, chains::Drive::Loads(drive), scheme, rate_hz)?
             }
@@ -147,8 +147,7 @@ impl Stepper {
     /// same whatever the scheme.
     ///
     /// # Errors
-    /// As [`Stepper::new`]; [`StepError::Rate`]; [`StepError::RateTooLow`] or [`StepError::TooStiff`] with the lowest valid rate if the
-    /// explicit steps need a higher one, [`StepError::Coil`] if they can't follow the current of the coil.
+    /// As [`Stepper::new`]; [`StepError::Coil`] if the explicit steps can't follow the current of the coil.
     pub fn shaken(
         assembly: &Assembly,
         armature: &Armature,
@@ -157,7 +156,7 @@ impl Stepper {
     ) -> Result<Stepper, StepError> {
         let driver = coil::Driver::new(armature, 1.0 / rate_hz);
         let engine = match (&assembly.body, driver) {
-            _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
+            _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(IntegrateError::Rate { got_hz: rate_hz }.into()),
             (Body::Chain(chain), Some(driver)) if assembly.is_smooth() => {
                 chains::engine(chain, assembly, chains::Drive::Shaker(driver), scheme, rate_hz)?
             }
@@ -227,7 +226,7 @@ impl Stepper {
     /// # Errors
     /// [`StepError::Loads`] if there is not one for each degree of freedom of the drive, or for the shaker;
     /// [`StepError::Integrate`] if an implicit scheme can't make the step; [`StepError::TooStiff`] if the elements,
-    /// pressed this far or moved this fast, need shorter steps; [`StepError::NotFinite`]. The state is then as before.
+    /// pressed this far or moved this fast, need shorter steps; [`IntegrateError::NotFinite`]. The state is then as before.
     pub fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
         self.advance_under(t_s, &StepLoad::Held(load))
     }

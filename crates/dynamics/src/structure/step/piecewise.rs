@@ -18,6 +18,7 @@ use alloc::vec::Vec;
 
 use super::locate::{Located, locate};
 use super::{Engine, StateRef, StepError, StepLoad, check_coil, rows};
+use crate::integrate::IntegrateError;
 use crate::integrate::tableau::DOP853;
 use crate::structure::armature::Armature;
 use crate::structure::assembly::{Assembly, Body};
@@ -382,7 +383,7 @@ impl Piecewise {
             done_s = if after_s == left_s { self.step_s } else { done_s + after_s };
             state = next;
             if !self.is_finite(&state) {
-                return Err(StepError::NotFinite { t_s: t_s + self.step_s });
+                return Err(IntegrateError::NotFinite { t_s: t_s + self.step_s }.into());
             }
         }
     }
@@ -398,7 +399,11 @@ impl Piecewise {
             state = self.moved(&start, &self.branches, load, h_s);
         }
         self.set_branches(&mut state);
-        if self.is_finite(&state) { Ok(state) } else { Err(StepError::NotFinite { t_s: t_s + self.step_s }) }
+        if self.is_finite(&state) {
+            Ok(state)
+        } else {
+            Err(IntegrateError::NotFinite { t_s: t_s + self.step_s }.into())
+        }
     }
 
     /// The branches on which a state is, with slipping friction at its limit.

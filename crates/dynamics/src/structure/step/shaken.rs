@@ -17,6 +17,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::{Engine, StateRef, StepError, StepLoad};
+use crate::integrate::IntegrateError;
 use crate::structure::MOST_COORDINATES;
 use crate::structure::armature::Armature;
 use crate::structure::assembly::Assembly;
@@ -179,7 +180,7 @@ impl Engine for Shaken {
             finite &= next.is_finite();
         }
         if !finite {
-            return Err(StepError::NotFinite { t_s: t_s + self.step_s });
+            return Err(IntegrateError::NotFinite { t_s: t_s + self.step_s }.into());
         }
         self.numbers.copy_from_slice(&next[..states]);
         let (q, v) = self.motion();
