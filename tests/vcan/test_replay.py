@@ -1,7 +1,5 @@
 """Recordings back on the bus, against live controllers, and simulated again."""
 
-import statistics
-
 import pytest
 import wire
 from conftest import session
@@ -64,13 +62,13 @@ def test_the_timing_is_the_recorded_one(programs, tmp_path):
     for speed in (1, 2):
         played, frames = replayed(programs, path, "--speed", speed)
         assert played["recorded_s"] == pytest.approx(recorded_s[-1] - recorded_s[0])
-        # How late each frame was, which is what the machine holds it up; half of them by less than 50 ms;
-        # at a wrong speed it would be a quarter of a second and more.
+        # Against the first frame, which may be late itself. No frame is further off than the replay says of its latest
+        # one, however long the machine held it up; at a wrong speed they would be by a quarter of a second and more.
         late_s = [
             frame.time_s - frames[0].time_s - (at_s - recorded_s[0]) / speed
             for frame, at_s in zip(frames, recorded_s, strict=True)
         ]
-        assert abs(statistics.median(late_s)) < 0.05, late_s
+        assert max(map(abs, late_s)) < played["latest_s"] + 1e-3, late_s
 
 
 def test_speed_0_is_as_fast_as_it_goes(short, programs):
