@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::motion_flags::or_empty;
+use crate::settling_flags::or_empty;
 use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::study::StateGrid;
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
@@ -12,7 +12,8 @@ use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series}
 struct Cell {
     at: [f64; 2],
     /// The number of the response that it reaches, counted from 1.
-    motion: Option<usize>,
+    #[serde(rename = "orbit")]
+    orbit: Option<usize>,
     /// Periods of the excitation until this was certain.
     periods: Option<u64>,
     /// `reaches`, `undecided` or `diverges`.
@@ -31,12 +32,12 @@ impl Cells {
     /// Lists the fates of the states of a grid.
     pub fn new(grid: &StateGrid, outcomes: &[BasinOutcome]) -> Cells {
         let cell = |(index, outcome): (usize, &BasinOutcome)| {
-            let (motion, periods, name) = match outcome {
-                BasinOutcome::Reaches { motion, periods } => (Some(motion + 1), Some(*periods), "reaches"),
+            let (orbit, periods, name) = match outcome {
+                BasinOutcome::Reaches { orbit, periods } => (Some(orbit + 1), Some(*periods), "reaches"),
                 BasinOutcome::Undecided => (None, None, "undecided"),
                 BasinOutcome::Diverges => (None, None, "diverges"),
             };
-            Cell { at: grid.values(index), motion, periods, outcome: name }
+            Cell { at: grid.values(index), orbit, periods, outcome: name }
         };
         let cells: Vec<Cell> = outcomes.iter().enumerate().map(cell).collect();
         let count = |name: &str| cells.iter().filter(|cell| cell.outcome == name).count();
@@ -49,8 +50,8 @@ impl Cells {
     }
 
     /// Returns the number of states that reach a response, which is counted from 0.
-    pub fn reaching(&self, motion: usize) -> usize {
-        self.cells.iter().filter(|cell| cell.motion == Some(motion + 1)).count()
+    pub fn reaching(&self, orbit: usize) -> usize {
+        self.cells.iter().filter(|cell| cell.orbit == Some(orbit + 1)).count()
     }
 
     /// Says in words how many states reach no response, and what to try.
@@ -72,9 +73,9 @@ impl Cells {
     /// Returns a line for each state, whose coordinates have these names.
     pub fn csv(&self, [x, y]: [&str; 2]) -> String {
         let mut text = format!("{x},{y},outcome,motion,periods\n");
-        for Cell { at: [x, y], motion, periods, outcome } in &self.cells {
-            let (motion, periods) = (or_empty(*motion), or_empty(*periods));
-            text += &format!("{x},{y},{outcome},{motion},{periods}\n");
+        for Cell { at: [x, y], orbit, periods, outcome } in &self.cells {
+            let (orbit, periods) = (or_empty(*orbit), or_empty(*periods));
+            text += &format!("{x},{y},{outcome},{orbit},{periods}\n");
         }
         text
     }
@@ -97,7 +98,7 @@ impl Cells {
             // Seven stable orbits at one frequency would repeat a colour; grey and black are kept for the states that
             // reach none.
             let color = colors[k % colors.len()];
-            let points = cells(&|cell| cell.motion == Some(k + 1));
+            let points = cells(&|cell| cell.orbit == Some(k + 1));
             panel = panel.with_any(Series::tiles(label, color, spacing, points));
         }
         for (outcome, label, color) in

@@ -163,9 +163,9 @@ mod tests {
             Frf(command) => of(command.structure.scenario()),
             Continue(command) => of(command.structure.scenario()),
             Backbone(command) => of(command.structure.scenario()),
-            Sweep(command) => of(command.motion.structure.scenario()),
-            Poincare(command) => of(command.motion.structure.scenario()),
-            Basins(command) => of(command.motion.structure.scenario()),
+            Sweep(command) => of(command.settling.structure.scenario()),
+            Poincare(command) => of(command.settling.structure.scenario()),
+            Basins(command) => of(command.settling.structure.scenario()),
             Paper(command) => command.preset().name().to_owned(),
             Identify(command) => format!("{:?}", command.domain()),
             other => panic!("{other:?}: say here what it computes with of the flag"),
@@ -285,7 +285,7 @@ mod tests {
         basins --at: where the loads act
         basins --coordinates: the first and its rate
         basins --from: minus the last
-        basins --to: 1.5 times as far as the largest stable motion reaches
+        basins --to: 1.5 times as far as the largest stable response reaches
         compare --at: where the points move most
         fmu --library: libresonarm_fmu.so beside this program
         ");

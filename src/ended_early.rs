@@ -10,25 +10,25 @@ use resonarm::analysis::{AnalysisError, EndedEarly};
 use resonarm::analysis::{Backbone, Branch, SingularCurve};
 
 /// A result that a continuation builds point by point.
-pub(crate) trait CountMotions {
+pub(crate) trait CountResponses {
     /// Returns the number of responses in it.
-    fn motions(&self) -> usize;
+    fn responses(&self) -> usize;
 }
 
-impl CountMotions for Branch {
-    fn motions(&self) -> usize {
+impl CountResponses for Branch {
+    fn responses(&self) -> usize {
         self.orbits.len()
     }
 }
 
-impl CountMotions for SingularCurve {
-    fn motions(&self) -> usize {
+impl CountResponses for SingularCurve {
+    fn responses(&self) -> usize {
         self.points.len()
     }
 }
 
-impl CountMotions for Backbone {
-    fn motions(&self) -> usize {
+impl CountResponses for Backbone {
+    fn responses(&self) -> usize {
         self.points.len()
     }
 }
@@ -42,13 +42,13 @@ impl Early {
     ///
     /// # Errors
     /// [`Failure::BranchEndedEarly`] if it holds no response.
-    pub fn keep<T: CountMotions + Debug>(
+    pub fn keep<T: CountResponses + Debug>(
         &mut self,
         along: &str,
         traced: Result<T, EndedEarly<T>>,
     ) -> Result<T, Failure> {
         traced.or_else(|EndedEarly { reason, so_far }| {
-            let kept = so_far.motions();
+            let kept = so_far.responses();
             let failure = Failure::BranchEndedEarly { along: along.to_owned(), source: reason, kept };
             if kept == 0 {
                 return Err(failure);
@@ -63,7 +63,7 @@ impl Early {
     ///
     /// # Errors
     /// [`Failure::BranchEndedEarly`] if the interval is invalid.
-    pub fn keep_any<T: CountMotions + Debug>(
+    pub fn keep_any<T: CountResponses + Debug>(
         &mut self,
         along: &str,
         traced: Result<T, EndedEarly<T>>,

@@ -336,10 +336,10 @@ fn continuation_hint(error: &AnalysisError) -> &'static str {
 }
 
 /// Returns the end of the message of a continuation that ended early: how much of it is kept.
-fn kept_so_far(motions: &usize) -> String {
-    match motions {
+fn kept_so_far(responses: &usize) -> String {
+    match responses {
         0 => String::new(),
         1 => String::from("; the response before that is in the results"),
-        _ => format!("; the {motions} responses before that are in the results"),
+        _ => format!("; the {responses} responses before that are in the results"),
     }
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::Forced;
 use resonarm::analysis::time_domain::{BasinOutcome, TimeDomainError};
-use resonarm::analysis::time_domain::{StableMotion, StroboscopicMap, outcomes, reach, stable_motions};
+use resonarm::analysis::time_domain::{StableOrbit, StroboscopicMap, outcomes, reach, stable_orbits};
 use resonarm::study::on_all_cores;
 
 use crate::errors;
@@ -92,12 +92,12 @@ fn followed(
 
 /// Makes a row with the number of the response that is reached, and that of the periods.
 fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
-    let (motion, periods) = match outcome {
-        BasinOutcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
+    let (orbit, periods) = match outcome {
+        BasinOutcome::Reaches { orbit, periods } => (orbit as i64 + 1, periods),
         BasinOutcome::Undecided => (UNDECIDED, 0),
         BasinOutcome::Diverges => (DIVERGES, 0),
     };
-    rows.word(motion.cast_unsigned());
+    rows.word(orbit.cast_unsigned());
     rows.word(periods);
 }
 
@@ -111,7 +111,7 @@ type Motion = (u32, f64, Vec<f64>, Vec<Vec<f64>>);
 pub struct Attractors {
     forced: Forced,
     frequency_hz: f64,
-    motions: Vec<StableMotion>,
+    orbits: Vec<StableOrbit>,
     /// Reason why a branch ended early.
     #[pyo3(get)]
     ended_early: Option<String>,
@@ -124,26 +124,26 @@ impl Attractors {
         let (forced, frequency_hz, stopped) = (drive.forced(structure)?, drive.2, AtomicBool::new(false));
         let read: Vec<_> = forced.drives().iter().map(|(dof, _share)| *dof).collect();
         let stop = || stopped.load(Ordering::Relaxed);
-        let work = || stable_motions(&forced, &read, frequency_hz, &stop);
+        let work = || stable_orbits(&forced, &read, frequency_hz, &stop);
         let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
-        let (motions, early) = found.map_err(errors::time_domain)?;
+        let (orbits, early) = found.map_err(errors::time_domain)?;
         let ended_early = early.map(|early| errors::printable(early.reason));
-        Ok(Attractors { forced, frequency_hz, motions, ended_early })
+        Ok(Attractors { forced, frequency_hz, orbits, ended_early })
     }
 
     /// The stable periodic responses, by their largest displacement where the structure is driven first.
     #[getter]
     fn motions(&self) -> Vec<Motion> {
-        let motion = |motion: &StableMotion| {
-            let largest = motion.coordinates.iter().map(|reading| reading.largest).collect();
-            (motion.period, motion.largest_multiplier, largest, motion.section.clone())
+        let row = |orbit: &StableOrbit| {
+            let largest = orbit.coordinates.iter().map(|reading| reading.largest).collect();
+            (orbit.period, orbit.largest_multiplier, largest, orbit.section.clone())
         };
-        self.motions.iter().map(motion).collect()
+        self.orbits.iter().map(row).collect()
     }
 
     /// Returns how far a grid goes in a coordinate or a rate to show what surrounds the responses.
     fn reach(&self, index: usize) -> f64 {
-        reach(&self.motions, index, self.frequency_hz)
+        reach(&self.orbits, index, self.frequency_hz)
     }
 
     /// Returns the response that each initial state reaches, and the number of periods it takes: on all cores, or on
@@ -159,7 +159,7 @@ impl Attractors {
         let states = states(&self.forced, initial)?;
         let (groups, stopped) = (states.chunks(TOGETHER).collect::<Vec<_>>(), AtomicBool::new(false));
         let stop = || stopped.load(Ordering::Relaxed);
-        let of = |group: &&[Vec<f64>]| outcomes(&map()?, &self.motions, group, time_constants, &stop);
+        let of = |group: &&[Vec<f64>]| outcomes(&map()?, &self.orbits, group, time_constants, &stop);
         let found = if on_cores {
             watched(py, &|| stopped.store(true, Ordering::Relaxed), || on_all_cores(&groups, of, || ()))?
         } else {

@@ -20,7 +20,7 @@ use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
 use resonarm::analysis::{
-    Backbone as Curve, BackboneMotion, BackboneOptions, Branch, Coordinate, Forced, TraceOptions, backbone, trace,
+    Backbone as Curve, BackboneOptions, BackboneOrbit, Branch, Coordinate, Forced, TraceOptions, backbone, trace,
 };
 use resonarm::analysis::{Bending, BranchOptions};
 use resonarm::plant::TestedAssembly;
@@ -39,8 +39,8 @@ A curve that ends early is printed as far as it came; standard error says why, a
 
 /// Follows a resonance to larger amplitudes: its frequency and its excitation.
 ///
-/// The curve shows whether the structure hardens or softens. With damping each point is a motion in phase quadrature,
-/// 90° behind the excitation, which is at the peak of the forced response. Without damping it is a free motion, and the
+/// The curve shows whether the structure hardens or softens. With damping each point is a response in phase quadrature,
+/// 90° behind the excitation, which is at the peak of the forced response. Without damping it is a free vibration, and the
 /// curve a nonlinear normal mode. Without --drive a torque acts at joint 1 of a chain; the amplitude of a load may be
 /// left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
@@ -144,7 +144,7 @@ impl Backbone {
             curvature: (walk.read.iter().enumerate())
                 .map(|(k, at)| (at.name.clone(), json!(curve.curvature(k))))
                 .collect(),
-            points: curve.points.iter().map(|motion| self.point(motion, &walk.read)).collect(),
+            points: curve.points.iter().map(|orbit| self.point(orbit, &walk.read)).collect(),
             ended_early: early.document(),
             wall_s,
         };
@@ -231,13 +231,13 @@ impl Backbone {
     }
 
     /// Returns a response with its readings by the names of the degrees of freedom.
-    fn point(&self, motion: &BackboneMotion, read: &[ReadAt]) -> Value {
+    fn point(&self, orbit: &BackboneOrbit, read: &[ReadAt]) -> Value {
         let mut point = json!({
-            "frequency_hz": motion.frequency_hz, "readings": readings(&motion.readings, read),
-            "harmonics": motion.harmonics,
+            "frequency_hz": orbit.frequency_hz, "readings": readings(&orbit.readings, read),
+            "harmonics": orbit.harmonics,
         });
         if !self.undamped {
-            point["drive"] = json!(motion.drive);
+            point["drive"] = json!(orbit.drive);
         }
         point
     }
@@ -260,13 +260,13 @@ impl Backbone {
             text += &format!("   {:>12}", walk.drive.unit());
         }
         text.push('\n');
-        for motion in &curve.points {
-            text += &format!("  {:12.6}", motion.frequency_hz);
-            for (head, reading) in heads.iter().zip(&motion.readings) {
+        for orbit in &curve.points {
+            text += &format!("  {:12.6}", orbit.frequency_hz);
+            for (head, reading) in heads.iter().zip(&orbit.readings) {
                 text += &format!("   {:width$.6e}", reading.largest, width = head.chars().count());
             }
             if !self.undamped {
-                text += &format!("   {:12.4}", motion.drive);
+                text += &format!("   {:12.4}", orbit.drive);
             }
             text.push('\n');
         }
@@ -278,9 +278,9 @@ impl Backbone {
     fn csv(&self, curve: &Curve, read: &[ReadAt]) -> String {
         let drive = if self.undamped { "" } else { ",drive" };
         let mut text = format!("frequency_hz{drive}{}\n", columns(read));
-        for motion in &curve.points {
-            let drive = if self.undamped { String::new() } else { format!(",{}", motion.drive) };
-            text += &format!("{}{drive}{}\n", motion.frequency_hz, cells(&motion.readings));
+        for orbit in &curve.points {
+            let drive = if self.undamped { String::new() } else { format!(",{}", orbit.drive) };
+            text += &format!("{}{drive}{}\n", orbit.frequency_hz, cells(&orbit.readings));
         }
         text
     }
@@ -292,7 +292,7 @@ impl Backbone {
         let figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(conditions.and(with));
         let branches: Vec<&Branch> = response.into_iter().collect();
         of_each(figure, "frequency (Hz)", &walk.read, |panel, index| {
-            let points = curve.points.iter().map(|motion| (motion.frequency_hz, motion.readings[index].largest));
+            let points = curve.points.iter().map(|orbit| (orbit.frequency_hz, orbit.readings[index].largest));
             let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
             let line = Series::line(kind, Color::Black, points.collect()).style(style);
             with_branches(panel, &branches, index).with(line)

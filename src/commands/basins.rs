@@ -11,10 +11,10 @@ use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::help::heading;
-use crate::motion_flags::MotionFlags;
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
+use crate::settling_flags::SettlingFlags;
 use crate::study;
-use resonarm::analysis::time_domain::{StableMotion, reach, stable_motions};
+use resonarm::analysis::time_domain::{StableOrbit, reach, stable_orbits};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;
@@ -31,21 +31,21 @@ Examples:
   resonarm basins --scenario hardening.toml --drive tip.x=2 \\
       --frequency-hz 22.4 --points 9,9 --plot tip
 
-A state counts as having reached a stable motion when, over a quarter of the slowest time constant, it has approached as
-the linearisation at that motion says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
+A state counts as having reached a stable response when, over a quarter of the slowest time constant, it has approached as
+the linearisation at that response says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
 of which that never holds within --time-constants are undecided, and marked as such.";
 
-/// Computes basins of attraction: which initial states reach which stable motion.
+/// Computes basins of attraction: which initial states reach which stable response.
 ///
 /// The initial states cover two coordinates of the state, at phase 0 of the excitation.
 ///
-/// The stable motions are those of the branch that `continue` follows at this frequency, and those in which the structure
+/// The stable responses are those of the branch that `continue` follows at this frequency, and those in which the structure
 /// settles from beside its unstable ones.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Basins {
     #[command(flatten)]
-    pub(crate) motion: MotionFlags,
+    pub(crate) settling: SettlingFlags,
     /// Frequency of the excitation, Hz.
     #[arg(long, help_heading = heading::LOADS, value_name = "F")]
     frequency_hz: f64,
@@ -70,22 +70,23 @@ struct Document {
     coordinates: Value,
     /// The names of the two coordinates that vary.
     over: [String; 2],
-    motions: Vec<Value>,
+    #[serde(rename = "motions")]
+    orbits: Vec<Value>,
     #[serde(flatten)]
     cells: Cells,
 }
 
 impl Basins {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.motion.structure.scenario()?;
+        let scenario = self.settling.structure.scenario()?;
         let tested = scenario.under_test()?;
         let assembly = &tested.assembly;
-        let drive = self.motion.drive.drive(assembly)?;
+        let drive = self.settling.drive.drive(assembly)?;
         let read = read_at(&self.at, &drive.driven(), assembly)?;
         let forced = drive.forced(assembly);
-        let others = self.motion.initial(&tested)?;
+        let others = self.settling.initial(&tested)?;
         let (over, names) = self.over(assembly)?;
-        let (motions, early) = stable_motions(&forced, &dofs(&read), self.frequency_hz, &|| false)?;
+        let (orbits, early) = stable_orbits(&forced, &dofs(&read), self.frequency_hz, &|| false)?;
         if let Some(early) = early {
             tracing::warn!(
                 "the branch ended early, so stable periodic responses beyond its end are unknown: {}",
@@ -93,35 +94,35 @@ impl Basins {
             );
         }
         // A negative verdict, not an error: the branch may have no stable orbit at this frequency.
-        if motions.is_empty() {
+        if orbits.is_empty() {
             let hz = short(&self.frequency_hz);
             tracing::error!("no stable periodic response is known at {hz} Hz, so no state can be assigned to one");
             return Ok(Verdict::Negative);
         }
-        let far = over.map(|index| reach(&motions, index, self.frequency_hz));
+        let far = over.map(|index| reach(&orbits, index, self.frequency_hz));
         let grid = self.grid.grid(over, [&names[0], &names[1]], far, others.clone())?;
         let configuration = self.configuration(&scenario, &tested, &drive, &grid, &names);
-        let journal = self.motion.journal()?;
+        let journal = self.settling.journal()?;
         let basins = resonarm::study::Basins {
             forced,
             frequency_hz: self.frequency_hz,
-            motions: motions.clone(),
+            orbits: orbits.clone(),
             grid: grid.clone(),
-            time_constants: self.motion.time_constants,
+            time_constants: self.settling.time_constants,
         };
         let walked = study::basins(basins, journal, &configuration)?;
         let Some((walk, outcomes)) = walked else { return Ok(Verdict::Negative) };
         let cells = Cells::new(&grid, &outcomes);
-        let motion = |(k, motion): (usize, &StableMotion)| motion_document(motion, &read, cells.reaching(k));
-        let documents = motions.iter().enumerate().map(motion).collect();
+        let orbit = |(k, orbit): (usize, &StableOrbit)| orbit_document(orbit, &read, cells.reaching(k));
+        let documents = orbits.iter().enumerate().map(orbit).collect();
         let coordinates = configuration::coordinates(assembly);
-        let document = Document { configuration, coordinates, over: names, motions: documents, cells };
-        let text = || self.text(&document, &motions, &read);
+        let document = Document { configuration, coordinates, over: names, orbits: documents, cells };
+        let text = || self.text(&document, &orbits, &read);
         let conditions = captions::structure(&scenario, &tested, &[]).and(drive.words());
         let conditions = conditions.and(format!("{} Hz", self.frequency_hz));
-        let figure = || Ok(document.figure(&grid, &motions, &read, assembly, conditions));
+        let figure = || Ok(document.figure(&grid, &orbits, &read, assembly, conditions));
         let csv = || document.cells.csv([&document.over[0], &document.over[1]]);
-        self.motion.show(&document, text, csv, figure)?;
+        self.settling.show(&document, text, csv, figure)?;
         // The journal is removed only now. If the results could not be written, the same command resumes from it.
         walk.finish()?;
         Ok(Verdict::Positive)
@@ -155,7 +156,7 @@ impl Basins {
         grid: &StateGrid,
         names: &[String; 2],
     ) -> Value {
-        let mut configuration = self.motion.configuration(scenario, tested, drive, &grid.others);
+        let mut configuration = self.settling.configuration(scenario, tested, drive, &grid.others);
         configuration["basins"] = json!({
             "frequency_hz": self.frequency_hz,
             "coordinates": names,
@@ -167,27 +168,27 @@ impl Basins {
     }
 
     /// Lists the responses, and how many states reach each.
-    fn text(&self, document: &Document, motions: &[StableMotion], read: &[ReadAt]) -> String {
+    fn text(&self, document: &Document, orbits: &[StableOrbit], read: &[ReadAt]) -> String {
         let (mut text, all) = (String::new(), document.cells.len());
-        for (k, motion) in motions.iter().enumerate() {
-            let period = if motion.period == 1 { String::new() } else { format!(", {} periods", motion.period) };
+        for (k, orbit) in orbits.iter().enumerate() {
+            let period = if orbit.period == 1 { String::new() } else { format!(", {} periods", orbit.period) };
             text += &format!(
                 "response {}: largest {}{period}; reached by {} of {all} states\n",
                 k + 1,
-                words(&motion.readings, read),
+                words(&orbit.readings, read),
                 document.cells.reaching(k)
             );
         }
-        text + &document.cells.others(self.motion.time_constants)
+        text + &document.cells.others(self.settling.time_constants)
     }
 }
 
-fn motion_document(motion: &StableMotion, read: &[ReadAt], reached_by: usize) -> Value {
+fn orbit_document(orbit: &StableOrbit, read: &[ReadAt], reached_by: usize) -> Value {
     json!({
-        "period": motion.period,
-        "largest_multiplier": motion.largest_multiplier,
-        "readings": readings(&motion.readings, read),
-        "section": motion.section,
+        "period": orbit.period,
+        "largest_multiplier": orbit.largest_multiplier,
+        "readings": readings(&orbit.readings, read),
+        "section": orbit.section,
         "reached_by": reached_by,
     })
 }
@@ -196,18 +197,18 @@ impl Document {
     fn figure(
         &self,
         grid: &StateGrid,
-        motions: &[StableMotion],
+        orbits: &[StableOrbit],
         read: &[ReadAt],
         assembly: &Assembly,
         conditions: Subtitle,
     ) -> Figure {
-        let labelled = |(k, motion): (usize, &StableMotion)| {
-            let (at, largest) = (&read[0], motion.readings[0].largest);
+        let labelled = |(k, orbit): (usize, &StableOrbit)| {
+            let (at, largest) = (&read[0], orbit.readings[0].largest);
             format!("reaches response {}: {} to {largest:.2e} {}", k + 1, at.name, at.unit())
         };
-        let labels = motions.iter().enumerate().map(labelled).collect();
+        let labels = orbits.iter().enumerate().map(labelled).collect();
         let [x, y] = grid.coordinates;
-        let sections = motions.iter().flat_map(|motion| &motion.section).map(|state| (state[x], state[y])).collect();
+        let sections = orbits.iter().flat_map(|orbit| &orbit.section).map(|state| (state[x], state[y])).collect();
         let [x_label, y_label] = grid.coordinates.map(|index| configuration::state_label(assembly, index));
         self.cells.figure([&x_label, &y_label], grid.spacing(), labels, sections).subtitle(conditions)
     }

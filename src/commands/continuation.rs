@@ -45,7 +45,7 @@ Examples:
   resonarm continue --scenario hardening.toml --drive tip.x=4 --from-hz 21 \\
       --to-hz 24 --curves-in amplitude --curves-to 1
 
-In JSON and CSV every motion has its readings by degree of freedom: the largest displacement from rest, the mean, and the
+In JSON and CSV every response has its readings by degree of freedom: the largest displacement from rest, the mean, and the
 component at the frequency of the drive, as its amplitude and the phase in degrees by which it leads the drive. With the
 angular frequency Ω a velocity is iΩ times this component, an acceleration −Ω² times.
 

@@ -10,10 +10,10 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::singular_curves::{coordinate, title};
 use crate::help::heading;
-use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
 use crate::numbers;
 use crate::quantity::{Ends, interval};
 use crate::read_at::{ReadAt, dofs, read_at, readings};
+use crate::settling_flags::{DirectionFlag, SettlingFlags, or_empty};
 use crate::study;
 use resonarm::analysis::Coordinate;
 use resonarm::analysis::time_domain::{Direction, Grid};
@@ -44,7 +44,7 @@ Examples:
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Poincare {
     #[command(flatten)]
-    pub(crate) motion: MotionFlags,
+    pub(crate) settling: SettlingFlags,
     /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
     #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
@@ -64,7 +64,7 @@ pub(crate) struct Poincare {
     /// Direction of steps.
     #[arg(long, help_heading = heading::RANGE, value_enum, default_value_t, requires = "parameter")]
     direction: DirectionFlag,
-    /// Points of a section to keep if a motion does not settle [default: 2000, in a diagram 200].
+    /// Points of a section to keep if a response does not settle [default: 2000, in a diagram 200].
     ///
     /// It must be from 1 to 1000000.
     #[arg(long, help_heading = heading::COMPUTATION, value_name = "N", value_parser = numbers::integer(1..=1_000_000_u32))]
@@ -104,7 +104,7 @@ struct Plan {
 }
 
 #[derive(Serialize)]
-struct MotionDocument {
+struct ResponseDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     direction: Option<Direction>,
     /// The value of the quantity that is stepped; for a single section, the frequency in Hz.
@@ -122,16 +122,17 @@ struct Document {
     /// The inputs of the results; where the amplitude is stepped, the loads are those at the amplitude 1 of the first.
     configuration: Value,
     coordinates: Value,
-    motions: Vec<MotionDocument>,
+    #[serde(rename = "motions")]
+    responses: Vec<ResponseDocument>,
 }
 
 impl Poincare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.motion.structure.scenario()?;
+        let scenario = self.settling.structure.scenario()?;
         let tested = scenario.under_test()?;
         let plan = self.plan(&tested)?;
-        let start = self.motion.initial(&tested)?;
-        let mut configuration = self.motion.configuration(&scenario, &tested, &plan.drive, &start);
+        let start = self.settling.initial(&tested)?;
+        let mut configuration = self.settling.configuration(&scenario, &tested, &plan.drive, &start);
         configuration["poincare"] = json!({
             "parameter": self.parameter, "frequency_hz": self.frequency_hz,
             "ends": plan.grid.as_ref().map(|grid| [grid.values().first().copied(), grid.values().last().copied()]),
@@ -139,20 +140,20 @@ impl Poincare {
             "points": plan.grid.as_ref().map(|_grid| self.points),
             "section_points": self.section_points(), "at": self.at,
         });
-        let journal = self.motion.journal()?;
+        let journal = self.settling.journal()?;
         let sweeps = Sweeps {
             sweeps: self.sweeps(&tested, &plan),
             read: dofs(&plan.read),
             start,
-            options: self.motion.options(self.section_points()),
+            options: self.settling.options(self.section_points()),
         };
         let walked = study::sweeps("section", sweeps, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let coordinates = configuration::coordinates(&tested.assembly);
-        let document = Document { configuration, coordinates, motions: self.motions(&plan, walked.points()) };
-        let text = || document.summary(self.motion.time_constants);
+        let document = Document { configuration, coordinates, responses: self.responses(&plan, walked.points()) };
+        let text = || document.summary(self.settling.time_constants);
         let csv = || document.csv(&plan, &tested.assembly);
-        self.motion.show(&document, text, csv, || self.figure(&scenario, &tested, &plan, &document))?;
+        self.settling.show(&document, text, csv, || self.figure(&scenario, &tested, &plan, &document))?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
@@ -177,15 +178,15 @@ impl Poincare {
         let Some(name) = &self.parameter else {
             // Rejects an interval, through which nothing would be stepped.
             interval("a section without --parameter", None, &given)?;
-            let drive = self.motion.drive.drive(assembly)?;
+            let drive = self.settling.drive.drive(assembly)?;
             let read = read_at(&self.at, &drive.driven(), assembly)?;
             let frequency_hz = self.frequency()?;
             return Ok(Plan { drive, read, over: Coordinate::FrequencyHz, grid: None, frequency_hz });
         };
         let over = coordinate("--parameter", name, assembly)?;
         let drive = match over {
-            Coordinate::Amplitude => self.motion.drive.direction(assembly)?,
-            Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.motion.drive.drive(assembly)?,
+            Coordinate::Amplitude => self.settling.drive.direction(assembly)?,
+            Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.settling.drive.drive(assembly)?,
         };
         let unit = if over == Coordinate::FrequencyHz { "-hz" } else { "" };
         let (from, to) = interval(&format!("--parameter {name}"), Some(unit), &given)?.unwrap_or_default();
@@ -218,8 +219,8 @@ impl Poincare {
         }
     }
 
-    fn motions(&self, plan: &Plan, points: &[Vec<SweepPoint>]) -> Vec<MotionDocument> {
-        let motion = |direction, value, point: &SweepPoint| MotionDocument {
+    fn responses(&self, plan: &Plan, points: &[Vec<SweepPoint>]) -> Vec<ResponseDocument> {
+        let response = |direction, value, point: &SweepPoint| ResponseDocument {
             direction,
             value,
             period: point.period,
@@ -228,16 +229,16 @@ impl Poincare {
             readings: readings(&point.readings(), &plan.read),
             section: point.section.clone(),
         };
-        let mut motions = Vec::new();
+        let mut responses = Vec::new();
         // A single section has one chain of points: `zip` ends after it, and its direction is not used.
         for (chain, direction) in points.iter().zip(self.direction.directions()) {
             let (direction, values) = match &plan.grid {
                 None => (None, vec![plan.frequency_hz]),
                 Some(grid) => (Some(*direction), grid.in_order(*direction)),
             };
-            motions.extend(values.into_iter().zip(chain).map(|(value, point)| motion(direction, value, point)));
+            responses.extend(values.into_iter().zip(chain).map(|(value, point)| response(direction, value, point)));
         }
-        motions
+        responses
     }
 
     fn figure(
@@ -262,9 +263,9 @@ impl Poincare {
     /// Draws the section in the plane of each degree of freedom, over the path of the response if it is periodic: its
     /// few points alone would show little.
     fn section_figure(&self, tested: &TestedAssembly, plan: &Plan, document: &Document) -> Result<Figure, Failure> {
-        let motion = document.motions.first();
+        let response = document.responses.first();
         // Only a periodic orbit returns to its start: for others there is no closed path to draw.
-        let repeating = motion.and_then(|motion| Some((motion.section.first()?, motion.period?)));
+        let repeating = response.and_then(|response| Some((response.section.first()?, response.period?)));
         let states = match (repeating, self.sweeps(tested, plan).first()) {
             (Some((start, periods)), Some(sweep)) => path(&sweep.map(plan.frequency_hz)?, start, periods)?,
             _ => Vec::new(),
@@ -274,7 +275,7 @@ impl Poincare {
         for (index, at) in plan.read.iter().enumerate() {
             let plane = |state: &Vec<f64>| section_point(&tested.assembly, at.dof, state).into();
             let points: Vec<(f64, f64)> =
-                document.motions.iter().flat_map(|motion| &motion.section).map(plane).collect();
+                document.responses.iter().flat_map(|response| &response.section).map(plane).collect();
             // The few points of a periodic orbit must be seen over its path; thousands of points of a chaotic one
             // must not merge.
             let size = if points.len() > 20 { 2.0 } else { 6.0 };
@@ -305,16 +306,15 @@ impl Poincare {
                     (true, format!("stepped {name}"), size),
                     (false, format!("stepped {name}, not settled"), 0.4 * size),
                 ] {
-                    let motions = document
-                        .motions
-                        .iter()
-                        .filter(|motion| motion.direction == Some(*direction) && motion.period.is_some() == repeats);
-                    let of = |motion: &MotionDocument| {
+                    let responses = document.responses.iter().filter(|response| {
+                        response.direction == Some(*direction) && response.period.is_some() == repeats
+                    });
+                    let of = |response: &ResponseDocument| {
                         let displacement = |state: &Vec<f64>| section_point(&tested.assembly, at.dof, state)[0];
-                        let value = motion.value;
-                        motion.section.iter().map(move |state| (value, displacement(state))).collect::<Vec<_>>()
+                        let value = response.value;
+                        response.section.iter().map(move |state| (value, displacement(state))).collect::<Vec<_>>()
                     };
-                    let series = Series::markers(label, color, Marker::Circle, motions.flat_map(of).collect());
+                    let series = Series::markers(label, color, Marker::Circle, responses.flat_map(of).collect());
                     panel = panel.with_any(series.marked(size, true));
                 }
             }
@@ -328,18 +328,18 @@ impl Document {
     /// Says how many responses there are of each period.
     fn summary(&self, time_constants: f64) -> String {
         let mut text = String::new();
-        let mut periods: Vec<Option<u32>> = self.motions.iter().map(|motion| motion.period).collect();
+        let mut periods: Vec<Option<u32>> = self.responses.iter().map(|response| response.period).collect();
         // Orbits that have not settled come last.
         periods.sort_by_key(|period| period.unwrap_or(u32::MAX));
         periods.dedup();
         for period in periods {
-            let count = self.motions.iter().filter(|motion| motion.period == period).count();
-            let motions = if count == 1 { "response" } else { "responses" };
+            let count = self.responses.iter().filter(|response| response.period == period).count();
+            let noun = if count == 1 { "response" } else { "responses" };
             text += &match period {
-                Some(1) => format!("{count} {motions} with the period of the excitation\n"),
-                Some(period) => format!("{count} {motions} of {period} periods of the excitation\n"),
+                Some(1) => format!("{count} {noun} with the period of the excitation\n"),
+                Some(period) => format!("{count} {noun} of {period} periods of the excitation\n"),
                 None => format!(
-                    "{count} {motions} not settled within {time_constants} time constants: quasi-periodic, chaotic, of a \
+                    "{count} {noun} not settled within {time_constants} time constants: quasi-periodic, chaotic, of a \
                      period above 8, or still settling (try more --time-constants)\n"
                 ),
             };
@@ -352,10 +352,10 @@ impl Document {
         let names = configuration::state_names(assembly);
         let varied = plan.over.to_string().replace('.', "_");
         let mut text = format!("direction,{varied},period,{}\n", names.join(","));
-        for motion in &self.motions {
-            let (direction, period) = (or_empty(motion.direction.map(Direction::name)), or_empty(motion.period));
-            for state in &motion.section {
-                text += &format!("{direction},{},{period}", motion.value);
+        for response in &self.responses {
+            let (direction, period) = (or_empty(response.direction.map(Direction::name)), or_empty(response.period));
+            for state in &response.section {
+                text += &format!("{direction},{},{period}", response.value);
                 // The states of elements follow the rates. They have no channel, and therefore no column.
                 state.iter().take(names.len()).for_each(|value| text += &format!(",{value}"));
                 text.push('\n');

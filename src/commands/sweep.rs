@@ -13,9 +13,9 @@ use crate::figures::branches::of_each;
 use crate::figures::captions;
 use crate::flags;
 use crate::help::heading;
-use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};
 use crate::numbers;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
+use crate::settling_flags::{DirectionFlag, SettlingFlags, or_empty, periods};
 use crate::study;
 use resonarm::analysis::time_domain::{Direction, Grid, hysteresis};
 use resonarm::analysis::time_domain::{Resonance, Sweep as SteppedSweep, SweepFrequencies};
@@ -36,17 +36,17 @@ Examples:
   resonarm sweep --scenario hardening.toml --drive tip.x=2 --from-hz 22 \\
       --to-hz 22.8 --points 9 --plot tip
 
-The motion is read as by `continue`: the largest displacement, the mean, and the component at the frequency of the drive. A
-motion that has not settled is read over 64 periods of the excitation.";
+The response is read as by `continue`: the largest displacement, the mean, and the component at the frequency of the drive. A
+response that has not settled is read over 64 periods of the excitation.";
 
 /// Simulates a stepped-sine test up and down in frequency, with jumps and hysteresis.
 ///
-/// The structure settles at each step, as on a bench. Every motion is followed until it is proved to have settled.
+/// The structure settles at each step, as on a bench. Every response is followed until it is proved to have settled.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Sweep {
     #[command(flatten)]
-    pub(crate) motion: MotionFlags,
+    pub(crate) settling: SettlingFlags,
     /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
     #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
@@ -127,11 +127,11 @@ struct SweepDocument {
     #[serde(skip)]
     missed: Vec<Resonance>,
     #[serde(skip)]
-    motions: Vec<Motion>,
+    responses: Vec<Response>,
 }
 
 /// A settled response and its frequency, Hz.
-struct Motion {
+struct Response {
     frequency_hz: f64,
     point: SweepPoint,
     readings: Vec<Reading>,
@@ -139,25 +139,25 @@ struct Motion {
 
 impl Sweep {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.motion.structure.scenario()?;
+        let scenario = self.settling.structure.scenario()?;
         let tested = scenario.under_test()?;
         let assembly = &tested.assembly;
-        let drive = self.motion.drive.drive(assembly)?;
+        let drive = self.settling.drive.drive(assembly)?;
         let read = read_at(&self.at, &drive.driven(), assembly)?;
-        let start = self.motion.initial(&tested)?;
+        let start = self.settling.initial(&tested)?;
         let variants = self.variants(&tested, &drive, &read)?;
-        let mut configuration = self.motion.configuration(&scenario, &tested, &drive, &start);
+        let mut configuration = self.settling.configuration(&scenario, &tested, &drive, &start);
         configuration["sweep"] = json!({
             "from_hz": self.from_hz, "to_hz": self.to_hz, "points": self.points, "at": self.at,
             "directions": self.direction.directions(),
             "over": self.over.as_ref().map(|over| json!({ &*over.name: over.values })),
         });
-        let journal = self.motion.journal()?;
+        let journal = self.settling.journal()?;
         let sweeps = Sweeps {
             sweeps: self.sweeps(&variants, &drive),
             read: dofs(&read),
             start,
-            options: self.motion.options(0),
+            options: self.settling.options(0),
         };
         let walked = study::sweeps("sweep", sweeps, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
@@ -168,11 +168,11 @@ impl Sweep {
             sweeps: self.documents(&variants, walked.points(), &read),
         };
         let label = captions::label(&scenario, &tested);
-        let text = || document.text(&label, &read, self.motion.time_constants);
+        let text = || document.text(&label, &read, self.settling.time_constants);
         let varied: Vec<String> = document.over.iter().cloned().collect();
         let conditions = || captions::structure(&scenario, &tested, &varied).and(drive.words());
         let figure = || Ok(document.figure(conditions(), &read));
-        self.motion.show(&document, text, || document.csv(&read), figure)?;
+        self.settling.show(&document, text, || document.csv(&read), figure)?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
@@ -229,14 +229,14 @@ impl Sweep {
         let each = variants.iter().flat_map(of);
         let document = |((variant, direction), points): ((&Variant, Direction), &Vec<SweepPoint>)| {
             let hz = variant.grid.in_order(direction).into_iter();
-            let motions: Vec<Motion> = hz.zip(points).map(Motion::new).collect();
+            let responses: Vec<Response> = hz.zip(points).map(Response::new).collect();
             SweepDocument {
                 value: variant.value,
                 direction,
                 stepped_over: variant.stepped_over.iter().map(|found| missed(found, read)).collect(),
-                points: motions.iter().map(|motion| motion.document(read)).collect(),
+                points: responses.iter().map(|response| response.document(read)).collect(),
                 missed: variant.stepped_over.clone(),
-                motions,
+                responses,
             }
         };
         each.zip(points).map(document).collect()
@@ -249,9 +249,9 @@ fn missed(found: &Resonance, read: &[ReadAt]) -> Value {
     json!({ "at": read[*reading].name, "frequency_hz": frequency_hz, "largest": largest, "width_hz": width_hz })
 }
 
-impl Motion {
-    fn new((frequency_hz, point): (f64, &SweepPoint)) -> Motion {
-        Motion { frequency_hz, readings: point.readings(), point: point.clone() }
+impl Response {
+    fn new((frequency_hz, point): (f64, &SweepPoint)) -> Response {
+        Response { frequency_hz, readings: point.readings(), point: point.clone() }
     }
 
     fn largest(&self) -> Vec<f64> {
@@ -277,9 +277,10 @@ impl SweepDocument {
             Direction::Down => (Color::Vermillion, Marker::Square),
         };
         let curve = |settled: Option<bool>| {
-            let wanted = |motion: &&Motion| settled.is_none_or(|settled| motion.point.period.is_some() == settled);
-            let of = |motion: &Motion| (motion.frequency_hz, motion.readings[index].largest);
-            self.motions.iter().filter(wanted).map(of).collect::<Vec<_>>()
+            let wanted =
+                |response: &&Response| settled.is_none_or(|settled| response.point.period.is_some() == settled);
+            let of = |response: &Response| (response.frequency_hz, response.readings[index].largest);
+            self.responses.iter().filter(wanted).map(of).collect::<Vec<_>>()
         };
         let stepped = format!("stepped {}", self.direction.name());
         let style = Style::Line { color, width: 0.8, dash: Dash::Solid };
@@ -309,13 +310,15 @@ impl Document {
         let mut text = String::new();
         for same in self.of_structures() {
             for sweep in same {
-                let of: Vec<Option<u32>> = sweep.motions.iter().map(|motion| motion.point.period).collect();
+                let of: Vec<Option<u32>> = sweep.responses.iter().map(|response| response.point.period).collect();
                 let value = self.at_value(sweep.value).map_or(String::new(), |value| format!(", {value}"));
                 let direction = sweep.direction.name();
                 text += &format!("{label}{value}, stepped {direction}: {}", periods(&of, time_constants));
                 for (index, at) in read.iter().enumerate() {
-                    let sizes =
-                        sweep.motions.iter().map(|motion| (motion.readings[index].largest, motion.frequency_hz));
+                    let sizes = sweep
+                        .responses
+                        .iter()
+                        .map(|response| (response.readings[index].largest, response.frequency_hz));
                     if let Some((largest, hz)) = sizes.max_by(|a, b| a.0.total_cmp(&b.0)) {
                         text += &format!("  largest {}  {largest:.6e} {} at {hz:.6} Hz\n", at.name, at.unit());
                     }
@@ -330,10 +333,10 @@ impl Document {
                 );
             }
             if let [up, down] = same {
-                let motion = |motion: &Motion| (motion.frequency_hz, motion.largest());
-                let rising: Vec<_> = up.motions.iter().map(motion).collect();
+                let response = |response: &Response| (response.frequency_hz, response.largest());
+                let rising: Vec<_> = up.responses.iter().map(response).collect();
                 // Both directions must list the frequencies in the same order to be compared place by place.
-                let falling: Vec<_> = down.motions.iter().rev().map(motion).collect();
+                let falling: Vec<_> = down.responses.iter().rev().map(response).collect();
                 let apart = hysteresis(&rising, &falling, DIFFERENT);
                 for [first, last] in &apart {
                     text += &format!("  up and down differ from {first:.6} to {last:.6} Hz\n");
@@ -351,7 +354,7 @@ impl Document {
             format!("{over}direction,frequency_hz,period,largest_multiplier,settling_periods,drift{}\n", columns(read));
         for sweep in &self.sweeps {
             let value = sweep.value.map_or(String::new(), |value| format!("{value},"));
-            for Motion { frequency_hz, point, readings } in &sweep.motions {
+            for Response { frequency_hz, point, readings } in &sweep.responses {
                 text += &format!(
                     "{value}{},{frequency_hz},{},{},{},{:e}{}\n",
                     sweep.direction.name(),

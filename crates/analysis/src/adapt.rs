@@ -26,7 +26,7 @@ pub(super) trait Spectral: System {
 
     /// Evaluates the response of these unknowns and returns whether it exists.
     #[must_use]
-    fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool;
+    fn evaluate_orbit(&mut self, z: &[f64], lambda: f64) -> bool;
 }
 
 impl Spectral for Balance {
@@ -50,10 +50,10 @@ impl Spectral for Balance {
         Balance::set_harmonics(self, harmonics);
     }
 
-    fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool {
+    fn evaluate_orbit(&mut self, z: &[f64], lambda: f64) -> bool {
         let exists = self.set_value(lambda);
         if exists {
-            Balance::evaluate_motion(self, z);
+            Balance::evaluate_orbit(self, z);
         }
         exists
     }
@@ -70,7 +70,7 @@ pub(super) fn adapt<S: Spectral>(
     let [least, most] = [branch.least_harmonics, branch.most_harmonics].map(|harmonics| harmonics * system.period());
     loop {
         let (z, lambda) = (&continuation.point().x, continuation.point().lambda);
-        if !system.evaluate_motion(z, lambda) {
+        if !system.evaluate_orbit(z, lambda) {
             return Ok(());
         }
         let (series, balance) = (&z[system.others()..], system.balance());

@@ -37,7 +37,7 @@ const SMALLEST_PART: f64 = 1.0 / 300.0;
 
 /// A periodic response on a backbone.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BackboneMotion {
+pub struct BackboneOrbit {
     /// Frequency of the response, Hz.
     pub frequency_hz: f64,
     /// The drive's peak that sustains the response, N, or N·m at a joint; zero without damping.
@@ -54,7 +54,7 @@ pub struct BackboneMotion {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Backbone {
     /// Its periodic responses, from small to large.
-    pub points: Vec<BackboneMotion>,
+    pub points: Vec<BackboneOrbit>,
     /// The work of the continuation.
     pub work: Work,
 }
@@ -126,8 +126,8 @@ impl Beginning {
             return Some(Beginning { frequency_hz: mode.frequency_hz, cosine, sine, drive: 0.0 });
         }
         let response = |rate_rad_s: f64| {
-            let mut motion: Vec<Complex<f64>> = direction.iter().map(|&p| Complex::new(p, 0.0)).collect();
-            dynamic_stiffness_solve(&linear, rate_rad_s, &mut motion).map(|()| motion)
+            let mut response: Vec<Complex<f64>> = direction.iter().map(|&p| Complex::new(p, 0.0)).collect();
+            dynamic_stiffness_solve(&linear, rate_rad_s, &mut response).map(|()| response)
         };
         let in_phase = |rate_rad_s: f64| {
             let real: Vec<f64> = response(rate_rad_s)?.iter().map(|x| x.re).collect();
@@ -148,8 +148,8 @@ impl Beginning {
             }
         }
         let rate_rad_s = 0.5 * (low + high);
-        let motion = response(rate_rad_s)?;
-        let part = |of: fn(&Complex<f64>) -> f64| motion.iter().map(of).collect::<Vec<f64>>();
+        let in_quadrature = response(rate_rad_s)?;
+        let part = |of: fn(&Complex<f64>) -> f64| in_quadrature.iter().map(of).collect::<Vec<f64>>();
         Some(Beginning { frequency_hz: rate_rad_s / TAU, cosine: part(|x| x.im), sine: part(|x| x.re), drive: 1.0 })
     }
 }
@@ -271,10 +271,10 @@ impl Spectral for Quadrature {
         self.balance.set_harmonics(harmonics);
     }
 
-    fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool {
+    fn evaluate_orbit(&mut self, z: &[f64], lambda: f64) -> bool {
         self.set(z);
         let others = self.others();
-        Spectral::evaluate_motion(&mut self.balance, &z[others..], lambda)
+        Spectral::evaluate_orbit(&mut self.balance, &z[others..], lambda)
     }
 }
 
@@ -315,7 +315,7 @@ struct Start {
 /// Returns the equations and the small vibration that satisfies them.
 fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Start), AnalysisError> {
     let assembly = &forced.assembly;
-    check_small_motions(assembly)?;
+    check_small_amplitudes(assembly)?;
     let (got, modes) = (options.mode, assembly.modes());
     let mode = modes.get(got).ok_or(AnalysisError::NoMode { got: got + 1, most: modes.len() })?;
     if mode.frequency_hz == 0.0 || mode.damping_ratio >= 1.0 {
@@ -350,7 +350,7 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
 }
 
 /// Checks that small vibrations are linear.
-fn check_small_motions(assembly: &Assembly) -> Result<(), AnalysisError> {
+fn check_small_amplitudes(assembly: &Assembly) -> Result<(), AnalysisError> {
     use resonarm_dynamics::structure::Law;
     let bends = |law: &Law| match *law {
         Law::Cubic { .. } | Law::Linear { .. } | Law::Tanh { .. } => false,
@@ -406,7 +406,7 @@ impl Quadrature {
     }
 
     /// Returns the periodic response at a point.
-    fn motion(&mut self, point: &Point, read: &[Dof]) -> BackboneMotion {
+    fn orbit(&mut self, point: &Point, read: &[Dof]) -> BackboneOrbit {
         // The number of harmonics may have changed since the point was solved for.
         let (current, m) = (self.balance.harmonics(), self.balance.unknowns.count());
         let needed = (point.x.len() - self.others()) / m / 2;
@@ -414,10 +414,10 @@ impl Quadrature {
             self.balance.set_harmonics(needed);
         }
         // The frequency was valid when the point was solved for.
-        let _ = Spectral::evaluate_motion(self, &point.x, point.lambda);
+        let _ = Spectral::evaluate_orbit(self, &point.x, point.lambda);
         let balance = &self.balance;
         let coordinate = |i: usize| branch::reading_of(balance, &balance.coordinate_series(i));
-        let motion = BackboneMotion {
+        let orbit = BackboneOrbit {
             frequency_hz: point.lambda,
             drive: balance.forced.amplitude.abs(),
             coordinates: (0..balance.forced.assembly.coordinates()).map(coordinate).collect(),
@@ -427,11 +427,11 @@ impl Quadrature {
         if needed != current {
             self.balance.set_harmonics(current);
         }
-        motion
+        orbit
     }
 }
 
-impl BackboneMotion {
+impl BackboneOrbit {
     /// Returns how far the response or its drive is beyond the end of the backbone, relative to that end: negative
     /// before it.
     fn beyond(&self, options: &BackboneOptions) -> f64 {
@@ -445,23 +445,23 @@ fn follow(
     system: &mut Quadrature,
     continuation: &mut Continuation,
     options: &BackboneOptions,
-    points: &mut Vec<BackboneMotion>,
+    points: &mut Vec<BackboneOrbit>,
 ) -> Result<(), AnalysisError> {
     let branch = &options.branch;
     let mut before: Option<(Point, f64)> = None;
     loop {
         adapt(system, continuation, branch)?;
         let here = continuation.point().clone();
-        let motion = system.motion(&here, &options.read);
-        let over = motion.beyond(options);
+        let orbit = system.orbit(&here, &options.read);
+        let over = orbit.beyond(options);
         // The end is solved for, so that results don't depend on where the steps of the continuation fell.
         if let Some((last, short)) = before.as_ref().filter(|_| over > 0.0) {
-            let test = |system: &mut Quadrature, point: &Point| system.motion(point, &options.read).beyond(options);
+            let test = |system: &mut Quadrature, point: &Point| system.orbit(point, &options.read).beyond(options);
             let end = search(system, &branch.continuation, [last, &here], [*short, over], FINE, test)?;
-            points.push(system.motion(&end, &options.read));
+            points.push(system.orbit(&end, &options.read));
             return Ok(());
         }
-        points.push(motion);
+        points.push(orbit);
         if over >= 0.0 || branch.left_at(here.lambda).is_some() {
             return Ok(());
         }
@@ -489,7 +489,7 @@ impl Backbone {
     /// this number among those read: positive where the mode hardens. `None` for fewer than three points, or if the
     /// degree of freedom doesn't move.
     pub fn curvature(&self, reading: usize) -> Option<f64> {
-        let at = |point: &BackboneMotion| Some((point.readings.get(reading)?.harmonic1.norm_sqr(), point.frequency_hz));
+        let at = |point: &BackboneOrbit| Some((point.readings.get(reading)?.harmonic1.norm_sqr(), point.frequency_hz));
         crate::bending::curvature(&self.points.iter().map(at).collect::<Option<Vec<_>>>()?)
     }
 

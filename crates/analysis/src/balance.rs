@@ -103,9 +103,9 @@ pub(super) fn unit_deflection(forced: &Forced) -> f64 {
             libm::sqrt(compliance.drive.iter().map(|[h, _]| h.re * h.re).sum())
         }
         Body::Chain => {
-            let mut motion: Vec<_> = forced.direction_at_rest().iter().map(|&w| Complex::new(w, 0.0)).collect();
-            let solved = dynamic_stiffness_solve(&forced.assembly.linear(), 0.0, &mut motion);
-            solved.map_or(f64::NAN, |()| libm::sqrt(motion.iter().map(|q| q.re * q.re).sum()))
+            let mut response: Vec<_> = forced.direction_at_rest().iter().map(|&w| Complex::new(w, 0.0)).collect();
+            let solved = dynamic_stiffness_solve(&forced.assembly.linear(), 0.0, &mut response);
+            solved.map_or(f64::NAN, |()| libm::sqrt(response.iter().map(|q| q.re * q.re).sum()))
         }
     }
 }
@@ -291,7 +291,7 @@ impl Balance {
 
     /// Evaluates the response X and the forces along it, unless it was the last one. The following methods use this
     /// response.
-    pub fn evaluate_motion(&mut self, x: &[f64]) {
+    pub fn evaluate_orbit(&mut self, x: &[f64]) {
         let (frequency_hz, amplitude, known) = (self.frequency_hz, self.forced.amplitude, &mut self.evaluated);
         // The choice of the number of harmonics and the readings of a point ask for the same response in turn.
         if known.is_known && known.x == x && known.frequency_hz == frequency_hz && known.amplitude == amplitude {
@@ -502,7 +502,7 @@ impl Balance {
             for (offset, weight) in stencil {
                 let Ok(shifted) = here.with(parameter, value + offset * step) else { continue 'stencils };
                 self.set_assembly(shifted);
-                self.evaluate_motion(x);
+                self.evaluate_orbit(x);
                 self.set_compliances();
                 self.residual(x, &mut row);
                 out.iter_mut().zip(&row).for_each(|(sum, row)| *sum += weight / (12.0 * step) * row);
@@ -531,7 +531,7 @@ impl Balance {
                 self.rows_by_parameter(x, parameter, &mut matrix[column * stride..][..size]);
             }
         }
-        self.evaluate_motion(x);
+        self.evaluate_orbit(x);
         self.linearise();
         self.set_compliances();
         self.residual(x, residual);

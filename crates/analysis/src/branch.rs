@@ -284,7 +284,7 @@ impl<'a> Tracer<'a> {
         }
         // The coordinate was valid when the point was solved for.
         let _ = self.balance.set_value(point.lambda);
-        self.balance.evaluate_motion(&point.x);
+        self.balance.evaluate_orbit(&point.x);
         let result = read(self);
         if current != needed {
             self.balance.set_harmonics(current);

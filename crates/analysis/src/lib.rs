@@ -53,7 +53,7 @@ mod walk;
 
 use phase_zero::phase_zero_states;
 
-pub use backbone::{Backbone, BackboneMotion, BackboneOptions, backbone};
+pub use backbone::{Backbone, BackboneOptions, BackboneOrbit, backbone};
 pub use bending::Bending;
 pub use branch::{trace, trace_doubled, trace_doublings};
 pub use branch_options::{BifurcationKind, BranchOptions};

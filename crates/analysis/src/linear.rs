@@ -51,9 +51,10 @@ impl LinearResponse {
         if let Some(mode) = rigid.filter(|_| omega == 0.0) {
             return Err(FrfError::Rigid { mode: mode + 1 });
         }
-        let mut motion = load_at_rest(&self.assembly, drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
-        dynamic_stiffness_solve(&self.linear, omega, &mut motion).ok_or(FrfError::Unbounded { frequency_hz })?;
-        let displacement: Complex<f64> = motion.iter().zip(self.direction(response)).map(|(q, w)| q * w).sum();
+        let mut coordinates =
+            load_at_rest(&self.assembly, drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
+        dynamic_stiffness_solve(&self.linear, omega, &mut coordinates).ok_or(FrfError::Unbounded { frequency_hz })?;
+        let displacement: Complex<f64> = coordinates.iter().zip(self.direction(response)).map(|(q, w)| q * w).sum();
         if !(displacement.re.is_finite() && displacement.im.is_finite()) {
             return Err(FrfError::Unbounded { frequency_hz });
         }

@@ -27,7 +27,7 @@ pub(super) fn phase_zero_states(
         let found = at_parameter(&mut balance, settings, [&a, &b], frequency_hz).map_or(a.x, |point| point.x);
         // The frequency is that of a map.
         let _ = balance.set_value(frequency_hz);
-        balance.evaluate_motion(&found);
+        balance.evaluate_orbit(&found);
         at_phase_zero(&balance)
     };
     branch.orbits.windows(2).filter(crosses).map(state).collect()

@@ -66,7 +66,7 @@ pub(super) struct Singular {
     lambda_scale: f64,
     mu: Option<Coordinate>,
     /// The unknowns of the balance that are X, and those that are v.
-    motion: Vec<usize>,
+    orbit: Vec<usize>,
     variation: Vec<usize>,
     v: Vec<f64>,
     w: Vec<f64>,
@@ -130,7 +130,7 @@ impl Singular {
             lambda_origin,
             lambda_scale,
             mu,
-            motion: vec![],
+            orbit: vec![],
             variation: vec![],
             v: vec![],
             w: vec![],
@@ -211,7 +211,7 @@ impl Singular {
     /// Returns X among the unknowns of the balance.
     fn embedded(&self, x: &[f64]) -> Vec<f64> {
         let mut full = vec![0.0; self.balance.dimension()];
-        self.motion.iter().zip(x).for_each(|(place, x)| full[*place] = *x);
+        self.orbit.iter().zip(x).for_each(|(place, x)| full[*place] = *x);
         full
     }
 
@@ -251,7 +251,7 @@ impl Singular {
 
     /// Writes ∂(wᵀA v) by λ, X and μ.
     fn gradient(&mut self, full: &[f64], x: &[f64], mut write: impl FnMut(usize, f64)) {
-        let (n, size) = (self.motion.len(), full.len());
+        let (n, size) = (self.orbit.len(), full.len());
         let v = self.null_vector();
         let length = libm::sqrt(v.iter().map(|v| v * v).sum());
         let step = DIFFERENCE * self.settings.size(x) / length;
@@ -268,7 +268,7 @@ impl Singular {
             rows.map(|(row, w)| w * (above[*row] - below[*row])).sum::<f64>() / (2.0 * step)
         };
         write(0, along(size));
-        self.motion.iter().enumerate().for_each(|(i, place)| write(1 + i, along(*place)));
+        self.orbit.iter().enumerate().for_each(|(i, place)| write(1 + i, along(*place)));
         write(n + 1, if self.mu.is_some() { along(size + 1) } else { 0.0 });
     }
 
@@ -282,10 +282,10 @@ impl Singular {
         let (_, x) = self.split(z);
         let x = x.to_vec();
         // The coordinates were valid when the point was solved for.
-        let _ = self.evaluate_motion(z, mu);
+        let _ = self.evaluate_orbit(z, mu);
         let harmonics = [self.period(), needed];
         let mut single = Balance::of_period(&self.balance.forced, harmonics, self.balance.frequency_hz, self.lambda);
-        single.evaluate_motion(&x);
+        single.evaluate_orbit(&x);
         let orbit = read(&single);
         if needed != current {
             self.set_harmonics(current);
@@ -311,23 +311,23 @@ fn copy(from: &[f64], size: usize, places: &[usize], into: &mut [f64], stride: u
 
 impl System for Singular {
     fn dimension(&self) -> usize {
-        self.motion.len() + 1
+        self.orbit.len() + 1
     }
 
     fn evaluate(&mut self, z: &[f64], mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
-        let (n, stride, size) = (self.motion.len(), self.motion.len() + 2, self.balance.dimension());
+        let (n, stride, size) = (self.orbit.len(), self.orbit.len() + 2, self.balance.dimension());
         let (lambda, x) = self.split(z);
         if !self.set(lambda, mu) {
             return false;
         }
         let full = self.embedded(x);
         self.differentiate(&full, 0);
-        for (row, place) in self.motion.iter().enumerate() {
+        for (row, place) in self.orbit.iter().enumerate() {
             residual[row] = self.residual[*place];
         }
         let here = &self.matrices[0];
-        copy(here, size, &self.motion, &mut matrix[stride..(n + 1) * stride], stride);
-        for (row, place) in self.motion.iter().enumerate() {
+        copy(here, size, &self.orbit, &mut matrix[stride..(n + 1) * stride], stride);
+        for (row, place) in self.orbit.iter().enumerate() {
             matrix[row] = here[size * size + place] * self.lambda_scale;
             matrix[(n + 1) * stride + row] = if self.mu.is_some() { here[(size + 1) * size + place] } else { 0.0 };
         }
@@ -372,7 +372,7 @@ impl Spectral for Singular {
 
     fn set_harmonics(&mut self, harmonics: usize) {
         let m = self.balance.unknowns.count();
-        (self.motion, self.variation) = match self.kind {
+        (self.orbit, self.variation) = match self.kind {
             Singularity::Fold => {
                 self.balance.set_harmonics(harmonics);
                 (places(m, harmonics, 0, 1), places(m, harmonics, 0, 1))
@@ -386,12 +386,12 @@ impl Spectral for Singular {
         self.w.resize(self.variation.len(), 0.0);
     }
 
-    fn evaluate_motion(&mut self, z: &[f64], mu: f64) -> bool {
+    fn evaluate_orbit(&mut self, z: &[f64], mu: f64) -> bool {
         let (lambda, x) = self.split(z);
         let exists = self.set(lambda, mu);
         if exists {
             let full = self.embedded(x);
-            self.balance.evaluate_motion(&full);
+            self.balance.evaluate_orbit(&full);
         }
         exists
     }

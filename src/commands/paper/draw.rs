@@ -2,7 +2,7 @@
 
 use resonarm::analysis;
 use resonarm_figures::paper::{
-    Abscissa, FigureCurves, ForcedBranch, LabelledCurve, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
+    Abscissa, FigureCurves, ForcedBranch, LabelledCurve, MeasuredPoint, NaturalFrequencies, Panel, PaperOrbit, Way,
 };
 use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series};
 
@@ -49,9 +49,9 @@ fn draw(curves: &FigureCurves, panel: &Panel) -> plot::Panel {
     let reading = panel.reading - 1;
     let branches = || panel.curves.iter().filter_map(|index| curves.curves.get(*index));
     let range = panel.range.unwrap_or_else(|| shown(branches().map(|curve| &curve.branch), panel));
-    let inside = |motion: &&Motion| (range[0]..=range[1]).contains(&abscissa(panel, motion));
+    let inside = |orbit: &&PaperOrbit| (range[0]..=range[1]).contains(&abscissa(panel, orbit));
     let sizes = |branch: &ForcedBranch| {
-        branch.motions.iter().filter(inside).map(|motion| branch.size(motion, reading)).fold(0.0, f64::max)
+        branch.orbits.iter().filter(inside).map(|orbit| branch.size(orbit, reading)).fold(0.0, f64::max)
     };
     let top = branches().map(|curve| sizes(&curve.branch)).fold(0.0, f64::max);
     let top = curves.measured.iter().filter_map(|point| point.amplitude[reading]).fold(top, f64::max);
@@ -96,10 +96,10 @@ fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], reading: usiz
     drawn
 }
 
-fn abscissa(panel: &Panel, motion: &Motion) -> f64 {
+fn abscissa(panel: &Panel, orbit: &PaperOrbit) -> f64 {
     match panel.abscissa {
-        Abscissa::FrequencyHz => motion.frequency_hz,
-        Abscissa::Torque1Nm => motion.excitation,
+        Abscissa::FrequencyHz => orbit.frequency_hz,
+        Abscissa::Torque1Nm => orbit.excitation,
     }
 }
 
@@ -108,14 +108,14 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
     let reading = panel.reading - 1;
     let branches: Vec<&ForcedBranch> = branches.collect();
     let peak =
-        |branch: &ForcedBranch| branch.motions.iter().map(|motion| branch.size(motion, reading)).fold(0.0, f64::max);
+        |branch: &ForcedBranch| branch.orbits.iter().map(|orbit| branch.size(orbit, reading)).fold(0.0, f64::max);
     let highest = branches.iter().fold(0.0_f64, |highest, branch| highest.max(peak(branch)));
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for branch in branches {
         // The second bound keeps at least the upper half of a curve that is small beside the others.
         let level = (SHOWN * highest).min(0.5 * peak(branch));
-        for motion in branch.motions.iter().filter(|motion| branch.size(motion, reading) >= level) {
-            (low, high) = (low.min(abscissa(panel, motion)), high.max(abscissa(panel, motion)));
+        for orbit in branch.orbits.iter().filter(|orbit| branch.size(orbit, reading) >= level) {
+            (low, high) = (low.min(abscissa(panel, orbit)), high.max(abscissa(panel, orbit)));
         }
     }
     [low - MARGIN * (high - low), high + MARGIN * (high - low)]
@@ -123,8 +123,8 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
 
 /// Returns the points of one stability, with gaps between their intervals.
 fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
-    let at = |motion: &Motion| (abscissa(panel, motion), branch.size(motion, panel.reading - 1));
-    analysis::stretches(&branch.motions, Motion::stable, stable, at)
+    let at = |orbit: &PaperOrbit| (abscissa(panel, orbit), branch.size(orbit, panel.reading - 1));
+    analysis::stretches(&branch.orbits, PaperOrbit::stable, stable, at)
 }
 
 /// A maximum between samples is a zone's peak if it reaches this fraction of the highest sample.
@@ -161,10 +161,10 @@ enum Named {
 
 fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
     let reading = panel.reading - 1;
-    let at = |motion: &Motion| (abscissa(panel, motion), branch.size(motion, reading));
+    let at = |orbit: &PaperOrbit| (abscissa(panel, orbit), branch.size(orbit, reading));
     // Over the torque there is no resonance peak, so the name goes to the end of the curve.
     if panel.abscissa == Abscissa::Torque1Nm {
-        return Named::End(branch.motions.last().map(at));
+        return Named::End(branch.orbits.last().map(at));
     }
     let maxima = branch.maxima(reading);
     // A zone that is cut off by the panel may rise to the edge: neither that is a peak, nor anything lower than the

@@ -162,7 +162,7 @@ pub(super) struct Floquet {
 impl Floquet {
     /// Returns the stability of the response X of a balance; `None` if the multipliers can't be computed.
     pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
-        let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
+        let of_harmonics = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
         if matches!(balance.unknowns.body, Body::Chain) && balance.forced.assembly().is_smooth() {
             let new = || Samples::new(&balance.forced, &balance.unknowns);
             return collocation::stability(balance, x, self.samples.get_or_insert_with(new), &mut self.stages);
@@ -177,7 +177,7 @@ impl Floquet {
         };
         // The search for exponents may give up; the flow always applies.
         let found = if fast && balance.forced.assembly().is_smooth() {
-            self.with(balance, x, of_motion, exponents::stability)
+            self.with(balance, x, of_harmonics, exponents::stability)
         } else {
             None
         };
@@ -206,8 +206,8 @@ fn steps(balance: &Balance) -> f64 {
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
     let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
     let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.base_hz();
-    let of_motion = STEPS[2] * balance.harmonics() as f64;
-    of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)])
+    let of_harmonics = STEPS[2] * balance.harmonics() as f64;
+    of_modes.max(of_harmonics).max(LEAST_STEPS[usize::from(!smooth)])
 }
 
 /// Computes the stability by the flow.

@@ -20,7 +20,7 @@ const BESIDE: f64 = 1e-3;
 
 /// A stable periodic response of a structure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StableMotion {
+pub struct StableOrbit {
     /// Periods of the drive after which the response repeats.
     pub period: u32,
     /// Largest magnitude of its Floquet multipliers, over its own period.
@@ -34,11 +34,11 @@ pub struct StableMotion {
     attractor: Attractor,
 }
 
-impl StableMotion {
-    fn new(map: &StroboscopicMap, read: &[Dof], found: &FixedPoint) -> Result<StableMotion, TimeDomainError> {
+impl StableOrbit {
+    fn new(map: &StroboscopicMap, read: &[Dof], found: &FixedPoint) -> Result<StableOrbit, TimeDomainError> {
         let Measured { coordinates, readings, section } =
             measure(map, read, &map.to_state(&found.point), found.period)?;
-        Ok(StableMotion {
+        Ok(StableOrbit {
             period: found.period,
             largest_multiplier: found.largest_multiplier,
             coordinates,
@@ -51,12 +51,12 @@ impl StableMotion {
 
 /// Returns how far a grid of initial states extends in a coordinate, from 0, or past the responses in a rate, to show
 /// the surroundings of the responses under a drive of this frequency.
-pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
-    let of = |motion: &StableMotion| {
-        let n = motion.coordinates.len();
-        motion.coordinates[index % n].largest * if index < n { 1.0 } else { TAU * frequency_hz }
+pub fn reach(orbits: &[StableOrbit], index: usize, frequency_hz: f64) -> f64 {
+    let of = |orbit: &StableOrbit| {
+        let n = orbit.coordinates.len();
+        orbit.coordinates[index % n].largest * if index < n { 1.0 } else { TAU * frequency_hz }
     };
-    REACH * motions.iter().map(of).fold(0.0, f64::max)
+    REACH * orbits.iter().map(of).fold(0.0, f64::max)
 }
 
 /// Finds the stable periodic responses of a driven structure at a frequency, in order of the first displacement that is
@@ -67,12 +67,12 @@ pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
 /// # Errors
 /// [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a trajectory can't be followed; [`TimeDomainError::Stopped`]
 /// if `stop` returned `true`.
-pub fn stable_motions(
+pub fn stable_orbits(
     forced: &Forced,
     read: &[Dof],
     frequency_hz: f64,
     stop: &dyn Fn() -> bool,
-) -> Result<(Vec<StableMotion>, Option<EndedEarly<Branch>>), TimeDomainError> {
+) -> Result<(Vec<StableOrbit>, Option<EndedEarly<Branch>>), TimeDomainError> {
     let map = StroboscopicMap::new(forced, frequency_hz)?;
     let window = WINDOW.map(|part| part * frequency_hz);
     let options = TraceOptions::new(forced, Coordinate::FrequencyHz, window, read.to_vec());
@@ -80,12 +80,12 @@ pub fn stable_motions(
         Ok(branch) => (branch, None),
         Err(early) => ((*early.so_far).clone(), Some(early)),
     };
-    let mut motions: Vec<StableMotion> = Vec::new();
+    let mut orbits: Vec<StableOrbit> = Vec::new();
     let mut unstable = Vec::new();
     let mut keep = |found: Option<FixedPoint>| -> Result<bool, TimeDomainError> {
         let Some(found) = found else { return Ok(false) };
-        if !motions.iter().any(|motion| motion.attractor.holds(&found.point)) {
-            motions.push(StableMotion::new(&map, read, &found)?);
+        if !orbits.iter().any(|orbit| orbit.attractor.holds(&found.point)) {
+            orbits.push(StableOrbit::new(&map, read, &found)?);
         }
         Ok(true)
     };
@@ -103,9 +103,9 @@ pub fn stable_motions(
             keep(FixedPoint::shoot(&map, &map.to_point(&followed.start), period))?;
         }
     }
-    let size = |motion: &StableMotion| motion.readings.first().map_or(0.0, |reading| reading.largest);
-    motions.sort_by(|a, b| size(a).total_cmp(&size(b)));
-    Ok((motions, early))
+    let size = |orbit: &StableOrbit| orbit.readings.first().map_or(0.0, |reading| reading.largest);
+    orbits.sort_by(|a, b| size(a).total_cmp(&size(b)));
+    Ok((orbits, early))
 }
 
 /// Computes the fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode.
@@ -122,11 +122,11 @@ pub fn stable_motions(
 /// another reason than that the trajectory grows without bound, [`TimeDomainError::Stopped`] if `stop` returned `true`.
 pub fn outcomes(
     map: &StroboscopicMap,
-    motions: &[StableMotion],
+    orbits: &[StableOrbit],
     starts: &[Vec<f64>],
     time_constants: f64,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<BasinOutcome>, TimeDomainError> {
-    let attractors: Vec<&Attractor> = motions.iter().map(|motion| &motion.attractor).collect();
+    let attractors: Vec<&Attractor> = orbits.iter().map(|orbit| &orbit.attractor).collect();
     fates(map, &attractors, starts, time_constants, stop)
 }

@@ -18,7 +18,7 @@ pub enum BasinOutcome {
     /// It reaches a stable response.
     Reaches {
         /// Index of the stable response.
-        motion: usize,
+        orbit: usize,
         /// Periods of the excitation until this was certain.
         periods: u64,
     },
@@ -62,11 +62,11 @@ pub(crate) fn fates(
         return Err(TimeDomainError::Option { name: "time_constants", got: time_constants });
     }
     let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
-    let unit = attractors.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
+    let unit = attractors.iter().fold(1, |unit, orbit| least_common_multiple(unit, u64::from(orbit.period)));
     // A multiple of every period, so that each point of an attractor is met again after a stretch.
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
     let targets: Vec<Target<'_>> =
-        attractors.iter().enumerate().flat_map(|(k, motion)| Target::of(k, motion, stretch)).collect();
+        attractors.iter().enumerate().flat_map(|(k, orbit)| Target::of(k, orbit, stretch)).collect();
     let mut outcomes = vec![BasinOutcome::Undecided; starts.len()];
     let mut travellers: Vec<Traveller> = (0..starts.len()).map(|start| Traveller::new(start, targets.len())).collect();
     let mut states = starts.to_vec();
@@ -78,7 +78,7 @@ pub(crate) fn fates(
         for ((state, before), traveller) in states.iter().zip(&before).zip(&mut travellers) {
             outcomes[traveller.start] = if StroboscopicMap::is_finite(state) {
                 match traveller.reaches(&targets, before, &map.to_point(state)) {
-                    Some(motion) => BasinOutcome::Reaches { motion, periods },
+                    Some(orbit) => BasinOutcome::Reaches { orbit, periods },
                     None => BasinOutcome::Undecided,
                 }
             } else {
@@ -97,16 +97,16 @@ pub(crate) fn fates(
 
 /// A point of a stable response, with the linearisation there.
 struct Target<'a> {
-    motion: usize,
+    orbit: usize,
     point: &'a FixedPoint,
     linearised: Linearised<'a>,
 }
 
 impl<'a> Target<'a> {
     /// Returns the points of a response; `stretch` is in periods of the excitation.
-    fn of(motion: usize, attractor: &'a Attractor, stretch: u64) -> impl Iterator<Item = Target<'a>> {
+    fn of(orbit: usize, attractor: &'a Attractor, stretch: u64) -> impl Iterator<Item = Target<'a>> {
         let returns = stretch / u64::from(attractor.period);
-        attractor.points.iter().map(move |point| Target { motion, point, linearised: point.linearised(returns) })
+        attractor.points.iter().map(move |point| Target { orbit, point, linearised: point.linearised(returns) })
     }
 }
 
@@ -131,7 +131,7 @@ impl Traveller {
         let arrived = |(approach, target): &(&Option<Approach>, &Target<'_>)| {
             target.point.distance(after) <= CLOSURE || approach.is_some_and(Approach::is_certain)
         };
-        self.approaches.iter().zip(targets).find(arrived).map(|(_, target)| target.motion)
+        self.approaches.iter().zip(targets).find(arrived).map(|(_, target)| target.orbit)
     }
 }
 

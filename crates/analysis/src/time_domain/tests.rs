@@ -280,26 +280,26 @@ fn basins_have_the_stable_motions_of_the_branch() {
     let (forced, read) = hardening();
     let folds = traced(&forced, read, [8.0, 20.0]).bifurcations;
     let hz = 0.5 * (folds[0].orbit.frequency_hz + folds[1].orbit.frequency_hz);
-    let (motions, early) = stable_motions(&forced, &[read], hz, &|| false).unwrap();
-    assert!(motions.len() == 2 && early.is_none(), "{motions:?}");
+    let (orbits, early) = stable_orbits(&forced, &[read], hz, &|| false).unwrap();
+    assert!(orbits.len() == 2 && early.is_none(), "{orbits:?}");
     // A branch that comes from below arrives on the upper stretch, and one from above on the lower.
-    for (motion, from_hz) in motions.iter().zip([20.0, 8.0]) {
+    for (orbit, from_hz) in orbits.iter().zip([20.0, 8.0]) {
         let expected = traced(&forced, read, [from_hz, hz]).orbits.pop().unwrap();
-        near(motion.readings[0].largest, expected.readings[0].largest, 1e-7);
-        near(motion.readings[0].harmonic1.re, expected.readings[0].harmonic1.re, 1e-6);
-        near(motion.largest_multiplier, expected.stability.unwrap().multipliers[0].norm(), 1e-6);
-        assert_eq!((motion.period, motion.section.len()), (1, 1));
+        near(orbit.readings[0].largest, expected.readings[0].largest, 1e-7);
+        near(orbit.readings[0].harmonic1.re, expected.readings[0].harmonic1.re, 1e-6);
+        near(orbit.largest_multiplier, expected.stability.unwrap().multipliers[0].norm(), 1e-6);
+        assert_eq!((orbit.period, orbit.section.len()), (1, 1));
     }
     let map = StroboscopicMap::new(&forced, hz).unwrap();
-    let far = [0, 1].map(|index| reach(&motions, index, hz));
+    let far = [0, 1].map(|index| reach(&orbits, index, hz));
     let place = |k: usize| [far[0] * (k % 5) as f64 / 2.0 - far[0], far[1] * (k / 5) as f64 / 2.0 - far[1]];
     let starts: Vec<Vec<f64>> = (0..25).map(|k| place(k).to_vec()).collect();
-    let fates = outcomes(&map, &motions, &starts, 40.0, &|| false).unwrap();
+    let fates = outcomes(&map, &orbits, &starts, 40.0, &|| false).unwrap();
     let mut reached = [0; 2];
     for (start, fate) in starts.iter().zip(&fates) {
-        let BasinOutcome::Reaches { motion, .. } = fate else { panic!("{fate:?}") };
-        near(settled(&forced, read, hz, start).readings[0].largest, motions[*motion].readings[0].largest, 1e-6);
-        reached[*motion] += 1;
+        let BasinOutcome::Reaches { orbit, .. } = fate else { panic!("{fate:?}") };
+        near(settled(&forced, read, hz, start).readings[0].largest, orbits[*orbit].readings[0].largest, 1e-6);
+        reached[*orbit] += 1;
     }
     assert!(reached.iter().all(|count| *count > 2), "{reached:?}");
 }
@@ -312,25 +312,25 @@ fn fates_are_where_plain_integration_ends() {
     let (forced, read) = oscillator(0.02, Law::Cubic { stiffness3: 4e6, stiffness5: 0.0 }, 2.0);
     let folds = traced(&forced, read, [8.0, 20.0]).bifurcations;
     let hz = 0.5 * (folds[0].orbit.frequency_hz + folds[1].orbit.frequency_hz);
-    let (motions, _) = stable_motions(&forced, &[read], hz, &|| false).unwrap();
+    let (orbits, _) = stable_orbits(&forced, &[read], hz, &|| false).unwrap();
     let map = StroboscopicMap::new(&forced, hz).unwrap();
-    let far = [0, 1].map(|index| reach(&motions, index, hz));
+    let far = [0, 1].map(|index| reach(&orbits, index, hz));
     let counts = [13, 11];
     let place = |k: usize| {
         let at = |index: usize, line: usize| far[index] * (2.0 * line as f64 / (counts[index] - 1) as f64 - 1.0);
         vec![at(0, k % counts[0]), at(1, k / counts[0])]
     };
     let starts: Vec<Vec<f64>> = (0..counts[0] * counts[1]).map(place).collect();
-    let fates = outcomes(&map, &motions, &starts, 40.0, &|| false).unwrap();
+    let fates = outcomes(&map, &orbits, &starts, 40.0, &|| false).unwrap();
     let mut ends = starts.clone();
     map.advance_together(&mut ends, 400).unwrap();
     let wrong: Vec<usize> = (0..starts.len())
         .filter(|&k| match fates[k] {
-            BasinOutcome::Reaches { motion, .. } => off(&map, &ends[k], &motions[motion].section[0]) > 1e-6,
+            BasinOutcome::Reaches { orbit, .. } => off(&map, &ends[k], &orbits[orbit].section[0]) > 1e-6,
             _ => true,
         })
         .collect();
-    assert_eq!((motions.len(), wrong), (2, vec![]));
+    assert_eq!((orbits.len(), wrong), (2, vec![]));
 }
 
 /// A bilinear oscillator, twice as fast as its resonance driven, vibrates with two periods of the drive; that response
@@ -340,9 +340,9 @@ fn finds_the_motion_of_two_periods() {
     let stiffness = 1.25 * (TAU * 10.0) * (TAU * 10.0);
     let (forced, read) =
         oscillator(0.03, Law::KelvinVoigt { stiffness, damping: 0.0, gap: 0.0, side: Side::Positive }, 5.0);
-    let (motions, _) = stable_motions(&forced, &[read], 24.0, &|| false).unwrap();
-    let periods: Vec<u32> = motions.iter().map(|motion| motion.period).collect();
-    assert_eq!((periods.as_slice(), motions[0].section.len()), (&[2][..], 2), "{motions:?}");
+    let (orbits, _) = stable_orbits(&forced, &[read], 24.0, &|| false).unwrap();
+    let periods: Vec<u32> = orbits.iter().map(|orbit| orbit.period).collect();
+    assert_eq!((periods.as_slice(), orbits[0].section.len()), (&[2][..], 2), "{orbits:?}");
 }
 
 /// Friction that sticks keeps the offset with which it began to stick: the response settles where it returns, and is

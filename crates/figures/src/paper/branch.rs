@@ -91,7 +91,7 @@ impl Serialize for Event {
 
 /// A periodic response, stable or not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Motion {
+pub struct PaperOrbit {
     /// Frequency of the excitation, Hz.
     pub frequency_hz: f64,
     /// Amplitude of the excitation, N·m or N.
@@ -107,8 +107,8 @@ pub struct Motion {
     pub bifurcation: Option<Event>,
 }
 
-impl Motion {
-    fn new(orbit: &Orbit, bifurcation: Option<BifurcationKind>) -> Motion {
+impl PaperOrbit {
+    fn new(orbit: &Orbit, bifurcation: Option<BifurcationKind>) -> PaperOrbit {
         // At a bifurcation a multiplier is on the unit circle, and rounding would decide.
         let stability = match (orbit.is_stable(), bifurcation) {
             (Some(true), None) => Stability::Stable,
@@ -116,7 +116,7 @@ impl Motion {
             _ => Stability::Marginal,
         };
         let amplitude = |reading: &Reading| libm::hypot(reading.harmonic1.re, reading.harmonic1.im);
-        Motion {
+        PaperOrbit {
             frequency_hz: orbit.frequency_hz,
             excitation: orbit.drive,
             largest: orbit.readings.iter().map(|reading| reading.largest).collect(),
@@ -181,7 +181,8 @@ pub struct ForcedBranch {
     /// The natural frequencies of the first two modes of the linearised arm, Hz.
     pub natural_hz: [f64; 2],
     /// The periodic responses in their order, bifurcations among them.
-    pub motions: Vec<Motion>,
+    #[serde(rename = "motions")]
+    pub orbits: Vec<PaperOrbit>,
 }
 
 pub(super) fn by_name<S: Serializer>(preset: &Preset, serializer: S) -> Result<S::Ok, S::Error> {
@@ -240,7 +241,7 @@ impl Traced<'_> {
             drive: self.drive,
             read: self.read.clone(),
             natural_hz: natural_hz(self.arm),
-            motions: joined(&branch),
+            orbits: joined(&branch),
         })
     }
 }
@@ -278,23 +279,23 @@ impl ForcedBranch {
 
     /// Returns the size of a response at a reading, by its number: the largest displacement or the amplitude, as the
     /// branch is read.
-    pub fn size(&self, motion: &Motion, reading: usize) -> f64 {
+    pub fn size(&self, orbit: &PaperOrbit, reading: usize) -> f64 {
         let sizes = match self.read.size {
-            Size::Largest => &motion.largest,
-            Size::Amplitude => &motion.amplitude,
+            Size::Largest => &orbit.largest,
+            Size::Amplitude => &orbit.amplitude,
         };
         sizes.get(reading).copied().unwrap_or(f64::NAN)
     }
 
     /// Returns the responses between two frequencies, Hz.
-    pub fn within(&self, [from_hz, to_hz]: [f64; 2]) -> impl Iterator<Item = &Motion> {
-        self.motions.iter().filter(move |motion| (from_hz..=to_hz).contains(&motion.frequency_hz))
+    pub fn within(&self, [from_hz, to_hz]: [f64; 2]) -> impl Iterator<Item = &PaperOrbit> {
+        self.orbits.iter().filter(move |orbit| (from_hz..=to_hz).contains(&orbit.frequency_hz))
     }
 
     /// Returns neighbouring responses in pairs, and whether those between them are stable. Between two bifurcations
     /// they are assumed to be unstable.
-    pub fn segments(&self) -> impl Iterator<Item = (&Motion, &Motion, bool)> {
-        segments(&self.motions, Motion::stable)
+    pub fn segments(&self) -> impl Iterator<Item = (&PaperOrbit, &PaperOrbit, bool)> {
+        segments(&self.orbits, PaperOrbit::stable)
     }
 
     /// The ranges in which the resonance zones of both modes are searched, Hz.
@@ -303,25 +304,25 @@ impl ForcedBranch {
     }
 
     /// Returns the bifurcations of a kind.
-    pub fn bifurcations(&self, kind: BifurcationKind) -> impl Iterator<Item = &Motion> {
-        self.motions.iter().filter(move |motion| motion.bifurcation == Some(Event(kind)))
+    pub fn bifurcations(&self, kind: BifurcationKind) -> impl Iterator<Item = &PaperOrbit> {
+        self.orbits.iter().filter(move |orbit| orbit.bifurcation == Some(Event(kind)))
     }
 }
 
 /// Returns the responses of a branch, with its bifurcations inserted in order.
-fn joined(branch: &Branch) -> Vec<Motion> {
+fn joined(branch: &Branch) -> Vec<PaperOrbit> {
     let mut found = branch.bifurcations.iter().peekable();
-    let mut motions = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
+    let mut orbits = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
     for (index, orbit) in branch.orbits.iter().enumerate() {
         // A bifurcation states the index of the orbit behind it.
         while let Some(event) = found.next_if(|found| found.index <= index) {
-            motions.push(Motion::new(&event.orbit, Some(event.kind)));
+            orbits.push(PaperOrbit::new(&event.orbit, Some(event.kind)));
         }
-        motions.push(Motion::new(orbit, None));
+        orbits.push(PaperOrbit::new(orbit, None));
     }
     // Those behind the last orbit, if there are any.
-    motions.extend(found.map(|event| Motion::new(&event.orbit, Some(event.kind))));
-    motions
+    orbits.extend(found.map(|event| PaperOrbit::new(&event.orbit, Some(event.kind))));
+    orbits
 }
 
 #[cfg(test)]
@@ -340,6 +341,6 @@ mod tests {
         assert!((folds[0] - 22.1349).abs() < 1e-4 && (folds[1] - 22.0635).abs() < 1e-4, "{folds:?}");
         let stable: Vec<bool> = branch.segments().map(|(.., is_stable)| is_stable).collect();
         assert_eq!(stable.chunk_by(|a, b| a == b).count(), 3);
-        assert!(branch.motions.iter().all(|motion| motion.excitation == 60.0));
+        assert!(branch.orbits.iter().all(|orbit| orbit.excitation == 60.0));
     }
 }

@@ -40,7 +40,7 @@ pub enum PaperError {
         "{structure} at β2 = {beta2_deg}°: the branch has no periodic response between {from_hz} and {to_hz} Hz",
         beta2_deg = short(.beta2_deg), from_hz = rounded(.from_hz, 3), to_hz = rounded(.to_hz, 3)
     )]
-    NoMotion {
+    NoResponse {
         /// The name of the preset or of the structure.
         structure: String,
         /// β2 of the pose, degrees.

@@ -1,16 +1,16 @@
 //! Values read from a branch: peaks, widths, and the ratio of its stable responses.
 
-use super::{ForcedBranch, Motion, PaperError};
+use super::{ForcedBranch, PaperError, PaperOrbit};
 use resonarm_analysis::{Maximum, half_power_width_hz, maxima};
 
 impl ForcedBranch {
     /// Returns the response with the largest amplitude of a link (0 or 1).
     ///
     /// # Errors
-    /// [`PaperError::NoMotion`] if the branch has none in the range.
-    pub fn peak(&self, link: usize, range_hz: [f64; 2]) -> Result<&Motion, PaperError> {
-        let larger = |a: &&Motion, b: &&Motion| self.size(a, link).total_cmp(&self.size(b, link));
-        self.within(range_hz).max_by(larger).ok_or(PaperError::NoMotion {
+    /// [`PaperError::NoResponse`] if the branch has none in the range.
+    pub fn peak(&self, link: usize, range_hz: [f64; 2]) -> Result<&PaperOrbit, PaperError> {
+        let larger = |a: &&PaperOrbit, b: &&PaperOrbit| self.size(a, link).total_cmp(&self.size(b, link));
+        self.within(range_hz).max_by(larger).ok_or(PaperError::NoResponse {
             structure: self.structure.clone(),
             beta2_deg: self.angles_deg.get(1).copied().unwrap_or(f64::NAN),
             from_hz: range_hz[0],
@@ -27,7 +27,7 @@ impl ForcedBranch {
     pub fn half_power_width_hz(&self, link: usize) -> Option<f64> {
         // Bifurcations may be beyond the steps next to them.
         let all: Vec<(f64, f64)> =
-            self.motions.iter().map(|motion| (motion.frequency_hz, self.size(motion, link))).collect();
+            self.orbits.iter().map(|orbit| (orbit.frequency_hz, self.size(orbit, link))).collect();
         half_power_width_hz(&self.curve(link), &all)
     }
 
@@ -37,13 +37,13 @@ impl ForcedBranch {
         let stable: Vec<[(f64, f64); 2]> = self
             .segments()
             .filter(|(.., is_stable)| *is_stable)
-            .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, self.size(motion, link))))
+            .map(|(a, b, _)| [a, b].map(|orbit| (orbit.frequency_hz, self.size(orbit, link))))
             .collect();
         let mut largest = (1.0, f64::NAN);
         // Between the frequencies of two neighbouring responses all segments are straight, and the quotient of two
         // straight lines is monotonic: the largest ratio is at the frequency of a response.
-        for motion in &self.motions {
-            let hz = motion.frequency_hz;
+        for orbit in &self.orbits {
+            let hz = orbit.frequency_hz;
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
             // The stable segments over this frequency, interpolated; a vertical one has no single amplitude there.
             for [a, b] in stable.iter().filter(|[a, b]| a.0.min(b.0) <= hz && hz <= a.0.max(b.0) && a.0 != b.0) {
@@ -61,8 +61,8 @@ impl ForcedBranch {
     /// Returns frequencies, Hz, and amplitudes of a link, rad, at the steps of the continuation. Bifurcations are left
     /// out: one can be so near to a step that the slope between them is dominated by rounding.
     fn curve(&self, link: usize) -> Vec<(f64, f64)> {
-        let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
-        steps.map(|motion| (motion.frequency_hz, self.size(motion, link))).collect()
+        let steps = self.orbits.iter().filter(|orbit| orbit.bifurcation.is_none());
+        steps.map(|orbit| (orbit.frequency_hz, self.size(orbit, link))).collect()
     }
 }
 
@@ -74,7 +74,7 @@ mod tests {
     use resonarm_analysis::BifurcationKind;
 
     fn branch(points: &[(f64, f64, Stability)]) -> ForcedBranch {
-        let motion = |(frequency_hz, amplitude, stability): &(f64, f64, Stability)| Motion {
+        let orbit = |(frequency_hz, amplitude, stability): &(f64, f64, Stability)| PaperOrbit {
             frequency_hz: *frequency_hz,
             excitation: 1.0,
             largest: vec![*amplitude; 2],
@@ -88,7 +88,7 @@ mod tests {
             drive: Drive::Torque1,
             read: Read::joints(),
             natural_hz: [1.0, 2.0],
-            motions: points.iter().map(motion).collect(),
+            orbits: points.iter().map(orbit).collect(),
         }
     }
 
@@ -157,10 +157,10 @@ mod tests {
         assert!((width / (2.0 * half_width) - 1.0).abs() < 1e-4, "{width}");
         // A bifurcation beside the highest step, off by its location error, changes nothing.
         let (mut marked, highest) = (resonance.clone(), 15);
-        let mut fold = marked.motions[highest].clone();
+        let mut fold = marked.orbits[highest].clone();
         fold.largest.iter_mut().for_each(|amplitude| *amplitude *= 1.0 - 1e-6);
         (fold.frequency_hz, fold.bifurcation) = (fold.frequency_hz - 1e-9, Some(Event(BifurcationKind::Fold)));
-        marked.motions.insert(highest, fold);
+        marked.orbits.insert(highest, fold);
         assert_eq!((marked.maxima(0)[0], marked.half_power_width_hz(0).unwrap()), (top, width));
     }
 }

@@ -24,25 +24,25 @@ impl FigureCurves {
         text += ",stability,bifurcation\n";
         for (index, curve) in self.curves.iter().enumerate() {
             let branch = &curve.branch;
-            for motion in &branch.motions {
+            for orbit in &branch.orbits {
                 // Both columns in every file, so that one reader takes the files of all figures.
                 let (torque, force) = match branch.drive {
-                    Drive::Torque1 => (motion.excitation, 0.0),
-                    Drive::ForceX => (0.0, motion.excitation),
+                    Drive::Torque1 => (orbit.excitation, 0.0),
+                    Drive::ForceX => (0.0, orbit.excitation),
                 };
-                let stability = match motion.stability {
+                let stability = match orbit.stability {
                     Stability::Stable => "stable",
                     Stability::Unstable => "unstable",
                     Stability::Marginal => "marginal",
                 };
                 let angles: String = branch.angles_deg.iter().map(|angle_deg| format!(",{angle_deg}")).collect();
-                let sizes = motion.largest.iter().zip(&motion.amplitude);
+                let sizes = orbit.largest.iter().zip(&orbit.amplitude);
                 let sizes: String = sizes.map(|(largest, amplitude)| format!(",{largest},{amplitude}")).collect();
-                let bifurcation = motion.bifurcation.map_or("", |event| event.0.name());
+                let bifurcation = orbit.bifurcation.map_or("", |event| event.0.name());
                 let _infallible = writeln!(
                     text,
                     "{index}{angles},{},{torque},{force}{sizes},{stability},{bifurcation}",
-                    motion.frequency_hz
+                    orbit.frequency_hz
                 );
             }
         }

@@ -8,7 +8,7 @@ use insta::assert_snapshot;
 use serde_json::Value;
 
 use super::claims::judge;
-use super::{Figure, FigureCurves, LabelledCurve, Motion, Plan, Settings};
+use super::{Figure, FigureCurves, LabelledCurve, PaperOrbit, Plan, Settings};
 use resonarm_analysis::LinearResponse;
 use resonarm_analysis::Quantity;
 use resonarm_dynamics::structure::Preset;
@@ -31,15 +31,15 @@ fn the_small_motions_of_figure_4_are_the_linear_response() {
             let beta2_deg = curve.branch.angles_deg[1];
             let arm = Subject::new(preset, &settings).unwrap().bent(beta2_deg).unwrap();
             let (linear, joints) = (LinearResponse::new(&arm), ["joint1", "joint2"].map(|name| arm.dof(name).unwrap()));
-            let small = |motion: &&Motion| {
-                let [a1, a2] = motion.amplitude[..] else { panic!() };
-                motion.excitation == torque_nm && a1.max(a2) < 1e-3 && a1.min(a2) > 1e-5
+            let small = |orbit: &&PaperOrbit| {
+                let [a1, a2] = orbit.amplitude[..] else { panic!() };
+                orbit.excitation == torque_nm && a1.max(a2) < 1e-3 && a1.min(a2) > 1e-5
             };
-            for motion in curve.branch.motions.iter().filter(small) {
-                for (joint, seen) in joints.into_iter().zip(&motion.amplitude) {
-                    let of = linear.at(Quantity::Receptance, joints[0], joint, motion.frequency_hz).unwrap();
+            for orbit in curve.branch.orbits.iter().filter(small) {
+                for (joint, seen) in joints.into_iter().zip(&orbit.amplitude) {
+                    let of = linear.at(Quantity::Receptance, joints[0], joint, orbit.frequency_hz).unwrap();
                     let expected = torque_nm * libm::hypot(of.re, of.im);
-                    assert!((seen / expected - 1.0).abs() < 1e-3, "{preset} {beta2_deg} {motion:?}: {expected}");
+                    assert!((seen / expected - 1.0).abs() < 1e-3, "{preset} {beta2_deg} {orbit:?}: {expected}");
                     compared += 1;
                 }
             }
@@ -65,7 +65,8 @@ fn the_folds_of_figure_4_are_those_of_the_oracles() {
             let (from, to) = (case["from_hz"].as_f64().unwrap(), case["to_hz"].as_f64().unwrap());
             let pose = |curve: &&LabelledCurve| Some(curve.branch.angles_deg[1]) == case["beta2_deg"].as_f64();
             let branch = &figure.curves.iter().find(pose).unwrap().branch;
-            let folds: Vec<&Motion> = branch.within([from, to]).filter(|motion| motion.bifurcation.is_some()).collect();
+            let folds: Vec<&PaperOrbit> =
+                branch.within([from, to]).filter(|orbit| orbit.bifurcation.is_some()).collect();
             assert_eq!(folds.len(), case["folds"].as_array().unwrap().len());
             for expected in case["folds"].as_array().unwrap() {
                 let hz = expected["frequency_hz"].as_f64().unwrap();

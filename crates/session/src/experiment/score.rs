@@ -177,7 +177,7 @@ fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
     backbone.points.windows(2).find_map(|pair| {
         // Linear between neighbouring points, which are close enough for it (`STRAIGHT_RAD`). If both amplitudes are
         // equal the share is not finite, and the pair is passed over.
-        let [a, b] = [&pair[0], &pair[1]].map(|motion| size(&motion.readings[at]));
+        let [a, b] = [&pair[0], &pair[1]].map(|orbit| size(&orbit.readings[at]));
         let share = (amplitude - a) / (b - a);
         (0.0..=1.0)
             .contains(&share)

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::Forced;
 use resonarm_analysis::time_domain::{BasinOutcome, TimeDomainError};
-use resonarm_analysis::time_domain::{StableMotion, StroboscopicMap, outcomes};
+use resonarm_analysis::time_domain::{StableOrbit, StroboscopicMap, outcomes};
 
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
@@ -76,7 +76,7 @@ pub struct Basins {
     /// The frequency of the drive, Hz.
     pub frequency_hz: f64,
     /// The stable periodic responses that the states may reach.
-    pub motions: Vec<StableMotion>,
+    pub orbits: Vec<StableOrbit>,
     /// The initial states, at phase 0 of the drive.
     pub grid: StateGrid,
     /// Longest wait, in time constants of the slowest mode.
@@ -120,7 +120,7 @@ impl Basins {
     fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.forced, self.frequency_hz)?;
         let starts: Vec<Vec<f64>> = states.map(|index| self.grid.state(index)).collect();
-        outcomes(&map, &self.motions, &starts, self.time_constants, stop)
+        outcomes(&map, &self.orbits, &starts, self.time_constants, stop)
     }
 }
 
@@ -204,7 +204,7 @@ impl BasinComputation {
 mod tests {
     use super::super::tests::{QUIET, folds_hz, hardening};
     use super::*;
-    use resonarm_analysis::time_domain::{reach, stable_motions};
+    use resonarm_analysis::time_domain::{reach, stable_orbits};
     use resonarm_dynamics::structure::Dof;
 
     /// Of the hardening oscillator, in the middle between its folds.
@@ -212,11 +212,11 @@ mod tests {
         let (forced, dof) = hardening();
         let folds = folds_hz(&forced, dof);
         let frequency_hz = 0.5 * (folds[0] + folds[1]);
-        let (motions, early) = stable_motions(&forced, &[dof], frequency_hz, &|| false).unwrap();
-        assert!(motions.len() == 2 && early.is_none(), "{motions:?}");
-        let ends = [0, 1].map(|index| reach(&motions, index, frequency_hz)).map(|far| [-far, far]);
+        let (orbits, early) = stable_orbits(&forced, &[dof], frequency_hz, &|| false).unwrap();
+        assert!(orbits.len() == 2 && early.is_none(), "{orbits:?}");
+        let ends = [0, 1].map(|index| reach(&orbits, index, frequency_hz)).map(|far| [-far, far]);
         let grid = StateGrid { coordinates: [0, 1], ends, counts, others: vec![0.0; 2] };
-        (Basins { forced, frequency_hz, motions, grid, time_constants: 40.0 }, dof)
+        (Basins { forced, frequency_hz, orbits, grid, time_constants: 40.0 }, dof)
     }
 
     /// The outcomes on all cores are those of one state after the other, and both responses are reached.
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(computed, alone);
         for wanted in [0, 1] {
             let reaches =
-                |outcome: &BasinOutcome| matches!(outcome, BasinOutcome::Reaches { motion, .. } if *motion == wanted);
+                |outcome: &BasinOutcome| matches!(outcome, BasinOutcome::Reaches { orbit, .. } if *orbit == wanted);
             assert!(computed.iter().any(reaches), "{wanted}: {computed:?}");
         }
     }

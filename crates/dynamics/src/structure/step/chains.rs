@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use super::coil::Driver;
 use super::lanes::{self, SineSteps};
 use super::{Engine, StateRef, StepError, StepLoad};
-use crate::integrate::{Dynamics, Excitation, IntegrateError, Integrator, Motion, Scheme};
+use crate::integrate::{Dynamics, Excitation, Integrator, Motion, Scheme};
 use crate::structure::Kinematics;
 use crate::structure::assembly::Assembly;
 use crate::structure::chain::Chain;

@@ -58,7 +58,7 @@ pub(super) struct Zone {
 
 impl Zone {
     fn of(branch: &ForcedBranch) -> Zone {
-        let places = |kind| branch.bifurcations(kind).map(|motion| motion.frequency_hz).collect();
+        let places = |kind| branch.bifurcations(kind).map(|orbit| orbit.frequency_hz).collect();
         Zone {
             maxima: [0, 1].map(|link| branch.maxima(link)),
             width_hz: [0, 1].map(|link| branch.half_power_width_hz(link)),

@@ -158,7 +158,7 @@ fn landmarks(survey: &Survey<'_>, beta2_deg: f64, mode: usize) -> Result<Vec<[f6
     let drive = (Drive::Torque1, survey.own_torque_nm(mode));
     let branch = ForcedBranch::over_frequency(survey.subject, &arm, drive, range_hz)?;
     let folds = branch.bifurcations(BifurcationKind::Fold).chain([branch.peak(0, range_hz)?]);
-    Ok(folds.map(|motion| [motion.frequency_hz, branch.size(motion, 0)]).collect())
+    Ok(folds.map(|orbit| [orbit.frequency_hz, branch.size(orbit, 0)]).collect())
 }
 
 /// "The oscillations of the link can have different amplitudes depending on the forcing amplitude" (Section 4, Fig. 5),

@@ -19,14 +19,14 @@ use resonarm_figures::plot::{Figure, beside};
 
 /// The structure, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct MotionFlags {
+pub(crate) struct SettlingFlags {
     #[command(flatten)]
     pub structure: StructureFlags,
     #[command(flatten)]
     pub drive: DriveFlags,
     /// Initial state: coordinates, rates [default: that of the scenario, at rest].
     ///
-    /// The first motion begins there. The coordinates of a chain are the deflections of its joints, rad.
+    /// The first response begins there. The coordinates of a chain are the deflections of its joints, rad.
     #[arg(long, help_heading = heading::SIMULATED, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Longest settling time, in time constants of the slowest mode.
@@ -65,7 +65,7 @@ impl DirectionFlag {
     }
 }
 
-impl MotionFlags {
+impl SettlingFlags {
     /// Returns the initial state: coordinates and rates of --initial or the scenario, and elements at rest.
     pub fn initial(&self, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
         let initial = configuration::initial(self.initial.as_deref(), tested)?;
