@@ -6,7 +6,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 use super::Kind;
-use super::end::{End, PlantEnd};
+use super::end::End;
 use super::monitor::Heard;
 use super::readings::said_every_ns;
 use super::tester::Tester;
@@ -242,7 +242,7 @@ pub(super) fn limits(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     t.until(WATCH_NS, |t| !t.is_armed())?;
     let beyond = match &t.end {
-        End::Plant(plant) => beyond_limits(plant, t.heard()),
+        End::Plant(plant) => plant.loads_beyond_limits(t.heard()),
         End::Listener | End::Exciter(_) => None,
     };
     if let Some(text) = beyond {
@@ -251,19 +251,6 @@ pub(super) fn limits(t: &mut Tester) -> Result<(), Stop> {
     let (force_n, torque_nm) = t.plant()?.limits();
     t.note(format!("within {force_n} N, {torque_nm} N m"));
     Ok(())
-}
-
-/// The loads that the tester's plant rejected because they are beyond its limits, in words; `None` if it rejected none.
-pub(super) fn beyond_limits(plant: &PlantEnd, heard: &[Heard]) -> Option<String> {
-    let (force_n, torque_nm) = plant.limits();
-    let refused = match plant.node.refusals().count(Refusal::OutOfRange) {
-        0 => return None,
-        1 => String::from("1 load is"),
-        refused => format!("{refused} loads are"),
-    };
-    let largest = heard.iter().flat_map(Heard::loads).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let largest = largest.map_or_else(String::new, |(name, value, unit)| format!(", up to {name} {value:.3} {unit}"));
-    Some(format!("{refused} beyond the exciter's {force_n} N, {torque_nm} N m{largest}"))
 }
 
 /// The plant faults: the controller commands no more, or resets the fault by what the mapping says.

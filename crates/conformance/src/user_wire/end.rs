@@ -1,19 +1,21 @@
 //! The tester's own end of the bus: the scenario's plant, or the emulated exciter with a constant load.
 
 use alloc::boxed::Box;
-use alloc::string::ToString;
+use alloc::format;
+use alloc::string::{String, ToString};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 use super::UserWire;
+use super::monitor::Heard;
 use crate::stop::{Stop, inconclusive};
 use resonarm_bench::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm_bench::node::mapped::mapping::LoadInput;
 use resonarm_bench::node::{ExciterInterface, PlantInterface, PublishedSample};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::Measurement;
-use resonarm_protocol::{Frame, NodeState};
+use resonarm_protocol::{Frame, NodeState, Refusal};
 use resonarm_session::run::Mode;
 
 /// A controller that commands the same load until it is given another.
@@ -106,6 +108,21 @@ impl PlantEnd {
     /// The largest force, N, and torque, N·m, that it takes.
     pub fn limits(&self) -> (f64, f64) {
         self.plant.exciter().limits()
+    }
+
+    /// Returns in words which loads the plant has rejected because they are beyond its limits, with the largest of those
+    /// heard; `None` if it has rejected none.
+    pub fn loads_beyond_limits(&self, heard: &[Heard]) -> Option<String> {
+        let (force_n, torque_nm) = self.limits();
+        let refused = match self.node.refusals().count(Refusal::OutOfRange) {
+            0 => return None,
+            1 => String::from("1 load is"),
+            refused => format!("{refused} loads are"),
+        };
+        let largest = heard.iter().flat_map(Heard::loads).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let largest =
+            largest.map_or_else(String::new, |(name, value, unit)| format!(", up to {name} {value:.3} {unit}"));
+        Some(format!("{refused} beyond the exciter's {force_n} N, {torque_nm} N m{largest}"))
     }
 
     /// Returns the time of the next work, at the latest.

@@ -8,7 +8,6 @@ use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 use super::UserWire;
-use super::controller_cases::beyond_limits;
 use super::craft::{Damage, Sent};
 use super::end::{Constant, End, PlantEnd};
 use super::monitor::{Heard, Monitor, Seen, name};
@@ -258,7 +257,7 @@ impl<'w> Tester<'w> {
     pub fn rejected(&self) -> Option<Rejected> {
         self.monitor.rejected().or_else(|| {
             let End::Plant(plant) = &self.end else { return None };
-            let text = beyond_limits(plant, &self.monitor.heard)?;
+            let text = plant.loads_beyond_limits(&self.monitor.heard)?;
             Some(Rejected { text, may_be_lost: false })
         })
     }

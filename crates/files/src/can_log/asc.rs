@@ -7,7 +7,6 @@ use std::io::{self, Write};
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use super::candump::nanoseconds;
 use super::date;
 use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, length, since};
 use super::{CanLogError, LogWriter, LoggedFrame};
@@ -225,10 +224,10 @@ impl Reader {
     }
 }
 
-/// Works like [`nanoseconds`], with a minus before times that are earlier than the start of the log.
+/// Works like [`date::nanoseconds`], with a minus before times that are earlier than the start of the log.
 fn signed_nanoseconds(text: &str) -> Option<i64> {
     let (text, sign) = text.strip_prefix('-').map_or((text, 1), |text| (text, -1));
-    Some(sign * i64::try_from(nanoseconds(text)?).ok()?)
+    Some(sign * i64::try_from(date::nanoseconds(text)?).ok()?)
 }
 
 /// Says whether words begin, or end, a trigger block: the first is the wanted one.

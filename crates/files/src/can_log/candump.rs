@@ -151,7 +151,7 @@ fn time<'a, 'b>(words: &'a [&'b str]) -> Result<(Option<u64>, &'a [&'b str]), Ca
         }
         [time, rest @ ..] if time.starts_with('(') => {
             let in_brackets = time.strip_prefix('(').and_then(|time| time.strip_suffix(')'));
-            let time_ns = in_brackets.and_then(nanoseconds).ok_or_else(|| failed(time))?;
+            let time_ns = in_brackets.and_then(date::nanoseconds).ok_or_else(|| failed(time))?;
             Ok((Some(time_ns), rest))
         }
         words => Ok((None, words)),
@@ -205,18 +205,6 @@ fn view(words: &[&str], bit_rate_switch: bool, error_state_indicator: bool) -> R
 fn hexadecimal_byte(digits: &str) -> Option<u8> {
     let is_byte = digits.len() == 2 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
     is_byte.then(|| u8::from_str_radix(digits, 16).ok())?
-}
-
-/// Returns decimal seconds as whole nanoseconds, without floating-point rounding; further digits are cut off.
-pub(super) fn nanoseconds(text: &str) -> Option<u64> {
-    let (seconds, fraction) = text.split_once('.').unwrap_or((text, ""));
-    let is_number = |digits: &str| digits.bytes().all(|byte| byte.is_ascii_digit());
-    if seconds.is_empty() || !is_number(seconds) || !is_number(fraction) {
-        return None;
-    }
-    // Filled up with zeros or cut to nine digits, which are then the nanoseconds.
-    let nine: String = fraction.chars().chain(core::iter::repeat('0')).take(9).collect();
-    seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(nine.parse().ok()?)
 }
 
 #[cfg(test)]

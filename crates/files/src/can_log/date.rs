@@ -1,4 +1,4 @@
-//! Dates in the heads of bus logs, in UTC.
+//! Times in bus logs: dates in their heads, in UTC, and decimal seconds.
 
 use jiff::Timestamp;
 use jiff::civil::DateTime;
@@ -25,7 +25,19 @@ pub(super) fn unix_ns(date: DateTime) -> Option<u64> {
 pub(super) fn unix_ns_from_iso(text: &str) -> Option<u64> {
     let (date, fraction) = text.split_once('.').unwrap_or((text, ""));
     let date = DateTime::strptime("%Y-%m-%d %H:%M:%S", date).ok()?;
-    unix_ns(date)?.checked_add(super::candump::nanoseconds(&format!("0.{fraction}"))?)
+    unix_ns(date)?.checked_add(nanoseconds(&format!("0.{fraction}"))?)
+}
+
+/// Returns decimal seconds as whole nanoseconds, without floating-point rounding; further digits are cut off.
+pub(super) fn nanoseconds(text: &str) -> Option<u64> {
+    let (seconds, fraction) = text.split_once('.').unwrap_or((text, ""));
+    let is_number = |digits: &str| digits.bytes().all(|byte| byte.is_ascii_digit());
+    if seconds.is_empty() || !is_number(seconds) || !is_number(fraction) {
+        return None;
+    }
+    // Filled up with zeros or cut to nine digits, which are then the nanoseconds.
+    let nine: String = fraction.chars().chain(core::iter::repeat('0')).take(9).collect();
+    seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(nine.parse().ok()?)
 }
 
 /// The date in the form of ASC: `Sat Sep 30 15:06:13.191 2017`.
