@@ -12,7 +12,7 @@ use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series}
 struct Cell {
     at: [f64; 2],
     /// The number of the response that it reaches, counted from 1.
-    #[serde(rename = "orbit")]
+    #[serde(rename = "motion")]
     orbit: Option<usize>,
     /// Periods of the excitation until this was certain.
     periods: Option<u64>,

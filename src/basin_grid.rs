@@ -18,7 +18,7 @@ pub(crate) struct GridFlags {
     /// First value of each coordinate [default: minus the last].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     from: Option<Vec<f64>>,
-    /// Last value of each coordinate [default: 1.5 times as far as the largest stable motion reaches].
+    /// Last value of each coordinate [default: 1.5 times as far as the largest stable response reaches].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     to: Option<Vec<f64>>,
     /// Number of values of each coordinate, evenly spaced, from 2 to 1000.
