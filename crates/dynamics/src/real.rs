@@ -5,9 +5,7 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use wide::{f64x4, f64x8};
-
-/// A number of the simulated path: `f64`, [`Lanes`] of them for arms side by side, [`f64x4`] for the stages of a step.
+/// A number of the simulated path: `f64`, or [`Lanes`] of them for the stages of a step and for motions side by side.
 pub(crate) trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
@@ -64,72 +62,78 @@ impl Real for f64 {
     }
 }
 
-/// Number of arms that are computed side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
-pub(crate) const LANES: usize = 8;
-
-/// Eight numbers that take every operation together.
+/// `W` numbers that take every operation together.
+///
+/// They are plain arrays and not a vector type, which would be as wide as the registers that every processor has: the
+/// compiler makes vectors of them as wide as those of a [`Task`](resonarm_numeric::registers::Task).
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(64))]
-pub(crate) struct Lanes(pub [f64; LANES]);
+#[repr(align(32))]
+pub struct Lanes<const W: usize>(pub(crate) [f64; W]);
 
-// Plain loops: the compiler must see all eight together wherever this is inlined.
-impl Lanes {
+// Plain loops: the compiler must see all lanes together wherever this is inlined.
+impl<const W: usize> Lanes<W> {
     #[inline(always)]
-    fn zip(self, other: Lanes, f: impl Fn(f64, f64) -> f64) -> Lanes {
+    fn zip(self, other: Lanes<W>, f: impl Fn(f64, f64) -> f64) -> Lanes<W> {
         let mut result = self;
-        for i in 0..LANES {
+        for i in 0..W {
             result.0[i] = f(self.0[i], other.0[i]);
         }
         result
     }
+
+    /// The magnitude in every lane.
+    #[inline(always)]
+    pub(crate) fn abs(self) -> Lanes<W> {
+        self.zip(self, |a, _| libm::fabs(a))
+    }
 }
 
-impl Add for Lanes {
-    type Output = Lanes;
+impl<const W: usize> Add for Lanes<W> {
+    type Output = Lanes<W>;
     #[inline(always)]
-    fn add(self, other: Lanes) -> Lanes {
+    fn add(self, other: Lanes<W>) -> Lanes<W> {
         self.zip(other, |a, b| a + b)
     }
 }
 
-impl Sub for Lanes {
-    type Output = Lanes;
+impl<const W: usize> Sub for Lanes<W> {
+    type Output = Lanes<W>;
     #[inline(always)]
-    fn sub(self, other: Lanes) -> Lanes {
+    fn sub(self, other: Lanes<W>) -> Lanes<W> {
         self.zip(other, |a, b| a - b)
     }
 }
 
-impl Mul for Lanes {
-    type Output = Lanes;
+impl<const W: usize> Mul for Lanes<W> {
+    type Output = Lanes<W>;
     #[inline(always)]
-    fn mul(self, other: Lanes) -> Lanes {
+    fn mul(self, other: Lanes<W>) -> Lanes<W> {
         self.zip(other, |a, b| a * b)
     }
 }
 
-impl Div for Lanes {
-    type Output = Lanes;
+impl<const W: usize> Div for Lanes<W> {
+    type Output = Lanes<W>;
     #[inline(always)]
-    fn div(self, other: Lanes) -> Lanes {
+    fn div(self, other: Lanes<W>) -> Lanes<W> {
         self.zip(other, |a, b| a / b)
     }
 }
 
-impl Neg for Lanes {
-    type Output = Lanes;
+impl<const W: usize> Neg for Lanes<W> {
+    type Output = Lanes<W>;
     #[inline(always)]
-    fn neg(self) -> Lanes {
+    fn neg(self) -> Lanes<W> {
         self.zip(self, |a, _| -a)
     }
 }
 
-impl Real for Lanes {
-    const WIDTH: usize = LANES;
+impl<const W: usize> Real for Lanes<W> {
+    const WIDTH: usize = W;
 
     #[inline(always)]
-    fn gather(of: impl Fn(usize) -> f64) -> Lanes {
-        let mut result = [0.0; LANES];
+    fn gather(of: impl Fn(usize) -> f64) -> Lanes<W> {
+        let mut result = [0.0; W];
         for (i, value) in result.iter_mut().enumerate() {
             *value = of(i);
         }
@@ -142,72 +146,17 @@ impl Real for Lanes {
     }
 
     #[inline(always)]
-    fn splat(value: f64) -> Lanes {
-        Lanes([value; LANES])
+    fn splat(value: f64) -> Lanes<W> {
+        Lanes([value; W])
     }
 
     #[inline(always)]
     fn all_within(self, limit: f64) -> bool {
         // Without a short cut, so that the lanes stay together.
         let mut all = true;
-        for i in 0..LANES {
+        for i in 0..W {
             all &= self.0[i].all_within(limit);
         }
         all
-    }
-}
-
-// The numbers of [`Lanes`] in vectors of the processor: for formulas so long that the compiler no longer finds the lanes
-// in loops.
-impl Real for f64x8 {
-    const WIDTH: usize = LANES;
-
-    #[inline(always)]
-    fn gather(of: impl Fn(usize) -> f64) -> f64x8 {
-        let mut result = [0.0; LANES];
-        for (i, value) in result.iter_mut().enumerate() {
-            *value = of(i);
-        }
-        f64x8::new(result)
-    }
-
-    #[inline(always)]
-    fn lane(self, i: usize) -> f64 {
-        self.to_array()[i]
-    }
-
-    #[inline(always)]
-    fn splat(value: f64) -> f64x8 {
-        f64x8::splat(value)
-    }
-
-    #[inline(always)]
-    fn all_within(self, limit: f64) -> bool {
-        (self * self).simd_le(f64x8::splat(limit * limit)).all()
-    }
-}
-
-// A separate type: the compiler keeps `Lanes` in registers in a loop over many arms, but not in a step of one.
-impl Real for f64x4 {
-    const WIDTH: usize = 4;
-
-    #[inline(always)]
-    fn gather(of: impl Fn(usize) -> f64) -> f64x4 {
-        f64x4::new([of(0), of(1), of(2), of(3)])
-    }
-
-    #[inline(always)]
-    fn lane(self, i: usize) -> f64 {
-        self.to_array()[i]
-    }
-
-    #[inline(always)]
-    fn splat(value: f64) -> f64x4 {
-        f64x4::splat(value)
-    }
-
-    #[inline(always)]
-    fn all_within(self, limit: f64) -> bool {
-        (self * self).simd_le(f64x4::splat(limit * limit)).all()
     }
 }

@@ -27,6 +27,16 @@ pub fn widest<T: Task>(task: T) -> T::Output {
     task.run()
 }
 
+/// Runs a task of vectors of four numbers with registers of this width, those of AVX2, if the processor has them. With
+/// AVX-512 a step of a chain took a fifth to a third longer.
+pub fn four_wide<T: Task>(task: T) -> T::Output {
+    #[cfg(target_arch = "x86_64")]
+    if x86::has_avx2() {
+        return x86::with_avx2(task);
+    }
+    task.run()
+}
+
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code, reason = "a function compiled for registers that not every processor has")]
 mod x86 {
@@ -36,11 +46,13 @@ mod x86 {
     cpufeatures::new!(avx2_detection, "avx2");
 
     /// Whether processor and operating system have AVX-512 F; queried once.
+    #[inline]
     pub fn has_avx512() -> bool {
         avx512_detection::get()
     }
 
     /// Whether the processor and the operating system have AVX2; queried once.
+    #[inline]
     pub fn has_avx2() -> bool {
         avx2_detection::get()
     }
@@ -94,6 +106,7 @@ mod tests {
     fn all_registers_give_the_same_bits() {
         let task = Products(0.9);
         assert_eq!(widest(task), task.run());
+        assert_eq!(four_wide(task), task.run());
         #[cfg(target_arch = "x86_64")]
         if x86::has_avx2() {
             assert_eq!(x86::with_avx2(task), task.run());

@@ -3,14 +3,12 @@
 
 use core::array;
 
-use wide::f64x4;
-
 use super::explicit::{self, ExplicitMethod};
 use super::motion::Motion;
-use crate::real::Real;
+use crate::real::{Lanes, Real};
 
-/// One number for each stage of a step: four lanes.
-pub type Wide = f64x4;
+/// One number for each stage of a step.
+pub type Wide = Lanes<4>;
 
 /// The rates of change of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -28,6 +28,7 @@ use super::spec::{Axis, Law};
 use super::{Armature, Assembly, MOST_LINKS};
 use crate::integrate::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
 use crate::real::Real;
+use resonarm_numeric::registers::{Task, four_wide};
 
 /// A chain of N links with smooth elements.
 #[derive(Clone, Debug, PartialEq)]
@@ -448,7 +449,23 @@ impl<const N: usize> StageEquation<N> for Stages<'_, N> {
     // Compiled once for all numbers of stages.
     #[inline(never)]
     fn rates(&self, motion: &Motion<Wide, N>) -> Rates<Wide, N> {
-        self.kernel.rates_anywhere(motion, &self.load, self.smooth)
+        four_wide(StageRates { stages: self, motion })
+    }
+}
+
+/// The rates at the stages, for any registers.
+struct StageRates<'a, const N: usize> {
+    stages: &'a Stages<'a, N>,
+    motion: &'a Motion<Wide, N>,
+}
+
+impl<const N: usize> Task for StageRates<'_, N> {
+    type Output = Rates<Wide, N>;
+
+    #[inline(always)]
+    fn run(self) -> Rates<Wide, N> {
+        let StageRates { stages, motion } = self;
+        stages.kernel.rates_anywhere(motion, &stages.load, stages.smooth)
     }
 }
 

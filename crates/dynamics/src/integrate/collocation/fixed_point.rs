@@ -98,7 +98,7 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
 #[inline(always)]
 fn less<const N: usize>(mut a: [Wide; N], b: [Wide; N]) -> [Wide; N] {
     for n in 0..N {
-        a[n] -= b[n];
+        a[n] = a[n] - b[n];
     }
     a
 }

@@ -1,12 +1,9 @@
 //! Many motions of one chain under one sine at once, side by side in the lanes of the processor.
 //!
 //! Each motion has the same states, bit for bit, as if it were alone, on every processor: the step is the source of
-//! [`Integrator::step`](crate::integrate::Integrator::step) with `dop853`, generic over one number or eight. The sums of
-//! the stages are loops over lanes, which the compiler makes as wide as the registers are; the equation of motion is too
-//! long for that, and has vectors.
+//! [`Integrator::step`](crate::integrate::Integrator::step) with `dop853`, generic over one number or several.
 
 use alloc::vec::Vec;
-use core::marker::PhantomData;
 
 use crate::integrate::Motion;
 use crate::integrate::explicit::combined;
@@ -14,10 +11,12 @@ use crate::integrate::tableau::DOP853;
 use crate::real::{Lanes, Real};
 use crate::structure::links::{Links, LinksLoad};
 use resonarm_numeric::registers::{Task, widest};
-use wide::f64x8;
 
 /// The most links of a chain whose motions go side by side: the numbers of more don't fit the registers.
 pub(super) const MOST_LINKS: usize = 3;
+
+/// Number of motions that go side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
+const LANES: usize = 8;
 
 /// Stages of a step of `dop853`.
 const STAGES: usize = DOP853.c.len();
@@ -45,7 +44,7 @@ pub(super) fn advance<const N: usize>(
     states: &mut [Vec<f64>],
 ) {
     let steps = Steps { links, h_s, load, sines: steps.sines, times: steps.times };
-    side_by_side(|motion| widest(Group::<Lanes, f64x8, N>::new(steps, motion)), states);
+    side_by_side(|motion: &mut Motion<Lanes<LANES>, N>| widest(Group { steps, motion }), states);
 }
 
 /// Groups of `T::WIDTH` motions, one after the other; lanes that are left over repeat the last motion.
@@ -75,46 +74,26 @@ struct Steps<'a, const N: usize> {
     times: u32,
 }
 
-/// A group of motions that takes them, in numbers T, with the equation of motion in numbers E.
-struct Group<'a, T, E, const N: usize> {
+/// A group of motions that takes them.
+struct Group<'a, T, const N: usize> {
     steps: Steps<'a, N>,
     motion: &'a mut Motion<T, N>,
-    equation: PhantomData<E>,
 }
 
-impl<'a, T, E, const N: usize> Group<'a, T, E, N> {
-    #[inline(always)]
-    fn new(steps: Steps<'a, N>, motion: &'a mut Motion<T, N>) -> Group<'a, T, E, N> {
-        Group { steps, motion, equation: PhantomData }
-    }
-}
-
-/// The same lanes in numbers of another kind.
-#[inline(always)]
-fn converted<T: Real, U: Real, const N: usize>(of: &[T; N]) -> [U; N] {
-    let mut numbers = [U::splat(0.0); N];
-    for (number, of) in numbers.iter_mut().zip(of) {
-        *number = U::gather(|lane| of.lane(lane));
-    }
-    numbers
-}
-
-impl<T: Real, E: Real, const N: usize> Task for Group<'_, T, E, N> {
+impl<T: Real, const N: usize> Task for Group<'_, T, N> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Steps { links, h_s, load, sines, times } = self.steps;
-        let links = links.side_by_side::<E>();
+        let links = links.side_by_side::<T>();
         let motion = self.motion;
         for _ in 0..times {
             for sines in sines {
                 let mut slopes = [Motion::splat(0.0); STAGES];
                 for (stage, sine) in sines.iter().enumerate() {
-                    let Motion { x, v } = combined(motion, h_s, &DOP853.a[stage], &slopes);
-                    let at = Motion { x: converted::<T, E, N>(&x), v: converted::<T, E, N>(&v) };
-                    let acceleration = links.acceleration(&at, &load.times(*sine).splat());
-                    slopes[stage] = Motion { x: v, v: converted::<E, T, N>(&acceleration) };
+                    let at = combined(motion, h_s, &DOP853.a[stage], &slopes);
+                    slopes[stage] = Motion { x: at.v, v: links.acceleration(&at, &load.times(*sine).splat()) };
                 }
                 *motion = combined(motion, h_s, &DOP853.b, &slopes);
             }
@@ -218,8 +197,8 @@ mod tests {
         advance(&links, 1e-4, &load, &steps, &mut expected);
         let steps = Steps { links: &links, h_s: 1e-4, load: &load, sines: &sines, times: 3 };
         let (mut plain, mut singly) = (starts.clone(), starts);
-        side_by_side(|motion| Group::<Lanes, f64x8, 2>::new(steps, motion).run(), &mut plain);
-        side_by_side(|motion| Group::<f64, f64, 2>::new(steps, motion).run(), &mut singly);
+        side_by_side(|motion: &mut Motion<Lanes<LANES>, 2>| Group { steps, motion }.run(), &mut plain);
+        side_by_side(|motion: &mut Motion<f64, 2>| Group { steps, motion }.run(), &mut singly);
         assert_eq!([&plain, &singly], [&expected; 2]);
     }
 
