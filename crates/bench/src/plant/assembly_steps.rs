@@ -104,20 +104,27 @@ impl AssemblySteps {
         self.places.iter().zip(read).for_each(|(place, at)| out[*place] = *at);
     }
 
-    /// The loads of the plant as the drive takes them.
-    fn drive(&self, load: &Load) -> Result<Drive, StructureError> {
+    /// The loads of the plant as the drive takes them; parts that it doesn't take are left out.
+    fn drive(&self, load: &Load) -> Drive {
         let mut numbers = [0.0; Load::PARTS];
         if let Some((shaker, _)) = &self.shaker {
             numbers[0] = shaker.along_n(load);
-            return Ok(Drive { numbers, count: 1 });
+            return Drive { numbers, count: 1 };
         }
         let parts = load.parts();
-        let idle = |(place, part): (usize, f64)| part != 0.0 && !self.acting.contains(&place);
-        if let Some((place, got)) = parts.into_iter().enumerate().find(|(place, part)| idle((*place, *part))) {
-            return Err(StructureError::NoInput { name: LOADS[place].name, got });
-        }
         numbers.iter_mut().zip(&self.acting).for_each(|(number, place)| *number = parts[*place]);
-        Ok(Drive { numbers, count: self.acting.len() })
+        Drive { numbers, count: self.acting.len() }
+    }
+
+    /// Refuses a load of which the drive doesn't take every part.
+    fn check(&self, load: &Load) -> Result<(), StructureError> {
+        let is_idle = |(place, part): &(usize, f64)| *part != 0.0 && !self.acting.contains(place);
+        match load.parts().into_iter().enumerate().find(is_idle) {
+            Some((place, got)) if self.shaker.is_none() => {
+                Err(StructureError::NoInput { name: LOADS[place].name, got })
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -139,8 +146,8 @@ impl Stepped for AssemblySteps {
     }
 
     fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        let drive = self.drive(load)?;
-        Ok(self.stepper.advance(t_s, drive.acting())?)
+        self.check(load)?;
+        Ok(self.stepper.advance(t_s, self.drive(load).acting())?)
     }
 
     fn sensors(&self) -> &[Channel] {
@@ -148,9 +155,13 @@ impl Stepped for AssemblySteps {
     }
 
     fn read(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        let drive = self.drive(load)?;
+        let (drive, dofs) = (self.drive(load), &self.read[..self.places.len()]);
+        // Usually the structure has every degree of freedom, and their order is that of the places.
+        if dofs.len() == out.len() {
+            return Ok(self.stepper.read(drive.acting(), dofs, out)?);
+        }
         let mut read = [Kinematics::default(); MOST_READ];
-        self.stepper.read(drive.acting(), &self.read[..self.places.len()], &mut read)?;
+        self.stepper.read(drive.acting(), dofs, &mut read)?;
         self.hand_out(&read, out);
         Ok(())
     }

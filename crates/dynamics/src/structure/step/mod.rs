@@ -319,17 +319,24 @@ impl Stepper {
     /// # Errors
     /// [`StepError::Saved`] if there is not room for [`Stepper::saved_len`] numbers.
     pub fn save(&self, saved: &mut [f64]) -> Result<(), StepError> {
-        if saved.len() != self.saved_len() {
+        let StateRef { q, v, coil, z, branches } = self.engine.state();
+        let numbers = [q, v, coil, z];
+        if saved.len() != numbers.map(<[f64]>::len).iter().sum::<usize>() + branches.len() {
             return Err(self.not_saved(saved.len()));
         }
-        let StateRef { q, v, coil, z, branches } = self.engine.state();
-        let branches = branches.iter().map(|branch| match branch {
-            Branch::Inner => 0.0,
-            Branch::Upper => 1.0,
-            Branch::Lower => -1.0,
+        let mut rest = saved;
+        for part in numbers {
+            let (own, after) = rest.split_at_mut(part.len());
+            own.copy_from_slice(part);
+            rest = after;
+        }
+        rest.iter_mut().zip(branches).for_each(|(code, branch)| {
+            *code = match branch {
+                Branch::Inner => 0.0,
+                Branch::Upper => 1.0,
+                Branch::Lower => -1.0,
+            };
         });
-        let numbers = q.iter().chain(v).chain(coil).chain(z).copied().chain(branches);
-        saved.iter_mut().zip(numbers).for_each(|(saved, number)| *saved = number);
         Ok(())
     }
 
