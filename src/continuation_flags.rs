@@ -1,5 +1,7 @@
 //! Flags for the continuation along a branch, shared by `continue` and `backbone`.
 
+use core::ops::RangeInclusive;
+
 use clap::Args;
 
 use crate::failure::Failure;
@@ -14,6 +16,13 @@ pub(crate) struct ContinuationFlags {
     /// Most harmonics of a motion, from 3 to 1000.
     #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_HARMONICS as u16, value_parser = numbers::integer(3..=1000_u16))]
     most_harmonics: u16,
+    /// Largest error from the harmonics left out, over the motion's size.
+    ///
+    /// Harmonics are added until the error is below it, from 1e-14 to 0.1. By default it depends on the elements: 1e-9 for
+    /// linear and cubic ones and for the links of a chain, 1e-6 for tanh, 1e-5 for steep tanh, friction and lugre, and
+    /// 1e-4 for gaps and contacts; the largest of these counts.
+    #[arg(long, value_name = "X")]
+    tolerance: Option<f64>,
     /// Most points of a branch.
     #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_POINTS as u32, value_parser = numbers::integer(1..=u32::MAX))]
     most_points: u32,
@@ -24,6 +33,8 @@ pub(crate) struct ContinuationFlags {
     largest_step: f64,
 }
 
+/// Tolerances that rounding allows, and that still describe a response.
+const TOLERANCES: RangeInclusive<f64> = 1e-14..=0.1;
 /// The smallest step accepted, as a fraction.
 const SHORTEST_STEP: f64 = 1e-6;
 
@@ -33,6 +44,13 @@ impl ContinuationFlags {
         if !(SHORTEST_STEP..=1.0).contains(&self.largest_step) {
             let why = format!("it must be from {SHORTEST_STEP} to 1");
             return Err(Failure::value("--largest-step", self.largest_step, why));
+        }
+        if let Some(tolerance) = self.tolerance {
+            if !TOLERANCES.contains(&tolerance) {
+                let why = format!("it must be from {} to {}", TOLERANCES.start(), TOLERANCES.end());
+                return Err(Failure::value("--tolerance", tolerance, why));
+            }
+            options.truncation = tolerance;
         }
         options.most_harmonics = usize::from(self.most_harmonics);
         options.most_points = self.most_points as usize;

@@ -134,6 +134,8 @@ struct Walk {
 /// Results of the continuation: the branch, its doubled branches and its curves.
 struct Found {
     branch: Branch,
+    /// The largest truncation error, relative to the size of the response.
+    tolerance: f64,
     doubled: Vec<Branch>,
     curves: Option<Curves>,
 }
@@ -186,7 +188,7 @@ impl Continue {
         let (found, wall_s) = timed(|| self.follow(&tested, &walk, &mut early));
         let found = found?;
         let document = Document {
-            configuration: self.configuration(&scenario, &tested, &walk),
+            configuration: self.configuration(&scenario, &tested, &walk, found.tolerance),
             coordinates: configuration::coordinates(&tested.assembly),
             branch: BranchDocument::new(&found.branch, &walk.read),
             unlocated: found.branch.unlocated.iter().map(unlocated).collect(),
@@ -281,7 +283,7 @@ impl Continue {
             Some(second) => Some(self.curves(&forced, &branch, walk, second, early)?),
             None => None,
         };
-        Ok(Found { branch, doubled, curves })
+        Ok(Found { branch, tolerance: options.branch.truncation, doubled, curves })
     }
 
     /// Follows the curves of folds and period doublings of the branch.
@@ -306,12 +308,13 @@ impl Continue {
         Ok(Curves { coordinates, curves })
     }
 
-    fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk) -> Value {
+    fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk, tolerance: f64) -> Value {
         let mut configuration = configuration::of_structure(scenario, tested);
         configuration["drive"] = walk.drive.document();
         configuration["continue"] = json!({
             "parameter": walk.coordinate.to_string(), "from": walk.ends[0], "to": walk.ends[1],
             "frequency_hz": self.frequency_hz, "stability": !self.no_stability,
+            "tolerance": tolerance,
         });
         configuration
     }
@@ -339,6 +342,7 @@ impl Continue {
         } else {
             format!("{}, in {wall_s:.3} s\n", counted(branch))
         };
+        text += &truncated(branch, found.tolerance, unit);
         for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
             text +=
                 &format!("{} at {} {unit}: {}\n", kind.name(), rounded(&orbit.value, 7), words(&orbit.readings, read));
@@ -377,6 +381,23 @@ fn counted(branch: &Branch) -> String {
     format!("{} responses, {unstable} of them unstable", branch.orbits.len())
 }
 
+/// Says how many responses would need more harmonics than are allowed, and where the error is largest; empty if there is
+/// none.
+fn truncated(branch: &Branch, tolerance: f64, unit: &str) -> String {
+    let beyond = || branch.orbits.iter().filter(|orbit| orbit.truncation_error > tolerance);
+    let Some(worst) = beyond().max_by(|a, b| a.truncation_error.total_cmp(&b.truncation_error)) else {
+        return String::new();
+    };
+    format!(
+        "{} responses would need more than {} harmonics for the tolerance {tolerance:e}: the error is up to {:.1e} of \
+         the response, at {} {unit} (--most-harmonics, --tolerance)\n",
+        beyond().count(),
+        worst.harmonics,
+        worst.truncation_error,
+        rounded(&worst.value, 7)
+    )
+}
+
 impl Walk {
     /// Draws the largest displacement over the quantity that varies; unstable periodic responses dashed, bifurcations
     /// as marks.
@@ -396,6 +417,7 @@ fn point(orbit: &Orbit, read: &[ReadAt]) -> Value {
         "value": orbit.value, "frequency_hz": orbit.frequency_hz, "drive": orbit.drive, "period": orbit.period,
         "readings": readings(&orbit.readings, read), "stable": orbit.is_stable(),
         "multipliers": multipliers, "harmonics": orbit.harmonics,
+        "truncation_error": orbit.truncation_error,
     })
 }
 

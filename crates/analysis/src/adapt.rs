@@ -59,14 +59,17 @@ impl Spectral for Balance {
     }
 }
 
-/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth.
-/// Drops the last harmonic if it is negligible.
+/// Adds harmonics until the truncation error is small enough, or as many as are allowed. Drops the last harmonic if it
+/// is negligible.
+///
+/// # Errors
+/// [`AnalysisError::NoSolution`] if the response is not found with another number of harmonics;
+/// [`AnalysisError::TooManyHarmonics`] if it needs more than are allowed and the branch is to end there.
 pub(super) fn adapt<S: Spectral>(
     system: &mut S,
     continuation: &mut Continuation,
     branch: &BranchOptions,
 ) -> Result<(), AnalysisError> {
-    let smooth = system.balance().forced.assembly.is_smooth();
     let [least, most] = [branch.least_harmonics, branch.most_harmonics].map(|harmonics| harmonics * system.period());
     loop {
         let (z, lambda) = (&continuation.point().x, continuation.point().lambda);
@@ -86,11 +89,10 @@ pub(super) fn adapt<S: Spectral>(
                 continuation.resize(system)?;
                 continue;
             }
-            // The series of a law with a kink falls only with a power of the order, so that no number of harmonics is
-            // enough. Such a branch goes on with the most that are allowed.
-            if smooth {
+            if branch.ends_if_truncated {
                 return Err(AnalysisError::TooManyHarmonics { at: system.place(lambda), harmonics });
             }
+            // The branch goes on with the most that are allowed, and its points state their error.
         } else if harmonics > least && error.max(last) < DROP_SHARE * allowed {
             system.set_harmonics(harmonics - 1);
             continuation.resize(system)?;

@@ -81,7 +81,9 @@ impl BackboneOptions {
     pub fn new(forced: &Forced, mode: usize, largest: f64, largest_drive: f64, read: Vec<Dof>) -> BackboneOptions {
         let linear_hz = forced.assembly.modes().get(mode).map_or(f64::NAN, |mode| mode.frequency_hz);
         let ends = [0.1 * linear_hz, 10.0 * linear_hz];
-        let branch = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, vec![]).branch;
+        let mut branch = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, vec![]).branch;
+        // The harmonics of a smooth backbone grow without bound where it approaches another mode.
+        branch.ends_if_truncated = forced.assembly.is_smooth();
         BackboneOptions { mode, largest, largest_drive, read, branch }
     }
 }

@@ -13,6 +13,7 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::cell::Cell;
 use core::f64::consts::TAU;
 
 use nalgebra::Complex;
@@ -68,6 +69,8 @@ pub(super) struct Balance {
 /// The response to which the samples belong.
 #[derive(Clone, Debug, Default)]
 struct Evaluated {
+    /// The truncation error, once it is known.
+    truncation_error: Cell<Option<f64>>,
     /// Whether the samples belong to a response: false after the structure or the samples have changed.
     is_known: bool,
     x: Vec<f64>,
@@ -299,6 +302,7 @@ impl Balance {
         }
         known.x.clear();
         known.x.extend_from_slice(x);
+        known.truncation_error.set(None);
         (known.is_known, known.frequency_hz, known.amplitude) = (true, frequency_hz, amplitude);
         let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
         self.samples.synthesise(x, &self.unknowns, omega);
@@ -326,7 +330,13 @@ impl Balance {
     /// Estimates the error of the truncation to H harmonics, in the unit of u: the largest of the harmonics k = H + 1 …
     /// 2H + 1 that the linear structure makes of the balance's residual there.
     pub fn truncation_error(&self) -> f64 {
-        self.missing(&self.samples.load)
+        // The choice of the number of harmonics and the point of the branch ask for the same.
+        let known = &self.evaluated.truncation_error;
+        known.get().unwrap_or_else(|| {
+            let error = self.missing(&self.samples.load);
+            known.set(Some(error));
+            error
+        })
     }
 
     /// Estimates how far a variation of the response last linearised, a null vector of the matrix or a part of it, is

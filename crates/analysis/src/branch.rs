@@ -295,8 +295,7 @@ impl<'a> Tracer<'a> {
     /// Returns all results for the response at a point.
     pub fn orbit(&mut self, point: &Point) -> Orbit {
         self.at(point, |tracer| {
-            let (balance, read) = (&tracer.balance, &tracer.options.read);
-            let orbit = orbit_of(balance, read, &point.x, point.lambda, point.arclength);
+            let orbit = orbit_of(&tracer.balance, tracer.options, &point.x, point.lambda, point.arclength);
             Orbit { stability: tracer.stability(&point.x), ..orbit }
         })
     }
@@ -308,15 +307,16 @@ impl<'a> Tracer<'a> {
 }
 
 /// Returns the response last evaluated, without its stability.
-pub(super) fn orbit_of(balance: &Balance, read: &[Dof], x: &[f64], value: f64, arclength: f64) -> Orbit {
+pub(super) fn orbit_of(balance: &Balance, options: &TraceOptions, x: &[f64], value: f64, arclength: f64) -> Orbit {
     Orbit {
         value,
         frequency_hz: balance.frequency_hz,
         drive: balance.forced.amplitude,
         period: balance.period(),
-        readings: read.iter().map(|&dof| reading(balance, dof)).collect(),
+        readings: options.read.iter().map(|&dof| reading(balance, dof)).collect(),
         stability: None,
         harmonics: balance.harmonics(),
+        truncation_error: balance.truncation_error() / options.branch.continuation.size(x),
         coefficients: x.to_vec(),
         arclength,
     }

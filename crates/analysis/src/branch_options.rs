@@ -15,6 +15,9 @@ pub struct BranchOptions {
     pub most_harmonics: usize,
     /// The largest truncation error of H harmonics, relative to the size of the response.
     pub truncation: f64,
+    /// Whether the branch ends at a response that needs more than `most_harmonics`. Otherwise it goes on, and its
+    /// responses state their error.
+    pub ends_if_truncated: bool,
     /// Largest number of points; a branch that needs more ends early.
     pub most_points: usize,
     /// The settings of the continuation.
@@ -44,6 +47,7 @@ impl BranchOptions {
             least_harmonics: 3,
             most_harmonics: Self::MOST_HARMONICS,
             truncation: 1e-9,
+            ends_if_truncated: false,
             most_points: Self::MOST_POINTS,
             continuation,
         }

@@ -214,6 +214,6 @@ fn singular_point(singular: &mut Singular, point: &Point, options: &TraceOptions
     let (lambda, x) = singular.split(&point.x);
     let x = x.to_vec();
     let orbit =
-        singular.orbit(&point.x, point.lambda, |balance| orbit_of(balance, &options.read, &x, lambda, point.arclength));
+        singular.orbit(&point.x, point.lambda, |balance| orbit_of(balance, options, &x, lambda, point.arclength));
     SingularPoint { lambda, mu: point.lambda, orbit }
 }

@@ -2,8 +2,10 @@
 
 use alloc::vec::Vec;
 
+use core::f64::consts::TAU;
+
 use nalgebra::Complex;
-use resonarm_dynamics::structure::Dof;
+use resonarm_dynamics::structure::{Dof, Element, Law};
 
 use super::{Coordinate, Forced};
 use crate::continuation::{ContinuationSettings, Work};
@@ -30,21 +32,44 @@ pub struct TraceOptions {
     pub assess: Assess,
 }
 
-/// The largest truncation error of a structure with a law that isn't smooth, relative to the size of the response: its
-/// series end with a power of the frequency.
-const TRUNCATION: f64 = 1e-5;
+/// The largest truncation errors, relative to the size of the response, by the law of the forces. The series of
+/// polynomials fall exponentially with the frequency, so that a small error costs few harmonics. Those of the others
+/// fall with a power of it, until steps of tanh are resolved: there the error is one that a moderate number of harmonics
+/// reaches.
+const TOLERANCES: Tolerances = Tolerances { polynomial: 1e-9, tanh: 1e-6, friction: 1e-5, contact: 1e-4 };
+/// Below this fraction of the velocity the v0 of tanh is so steep that its series falls as that of friction.
+const STEEP: f64 = 0.05;
 /// The largest step, relative to the response's size: a resonance, which is a circle for the continuation, has about 60
 /// points.
 const LARGEST_STEP: f64 = 0.1;
 /// Responses below this fraction of the static deflection count as this large.
 const STATE_FLOOR: f64 = 1e-2;
 
+/// Tolerances by law.
+struct Tolerances {
+    polynomial: f64,
+    tanh: f64,
+    friction: f64,
+    contact: f64,
+}
+
+impl Tolerances {
+    /// Returns the tolerance of a law whose displacement has velocities of this order, m/s.
+    fn of(&self, law: &Law, velocity: f64) -> f64 {
+        match *law {
+            Law::Cubic { .. } | Law::Linear { .. } => self.polynomial,
+            Law::Tanh { velocity: scale, .. } if scale >= STEEP * velocity => self.tanh,
+            Law::Tanh { .. } | Law::Friction { .. } | Law::Lugre { .. } => self.friction,
+            Law::Gap { .. } | Law::KelvinVoigt { .. } | Law::HuntCrossley { .. } => self.contact,
+        }
+    }
+}
+
 impl TraceOptions {
     /// The usual settings for a branch from one value of a coordinate to another; the response is read at `read`.
     pub fn new(forced: &Forced, coordinate: Coordinate, [from, to]: [f64; 2], read: Vec<Dof>) -> TraceOptions {
         let mut branch = BranchOptions::new(from, to);
         if !forced.assembly.is_smooth() {
-            branch.truncation = TRUNCATION;
             branch.least_harmonics = 9;
         }
         let amplitude = match coordinate {
@@ -52,6 +77,10 @@ impl TraceOptions {
             Coordinate::Amplitude => from.abs().max(to.abs()),
         };
         let deflection = super::balance::unit_deflection(forced) * amplitude;
+        let highest_hz = if coordinate == Coordinate::FrequencyHz { from.max(to) } else { 0.0 };
+        let tolerance = |element: &Element| TOLERANCES.of(element.law(), TAU * highest_hz * deflection);
+        // The largest of all: the others' harmonics do not make up for those of one.
+        branch.truncation = forced.assembly.elements().iter().map(tolerance).fold(TOLERANCES.polynomial, f64::max);
         let state_floor = if deflection > 0.0 && deflection.is_finite() { STATE_FLOOR * deflection } else { 1e-6 };
         branch.continuation = ContinuationSettings { largest_step: LARGEST_STEP, state_floor, ..branch.continuation };
         TraceOptions { branch, read, assess: Assess::default() }
@@ -110,6 +139,8 @@ pub struct Orbit {
     pub stability: Option<Stability>,
     /// Number of harmonics, H.
     pub harmonics: usize,
+    /// Estimate of what the harmonics that are left out change, relative to the size of the response.
+    pub truncation_error: f64,
     /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt/ν and sin kΩt/ν, k = 1 … H, each of all
     /// unknowns. For a chain u are its coordinates, rad; for modes they are the displacements of the elements, m.
     pub coefficients: Vec<f64>,

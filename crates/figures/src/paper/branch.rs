@@ -227,7 +227,9 @@ impl Traced<'_> {
         ends: [f64; 2],
         amplitude: f64,
     ) -> Result<ForcedBranch, PaperError> {
-        let options = TraceOptions::new(forced, coordinate, ends, self.read.dofs(self.arm)?);
+        let mut options = TraceOptions::new(forced, coordinate, ends, self.read.dofs(self.arm)?);
+        // The statements count only responses that are computed to the tolerance.
+        options.branch.ends_if_truncated = true;
         let branch = trace(forced, frequency_hz, coordinate, &options).map_err(AnalysisError::from);
         let branch = branch.map_err(|source| PaperError::Analysis {
             structure: self.structure.to_owned(),
