@@ -368,7 +368,8 @@ fn continue_reports_its_failures() {
 #[test]
 fn a_branch_with_too_few_harmonics_states_its_error() {
     let flags = "--drive=joint1=60 --from-hz=21 --to-hz=23";
-    let document = |more: &str| -> Value { serde_json::from_str(&done(&format!("continue {flags} {more} --json"))).unwrap() };
+    let document =
+        |more: &str| -> Value { serde_json::from_str(&done(&format!("continue {flags} {more} --json"))).unwrap() };
     let (few, all) = (document("--most-harmonics=4"), document(""));
     assert_eq!([&few["ended"], &all["ended"]], ["at-end"; 2]);
     assert_eq!(all["configuration"]["continue"]["tolerance"], 1e-9);

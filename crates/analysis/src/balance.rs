@@ -11,6 +11,8 @@
 //! The derivatives by a parameter of the structure are differences of fourth order: rows depend on most parameters by a
 //! polynomial of degree 2 at most, so that only rounding is left, and on the others smoothly.
 
+mod homotopy;
+
 use alloc::vec;
 use alloc::vec::Vec;
 use core::cell::Cell;
@@ -27,6 +29,8 @@ use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_rest};
 use super::{Coordinate, Forced};
 use crate::continuation::System;
+
+pub(super) use homotopy::Homotopy;
 
 /// Samples per period for a structure with a law that isn't smooth: a kink between two samples changes the harmonics by
 /// the order of the square of their distance.

@@ -14,13 +14,12 @@ use super::floquet::Floquet;
 use super::orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
 use super::singular::{Singular, Singularity, doubled};
 use super::spectral::largest;
+use super::start::start;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
 use crate::{AnalysisError, BifurcationKind, EndedEarly};
 
-/// Multiples of the frequency at which to start if Newton's method finds no periodic response from rest.
-const DETOURS: [f64; 2] = [0.7, 1.4];
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
 const MOST_HALVINGS: usize = 16;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
@@ -39,7 +38,7 @@ pub fn trace(
 ) -> Result<Branch, EndedEarly<Branch>> {
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
-    let continuation = enter(&mut balance, options)?;
+    let continuation = start(&mut balance, options)?;
     Tracer::new(balance, options).run(continuation)
 }
 
@@ -126,56 +125,6 @@ fn not_there(balance: &Balance, options: &TraceOptions) -> AnalysisError {
         Coordinate::Parameter(_) => "the range of the parameter",
     };
     AnalysisError::Interval { from: options.branch.from, to: options.branch.to, unit: balance.unit(), domain }
-}
-
-/// Starts at `options.branch.from`: from rest, or, if that is too far, from the end of a continuation in frequency that
-/// starts away from the resonance.
-fn enter(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, AnalysisError> {
-    let branch = &options.branch;
-    let direction = branch.to - branch.from;
-    let rest = alloc::vec![0.0; balance.dimension()];
-    let first = match Continuation::start(balance, branch.continuation, &rest, branch.from, direction) {
-        Ok(continuation) => return Ok(continuation),
-        Err(error) => error,
-    };
-    // Along the frequency first from outside the interval: the approach then goes in the direction of the trace.
-    let mut detours = DETOURS;
-    if balance.coordinate == Coordinate::FrequencyHz && direction < 0.0 {
-        detours.reverse();
-    }
-    for detour in detours {
-        if let Ok(continuation) = approach(balance, options, detour) {
-            return Ok(continuation);
-        }
-    }
-    Err(first)
-}
-
-/// Continues in frequency from `detour` times the wanted frequency to it, and starts there.
-fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Result<Continuation, AnalysisError> {
-    let branch = &options.branch;
-    // The interval was checked.
-    let _ = balance.set_value(branch.from);
-    let mut swept = balance.clone();
-    swept.coordinate = Coordinate::FrequencyHz;
-    let wanted_hz = balance.frequency_hz;
-    swept.set_harmonics(branch.least_harmonics);
-    let rest = alloc::vec![0.0; swept.dimension()];
-    let mut walk =
-        Walk::new(Continuation::start(&mut swept, branch.continuation, &rest, detour * wanted_hz, 1.0 - detour)?);
-    for _ in 0..branch.most_points {
-        adapt(&mut swept, &mut walk.continuation, branch)?;
-        let before = walk.point().clone();
-        walk.advance(&mut swept, &branch.continuation)?;
-        let after = walk.point();
-        if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
-            let point = at_parameter(&mut swept, &branch.continuation, [&before, after], wanted_hz)?;
-            balance.set_harmonics(swept.harmonics());
-            let direction = branch.to - branch.from;
-            return Continuation::start(balance, branch.continuation, &point.x, branch.from, direction);
-        }
-    }
-    Err(AnalysisError::TooManyPoints { points: branch.most_points, at: swept.place(walk.point().lambda) })
 }
 
 /// A continuation with the quantities computed at each point.

@@ -3,10 +3,12 @@
 use alloc::boxed::Box;
 use alloc::format;
 use alloc::string::String;
+use alloc::vec::Vec;
 use core::fmt;
 
 use thiserror::Error;
 
+use super::StartAttempt;
 use super::continuation::StepRefusal;
 use resonarm_dynamics::structure::StructureError;
 use resonarm_numeric::number::{rounded, short};
@@ -43,6 +45,16 @@ fn no_resonance(damping_ratio: &f64) -> String {
     }
 }
 
+/// Lists the homotopies that were tried at a start.
+fn attempted(attempts: &[StartAttempt]) -> String {
+    let mut text = String::new();
+    for (number, attempt) in attempts.iter().enumerate() {
+        text += if number == 0 { ". Element forces raised from zero " } else { "; " };
+        text += &format!("{attempt}");
+    }
+    text
+}
+
 /// Error of an analysis that has no result, or ended early.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -60,6 +72,19 @@ pub enum AnalysisError {
         at: Place,
         /// Reason for which the step was rejected.
         refusal: StepRefusal,
+    },
+    /// No periodic response was found at the start of a branch.
+    #[error(
+        "no periodic response was found at {at}. Newton's method from rest: {from_rest}{}; start elsewhere, or follow the amplitude from a smaller one",
+        attempted(attempts)
+    )]
+    NoStart {
+        /// The start of the branch.
+        at: Place,
+        /// Reason for which Newton's method from rest ended.
+        from_rest: StepRefusal,
+        /// The homotopies that were tried.
+        attempts: Vec<StartAttempt>,
     },
     /// A branch could not be followed further.
     #[error(

@@ -47,6 +47,7 @@ mod samples;
 mod search;
 mod singular;
 mod spectral;
+mod start;
 pub mod time_domain;
 mod unknowns;
 mod walk;
@@ -69,6 +70,7 @@ pub use orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOpt
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};
+pub use start::{StartAttempt, StartEnd, StartStructure};
 
 #[cfg(test)]
 mod tests;

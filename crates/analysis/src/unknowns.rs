@@ -180,12 +180,25 @@ impl Condensed {
 
     /// Computes H at a frequency, rad/s, of all modes or all but one.
     pub fn compliance(&self, rate_rad_s: f64, without: Option<usize>, out: &mut Compliance) {
+        self.sum(self.poles(rate_rad_s, without), out);
+    }
+
+    /// Computes `factor` times the derivative of H at a frequency by a damper in proportion to the mass, 1/s; the
+    /// derivatives by the frequency are left at zero.
+    pub fn compliance_by_damper(&self, rate_rad_s: f64, factor: f64, out: &mut Compliance) {
+        // The damper adds c s to the denominator ω² + 2ζω s + s².
+        let by_damper = |[pole, _]: [Complex<f64>; 2]| -pole * pole * Complex::new(0.0, factor * rate_rad_s);
+        self.sum(self.poles(rate_rad_s, None).map(|pole| [by_damper(pole), Complex::new(0.0, 0.0)]), out);
+    }
+
+    /// Computes the sums of φφᵀ over modes, with these factors.
+    fn sum(&self, factors: impl Iterator<Item = [Complex<f64>; 2]>, out: &mut Compliance) {
         let (m, zero) = (self.places.len(), [Complex::new(0.0, 0.0); 2]);
         out.places.clear();
         out.places.resize(m * m, zero);
         out.drive.clear();
         out.drive.resize(m, zero);
-        for (mode, pole) in self.poles(rate_rad_s, without).enumerate() {
+        for (mode, pole) in factors.enumerate() {
             for i in 0..m {
                 let phi = self.places[i][mode];
                 for (d, pole) in pole.iter().enumerate() {

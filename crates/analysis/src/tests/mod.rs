@@ -2,6 +2,7 @@ mod arm;
 mod backbones;
 mod curves;
 mod margins;
+mod starts;
 mod textbook;
 
 use alloc::vec;

@@ -1,0 +1,175 @@
+//! The first response of a branch: Newton's method from rest, or along a homotopy from a linear structure.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt;
+
+use super::adapt::adapt;
+use super::balance::{Balance, Homotopy, unit_deflection};
+use super::orbit::TraceOptions;
+use crate::AnalysisError;
+use crate::continuation::{Continuation, ContinuationSettings, StepRefusal, System, at_parameter};
+
+/// Harmonics of the homotopy, for smooth forces and for others, in the order in which they are tried. The first response
+/// is then corrected with as many as it needs.
+const HARMONICS: [[usize; 3]; 2] = [[7, 15, 31], [9, 15, 31]];
+/// The structures with which the homotopy begins, in the order in which they are tried.
+const STRUCTURES: [StartStructure; 3] =
+    [StartStructure::Linear, StartStructure::Closed { share: 1.0 }, StartStructure::Closed { share: 0.25 }];
+/// Most points of the homotopy.
+const MOST_POINTS: usize = 1000;
+/// The unit of the share of the element forces, and the largest step relative to the size of the response.
+const SHARE_SCALE: f64 = 0.25;
+const LARGEST_STEP: f64 = 0.5;
+
+/// A linear structure from which a structure is approached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StartStructure {
+    /// The modes or links at rest, with the linear elements.
+    Linear,
+    /// The same with closed contacts and stuck friction as springs.
+    Closed {
+        /// Factor of their stiffness.
+        share: f64,
+    },
+}
+
+impl fmt::Display for StartStructure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StartStructure::Linear => f.write_str("the linear structure"),
+            StartStructure::Closed { share: 1.0 } => f.write_str("closed contacts and stuck friction"),
+            StartStructure::Closed { share } => {
+                write!(f, "closed contacts and stuck friction with {share} times their stiffness")
+            }
+        }
+    }
+}
+
+/// Reason for which a homotopy ended before it found a response.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StartEnd {
+    /// A step was rejected.
+    Step(StepRefusal),
+    /// The curve returned to the linear structure.
+    Returned,
+    /// The curve had too many points.
+    TooLong,
+    /// The response could not be solved for with all the harmonics that it needs.
+    Harmonics,
+}
+
+impl fmt::Display for StartEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StartEnd::Step(refusal) => refusal.fmt(f),
+            StartEnd::Returned => f.write_str("the curve returned to zero"),
+            StartEnd::TooLong => write!(f, "the curve has more than {MOST_POINTS} points"),
+            StartEnd::Harmonics => f.write_str("the response was not found with more harmonics"),
+        }
+    }
+}
+
+/// A homotopy that found no response.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartAttempt {
+    /// The structure at its start.
+    pub from: StartStructure,
+    /// Number of harmonics.
+    pub harmonics: usize,
+    /// The share of the element forces that it reached, from 0 to 1.
+    pub share: f64,
+    /// The reason of its end.
+    pub end: StartEnd,
+}
+
+impl fmt::Display for StartAttempt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let StartAttempt { from, harmonics, share, end } = self;
+        write!(f, "from {from} with {harmonics} harmonics to {:.0} %: {end}", 100.0 * share)
+    }
+}
+
+/// Starts at `options.branch.from`, with as many harmonics as the response needs.
+///
+/// Newton's method from rest comes first: its first step leads to the linear response, so that it succeeds wherever the
+/// response is nearly linear.
+///
+/// # Errors
+/// [`AnalysisError::NoStart`] with all that was tried.
+pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, AnalysisError> {
+    let branch = &options.branch;
+    let rest = vec![0.0; balance.dimension()];
+    let from_rest = match begin(balance, options, &rest) {
+        Ok(continuation) => return Ok(continuation),
+        Err(AnalysisError::NoSolution { refusal, .. }) => refusal,
+        Err(other) => return Err(other),
+    };
+    let smooth = balance.forced.assembly().is_smooth();
+    let mut attempts: Vec<StartAttempt> = Vec::new();
+    for harmonics in HARMONICS[usize::from(!smooth)] {
+        let harmonics = harmonics.clamp(branch.least_harmonics, branch.most_harmonics);
+        for from in STRUCTURES {
+            if attempts.iter().any(|tried| tried.from == from && tried.harmonics == harmonics) {
+                continue;
+            }
+            balance.set_harmonics(harmonics);
+            match approach(balance, options, from) {
+                Ok(Some(x)) => match begin(balance, options, &x) {
+                    Ok(continuation) => return Ok(continuation),
+                    Err(_) => attempts.push(StartAttempt { from, harmonics, share: 1.0, end: StartEnd::Harmonics }),
+                },
+                Ok(None) => {}
+                Err((share, end)) => attempts.push(StartAttempt { from, harmonics, share, end }),
+            }
+        }
+    }
+    Err(AnalysisError::NoStart { at: balance.place(branch.from), from_rest, attempts })
+}
+
+/// Starts near a response, with as many harmonics as it needs.
+fn begin(balance: &mut Balance, options: &TraceOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
+    let branch = &options.branch;
+    let direction = branch.to - branch.from;
+    let mut continuation = Continuation::start(balance, branch.continuation, x, branch.from, direction)?;
+    adapt(balance, &mut continuation, branch)?;
+    Ok(continuation)
+}
+
+/// Follows the homotopy from a linear structure and returns the response at its end, or how far it went and why it
+/// ended; `None` if the structure has no elements for which it was made.
+fn approach(
+    balance: &Balance,
+    options: &TraceOptions,
+    from: StartStructure,
+) -> Result<Option<Vec<f64>>, (f64, StartEnd)> {
+    let deflection = unit_deflection(&balance.forced) * balance.forced.amplitude().abs();
+    let Some(mut homotopy) = Homotopy::new(balance, from, deflection) else { return Ok(None) };
+    let settings = ContinuationSettings {
+        parameter_fraction: 0.0,
+        parameter_floor: SHARE_SCALE,
+        largest_step: LARGEST_STEP,
+        ..options.branch.continuation
+    };
+    let refusal = |error: AnalysisError| match error {
+        AnalysisError::NoSolution { refusal, .. } | AnalysisError::Stuck { refusal, .. } => StartEnd::Step(refusal),
+        _ => StartEnd::Step(StepRefusal::Newton),
+    };
+    let rest = vec![0.0; homotopy.dimension()];
+    let mut continuation =
+        Continuation::start(&mut homotopy, settings, &rest, 0.0, 1.0).map_err(|error| (0.0, refusal(error)))?;
+    let mut furthest = 0.0_f64;
+    for _ in 0..MOST_POINTS {
+        let before = continuation.point().clone();
+        let after = continuation.advance(&mut homotopy).map_err(|error| (furthest, refusal(error)))?.clone();
+        if after.lambda >= 1.0 {
+            let end = at_parameter(&mut homotopy, &settings, [&before, &after], 1.0);
+            return end.map(|point| Some(point.x)).map_err(|error| (1.0, refusal(error)));
+        }
+        if after.lambda < 0.0 {
+            return Err((furthest, StartEnd::Returned));
+        }
+        furthest = furthest.max(after.lambda);
+    }
+    Err((furthest, StartEnd::TooLong))
+}

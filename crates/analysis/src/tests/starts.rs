@@ -1,0 +1,145 @@
+//! The first response of a branch, where Newton's method from rest finds none.
+
+use alloc::format;
+use alloc::vec;
+
+use serde_json::Value;
+
+use super::super::balance::Balance;
+use super::super::branch::reading;
+use super::super::start::start;
+use super::{near, number};
+use crate::{AnalysisError, Coordinate, Forced, TraceOptions};
+use resonarm_dynamics::structure::{
+    Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
+};
+
+/// The cases of a kind; see `tests/oracles/README.md`.
+pub(super) fn cases(kind: &str) -> Vec<Value> {
+    let file: Value = serde_json::from_str(include_str!("../../../../tests/oracles/starts.json")).unwrap();
+    file[kind].as_array().unwrap().clone()
+}
+
+fn place(name: &Value) -> Place {
+    let point = name.as_str().unwrap().strip_suffix(".x").unwrap();
+    Place::Dof { point: point.into(), axis: Axis::X }
+}
+
+fn law(of: &Value) -> Law {
+    let at = |key: &str| number(of, key);
+    let (stiffness, damping, gap) = (at("stiffness_n_m"), at("damping_n_s_m"), at("gap_m"));
+    match of["kind"].as_str().unwrap() {
+        "cubic" => Law::Cubic { stiffness3: at("stiffness3_n_m3"), stiffness5: 0.0 },
+        "linear" => Law::Linear { stiffness, damping },
+        "gap" => Law::Gap { stiffness, gap },
+        "contact" => Law::KelvinVoigt { stiffness, damping, gap, side: Side::Positive },
+        "friction" => Law::Friction { stiffness, slip: at("slip_force_n") },
+        "tanh" => Law::Tanh { slip: at("slip_force_n"), velocity: at("velocity_m_s") },
+        "lugre" => Law::Lugre {
+            bristle_stiffness: stiffness,
+            bristle_damping: damping,
+            viscous: at("viscous_n_s_m"),
+            coulomb: at("slip_force_n"),
+            breakaway: at("breakaway_n"),
+            stribeck: at("stribeck_m_s"),
+        },
+        other => panic!("{other}"),
+    }
+}
+
+/// The structure of a case and its drive.
+pub(super) fn forced(case: &Value) -> Forced {
+    let of_modes = case["modes"].as_array().unwrap();
+    let modes = of_modes.iter().map(|mode| ModeSpec {
+        frequency_hz: number(mode, "frequency_hz"),
+        damping_ratio: number(mode, "damping_ratio"),
+    });
+    let shapes = of_modes[0]["shape"].as_object().unwrap().keys().map(|name| ShapeSpec {
+        point: name.strip_suffix(".x").unwrap().into(),
+        axis: Axis::X,
+        by_mode: of_modes.iter().map(|mode| number(&mode["shape"], name)).collect(),
+    });
+    let body = BodySpec::Modal(ModalSpec { modes: modes.collect(), shapes: shapes.collect() });
+    let elements = case["elements"].as_array().unwrap().iter().map(|element| {
+        let (at, to) = match element["between"].as_array() {
+            Some(ends) => (place(&ends[0]), Some(place(&ends[1]))),
+            None => (place(&element["at"]), None),
+        };
+        ElementSpec { at, to, law: law(element) }
+    });
+    let assembly = Assembly::new(&StructureSpec { body, elements: elements.collect() }).unwrap();
+    let drive = assembly.dof(case["drive"].as_str().unwrap()).unwrap();
+    Forced::new(assembly, drive, number(case, "force_n"))
+}
+
+/// Returns the largest displacement of the first response at a frequency.
+fn first_largest(forced: &Forced, read: Dof, frequency_hz: f64) -> Result<f64, AnalysisError> {
+    let ends = [frequency_hz, 2.0 * frequency_hz];
+    let options = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, vec![read]);
+    let mut balance = Balance::new(forced, frequency_hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
+    let continuation = start(&mut balance, &options)?;
+    balance.evaluate_orbit(&continuation.point().x);
+    Ok(reading(&balance, read).largest)
+}
+
+/// A strongly driven Duffing and Ueda oscillator, a bilinear one, and one with LuGre friction start on the response of
+/// independent code.
+#[test]
+fn first_responses_are_those_of_independent_code() {
+    for case in cases("starts") {
+        let forced = forced(&case);
+        let hz = number(&case, "frequency_hz");
+        let largest = first_largest(&forced, forced.drives()[0].0, hz);
+        near(largest.unwrap(), number(&case, "largest_m"), number(&case, "tolerance"));
+    }
+}
+
+/// Structures of the literature start at every frequency that was tried, among them those at which the homotopy from the
+/// linear structure alone fails. The largest displacements are those of independent code with 41 to 161 harmonics, where
+/// that found a response.
+#[test]
+fn every_structure_starts() {
+    let (mut tried, mut failed) = (0, vec![]);
+    for case in cases("systems") {
+        let forced = forced(&case);
+        let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+        for (i, hz) in case["frequencies_hz"].as_array().unwrap().iter().enumerate() {
+            tried += 1;
+            match first_largest(&forced, read, hz.as_f64().unwrap()) {
+                Ok(got) => {
+                    let expected = case["largest_m"][i].as_f64().unwrap_or(got);
+                    assert!(
+                        (got / expected - 1.0).abs() < 2e-3,
+                        "{} {hz} Hz: {got}, expected {expected}",
+                        case["name"]
+                    );
+                }
+                Err(error) => failed.push(format!("{} {hz} Hz: {error}", case["name"])),
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{} of {tried}: {failed:#?}", failed.len());
+}
+
+/// The error that a response states is that of its largest displacement within a factor of 3, and each tolerance takes as
+/// many harmonics as in independent code.
+#[test]
+fn a_response_states_its_truncation_error() {
+    let case = &cases("starts")[1];
+    let (forced, hz) = (forced(case), number(case, "frequency_hz"));
+    let read = forced.drives()[0].0;
+    // The independent code tried 9, 13, 19 and 29 harmonics: the first that reaches a tolerance bounds their number.
+    for (tolerance, most_harmonics, tried) in
+        [(1e-3, 64, [9, 13]), (1e-4, 64, [13, 19]), (1e-6, 64, [19, 29]), (1e-9, 11, [11; 2])]
+    {
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [hz, 1.01 * hz], vec![read]);
+        (options.branch.truncation, options.branch.most_harmonics) = (tolerance, most_harmonics);
+        let branch = crate::trace(&forced, hz, Coordinate::FrequencyHz, &options).unwrap();
+        let first = &branch.orbits[0];
+        let off = (first.readings[0].largest / number(case, "largest_m") - 1.0).abs();
+        assert!(off < 3.0 * first.truncation_error, "{tolerance}: {off:e} {:e}", first.truncation_error);
+        // Harmonics are added by an eighth and one.
+        assert!((tried[0]..=tried[1] + 1).contains(&first.harmonics), "{tolerance}: {}", first.harmonics);
+        assert_eq!(first.truncation_error <= tolerance, most_harmonics == 64);
+    }
+}
