@@ -163,6 +163,8 @@ struct Document {
 
 #[derive(Serialize)]
 struct BranchDocument {
+    /// How the branch ended.
+    ended: &'static str,
     points: Vec<Value>,
     bifurcations: Vec<Value>,
 }
@@ -170,6 +172,7 @@ struct BranchDocument {
 impl BranchDocument {
     fn new(branch: &Branch, read: &[ReadAt]) -> BranchDocument {
         BranchDocument {
+            ended: branch.end.name(),
             points: branch.orbits.iter().map(|orbit| point(orbit, read)).collect(),
             bifurcations: branch.bifurcations.iter().map(|found| bifurcation(found, read)).collect(),
         }

@@ -364,6 +364,17 @@ fn continue_reports_its_failures() {
     insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch was followed to 21.868289 Hz, where it reached the limit of 10 points; allow more points or larger steps (--most-points, --largest-step); the 10 responses before that are in the results");
 }
 
+/// A branch that turns back to its start says so, is kept, and ends with exit code 1.
+#[test]
+fn a_branch_that_comes_back_says_so() {
+    let flags = "continue --drive=joint1=1000 --from-hz=22 --to-hz=22.2";
+    let (document, reason) = partial(&format!("{flags} --json"));
+    let document: Value = serde_json::from_str(&document).unwrap();
+    assert_eq!(document["ended"], "at-start");
+    assert!(reason.contains("left the interval at its start, 22.000000 Hz; 22.200000 Hz was not reached"), "{reason}");
+    assert_eq!(format!("resonarm: {}", document["ended_early"][0].as_str().unwrap()), reason);
+}
+
 /// A branch goes on with the most harmonics that are allowed, and says how many responses would need more.
 #[test]
 fn a_branch_with_too_few_harmonics_states_its_error() {

@@ -11,7 +11,7 @@ use super::adapt::adapt;
 use super::balance::Balance;
 use super::curve::near;
 use super::floquet::Floquet;
-use super::orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
+use super::orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions};
 use super::singular::{Singular, Singularity, doubled};
 use super::spectral::largest;
 use super::start::start;
@@ -39,7 +39,12 @@ pub fn trace(
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
     let continuation = start(&mut balance, options)?;
-    Tracer::new(balance, options).run(continuation)
+    let [at, missed] = [options.branch.from, options.branch.to].map(|value| balance.place(value));
+    let branch = Tracer::new(balance, options).run(continuation)?;
+    if branch.end == BranchEnd::AtStart {
+        return Err(EndedEarly { reason: AnalysisError::CameBack { at, missed }, so_far: Box::new(branch) });
+    }
+    Ok(branch)
 }
 
 /// Traces the branch of responses of twice the period that leaves a period doubling of a branch in `coordinate`.
@@ -146,7 +151,7 @@ impl<'a> Tracer<'a> {
     /// in order and its peaks.
     fn run(mut self, continuation: Continuation) -> Result<Branch, EndedEarly<Branch>> {
         let mut walk = Walk::new(continuation);
-        let reason = self.follow(&mut walk).err();
+        let end = self.follow(&mut walk);
         self.locate_peaks();
         let mut branch = self.branch;
         branch.work = walk.work();
@@ -155,13 +160,13 @@ impl<'a> Tracer<'a> {
             let at = bifurcation.orbit.arclength;
             bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
         }
-        match reason {
-            None => Ok(branch),
-            Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
+        match end {
+            Ok(end) => Ok(Branch { end, ..branch }),
+            Err(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
         }
     }
 
-    fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
+    fn follow(&mut self, walk: &mut Walk) -> Result<BranchEnd, AnalysisError> {
         let branch = &self.options.branch;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
         let (mut older, mut before) = (None, walk.point().clone());
@@ -173,7 +178,8 @@ impl<'a> Tracer<'a> {
             }
             self.step(walk, &before)?;
             let reached = walk.point();
-            let end = match branch.left_at(reached.lambda) {
+            let left_at = branch.left_at(reached.lambda);
+            let end = match left_at {
                 Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
                 None => None,
             };
@@ -181,8 +187,11 @@ impl<'a> Tracer<'a> {
             self.push(&after);
             self.detect(older.as_ref(), &before, &after);
             older = Some(core::mem::replace(&mut before, after));
-            if end.is_some() || self.rejoined {
-                return Ok(());
+            if self.rejoined {
+                return Ok(BranchEnd::Rejoined);
+            }
+            if let Some(limit) = left_at {
+                return Ok(if limit == branch.to { BranchEnd::AtEnd } else { BranchEnd::AtStart });
             }
         }
     }

@@ -119,6 +119,16 @@ pub enum AnalysisError {
         /// The most that was allowed.
         harmonics: usize,
     },
+    /// The branch turned back and left the interval at its start.
+    #[error(
+        "the branch turned back and left the interval at its start, {at}; {missed} was not reached: start at the other end"
+    )]
+    CameBack {
+        /// The start of the branch.
+        at: Place,
+        /// The end that it did not reach.
+        missed: Place,
+    },
     /// A branch has more points than were allowed.
     #[error(
         "the branch was followed to {at}, where it reached the limit of {points} points; allow more points or larger steps"

@@ -181,11 +181,39 @@ pub struct Unlocated {
     pub index: usize,
 }
 
+/// How a branch ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BranchEnd {
+    /// `early`: it could not be followed further.
+    #[default]
+    Early,
+    /// `at-end`: at the end of the interval.
+    AtEnd,
+    /// `at-start`: it turned back and left the interval at its start.
+    AtStart,
+    /// `rejoined`: a branch of doubled period met the single one.
+    Rejoined,
+}
+
+impl BranchEnd {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BranchEnd::Early => "early",
+            BranchEnd::AtEnd => "at-end",
+            BranchEnd::AtStart => "at-start",
+            BranchEnd::Rejoined => "rejoined",
+        }
+    }
+}
+
 /// A branch of periodic responses with its bifurcations and peaks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Branch {
     /// Its periodic responses in order.
     pub orbits: Vec<Orbit>,
+    /// How it ended.
+    pub end: BranchEnd,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,
     /// Bifurcations that were detected and could not be located, in order.

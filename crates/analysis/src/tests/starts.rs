@@ -1,6 +1,7 @@
 //! The first response of a branch, where Newton's method from rest finds none.
 
 use alloc::format;
+use alloc::string::ToString;
 use alloc::vec;
 
 use serde_json::Value;
@@ -9,7 +10,7 @@ use super::super::balance::Balance;
 use super::super::branch::reading;
 use super::super::start::start;
 use super::{near, number};
-use crate::{AnalysisError, Coordinate, Forced, TraceOptions};
+use crate::{AnalysisError, BifurcationKind, BranchEnd, Coordinate, EndedEarly, Forced, TraceOptions};
 use resonarm_dynamics::structure::{
     Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };
@@ -142,4 +143,30 @@ fn a_response_states_its_truncation_error() {
         assert!((tried[0]..=tried[1] + 1).contains(&first.harmonics), "{tolerance}: {}", first.harmonics);
         assert_eq!(first.truncation_error <= tolerance, most_harmonics == 64);
     }
+}
+
+/// The branch of the strongly driven oscillator, from a start that Newton's method does not find from rest, has the folds
+/// of independent code. From a start between the folds the branch returns to it, and says that it never reached its end.
+#[test]
+fn a_branch_has_its_folds_and_says_where_it_ended() {
+    let case = &cases("starts")[0];
+    let forced = forced(case);
+    let trace = |ends: [f64; 2]| {
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![forced.drives()[0].0]);
+        crate::trace(&forced, ends[0], Coordinate::FrequencyHz, &options)
+    };
+    let whole = trace([number(case, "frequency_hz"), 1.0]).unwrap();
+    assert_eq!(whole.end, BranchEnd::AtEnd);
+    let folds = super::of_kind(&whole, BifurcationKind::Fold);
+    for expected in [0.0894008, 0.0870649, 0.6741292] {
+        let nearest = folds.iter().map(|fold| (fold.value - expected).abs()).fold(f64::INFINITY, f64::min);
+        // The oracle states seven digits.
+        assert!(nearest < 1e-7, "{expected}: {nearest:e}");
+    }
+    let EndedEarly { reason, so_far } = trace([0.557, 0.0239]).unwrap_err();
+    assert_eq!(
+        reason.to_string(),
+        "the branch turned back and left the interval at its start, 0.557000 Hz; 0.023900 Hz was not reached: start at the other end"
+    );
+    assert_eq!((so_far.end, so_far.orbits.last().unwrap().value), (BranchEnd::AtStart, 0.557));
 }
