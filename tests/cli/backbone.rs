@@ -301,7 +301,7 @@ fn a_curve_that_ends_early_is_kept() {
     assert_eq!(format!("resonarm: {}", document["ended_early"][0].as_str().unwrap()), reason);
 }
 
-/// A branch that ends early has the first motions and bifurcations of the whole one, and its figure is drawn.
+/// A branch that ends early has the first responses and bifurcations of the whole one, and its figure is drawn.
 #[test]
 fn a_branch_that_ends_early_is_kept() {
     let command = "continue --drive=joint1=60 --from-hz=21 --to-hz=23";

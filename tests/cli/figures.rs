@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::resonarm;
 
-/// The colours of stable and of unstable motions, which no other line has.
+/// The colours of stable and of unstable responses, which no other line has.
 const STABLE: &str = "#0077BB";
 const UNSTABLE: &str = "#CC3311";
 
@@ -15,8 +15,8 @@ pub fn dashed(svg: &str, color: &str) -> Vec<bool> {
     lines.map(|line| line.contains("stroke-dasharray")).collect()
 }
 
-/// Every line of unstable motions is dashed, none of stable ones is, and both occur.
-pub fn unstable_motions_are_dashed(svg: &str) {
+/// Every line of unstable responses is dashed, no line of stable ones is, and both occur.
+pub fn unstable_responses_are_dashed(svg: &str) {
     let (stable, unstable) = (dashed(svg, STABLE), dashed(svg, UNSTABLE));
     assert!(!stable.is_empty() && stable.iter().all(|dashed| !dashed), "stable: {stable:?}");
     assert!(!unstable.is_empty() && unstable.iter().all(|dashed| *dashed), "unstable: {unstable:?}");
@@ -24,7 +24,7 @@ pub fn unstable_motions_are_dashed(svg: &str) {
 
 /// Figures of branches; those of `paper` are checked in its test.
 #[test]
-fn unstable_motions_are_dashed_in_figures_of_branches() {
+fn unstable_responses_are_dashed_in_figures_of_branches() {
     let commands = [
         "continue --drive joint1=60 --from-hz 21 --to-hz 23",
         "continue --drive joint1=800 --angles-deg 0,75 --from-hz 46 --to-hz 50 --doubled",
@@ -35,7 +35,7 @@ fn unstable_motions_are_dashed_in_figures_of_branches() {
         let arguments: Vec<&str> = command.split(' ').chain(["--plot", "figure"]).collect();
         let outcome = resonarm(folder.path(), &arguments);
         assert_eq!(outcome.code, 0, "{command}: {}", outcome.stderr);
-        unstable_motions_are_dashed(&fs::read_to_string(folder.path().join("figure.svg")).unwrap());
+        unstable_responses_are_dashed(&fs::read_to_string(folder.path().join("figure.svg")).unwrap());
     }
 }
 

@@ -63,7 +63,7 @@ fn every_figure_has_four_files_and_finite_numbers() {
             let unit = if figure == "fig5" { "(N·m)" } else { "(Hz)" };
             assert!(picture.contains(unit) && !picture.contains("NaN"), "{figure}");
             if figure != "fig3" {
-                crate::figures::unstable_motions_are_dashed(&picture);
+                crate::figures::unstable_responses_are_dashed(&picture);
             }
             for pose in ["0°", "30°", "60°", "90°", "120°", "150°"] {
                 let seen = picture.matches(&format!(">{pose}<")).count();

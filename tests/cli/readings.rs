@@ -1,4 +1,4 @@
-//! The readings of computed motions in the documents and tables of `continue`, `backbone` and `sweep`.
+//! The readings of computed responses in the documents and tables of `continue`, `backbone` and `sweep`.
 
 use std::fs;
 use std::path::Path;
@@ -11,8 +11,8 @@ fn array<'a>(value: &'a Value, name: &str) -> Vec<&'a Value> {
     value[name].as_array().unwrap().iter().collect()
 }
 
-/// Off the first resonance of 22.1575 Hz, and within its half-power width of 0.004 Hz, under a small force: a motion is
-/// the frequency response times the force.
+/// Off the first resonance of 22.1575 Hz, and within its half-power width of 0.004 Hz, under a small force: the
+/// response is the frequency response function times the force.
 #[test]
 fn a_small_force_gives_frf_times_the_force() {
     for ends in [["12", "12.5"], ["22.1570", "22.1585"]] {
@@ -36,10 +36,10 @@ fn a_small_force_gives_frf_times_the_force() {
     }
 }
 
-/// Every motion of the document and of the table has readings at each degree of freedom, also bifurcations and doubled
-/// branches.
+/// Every response in the document and in the table has readings at each degree of freedom, at bifurcations and on
+/// doubled branches, too.
 #[test]
-fn continue_reads_every_motion() {
+fn continue_reads_every_response() {
     let folder = tempfile::tempdir().unwrap();
     let branch = ["continue", "--drive", "joint1=800", "--angles-deg", "0,75", "--from-hz", "46", "--to-hz", "50"];
     let flags = ["--at", "joint1,tip.y", "--doubled", "--plot", "branch", "--json"];
@@ -74,7 +74,7 @@ fn backbone_reads_every_point() {
     assert!((phase_deg + 90.0).abs() < 1.0, "{phase_deg}");
 }
 
-/// A sweep settles on what `continue` computes: the same readings of the same motion, in the table as well.
+/// A sweep settles on the responses that `continue` computes, with the same readings.
 #[test]
 fn sweep_reads_what_continue_does() {
     let folder = tempfile::tempdir().unwrap();

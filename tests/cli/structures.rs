@@ -400,7 +400,7 @@ fn backbones_of_structures() {
     }
 }
 
-/// Its jumps are at the folds, and both motions between them have basins.
+/// The sweeps jump at the folds, and both stable responses between the folds have basins.
 #[test]
 fn sweeps_and_basins_of_structures() {
     let folder = oscillator();
@@ -442,7 +442,7 @@ fn sweeps_and_basins_of_structures() {
     assert!(read("basins.svg").contains("dq₁/dt (m·√kg/s)"));
 }
 
-/// Without stability the motions, peaks and folds are the same.
+/// Without stability the responses, peaks and folds are the same.
 #[test]
 fn a_branch_without_stability() {
     let folder = oscillator();
@@ -485,15 +485,15 @@ fn sections_and_sweeps_over_a_parameter() {
     assert!(svg.contains("tip.x (m)") && svg.contains("dtip.x/dt (m/s)"), "{svg}");
     let over = "--drive tip.x=5 --frequency-hz 11 --parameter element1.stiffness3_n_m3 --from 1e5 --to 8e6 --points 5";
     let diagram = document(folder.path(), 0, &on_oscillator("poincare", &format!("{over} --json --plot diagram")));
-    let motions = diagram["motions"].as_array().unwrap();
-    assert_eq!(motions.len(), 10);
+    let responses = diagram["motions"].as_array().unwrap();
+    assert_eq!(responses.len(), 10);
     assert_eq!(
-        names(&motions[0]),
+        names(&responses[0]),
         ["direction", "drift", "period", "readings", "section", "settling_periods", "value"]
     );
-    // At the first value both directions settle on the only motion.
-    let size = |k: usize| motions[k]["readings"]["tip.x"]["largest"].as_f64().unwrap();
-    assert_eq!((motions[0]["value"].as_f64(), motions[9]["value"].as_f64()), (Some(1e5), Some(1e5)));
+    // At the first value both directions settle on the only response.
+    let size = |k: usize| responses[k]["readings"]["tip.x"]["largest"].as_f64().unwrap();
+    assert_eq!((responses[0]["value"].as_f64(), responses[9]["value"].as_f64()), (Some(1e5), Some(1e5)));
     assert!((size(0) / size(9) - 1.0).abs() < 1e-6, "{} {}", size(0), size(9));
     let csv = fs::read_to_string(folder.path().join("diagram.csv")).unwrap();
     assert_eq!(csv.lines().next(), Some("direction,element1_stiffness3_n_m3,period,q1_m_sqrt_kg,q1_dot_m_sqrt_kg_s"));

@@ -89,7 +89,7 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
     }
 }
 
-/// The sections of a diagram, as JSON: stepped up, the period doubles, and each motion has as many points as periods.
+/// The sections of a diagram, as JSON: stepped up, the period doubles, and each section has as many points as periods.
 #[test]
 fn a_diagram_is_one_json_document() {
     let arguments = [
@@ -107,12 +107,12 @@ fn a_diagram_is_one_json_document() {
     let output = resonarm(&arguments).output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let motions = document["motions"].as_array().unwrap();
-    let of = |key: &str| motions.iter().map(|motion| motion[key].as_f64().unwrap()).collect::<Vec<_>>();
+    let responses = document["motions"].as_array().unwrap();
+    let of = |key: &str| responses.iter().map(|response| response[key].as_f64().unwrap()).collect::<Vec<_>>();
     assert_eq!((of("value"), of("period")), (vec![200.0, 250.0, 300.0], vec![1.0, 2.0, 2.0]));
-    for motion in motions {
-        assert_eq!(motion["section"].as_array().unwrap().len() as f64, motion["period"].as_f64().unwrap());
-        assert_eq!(motion["direction"], "up");
+    for response in responses {
+        assert_eq!(response["section"].as_array().unwrap().len() as f64, response["period"].as_f64().unwrap());
+        assert_eq!(response["direction"], "up");
     }
 }
 
@@ -176,7 +176,7 @@ fn bad_input_has_exit_code_2() {
 
 /// More load than the arm can bear is not bad usage: it is found during the computation.
 #[test]
-fn a_motion_that_can_not_be_followed_has_exit_code_1() {
+fn a_response_that_can_not_be_followed_has_exit_code_1() {
     let output = resonarm(&["sweep", "--drive=joint1=1e9", "--from-hz=21", "--to-hz=23"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     let says = errors(&output);

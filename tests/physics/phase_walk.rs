@@ -27,7 +27,7 @@ struct Case {
     amplitude: Load,
     mode: ModeNumber,
     shaker: Option<ShakerSpec>,
-    /// The fewest unstable motions on the walk.
+    /// The smallest accepted number of unstable responses on the walk.
     unstable: usize,
     /// The most tries a point, on average.
     tries: f64,
@@ -93,7 +93,7 @@ impl Case {
         Forced::new(tested.assembly, dof, load)
     }
 
-    /// The branch around the points, in steps so small that it is straight between its motions.
+    /// The branch around the points, in steps so small that it is straight between its responses.
     fn branch(&self, at: &ReadDof, points: &[ResponsePoint]) -> Branch {
         let (low, high) = points.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
             (low.min(point.frequency_hz), high.max(point.frequency_hz))
@@ -161,7 +161,7 @@ fn check_on(case: &Case, mut plant: Plant) {
         assert!(distance < 1.0, "{} Hz, {:?}: {distance}", point.frequency_hz, case.shaker);
         unstable += usize::from(place.is_stable == Some(false));
     }
-    assert!(unstable >= case.unstable, "{unstable} unstable motions");
+    assert!(unstable >= case.unstable, "{unstable} unstable responses");
     let tries: u32 = points.iter().map(|point| point.tries).sum();
     assert!(f64::from(tries) <= case.tries * points.len() as f64, "{tries} tries");
 }
@@ -307,7 +307,7 @@ fn the_backbone_is_walked_at_quadrature() {
     for (point, load) in points.iter().zip((0..9).map(|k| 2.0 + 2.25 * f64::from(k))) {
         assert!(point.settled && (point.load / load - 1.0).abs() < 1.5e-3, "{load}: {point:?}");
         let a = amplitude_m(point, &at);
-        let after = computed.iter().position(|motion| read(&motion.readings) > a).unwrap();
+        let after = computed.iter().position(|orbit| read(&orbit.readings) > a).unwrap();
         let (low, high) = (&computed[after - 1], &computed[after]);
         let share = (a - read(&low.readings)) / (read(&high.readings) - read(&low.readings));
         let between = |low: f64, high: f64| low + share * (high - low);
@@ -322,8 +322,8 @@ fn the_backbone_is_walked_at_quadrature() {
 /// The displacement of C at about 0.06 rad of joint 1.
 const HELD_M: f64 = 0.08;
 
-/// At every frequency the load that holds the amplitude is the one whose computed motion has it, on either side of the
-/// resonance and in it, where the motion is unstable at constant load.
+/// At every frequency the load that holds the amplitude is the one whose computed response has it, on either side of
+/// the resonance and in it, where the response is unstable at constant load.
 #[test]
 fn one_amplitude_is_held_by_the_computed_loads() {
     let amplitude = Load::torque_nm(200.0, 0.0);

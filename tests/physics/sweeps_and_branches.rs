@@ -29,7 +29,7 @@ impl Case {
         Case { forced: Forced::new(assembly, drive, amplitude), joints: [joint1, joint2], parts }
     }
 
-    /// The settled motions one after the other, each from where the one before ended, the first from rest.
+    /// The settled responses in order: each starts where the one before ended, the first from rest.
     fn swept(&self, direction: Direction) -> Vec<(f64, Settled)> {
         let mut parts = self.parts;
         if direction == Direction::Down {
@@ -53,8 +53,8 @@ impl Case {
         trace(&self.forced, from_hz, Coordinate::FrequencyHz, &options).unwrap()
     }
 
-    /// The motion in which the branch that begins at `from_hz` first meets a frequency. A fold turns the branch back,
-    /// so this is a motion before the fold if there is one, otherwise one of the remaining stretch.
+    /// The response at which the branch that begins at `from_hz` first meets a frequency. A fold turns the branch back,
+    /// so this is a response before the fold if there is one, otherwise one of the remaining stretch.
     fn implied(&self, from_hz: f64, frequency_hz: f64) -> Orbit {
         self.branch(from_hz, frequency_hz).orbits.pop().unwrap()
     }
@@ -116,8 +116,8 @@ fn sweeps_land_on_the_branches_of_the_first_zone() {
     }
 }
 
-/// The second zone, stiff: 200 N at the tip, β1 = 30°, β2 = 120°. Up, the motion falls off the upper stretch; down, it
-/// jumps up.
+/// The second zone, stiff: 200 N at the tip, β1 = 30°, β2 = 120°. Stepped up, the response falls off the
+/// upper stretch; stepped down, it jumps up.
 #[test]
 fn sweeps_land_on_the_branches_of_the_second_zone() {
     let angles_deg = [30.0, 120.0];

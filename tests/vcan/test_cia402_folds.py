@@ -64,7 +64,7 @@ def document(command, scenario, *flags):
 
 
 def swept(scenario, direction, frequencies_hz):
-    """The amplitudes of settled motions, stepped evenly, rad."""
+    """The amplitudes of settled responses at evenly stepped frequencies, rad."""
     ends = ("--from-hz", min(frequencies_hz), "--to-hz", max(frequencies_hz), "--points", len(frequencies_hz))
     (sweep,) = document("sweep", scenario, *ends, "--direction", direction)["sweeps"]
     points = sorted(sweep["points"], key=lambda point: point["frequency_hz"], reverse=direction == "down")

@@ -137,7 +137,7 @@ fn exponents_of_modes_that_resonate_are_those_of_their_flow() {
 /// Storage that other responses have used, with other numbers of harmonics, of points and of slips, does not change the
 /// result.
 #[test]
-fn storage_of_another_motion_leaves_no_trace() {
+fn storage_of_another_response_leaves_no_trace() {
     let laws = [
         Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 },
         Law::Gap { stiffness: 2e4, gap: 5e-4 },

@@ -192,7 +192,7 @@ fn chains_have_the_equations_of_random_arms() {
 
 /// A periodic response of the arm satisfies the equations of the chain, which are divided by the stiffness scale, and
 /// has its multipliers.
-fn has_motion(forced: &Forced, orbit: &Value) {
+fn has_orbit(forced: &Forced, orbit: &Value) {
     let x = numbers(&orbit["coefficients_rad"]);
     let hz = number(orbit, "frequency_hz");
     let mut balance = Balance::new(forced, hz, Coordinate::FrequencyHz, x.len() / 4);
@@ -221,7 +221,7 @@ fn chains_have_the_branches_of_the_arm() {
         let of_arm = &case["branch"];
         let bifurcations = of_arm["bifurcations"].as_array().unwrap();
         let orbits = of_arm["orbits"].as_array().unwrap().iter();
-        orbits.chain(bifurcations.iter().map(|found| &found["orbit"])).for_each(|orbit| has_motion(&forced, orbit));
+        orbits.chain(bifurcations.iter().map(|found| &found["orbit"])).for_each(|orbit| has_orbit(&forced, orbit));
         let ends = pair(&case["hz"]);
         let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, joints(&forced).into());
         let got = super::super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();

@@ -27,7 +27,7 @@ const HARDENS: Law = Law::Cubic { stiffness3: 3e7, stiffness5: 0.0 };
 /// Without damping |μ| is 1 and its distance from 1 is rounding: no response is called stable or unstable, and nothing
 /// bifurcates, beside a damped mode either.
 #[test]
-fn undamped_motions_are_marginal() {
+fn undamped_responses_are_marginal() {
     let (low, high) = ((20.0, 0.0, [0.5, 0.2]), (47.0, 0.0, [-0.4, 0.7]));
     let apart = [(20.0, 0.01, [0.5, 0.2]), (47.0, 0.0, [0.0, 0.7])];
     for (assembly, ends) in [

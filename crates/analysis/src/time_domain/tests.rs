@@ -56,7 +56,7 @@ fn rest(forced: &Forced) -> Vec<f64> {
 
 /// Without elements the settled response is the linear frequency response.
 #[test]
-fn small_motions_are_those_of_the_linear_structure() {
+fn responses_without_elements_are_linear() {
     let mut spec = forced().0.assembly().spec().clone();
     spec.elements.clear();
     let assembly = Assembly::new(&spec).unwrap();
@@ -106,7 +106,7 @@ fn ends_where_plain_integration_ends() {
 /// A settled response closes after its period, by another scheme with far smaller steps too: the errors of single
 /// periods of the map add up to less than 1e-8 of the amplitude over a time constant.
 #[test]
-fn settled_motion_closes_by_another_scheme() {
+fn settled_response_closes_by_another_scheme() {
     for (beta2_deg, torque1_nm, frequency_hz, period) in
         [(60.0, 60.0, 22.15, 1), (120.0, 60.0, 26.82, 1), (30.0, 100.0, 55.6, 1), (75.0, 300.0, 46.3, 2)]
     {
@@ -138,7 +138,7 @@ fn settled_motion_closes_by_another_scheme() {
 /// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the response is
 /// quasi-periodic and its section a closed curve; beyond them it has the period of the drive.
 #[test]
-fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
+fn finds_the_quasi_periodic_response_between_the_neimark_sacker_points() {
     let (forced, joint) = arm(75.0, 1500.0);
     let branch = traced(&forced, joint, [23.1, 22.94]);
     let torus = |event: &&Bifurcation| event.kind == BifurcationKind::NeimarkSacker;
@@ -169,7 +169,7 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
 
 /// A wait that is too short is reported, and the state at its end is not taken for a settled response.
 #[test]
-fn says_when_a_motion_has_not_settled() {
+fn says_when_a_response_has_not_settled() {
     let (forced, joint) = arm(60.0, 60.0);
     let map = StroboscopicMap::new(&forced, 22.15).unwrap();
     let options = SettleOptions { time_constants: 0.5, section_points: 7 };
@@ -276,7 +276,7 @@ fn a_path_connects_the_points_of_the_section() {
 /// Between the folds each stable periodic response is one of the branch, with its amplitude and multiplier; states
 /// reach the one in which they settle.
 #[test]
-fn basins_have_the_stable_motions_of_the_branch() {
+fn basins_have_the_stable_orbits_of_the_branch() {
     let (forced, read) = hardening();
     let folds = traced(&forced, read, [8.0, 20.0]).bifurcations;
     let hz = 0.5 * (folds[0].orbit.frequency_hz + folds[1].orbit.frequency_hz);
@@ -336,7 +336,7 @@ fn fates_are_where_plain_integration_ends() {
 /// A bilinear oscillator, twice as fast as its resonance driven, vibrates with two periods of the drive; that response
 /// is found from beside the unstable one of the branch.
 #[test]
-fn finds_the_motion_of_two_periods() {
+fn finds_the_response_of_two_periods() {
     let stiffness = 1.25 * (TAU * 10.0) * (TAU * 10.0);
     let (forced, read) =
         oscillator(0.03, Law::KelvinVoigt { stiffness, damping: 0.0, gap: 0.0, side: Side::Positive }, 5.0);

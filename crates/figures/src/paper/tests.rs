@@ -21,7 +21,7 @@ fn curves(figure: Figure, preset: Preset, settings: &Settings) -> FigureCurves {
 
 /// Small vibrations match the linearised arm.
 #[test]
-fn the_small_motions_of_figure_4_are_the_linear_response() {
+fn the_small_responses_of_figure_4_are_linear() {
     let settings = Settings::embedded().unwrap();
     for preset in Preset::ALL {
         let torque_nm = *settings.figure4.torque_nm.of(preset);

@@ -107,8 +107,8 @@ fn walked(tested: &TestedAssembly, shaker: Option<ShakerSpec>, walk: &mut PhaseW
     }
 }
 
-/// A walk by a force along an axis at the tip settles at every point, on the computed branch, where it is unstable too;
-/// returns how many motions are.
+/// A walk by a force along an axis at the tip settles at every point on the computed branch, also where the branch is
+/// unstable. Returns the number of unstable points.
 fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64, shaker: Option<ShakerSpec>) -> usize {
     let amplitude = if name == "tip.x" { Load::force_n(force_n, 0.0) } else { Load::force_n(0.0, force_n) };
     let of = Modelled::new(tested, &rig(shaker)).unwrap();
