@@ -1,4 +1,4 @@
-//! Times the branch of a scenario's structure, folds included, without and with the stability of every motion:
+//! Times the branch of a scenario's structure, folds included, without and with the stability of every response:
 //! `structure_speed FILE DRIVE AMPLITUDE FROM_HZ TO_HZ`. One JSON line each, for `benches/peers/structures/compare`.
 
 use std::path::Path;

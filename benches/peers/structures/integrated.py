@@ -32,7 +32,7 @@ CASES = {"contact": (contact, 2, 1.1, 30, 60), "friction": (friction, 5, 4.0, 1,
 
 
 def largest(name, hz):
-    """The largest displacement of the driven mass in the settled motion."""
+    """The largest displacement of the driven mass in the settled response."""
     system, size, first_hz, steps, settle = CASES[name]
     state = np.zeros(size)
     for step_hz in np.linspace(first_hz, hz, steps + 1):

@@ -112,7 +112,7 @@ def extreme(arc, value):
 
 
 def figures(case, maestro):
-    """The motion with the largest displacement and the folds, both by parabolas."""
+    """The response with the largest displacement and the folds, both located by parabolas."""
     size, scale = case["adim"]["lc"], case["adim"]["wc"]
     if not case["adim"]["status"]:
         size, scale = 1.0, 1.0

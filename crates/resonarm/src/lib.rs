@@ -26,7 +26,7 @@
 //! | | |
 //! | --- | --- |
 //! | [`integrate`] | one-step methods, for one motion or several side by side |
-//! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
+//! | [`analysis`] | modes, frequency responses, continuation and stability of periodic responses |
 //! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
 //! | [`structure`] | structures under test: chains of links, presets, vibration modes, elements; their channels |
 //! | [`plant`] | a structure with its instruments, sample by sample |
