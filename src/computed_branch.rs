@@ -84,12 +84,24 @@ impl ComputedBranch {
         points: &[MeasuredPoint],
         at: Option<&str>,
     ) -> Result<Option<ComputedBranch>, Failure> {
-        let hz = || points.iter().map(|point| point.frequency_hz);
-        let (Some(name), Some(low_hz), Some(high_hz)) =
-            (at.or_else(|| best_read(points)), hz().reduce(f64::min), hz().reduce(f64::max))
-        else {
-            return Ok(None);
-        };
+        let mut around = ComputedBranch::around(assembly, drive, points, at)?;
+        if let Some(around) = &mut around {
+            around.compute(assembly, points)?;
+        }
+        Ok(around)
+    }
+
+    /// Returns the branch around points before it is computed: without responses, it draws and scores the points alone.
+    ///
+    /// # Errors
+    /// If there is no degree of freedom `at`.
+    pub fn around(
+        assembly: &Assembly,
+        drive: &Drive,
+        points: &[MeasuredPoint],
+        at: Option<&str>,
+    ) -> Result<Option<ComputedBranch>, Failure> {
+        let Some(name) = at.or_else(|| best_read(points)) else { return Ok(None) };
         let at = ReadAt { dof: dof("--at", name, assembly)?, name: name.to_owned() };
         // The load that acted, as the head read it or a hold left it.
         let acting: Vec<f64> =
@@ -102,14 +114,24 @@ impl ComputedBranch {
             }
             _ => drive.clone(),
         };
-        let forced = drive.forced(assembly);
+        Ok(Some(ComputedBranch { branch: Branch::default(), at, drive }))
+    }
+
+    /// Computes the responses, at the frequencies of the points and a little beyond.
+    ///
+    /// # Errors
+    /// If the branch can't be followed.
+    pub fn compute(&mut self, assembly: &Assembly, points: &[MeasuredPoint]) -> Result<(), Failure> {
+        let hz = points.iter().map(|point| point.frequency_hz);
+        let [low_hz, high_hz] = hz.fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], hz| [low.min(hz), high.max(hz)]);
+        let forced = self.drive.forced(assembly);
         let ends = [(1.0 - MARGIN) * low_hz, (1.0 + MARGIN) * high_hz];
-        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.dof]);
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![self.at.dof]);
         // The distance of a point is measured to straight lines between orbits. Near a sharp peak the usual steps
         // would cut the corner by more than measured points deviate.
         options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
-        let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason)?;
-        Ok(Some(ComputedBranch { branch, at, drive }))
+        self.branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason)?;
+        Ok(())
     }
 
     /// Returns the name of the degree of freedom whose fundamental is compared.

@@ -205,7 +205,7 @@ fn reports_why_a_recording_can_t_be_compared() {
     assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version rejects the recorded plant (another DBC); use the version that recorded it");
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
     record(folder, "swept", &format!("[excitation]\namplitude = {{ exciter_x = 5 }}\nprofile = {{ {swept} }}\n"));
-    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: no response was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
+    assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: no response was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive DOF=A --record walk.mcap` makes such a recording");
     fs::write(folder.join("text.mcap"), "frequency").unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "text.mcap"]), @"resonarm: `text.mcap` is not an MCAP file: it begins with `frequenc`");
 }

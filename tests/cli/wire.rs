@@ -434,7 +434,7 @@ fn responses_to_a_controller_of_the_user_are_compared() {
         complaint(folder, 2, &["compare", "other.mcap"])
     };
     assert!(compare("other.toml").contains("another controller was recorded"));
-    assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not state what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
+    assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not state what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive DOF=A --record walk.mcap` makes such a recording");
 }
 
 /// The scenario that the page on own protocols names.

@@ -159,6 +159,20 @@ def test_with_less_motion_the_structure_stands_still(browser, programs):
     assert page.errors == []
 
 
+def test_what_is_scrolled_to_after_the_run_is_drawn(browser, programs):
+    run = free_run(programs, "--json")
+    page = open_page(browser, run, height=650)
+    page.until("document.getElementById('state').textContent === 'armed'")
+    page.value("document.querySelector('[data-request=disarm]').click()")
+    run.result()
+    page.until("document.getElementById('link').textContent === 'the run is over'")
+    page.value("window.before = -1")
+    page.until("(window.before === resonarm.data.frames) || (window.before = resonarm.data.frames, false)")
+    page.value("window.scrollTo(0, document.body.scrollHeight)")
+    page.until("resonarm.data.frames > window.before")
+    assert page.errors == []
+
+
 def test_titles_agree_with_their_boxes_and_curves_have_names(browser, programs):
     page = open_page(browser, free_run(programs))
     scale = "document.getElementById('structure-scale').textContent"

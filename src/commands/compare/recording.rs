@@ -14,7 +14,7 @@ use resonarm::scenario::Scenario;
 
 /// The advice on recordings that can be compared.
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
-                   `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording";
+                   `resonarm experiment walk --drive DOF=A --record walk.mcap` makes such a recording";
 
 /// Reads the responses in a recording, with its scenario, and whether the recording is whole.
 pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Verdict), Failure> {

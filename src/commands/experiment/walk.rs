@@ -186,8 +186,14 @@ impl WalkExperiment {
         let points = measured_points::points(&tested, &exciter.responses);
         let amplitude = scenario.amplitude().copied().unwrap_or_default();
         let drive = Drive::of_exciter(&amplitude, &tested);
-        let computed = drive.as_ref().map(|drive| ComputedBranch::new(&tested.assembly, drive, &points, None));
-        let computed = computed.transpose()?.flatten();
+        let around = drive.as_ref().map(|drive| ComputedBranch::around(&tested.assembly, drive, &points, None));
+        let mut computed = around.transpose()?.flatten();
+        if let Some(computed) = &mut computed {
+            // The measurement stands for itself, so that a branch that can't be computed takes nothing from it.
+            if let Err(reason) = computed.compute(&tested.assembly, &points) {
+                tracing::warn!("no branch is computed beside the points: {reason}");
+            }
+        }
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
         let mut configuration = configuration::of_structure(scenario, &tested);
         configuration["drive"] = drive.as_ref().map_or(Value::Null, Drive::document);

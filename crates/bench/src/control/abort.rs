@@ -124,7 +124,7 @@ pub enum Abort {
     },
     /// The next periodic response, predicted from the points so far, is out of reach.
     #[error(
-        "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load: its frequency would be {frequency_hz:.3} Hz and its amplitude {amplitude_m:.3} m, but a phase walk stays within a tenth of the mode's frequency; choose lags nearer to 90\u{b0}, or another load"
+        "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load: its frequency would be {frequency_hz:.3} Hz and its amplitude {amplitude_m:.3} m, but a phase walk stays within a tenth of the mode's frequency; choose lags nearer to 90\u{b0} (`from_lag_deg` and `to_lag_deg` in `[control]`), or another load"
     )]
     OutOfBand {
         /// Lag that the next point should have, degrees.

@@ -186,11 +186,13 @@ impl PlantNode {
     }
 
     /// Returns the load of a command that answers the sample `index`, with the parts that no frame carries. Parts that
-    /// were handed over for another sample stay 0. The parts in the frame are copied and not added, since a sum would
-    /// lose the sign of a zero, and a free run would differ from one in lockstep.
+    /// were handed over for another sample stay 0.
+    ///
+    /// A free run must not differ from one in lockstep in the sign of a zero. So the parts in the frame are copied, with
+    /// their sign, and of the others a zero is positive, as it is without a controller in the loop.
     fn completed(&self, index: u16, carried: &Load) -> Load {
         let mut load = match self.handed_over {
-            Some((answered, load)) if answered == index => load,
+            Some((answered, load)) if answered == index => Load::from_parts(&load.parts().map(|part| part + 0.0)),
             _ => Load::default(),
         };
         let [torque1_nm, torque2_nm, x_n, y_n] = carried.native_parts();

@@ -235,10 +235,10 @@ function takeTiming({ time_s, timing }) {
   [times, ...columns].forEach((column) => column.splice(0, column.length - TIMINGS_KEPT));
 }
 
-// The canvases on the screen: others are not drawn.
+// The canvases on the screen: others are not drawn, and one that comes onto it is, also when the run is over.
 const seen = new Set();
 const watching = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
-  if (isIntersecting) seen.add(target.id); else seen.delete(target.id);
+  if (isIntersecting) { seen.add(target.id); schedule(); } else seen.delete(target.id);
 }));
 document.querySelectorAll("canvas[id], .plot").forEach((place) => watching.observe(place));
 

@@ -68,13 +68,14 @@ impl Display for MissingMode {
 /// Returns the number of each mode that was found: that of the nearest of the structure's modes, each used once, by its
 /// pole frequencies `known_hz`.
 pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8>> {
-    // The logarithm makes the distance symmetric: twice the frequency is as far off as half of it. Against NaN, of a
-    // mode without a pole, no comparison holds.
+    // The logarithm makes the distance symmetric: twice the frequency is as far off as half of it. A mode without a
+    // pole has NaN, is near nothing, and no found mode is nearer to it.
     let off = |mode: &IdentifiedMode, of_hz: f64| libm::fabs(libm::log(mode.pole_frequency_hz / of_hz));
     let nearest = |of_hz: f64| {
         let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of_hz) < SAME_MODE);
         // If a found mode is near several, it belongs to the nearest one.
-        let candidates = near.filter(|(_, mode)| known_hz.iter().all(|other| off(mode, of_hz) <= off(mode, *other)));
+        let poles = || known_hz.iter().filter(|other| !other.is_nan());
+        let candidates = near.filter(|(_, mode)| poles().all(|other| off(mode, of_hz) <= off(mode, *other)));
         candidates.min_by(|(_, a), (_, b)| off(a, of_hz).total_cmp(&off(b, of_hz))).map(|(index, _)| index)
     };
     let owners: Vec<Option<usize>> = known_hz.iter().map(|of_hz| nearest(*of_hz)).collect();

@@ -127,6 +127,29 @@ pub fn samples_in(time_s: f64, record: &Record) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_bench::identify::{FittedPart, IdentifiedMode};
+
+    fn found(pole_frequency_hz: f64) -> IdentifiedMode {
+        IdentifiedMode {
+            pole_frequency_hz,
+            pole_frequency_deviation_hz: 1e-3,
+            pole_damping_ratio: 0.01,
+            pole_damping_ratio_deviation: 1e-4,
+            shape: [1.0, 0.0, 0.0, 0.0],
+            shape_per_sqrt_kg: None,
+            residual: 1.0,
+            is_linear: true,
+            lines: 20,
+            part: FittedPart::Forced,
+        }
+    }
+
+    /// A plate on soft strings has modes at 0 Hz, which have no pole. The others keep their numbers.
+    #[test]
+    fn modes_beside_one_without_a_pole_have_their_numbers() {
+        let modes = [found(63.405), found(149.997)];
+        assert_eq!(mode_numbers(&modes, &[f64::NAN, 63.4, 150.0]), [Some(2), Some(3)]);
+    }
 
     #[test]
     fn a_band_is_that_of_what_was_played() {

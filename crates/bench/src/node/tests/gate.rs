@@ -93,6 +93,16 @@ fn parts_handed_over_for_another_sample_do_not_act() {
     assert_eq!(driven.tick(0.0), Load::force_n(1.0, 0.0), "these parts answered the sample before");
 }
 
+/// A controller may command −0 where nothing acts; a run in lockstep, where nothing is handed over, has 0 there.
+#[test]
+fn a_negative_zero_that_is_handed_over_has_no_sign() {
+    let mut driven = Driven::new();
+    driven.plant.hand_over(driven.sample as u16, &Load::at_joint(2, -0.0));
+    driven.force(1.0, 0.0);
+    let load = driven.tick(0.0);
+    assert_eq!(load.torque_nm[2].to_bits(), 0.0_f64.to_bits());
+}
+
 #[test]
 fn a_torque_in_place_of_a_force_changes_both() {
     let mut driven = Driven::new();
