@@ -21,8 +21,8 @@ use crate::progress::timed;
 use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use resonarm::analysis::{
-    Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, TraceOptions, Unlocated, trace, trace_doublings,
-    trace_singular_curves,
+    Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, Stability, TraceOptions, Unlocated, Verdict, trace,
+    trace_doublings, trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -380,8 +380,18 @@ impl Continue {
 
 /// Says how many responses a branch has, and how many of them are unstable.
 fn counted(branch: &Branch) -> String {
-    let unstable = branch.orbits.iter().filter(|orbit| orbit.is_stable() == Some(false)).count();
-    format!("{} responses, {unstable} of them unstable", branch.orbits.len())
+    let count = |wanted: Verdict| {
+        let verdicts = branch.orbits.iter().filter_map(|orbit| orbit.stability.as_ref().map(Stability::verdict));
+        verdicts.filter(|verdict| *verdict == wanted).count()
+    };
+    let mut text = format!("{} responses, {} of them unstable", branch.orbits.len(), count(Verdict::Unstable));
+    if let undecided @ 1.. = count(Verdict::Undecided) {
+        text += &format!(", {undecided} undecided within the accuracy of their multipliers");
+    }
+    if let conservative @ 1.. = count(Verdict::Conservative) {
+        text += &format!(", {conservative} neither stable nor unstable: the structure is conservative");
+    }
+    text
 }
 
 /// Says how many responses would need more harmonics than are allowed, and where the error is largest; empty if there is
@@ -419,6 +429,8 @@ fn point(orbit: &Orbit, read: &[ReadAt]) -> Value {
     json!({
         "value": orbit.value, "frequency_hz": orbit.frequency_hz, "drive": orbit.drive, "period": orbit.period,
         "readings": readings(&orbit.readings, read), "stable": orbit.is_stable(),
+        "stability": orbit.stability.as_ref().map(|stability| stability.verdict().name()),
+        "multiplier_accuracy": orbit.stability.as_ref().map(|stability| stability.accuracy),
         "multipliers": multipliers, "harmonics": orbit.harmonics,
         "truncation_error": orbit.truncation_error,
     })

@@ -2,7 +2,7 @@
 //! lines; and as tables.
 
 use resonarm::analysis::{self, BifurcationKind};
-use resonarm::analysis::{Branch, Coordinate, Orbit};
+use resonarm::analysis::{Branch, Coordinate, Orbit, Stability, Verdict};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
 
 use crate::read_at::{ReadAt, cells, columns};
@@ -26,19 +26,37 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Says whether the response is drawn as stable; `None` at a bifurcation. A response whose largest multiplier is on
-    /// the unit circle, as without damping, is not unstable.
+    /// Returns the verdict on the response; `None` at a bifurcation.
+    fn verdict(&self) -> Option<Verdict> {
+        self.orbit.stability.as_ref().filter(|_| self.bifurcation.is_none()).map(Stability::verdict)
+    }
+
+    /// Says whether the response is drawn as stable; `None` at a bifurcation.
     fn stable(&self) -> Option<bool> {
-        self.bifurcation.is_none().then(|| self.orbit.is_stable() != Some(false))
+        self.verdict().map(|verdict| verdict == Verdict::Stable)
+    }
+
+    /// Says whether the response is not drawn as unstable; `None` at a bifurcation.
+    fn not_unstable(&self) -> Option<bool> {
+        self.verdict().map(|verdict| verdict != Verdict::Unstable)
+    }
+
+    /// Says whether the response is neither stable nor unstable: `None` if it is stable, so that a line from there to
+    /// such a response counts as one of these; and at a bifurcation.
+    fn neither(&self) -> Option<bool> {
+        match self.verdict()? {
+            Verdict::Stable => None,
+            Verdict::Unstable => Some(false),
+            Verdict::Undecided | Verdict::Conservative => Some(true),
+        }
     }
 
     /// Returns the stability in words; empty if it is not computed.
     fn stability(&self) -> &'static str {
-        match (self.orbit.is_stable(), self.bifurcation) {
-            (Some(true), None) => "stable",
-            (Some(false), None) => "unstable",
-            (None, None) if self.orbit.stability.is_none() => "",
-            _ => "marginal",
+        match (&self.orbit.stability, self.bifurcation) {
+            (Some(stability), None) => stability.verdict().name(),
+            (None, None) => "",
+            (_, Some(_)) => "marginal",
         }
     }
 }
@@ -83,8 +101,18 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
         // Without multipliers no orbit may look stable, so the line has a colour and a label of its own.
         let is_assessed = branch.orbits.iter().any(|orbit| orbit.stability.is_some());
         let lines = if is_assessed {
-            let of = |wanted| analysis::stretches(&rows, Row::stable, wanted, at);
-            vec![Series::stable(of(true)), Series::unstable(of(false))]
+            let mut lines = vec![
+                Series::stable(analysis::stretches(&rows, Row::stable, true, at)),
+                Series::unstable(analysis::stretches(&rows, Row::not_unstable, false, at)),
+            ];
+            let neither = analysis::stretches(&rows, Row::neither, true, at);
+            if !neither.is_empty() {
+                let conservative = rows.iter().any(|row| row.verdict() == Some(Verdict::Conservative));
+                let label = if conservative { "neither stable nor unstable" } else { "stability undecided" };
+                let style = Style::Line { color: Color::Black, width: 1.6, dash: Dash::Solid };
+                lines.push(Series::line(label, Color::Black, neither).style(style));
+            }
+            lines
         } else {
             let style = Style::Line { color: Color::Black, width: 1.6, dash: Dash::Solid };
             let points = rows.iter().map(at).collect();

@@ -497,7 +497,7 @@ mod tests {
 
     fn tests_of(multipliers: &[[f64; 2]]) -> [f64; 2] {
         let multipliers: Vec<_> = multipliers.iter().map(|[re, im]| Complex::new(*re, *im)).collect();
-        let stability = Stability { multipliers };
+        let stability = Stability { multipliers, accuracy: 0.0, conservative: false };
         let point =
             Point { x: vec![], lambda: 0.0, arclength: 0.0, tangent: vec![], determinant: Determinant::default() };
         [PeriodDoubling, NeimarkSacker].map(|kind| value(kind, &point, Some(&stability), Determinant::default()))
@@ -533,6 +533,8 @@ mod tests {
         }
         let of = |numbers: &[[f64; 2]]| Stability {
             multipliers: numbers.iter().map(|[re, im]| Complex::new(*re, *im)).collect(),
+            accuracy: 0.0,
+            conservative: true,
         };
         let [[a, b], ..] = undamped;
         let saddle = of(&[a, b, [1.25, 0.0], [0.8, 0.0]]);

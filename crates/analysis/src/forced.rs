@@ -57,6 +57,23 @@ impl Forced {
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 
+    /// Says whether nothing dissipates energy: no joint, no mode and no element.
+    pub fn is_conservative(&self) -> bool {
+        let spec = self.assembly.spec();
+        let undamped = match &spec.body {
+            BodySpec::Chain(chain) => chain.links.iter().all(|link| link.damping_nm_s_rad == 0.0),
+            BodySpec::Modal(modal) => modal.modes.iter().all(|mode| mode.damping_ratio == 0.0),
+        };
+        undamped
+            && spec.elements.iter().all(|element| match element.law {
+                Law::Cubic { .. } | Law::Gap { .. } => true,
+                Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
+                    damping == 0.0
+                }
+                Law::Friction { .. } | Law::Lugre { .. } | Law::Tanh { .. } => false,
+            })
+    }
+
     /// Returns the structure under a drive of another amplitude.
     pub fn with_amplitude(&self, amplitude: f64) -> Forced {
         Forced { amplitude, ..self.clone() }

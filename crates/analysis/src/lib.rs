@@ -66,7 +66,7 @@ pub use grid::frequencies_hz;
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
 pub use linear::LinearResponse;
 pub use nearest::{Distances, Nearest, nearest};
-pub use orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated};
+pub use orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated, Verdict};
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};

@@ -120,6 +120,51 @@ pub(super) const ROUNDING: f64 = 1e-9;
 pub struct Stability {
     /// μ, the largest magnitude first: one for each coordinate, each velocity, and each state of an element that slips.
     pub multipliers: Vec<Complex<f64>>,
+    /// How far the largest |μ| is from that of a coarser method: by the steps of the flow, or 1e-8 where other methods are
+    /// used.
+    pub accuracy: f64,
+    /// Whether the structure conserves energy.
+    pub conservative: bool,
+}
+
+/// What the multipliers say about small disturbances of a response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// `stable`: they die out.
+    Stable,
+    /// `unstable`: one grows.
+    Unstable,
+    /// `undecided`: the largest |μ| is 1 within its accuracy.
+    Undecided,
+    /// `conservative`: they neither die out nor grow, since nothing dissipates energy.
+    Conservative,
+}
+
+impl Verdict {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Verdict::Stable => "stable",
+            Verdict::Unstable => "unstable",
+            Verdict::Undecided => "undecided",
+            Verdict::Conservative => "conservative",
+        }
+    }
+}
+
+/// Three times the distance between two methods bounds the error of the better one.
+const ACCURACIES: f64 = 3.0;
+
+impl Stability {
+    /// Decides by the largest |μ| and its accuracy.
+    pub fn verdict(&self) -> Verdict {
+        // |μ| − 1 near the unit circle.
+        let beyond = self.multipliers.first().map_or(f64::NAN, |largest| 0.5 * (largest.norm_sqr() - 1.0));
+        if beyond.abs() < ROUNDING.max(ACCURACIES * self.accuracy) {
+            return if self.conservative { Verdict::Conservative } else { Verdict::Undecided };
+        }
+        if beyond < 0.0 { Verdict::Stable } else { Verdict::Unstable }
+    }
 }
 
 /// A periodic response on a branch.
@@ -149,13 +194,14 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Says whether small disturbances die out; `None` if that is not computed, and if the largest |μ| is 1 within
-    /// 1e-9, as without damping: the multipliers then say neither.
+    /// Says whether small disturbances die out; `None` if that is not computed, and if the multipliers say neither: see
+    /// [`Verdict`].
     pub fn is_stable(&self) -> Option<bool> {
-        let largest = self.stability.as_ref()?.multipliers.first()?;
-        // |μ| − 1 near the unit circle.
-        let beyond = 0.5 * (largest.norm_sqr() - 1.0);
-        (beyond.abs() >= ROUNDING || beyond.is_nan()).then_some(beyond < 0.0)
+        match self.stability.as_ref()?.verdict() {
+            Verdict::Stable => Some(true),
+            Verdict::Unstable => Some(false),
+            Verdict::Undecided | Verdict::Conservative => None,
+        }
     }
 }
 

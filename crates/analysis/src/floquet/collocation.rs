@@ -17,7 +17,7 @@ use nalgebra::DMatrix;
 use resonarm_numeric::linear_solve::solve;
 
 use super::rows::eliminate;
-use super::{Stability, multipliers};
+use super::{ACCURACY, Stability, multipliers};
 use crate::balance::Balance;
 use crate::gauss::{S, Tableau, steps_for};
 use crate::samples::Samples;
@@ -54,7 +54,8 @@ pub(super) fn stability(
         // A chain has at most eight links.
         _ => flow::<8, 16>,
     };
-    multipliers(find(balance, x, samples, set)?)
+    let multipliers = multipliers(find(balance, x, samples, set)?)?;
+    Some(Stability { multipliers, accuracy: ACCURACY, conservative: false })
 }
 
 /// Returns the flow over the period of N coordinates, with `W` = 2N columns; `None` if it can't be computed.

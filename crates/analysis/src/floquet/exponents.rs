@@ -21,7 +21,7 @@ use nalgebra::Complex;
 use super::newton::{polish, strongest};
 use super::sweep::sweep;
 use super::varied::Varied;
-use super::{Variations, modal, multipliers, sorted};
+use super::{ACCURACY, Variations, modal, multipliers, sorted};
 use crate::orbit::Stability;
 use crate::unknowns::{Body, Condensed};
 
@@ -149,7 +149,8 @@ pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
         let sine = if at.im == PI { 0.0 } else { sine };
         Complex::new(cosine, sine) * libm::exp(at.re)
     };
-    Some(sorted(found.exponents.iter().map(multiplier).collect()))
+    let multipliers = sorted(found.exponents.iter().map(multiplier).collect());
+    Some(Stability { multipliers, accuracy: ACCURACY, conservative: false })
 }
 
 /// Returns initial guesses of multipliers: those of the flow of the modes up to somewhat beyond the fastest of some,
@@ -182,5 +183,5 @@ fn guesses(
         let share = 1.0 / (1.0 + gives * *s);
         (*s, *g) = (*s * share, *g * share * share);
     }
-    Some(multipliers(modal::flow(of, &own, [2, 1])?)?.multipliers)
+    multipliers(modal::flow(of, &own, [2, 1])?)
 }

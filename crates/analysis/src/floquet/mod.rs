@@ -4,15 +4,20 @@
 //! The flow of modes, and of a chain that isn't smooth, is computed on 2L points of the period. A step goes over 2 of
 //! them with the derivatives in its middle: half a step of the linear structure, exact, the impulse of the terms that
 //! this leaves out, and another half (G. Strang, 1968). This is symmetric, with errors in h², h⁴, …; where the response
-//! is smooth, steps over 4 and 8 points remove the first two (W. Romberg, 1955):
+//! is smooth, steps over 4 and 8 points remove the first two, as in Romberg's sum (64 Φ₂ − 20 Φ₄ + Φ₈)/45 (W. Romberg,
+//! 1955). Without damping each of the three flows is symplectic, so that its multipliers are on the unit circle or come
+//! in pairs μ, 1/μ, whatever the step; the sum is not, and its multipliers would leave the circle by its error. So the
+//! flows are not added up, but their distances in the group, by A. Cayley's transform (E. Hairer, C. Lubich, G. Wanner,
+//! "Geometric Numerical Integration", 2006, Sec. IV.8.3):
 //!
 //! ```text
-//! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45
+//! Wₖ = 2 (Φₖ − Φ₂)(Φₖ + Φ₂)⁻¹,     W = (W₈ − 20 W₄)/45,     Φ = (1 − W/2)⁻¹ (1 + W/2) Φ₂
 //! ```
 //!
-//! The sum does not keep the volume of states as each of its terms does: without damping |det Φ| = 1, which decides
-//! whether |μ| is 1. So where damping is small Φ is scaled such that ln |det Φ| is the same sum of the three
-//! logarithms.
+//! With Φₖ = exp(h²A + h⁴B + …) Φ, Wₖ is the logarithm of Φₖ Φ₂⁻¹ up to h⁶: W₄ = 3h²A + 15h⁴B and W₈ = 15h²A + 255h⁴B, so
+//! that W = −h²A − h⁴B cancels both. If Φ₂ and Φₖ are symplectic Wₖ is Hamiltonian, hence W, and Φ is symplectic. Where
+//! damping is large Φ₂ has no accurate inverse, and the sum is taken. W = −W₄/3 cancels h² alone: how far the largest |μ|
+//! is from that of this flow is the accuracy that a response states.
 //!
 //! The variations of a smooth chain are integrated by collocation of order 8, [`collocation`].
 //!
@@ -51,7 +56,9 @@ const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
 /// Derivatives that differ by less than this part of the largest are the same.
 const REPEATED: f64 = 1e-10;
-/// Below this ln |det Φ| damping is not small, and rounding may reach the determinant.
+/// The accuracy of |μ| by collocation and by exponents, which tests compare with finer flows.
+const ACCURACY: f64 = 1e-8;
+/// Below this ln |det Φ| damping is not small, and Φ has no accurate inverse.
 const LEAST_LOG: f64 = -7.0;
 
 /// The variations along a response.
@@ -162,6 +169,12 @@ pub(super) struct Floquet {
 impl Floquet {
     /// Returns the stability of the response X of a balance; `None` if the multipliers can't be computed.
     pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
+        let conservative = balance.forced.is_conservative();
+        self.multipliers(balance, x).map(|found| Stability { conservative, ..found })
+    }
+
+    /// Computes the multipliers and their accuracy.
+    fn multipliers(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
         let of_harmonics = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
         if matches!(balance.unknowns.body, Body::Chain) && balance.forced.assembly().is_smooth() {
             let new = || Samples::new(&balance.forced, &balance.unknowns);
@@ -218,25 +231,49 @@ fn by_flow(of: &Variations) -> Option<Stability> {
     if of.balance.forced.assembly().is_smooth() || !of.repeat_after_half() {
         return extrapolated(|points| modal::flow(of, condensed, [points, 1]), of.balance);
     }
-    let half = multipliers(modal::flow(of, condensed, [2, 2])?)?;
-    Some(sorted(half.multipliers.iter().map(|root| root * root).collect()))
+    let of_half = |points: usize| {
+        let roots = multipliers(modal::flow(of, condensed, [points, 2])?)?;
+        Some(sorted(roots.iter().map(|root| root * root).collect()))
+    };
+    compared(of_half(2)?, &of_half(4)?)
+}
+
+/// Returns the stability by multipliers, whose accuracy is their distance from less exact ones.
+fn compared(multipliers: Vec<Complex<f64>>, coarse: &[Complex<f64>]) -> Option<Stability> {
+    let largest = |of: &[Complex<f64>]| of.first().map(|mu| libm::sqrt(mu.norm_sqr()));
+    let accuracy = (largest(&multipliers)? - largest(coarse)?).abs();
+    Some(Stability { multipliers, accuracy, conservative: false })
 }
 
 /// Computes the stability by flows over the period, extrapolated for smooth responses.
 fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Stability> {
-    let finest = flow(2)?;
+    let (finest, middle) = (flow(2)?, flow(4)?);
     if !balance.forced.assembly().is_smooth() {
-        return multipliers(finest);
+        return compared(multipliers(finest)?, &multipliers(middle)?);
     }
-    // Errors a h² + b h⁴ of the steps h, 2h and 4h: the weights 64, −20 and 1 cancel h², 64 − 20·4 + 16 = 0, and h⁴, 64
-    // − 20·16 + 256 = 0, and add up to 45.
-    let (middle, coarsest) = (flow(4)?, flow(8)?);
-    let [fine, less, coarse] = [&finest, &middle, &coarsest].map(log_determinant);
-    let whole = (finest * 64.0 - middle * 20.0 + coarsest) / 45.0;
-    let wanted = (fine * 64.0 - less * 20.0 + coarse) / 45.0;
-    // A factor eˣ on Φ adds x to ln |det Φ| for each of its rows.
-    let off = (wanted - log_determinant(&whole)) / whole.nrows() as f64;
-    multipliers(if wanted > LEAST_LOG && off.is_finite() { whole * libm::exp(off) } else { whole })
+    let coarsest = flow(8)?;
+    let (whole, coarse) = if log_determinant(&finest) > LEAST_LOG {
+        let [fourth, eighth] = [middle, coarsest].map(|other| distance(&other, &finest));
+        let (fourth, eighth) = (fourth?, eighth?);
+        (moved(&finest, &((eighth - &fourth * 20.0) / 45.0))?, moved(&finest, &(fourth / -3.0))?)
+    } else {
+        let coarse = (&finest * 4.0 - &middle) / 3.0;
+        ((finest * 64.0 - middle * 20.0 + coarsest) / 45.0, coarse)
+    };
+    compared(multipliers(whole)?, &multipliers(coarse)?)
+}
+
+/// Returns 2 (Φₖ − Φ)(Φₖ + Φ)⁻¹; `None` if it does not exist.
+fn distance(other: &DMatrix<f64>, flow: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    // Solved for the transpose, since the inverse is on the right.
+    let transposed = (other + flow).transpose().lu().solve(&((other - flow) * 2.0).transpose())?;
+    Some(transposed.transpose())
+}
+
+/// Returns (1 − W/2)⁻¹ (1 + W/2) Φ; `None` if it does not exist.
+fn moved(flow: &DMatrix<f64>, by: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let (one, half) = (DMatrix::identity(flow.nrows(), flow.nrows()), by * 0.5);
+    (&one - &half).lu().solve(&((one + half) * flow))
 }
 
 /// Returns the logarithm of the magnitude of the flow's determinant, ln |det Φ|.
@@ -275,7 +312,7 @@ fn average(samples: &mut Samples) {
 }
 
 /// Computes multipliers as eigenvalues of the flow; `None` if they can't be computed.
-fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
+fn multipliers(mut flow: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let n = flow.nrows();
     if flow.iter().any(|value| !value.is_finite()) {
         return None;
@@ -285,10 +322,10 @@ fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
 }
 
 /// Sorts multipliers, the largest magnitude first.
-fn sorted(mut multipliers: Vec<Complex<f64>>) -> Stability {
+fn sorted(mut multipliers: Vec<Complex<f64>>) -> Vec<Complex<f64>> {
     // Of a conjugate pair the one with the positive imaginary part comes first, so that the order is unique.
     multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
-    Stability { multipliers }
+    multipliers
 }
 
 #[cfg(test)]

@@ -42,6 +42,13 @@ fn undamped_responses_are_marginal() {
         assert_eq!((&branch.bifurcations[..], &branch.unlocated[..]), (&[][..], &[][..]));
         let stable: Vec<_> = branch.orbits.iter().map(Orbit::is_stable).collect();
         assert!(stable.iter().all(Option::is_none), "{ends:?}: {stable:?}");
+        let verdict = |orbit: &Orbit| orbit.stability.as_ref().unwrap().verdict();
+        let expected = if branch.orbits[0].stability.as_ref().unwrap().conservative {
+            Verdict::Conservative
+        } else {
+            Verdict::Undecided
+        };
+        assert!(branch.orbits.iter().all(|orbit| verdict(orbit) == expected), "{ends:?}");
     }
     // The damped mode's folds are found beside the undamped one, and what is between them is unstable.
     let branch = traced(modes(&apart, Some(HARDENS)), 5.0, [15.0, 25.0]);
@@ -92,4 +99,65 @@ fn a_branch_begins_where_it_is_asked_to() {
 /// The harmonics with which the first response of a smooth structure is sought.
 fn branch_least() -> usize {
     BranchOptions::new(1.0, 2.0).least_harmonics
+}
+
+/// Two undamped masses with a cubic spring, example 4 of NLvib (M. Krack, J. Gross, 2019): load, N, and angular frequency,
+/// rad/s; the largest displacement, and a multiplier of each pair, from the flow by an explicit method of order 8 at the
+/// tolerance 1e-13 (SciPy) along the response of independent harmonic balance.
+const UNDAMPED: [UndampedCase; 4] = [
+    UndampedCase {
+        load: 1.0,
+        rate: 0.86573,
+        largest: 1.1368130483,
+        pairs: [[0.5496196287, 0.8354150248], [-0.4918364342, 0.8706876145]],
+    },
+    UndampedCase {
+        load: 0.3,
+        rate: 0.7,
+        largest: 0.3393569850,
+        pairs: [[-0.9649679038, 0.2623679564], [-0.9987338298, 0.0503064322]],
+    },
+    UndampedCase {
+        load: 0.1,
+        rate: 0.32,
+        largest: 0.0725432198,
+        pairs: [[0.6932044313, 0.7207410189], [-0.8590114809, 0.5119563220]],
+    },
+    UndampedCase {
+        load: 0.1,
+        rate: 2.2,
+        largest: 0.0402047375,
+        pairs: [[0.2326839415, 0.9725524065], [-0.9597363770, 0.2809022723]],
+    },
+];
+
+struct UndampedCase {
+    load: f64,
+    rate: f64,
+    largest: f64,
+    pairs: [[f64; 2]; 2],
+}
+
+/// All |μ| of a conservative structure are 1 but for rounding, whatever the step; the angles are those of the flow.
+#[test]
+fn multipliers_of_a_conservative_structure_stay_on_the_circle() {
+    let (low, high) = (1.0 / TAU, libm::sqrt(3.0) / TAU);
+    let half = core::f64::consts::FRAC_1_SQRT_2;
+    for case in &UNDAMPED {
+        let law = Law::Cubic { stiffness3: 0.5, stiffness5: 0.0 };
+        let masses = modes(&[(low, 0.0, [half, half]), (high, 0.0, [half, -half])], Some(law));
+        let hz = case.rate / TAU;
+        let branch = traced(masses, case.load, [hz, 1.001 * hz]);
+        let first = &branch.orbits[0];
+        near(first.readings[0].largest, case.largest, 1e-8);
+        let stability = first.stability.as_ref().unwrap();
+        for mu in &stability.multipliers {
+            assert!((mu.norm() - 1.0).abs() < 1e-12, "{} rad/s: {:e}", case.rate, mu.norm() - 1.0);
+            let off = |[re, im]: &[f64; 2]| (mu - Complex::new(*re, im.copysign(mu.im))).norm();
+            let nearest = case.pairs.iter().map(off).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-5, "{} rad/s: {nearest:e}", case.rate);
+        }
+        assert_eq!((stability.verdict(), first.is_stable()), (Verdict::Conservative, None));
+        assert!(stability.accuracy < 1e-12, "{:e}", stability.accuracy);
+    }
 }
