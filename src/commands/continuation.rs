@@ -21,7 +21,7 @@ use crate::progress::timed;
 use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use resonarm::analysis::{
-    Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, Stability, TraceOptions, Unlocated, Verdict, trace,
+    self, Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, Stability, TraceOptions, Unlocated, trace,
     trace_doublings, trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
@@ -380,15 +380,16 @@ impl Continue {
 
 /// Says how many responses a branch has, and how many of them are unstable.
 fn counted(branch: &Branch) -> String {
-    let count = |wanted: Verdict| {
+    let count = |wanted: analysis::Verdict| {
         let verdicts = branch.orbits.iter().filter_map(|orbit| orbit.stability.as_ref().map(Stability::verdict));
         verdicts.filter(|verdict| *verdict == wanted).count()
     };
-    let mut text = format!("{} responses, {} of them unstable", branch.orbits.len(), count(Verdict::Unstable));
-    if let undecided @ 1.. = count(Verdict::Undecided) {
+    let mut text =
+        format!("{} responses, {} of them unstable", branch.orbits.len(), count(analysis::Verdict::Unstable));
+    if let undecided @ 1.. = count(analysis::Verdict::Undecided) {
         text += &format!(", {undecided} undecided within the accuracy of their multipliers");
     }
-    if let conservative @ 1.. = count(Verdict::Conservative) {
+    if let conservative @ 1.. = count(analysis::Verdict::Conservative) {
         text += &format!(", {conservative} neither stable nor unstable: the structure is conservative");
     }
     text
