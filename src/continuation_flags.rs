@@ -19,8 +19,8 @@ pub(crate) struct ContinuationFlags {
     /// Largest error from the harmonics left out, over the motion's size.
     ///
     /// Harmonics are added until the error is below it, from 1e-14 to 0.1. By default it depends on the elements: 1e-9 for
-    /// linear and cubic ones and for the links of a chain, 1e-6 for tanh, 1e-5 for steep tanh, friction and lugre, and
-    /// 1e-4 for gaps and contacts; the largest of these counts.
+    /// linear and cubic ones and for the links of a chain, 1e-6 for tanh, and 1e-5 for steep tanh, friction, gaps and
+    /// contacts; the largest of these counts.
     #[arg(long, value_name = "X")]
     tolerance: Option<f64>,
     /// Most points of a branch.
@@ -47,7 +47,7 @@ impl ContinuationFlags {
         }
         if let Some(tolerance) = self.tolerance {
             if !TOLERANCES.contains(&tolerance) {
-                let why = format!("it must be from {} to {}", TOLERANCES.start(), TOLERANCES.end());
+                let why = format!("it must be from {:e} to {}", TOLERANCES.start(), TOLERANCES.end());
                 return Err(Failure::value("--tolerance", tolerance, why));
             }
             options.truncation = tolerance;

@@ -359,8 +359,7 @@ fn continue_reports_its_failures() {
     insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1 --from=1 --to=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
     insta::assert_snapshot!(says(2, "--parameter=wind --drive=joint1=60"), @"resonarm: --parameter wind: there is no parameter `wind` in this structure: expected one of link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
     insta::assert_snapshot!(says(2, "--parameter=link2.mass_kg --drive=joint1=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along link2.mass_kg: invalid interval from 36 to -1 kg: the ends must be two different numbers within the range of the parameter");
-    insta::assert_snapshot!(says(1, "--drive=joint1=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000 Hz: Newton's method did not converge; start elsewhere, away from a resonance, or lower the excitation");
-    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=23 --tolerance=0.5"), @"resonarm: --tolerance 0.5: it must be from 0.00000000000001 to 0.1");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=23 --tolerance=0.5"), @"resonarm: --tolerance is 0.5: it must be from 1e-14 to 0.1");
     insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch was followed to 21.868289 Hz, where it reached the limit of 10 points; allow more points or larger steps (--most-points, --largest-step); the 10 responses before that are in the results");
 }
 
@@ -381,7 +380,7 @@ fn a_branch_with_too_few_harmonics_states_its_error() {
     let flags = "--drive=joint1=60 --from-hz=21 --to-hz=23";
     let document =
         |more: &str| -> Value { serde_json::from_str(&done(&format!("continue {flags} {more} --json"))).unwrap() };
-    let (few, all) = (document("--most-harmonics=4"), document(""));
+    let (few, all) = (document("--most-harmonics=4"), document("--most-harmonics=64"));
     assert_eq!([&few["ended"], &all["ended"]], ["at-end"; 2]);
     assert_eq!(all["configuration"]["continue"]["tolerance"], 1e-9);
     let beyond = |of: &Value| {

@@ -33,10 +33,10 @@ pub struct TraceOptions {
 }
 
 /// The largest truncation errors, relative to the size of the response, by the law of the forces. The series of
-/// polynomials fall exponentially with the frequency, so that a small error costs few harmonics. Those of the others
-/// fall with a power of it, until steps of tanh are resolved: there the error is one that a moderate number of harmonics
-/// reaches.
-const TOLERANCES: Tolerances = Tolerances { polynomial: 1e-9, tanh: 1e-6, friction: 1e-5, contact: 1e-4 };
+/// polynomials fall exponentially with the frequency, so that a small error costs few harmonics. Those of laws with kinks
+/// fall with a power of it, and so do those of tanh until its steps are resolved. With a tolerance of 1e-4 the branch of a
+/// contact can have folds that it does not have with more harmonics.
+const TOLERANCES: Tolerances = Tolerances { polynomial: 1e-9, tanh: 1e-6, kink: 1e-5 };
 /// Below this fraction of the velocity the v0 of tanh is so steep that its series falls as that of friction.
 const STEEP: f64 = 0.05;
 /// The largest step, relative to the response's size: a resonance, which is a circle for the continuation, has about 60
@@ -49,8 +49,7 @@ const STATE_FLOOR: f64 = 1e-2;
 struct Tolerances {
     polynomial: f64,
     tanh: f64,
-    friction: f64,
-    contact: f64,
+    kink: f64,
 }
 
 impl Tolerances {
@@ -59,8 +58,12 @@ impl Tolerances {
         match *law {
             Law::Cubic { .. } | Law::Linear { .. } => self.polynomial,
             Law::Tanh { velocity: scale, .. } if scale >= STEEP * velocity => self.tanh,
-            Law::Tanh { .. } | Law::Friction { .. } | Law::Lugre { .. } => self.friction,
-            Law::Gap { .. } | Law::KelvinVoigt { .. } | Law::HuntCrossley { .. } => self.contact,
+            Law::Tanh { .. }
+            | Law::Friction { .. }
+            | Law::Lugre { .. }
+            | Law::Gap { .. }
+            | Law::KelvinVoigt { .. }
+            | Law::HuntCrossley { .. } => self.kink,
         }
     }
 }

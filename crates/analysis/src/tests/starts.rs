@@ -170,3 +170,17 @@ fn a_branch_has_its_folds_and_says_where_it_ended() {
     );
     assert_eq!((so_far.end, so_far.orbits.last().unwrap().value), (BranchEnd::AtStart, 0.557));
 }
+
+/// The error of a start that fails lists what was tried. Here a harmonic of the drive is the natural frequency of an
+/// undamped mode, whose compliance is infinite.
+#[test]
+fn a_start_that_fails_says_what_was_tried() {
+    let mut case = cases("systems").into_iter().find(|case| case["name"] == "strong Duffing").unwrap();
+    case["modes"][0]["damping_ratio"] = 0.0.into();
+    let natural_hz = number(&case["modes"][0], "frequency_hz");
+    let forced = forced(&case);
+    let error = first_largest(&forced, forced.drives()[0].0, 0.5 * natural_hz).unwrap_err();
+    let AnalysisError::NoStart { attempts, .. } = &error else { panic!("{error}") };
+    assert_eq!(attempts.iter().map(|tried| tried.harmonics).collect::<Vec<_>>(), [7, 15, 31]);
+    insta::assert_snapshot!(error.to_string().split_once(';').unwrap().0, @"no periodic response was found at 0.079577 Hz. Newton's method from rest: the equations were singular or not finite. Element forces raised from zero from the linear structure with 7 harmonics to 100 %: the equations were singular or not finite");
+}
