@@ -75,7 +75,7 @@ pub enum AnalysisError {
     },
     /// No periodic response was found at the start of a branch.
     #[error(
-        "no periodic response was found at {at}. Newton's method from rest: {from_rest}{}; start elsewhere, or follow the amplitude from a smaller one",
+        "no periodic response was found at {at}. Newton's method from rest: {from_rest}{}; start elsewhere, lower the excitation, or follow the amplitude from a smaller one",
         attempted(attempts)
     )]
     NoStart {
