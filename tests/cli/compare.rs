@@ -10,6 +10,33 @@ use serde_json::Value;
 
 use crate::{complaint, document, names, resonarm};
 
+/// A mode at 0 Hz that only an element holds: its mean position is not computed, but what was measured is kept.
+#[test]
+fn a_walk_without_a_computed_branch_keeps_its_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = r#"
+        [structure]
+        kind = "modal"
+        modes = [
+            { frequency_hz = 0.0, damping_ratio = 0.0, shape = { "tip.x" = 0.5 } },
+            { frequency_hz = 40.0, damping_ratio = 0.01, shape = { "tip.x" = 0.5 } },
+        ]
+        elements = [{ kind = "cubic", at = "tip.x", stiffness3_n_m3 = 1e6 }]
+        [rig.exciter]
+        at = "tip.x"
+        [rig.sensors.b]
+        at = "tip.x"
+        [rig.sensors.c]
+        at = "tip.x"
+    "#;
+    fs::write(folder.path().join("held.toml"), scenario).unwrap();
+    let walk = ["experiment", "walk", "--scenario", "held.toml", "--drive", "tip.x=0.5", "--mode-number", "2"];
+    let output = resonarm(folder.path(), &[walk.as_slice(), &["--points", "3", "--json"]].concat());
+    let walked: Value = serde_json::from_str(&output.stdout).unwrap();
+    assert_eq!(walked["points"].as_array().unwrap().len(), 3);
+    assert!(output.stderr.contains("no branch is computed beside the points: mode 1 is rigid"), "{}", output.stderr);
+}
+
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap()
 }

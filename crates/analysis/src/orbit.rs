@@ -45,7 +45,7 @@ const LARGEST_STEP: f64 = 0.1;
 /// Responses below this fraction of the static deflection count as this large.
 const STATE_FLOOR: f64 = 1e-2;
 
-/// Tolerances by law.
+/// The usual tolerances of the truncation error, which depend on the laws of the elements.
 struct Tolerances {
     polynomial: f64,
     tanh: f64,
@@ -261,7 +261,7 @@ impl BranchEnd {
 pub struct Branch {
     /// Its periodic responses in order.
     pub orbits: Vec<Orbit>,
-    /// How it ended.
+    /// The end of the branch, and whether it is the end of the interval.
     pub end: BranchEnd,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,

@@ -75,7 +75,7 @@ impl fmt::Display for StartEnd {
 pub struct StartAttempt {
     /// The structure at its start.
     pub from: StartStructure,
-    /// Number of harmonics.
+    /// Number of harmonics of the homotopy.
     pub harmonics: usize,
     /// The share of the element forces that it reached, from 0 to 1.
     pub share: f64,
