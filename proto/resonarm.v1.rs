@@ -67,7 +67,7 @@ pub mod frame_batch {
     )]
     #[repr(i32)]
     pub enum Direction {
-        /// Not said.
+        /// Direction unknown.
         Unspecified = 0,
         /// Came in from the bus.
         Received = 1,

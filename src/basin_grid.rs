@@ -15,7 +15,7 @@ const MOST: u32 = 1000;
 #[derive(Debug, Args)]
 #[command(next_help_heading = heading::RANGE)]
 pub(crate) struct GridFlags {
-    /// First value of each coordinate [default: minus the last].
+    /// First value of each coordinate [default: the negative of --to].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     from: Option<Vec<f64>>,
     /// Last value of each coordinate [default: 1.5 times as far as the largest stable response reaches].

@@ -13,20 +13,20 @@ use resonarm::analysis::BranchOptions;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = heading::COMPUTATION)]
 pub(crate) struct ContinuationFlags {
-    /// Most harmonics of a motion, from 3 to 1000.
+    /// Largest number of harmonics of a response, from 3 to 1000.
     #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_HARMONICS as u16, value_parser = numbers::integer(3..=1000_u16))]
     most_harmonics: u16,
-    /// Largest error from the harmonics left out, over the motion's size.
+    /// Largest error from the neglected harmonics, relative to the response.
     ///
     /// Harmonics are added until the error is below it, from 1e-14 to 0.1. By default it depends on the elements: 1e-9 for
     /// linear and cubic ones and for the links of a chain, 1e-6 for tanh, and 1e-5 for steep tanh, friction, gaps and
-    /// contacts; the largest of these counts.
+    /// contacts. With several kinds of elements the largest of these applies.
     #[arg(long, value_name = "X")]
     tolerance: Option<f64>,
     /// Most points of a branch.
     #[arg(long, value_name = "N", default_value_t = BranchOptions::MOST_POINTS as u32, value_parser = numbers::integer(1..=u32::MAX))]
     most_points: u32,
-    /// Largest step along a branch, over the motion's size.
+    /// Largest step along the branch, relative to the response.
     ///
     /// It is a fraction from 1e-6 to 1.
     #[arg(long, value_name = "X", default_value_t = BranchOptions::LARGEST_STEP)]

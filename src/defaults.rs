@@ -279,12 +279,12 @@ mod tests {
         sweep --points: 101, and more at resonances
         poincare --initial: that of the scenario, at rest
         poincare --at: where the loads act
-        poincare --parameter: nothing, one section
+        poincare --parameter: none; a single section is computed
         poincare --section-points: 2000, in a diagram 200
         basins --initial: that of the scenario, at rest
         basins --at: where the loads act
-        basins --coordinates: the first and its rate
-        basins --from: minus the last
+        basins --coordinates: the first coordinate and its rate
+        basins --from: the negative of --to
         basins --to: 1.5 times as far as the largest stable response reaches
         compare --at: where the points move most
         fmu --library: libresonarm_fmu.so beside this program

@@ -269,7 +269,7 @@ mod serving {
         let warning = (!address.ip().to_canonical().is_loopback()).then(|| {
             let port = address.port();
             format!(
-                "LISTENS BEYOND THIS MACHINE, on {address}, without encryption: anyone who reaches it can watch, and anyone who \
+                "reachable from other machines on {address}, without encryption: anyone who reaches it can watch, and anyone who \
                  reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: \
                  `ssh -L {port}:127.0.0.1:{port} HOST`"
             )
@@ -281,7 +281,7 @@ mod serving {
             };
             return vec![event.to_string()];
         }
-        let page = format!("live view    {url} (to look only: leave out what follows #)");
+        let page = format!("live view    {url} (for viewers who may only watch, leave out the part from # on)");
         [Some(page), warning.map(|warning| format!("live view    {warning}"))].into_iter().flatten().collect()
     }
 
@@ -308,11 +308,15 @@ mod serving {
         fn listening_beyond_loopback_gives_a_warning() {
             let said = |address: &str| announcement("http://x/#t", address.parse().unwrap(), false);
             insta::assert_snapshot!(said("0.0.0.0:8080").join("\n"), @"
-            live view    http://x/#t (to look only: leave out what follows #)
-            live view    LISTENS BEYOND THIS MACHINE, on 0.0.0.0:8080, without encryption: anyone who reaches it can watch, and anyone who reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
+            live view    http://x/#t (for viewers who may only watch, leave out the part from # on)
+            live view    reachable from other machines on 0.0.0.0:8080, without encryption: anyone who reaches it can watch, and anyone who reads its traffic gets the token; listen on 127.0.0.1 instead, and tunnel it: `ssh -L 8080:127.0.0.1:8080 HOST`
             ");
             for near in ["127.0.0.1:1", "127.8.0.1:1", "[::1]:1", "[::ffff:127.0.0.1]:1"] {
-                assert_eq!(said(near), ["live view    http://x/#t (to look only: leave out what follows #)"], "{near}");
+                assert_eq!(
+                    said(near),
+                    ["live view    http://x/#t (for viewers who may only watch, leave out the part from # on)"],
+                    "{near}"
+                );
             }
             for far in ["10.0.0.7:1", "[::]:1", "[2001:db8::1]:1"] {
                 assert_eq!(said(far).len(), 2, "{far}");
@@ -322,7 +326,7 @@ mod serving {
                 serde_json::from_str::<serde_json::Value>(line).unwrap()
             };
             assert_eq!(event("127.0.0.1:1"), serde_json::json!({ "event": "live", "url": "u" }));
-            assert!(event("0.0.0.0:1")["warning"].as_str().unwrap().starts_with("LISTENS BEYOND THIS MACHINE"));
+            assert!(event("0.0.0.0:1")["warning"].as_str().unwrap().starts_with("reachable from other machines"));
         }
     }
 }

@@ -55,7 +55,7 @@ Exit codes: 0 done, 1 a negative verdict, 2 bad usage or input, 3 the environmen
 RESONARM_LOG sets what is logged, as `debug` or `resonarm_bus=trace`. Where standard error is not a terminal, long work \
 writes a line of progress every 10 s; the levels `error` and `off` suppress it, too. NO_COLOR turns colours off.";
 
-/// Real-time vibration simulator of a compliant-joint robot arm, with an exciter bridge over CAN.
+/// Simulates the vibration of a robot arm or of another structure in real time, as a plant on a CAN bus.
 #[derive(Debug, Parser)]
 #[command(name = "resonarm", version, max_term_width = 120)]
 #[command(next_help_heading = heading::COMMON, next_display_order = LAST)]

@@ -18,7 +18,7 @@ pub enum EncodeError {
         /// Value of the signal: infinite or NaN.
         got: f64,
     },
-    /// A commanded value rounds beyond the range of its signal. Commands are never cut: the controller must know.
+    /// A commanded value rounds beyond the range of its signal. Commands are never clipped: the controller must know.
     OutOfRange {
         /// The message that was to be sent.
         kind: MessageKind,

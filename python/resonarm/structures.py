@@ -30,7 +30,7 @@ _Section = dict[str, Any]
 
 
 class AccuracyWarning(UserWarning):
-    """A result has a larger error than its method has: the message says by what, and how to lower it."""
+    """A result is less accurate than its method usually is. The message states the reason and how to lower the error."""
 
 
 class Structure(_resonarm.Assembly):
@@ -54,8 +54,8 @@ class Structure(_resonarm.Assembly):
         """The structure of a scenario, or of that in a TOML file, with what it takes from other files. Without a
         section `[structure]` it is `Chain.preset()`.
 
-        Raises ValueError if it has none of this class, and for an FMU and a program's own, which show no equations;
-        OSError if the file can't be read.
+        Raises ValueError if the structure is not of this class, or if its equations are not available (an FMU, or a
+        structure of a program); OSError if the file can't be read.
         """
         if not isinstance(scenario, _resonarm.Scenario):
             scenario = _resonarm.Scenario(path=scenario)
@@ -389,11 +389,10 @@ class Modal(Structure):
     def from_chain(
         cls, chain: Chain, *, modes: int | None = None, elements: Sequence[Element] = (), name: str | None = None
     ) -> "Self":
-        """The lowest `modes` of a chain about its rest, all by default. Points are those of the chain; elements of the
-        chain itself are refused.
+        """The lowest `modes` of a chain about its rest, all by default. Points are those of the chain.
 
-        Modes are linear, in the displacements too, and leave out by how much damping makes one move another: more than
-        0.01 of its motion is refused. Raises ValueError.
+        The modal structure is linear, in its displacements too, and neglects how damping couples the modes. Raises
+        ValueError if the chain has elements, or if the coupling moves a mode by more than 0.01 of the motion of another.
         """
         section = _resonarm.modes_of_structure(chain, modes)
         return cls._of({**section, **_shared(elements, (), name)})

@@ -31,9 +31,9 @@ Examples:
   resonarm basins --scenario hardening.toml --drive tip.x=2 \\
       --frequency-hz 22.4 --points 9,9 --plot tip
 
-A state counts as having reached a stable response when, over a quarter of the slowest time constant, it has approached as
-the linearisation at that response says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
-of which that never holds within --time-constants are undecided, and marked as such.";
+A state has reached a stable response when, over a quarter of the slowest time constant, its deviation decays as the
+linearisation at that response predicts; the remainder may be at most a quarter of the decay. Until then the state is
+integrated. States that reach no response within --time-constants are marked as undecided.";
 
 /// Computes basins of attraction: which initial states reach which stable response.
 ///
@@ -52,7 +52,7 @@ pub(crate) struct Basins {
     /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
     #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// The two coordinates that vary, as alpha1_rad,alpha1_dot_rad_s [default: the first and its rate].
+    /// The two coordinates that vary, as alpha1_rad,alpha1_dot_rad_s [default: the first coordinate and its rate].
     ///
     /// They have the names of their channels; those of modes are q1_m_sqrt_kg and so on. The other coordinates are those
     /// of --initial.

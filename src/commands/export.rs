@@ -21,8 +21,8 @@ Formats and their files:
   uff58    STEM.uff       states and samples as functions of time, for tools of modal analysis: dataset 58, ASCII
   wav      STEM-PART.wav  states and samples as channels of 32-bit floating-point numbers, in SI units
 Parquet and MF4 are written by the Python package: python3 -m resonarm export RECORDING --to parquet (docs/python.md).
-Times are simulated time; a log of a run in real time has the machine's. Readings are of a \
-time before their sample, by the delay of the converters: their time_s says so.";
+Times are simulated time, except in the log of a run in real time, which has the time of the machine. A reading describes \
+a time before its sample, because the converters delay it; time_s is that earlier time.";
 
 /// Writes a recording as CSV, candump, ASC, BLF, Foxglove, UFF or WAV.
 ///

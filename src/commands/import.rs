@@ -130,7 +130,7 @@ fn wire_text(wire: &WireImport) -> String {
             wire.states, wire.missing_samples, wire.gaps, wire.incomplete_samples
         ),
         false => {
-            format!("no states and loads, which are in the frames alone: {}\n", missing_text(&wire.missing_states))
+            format!("no states and loads; they are in the frames only: {}\n", missing_text(&wire.missing_states))
         }
     };
     if wire.is_placed_by_time {
@@ -138,13 +138,14 @@ fn wire_text(wire: &WireImport) -> String {
     }
     for (message, frames) in &wire.refused_frames {
         text += &format!(
-            "left out of {message}: {frames}, for a wrong checksum, counter or length, or a value that is no number\n"
+            "frames of {message} left out: {frames}; their checksum, counter or length is wrong, or a value is not a number\n"
         );
     }
     let WireImport { repeated_frames, lost_frames, .. } = wire;
     if repeated_frames + lost_frames > 0 {
         text += &format!(
-            "left out since they repeat a sample or are late: {repeated_frames}; lost, by the counters: {lost_frames}\n"
+            "frames left out because they repeat a sample or are late: {repeated_frames}; frames lost according to the counters: \
+             {lost_frames}\n"
         );
     }
     text

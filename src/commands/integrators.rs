@@ -27,7 +27,7 @@ use resonarm::structure::{Assembly, StepError, Stepper};
 /// chain; the cost is the time of a step.
 #[derive(Debug, Args)]
 #[command(
-    after_long_help = "All is measured on the chain without its damping and without load. docs/integrators.md describes how, and what each scheme is for."
+    after_long_help = "All values are measured on the chain without its dampers and without a load. docs/integrators.md describes how, and what each scheme is for."
 )]
 pub(crate) struct Integrators {
     #[command(flatten)]
@@ -178,9 +178,9 @@ impl Document {
         let modes = self.natural_frequencies_hz.len();
         self.schemes.iter().for_each(|row| text.push_str(&row.line(modes)));
         text.push_str(
-            "\nDamping: the damping ratio that the scheme adds. Frequency: its relative error. Energy: of a free vibration from\n\
-             0.05 and -0.08 rad by turns, relative; change from the first tenth of the steps to the last, and largest less\n\
-             smallest.\n",
+            "\nDamping: damping ratio that the scheme adds. Frequency: relative error of the frequency. Energy, relative, of a\n\
+             free vibration that starts with the joints alternately at 0.05 and -0.08 rad: `change` is from the first tenth of\n\
+             the steps to the last, `spread` is the largest value minus the smallest.\n",
         );
         text
     }

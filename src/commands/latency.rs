@@ -30,7 +30,8 @@ use resonarm_numeric::number::short;
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "The plant runs on a bus in memory with all its instruments, a controller in another thread, and with \
-                        --record a recording. Reported are the medians of the turns' percentiles, and the longest of all.\n\n\
+                        --record a recording. For each percentile the report has the median over the turns, and as the longest value \
+                        that of all turns.\n\n\
                         Example:\n  resonarm latency --rate-hz 1000,4000,10000 --core 1"
 )]
 pub(crate) struct Latency {

@@ -51,7 +51,7 @@ pub(crate) struct Poincare {
     /// Frequency of the excitation, Hz; not with --parameter frequency.
     #[arg(long, help_heading = heading::LOADS, value_name = "F")]
     frequency_hz: Option<f64>,
-    /// What is stepped: frequency, amplitude, or a parameter, as link2.angle_deg [default: nothing, one section].
+    /// What is stepped: frequency, amplitude, or a parameter, as link2.angle_deg [default: none; a single section is computed].
     ///
     /// The sections at all values make a bifurcation diagram.
     #[arg(long, help_heading = heading::RANGE, value_name = "NAME")]

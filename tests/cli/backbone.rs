@@ -218,10 +218,10 @@ fn short_help_has_options_in_groups() {
 
     Computation:
           --undamped            Follow the nonlinear normal mode of the undamped structure
-          --most-harmonics <N>  Most harmonics of a motion, from 3 to 1000 [default: 64]
-          --tolerance <X>       Largest error from the harmonics left out, over the motion's size
+          --most-harmonics <N>  Largest number of harmonics of a response, from 3 to 1000 [default: 64]
+          --tolerance <X>       Largest error from the neglected harmonics, relative to the response
           --most-points <N>     Most points of a branch [default: 20000]
-          --largest-step <X>    Largest step along a branch, over the motion's size [default: 0.25]
+          --largest-step <X>    Largest step along the branch, relative to the response [default: 0.25]
 
     Output:
           --plot <STEM>  Plot to STEM.svg and STEM.png, with caption, CSV and JSON

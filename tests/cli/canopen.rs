@@ -220,9 +220,9 @@ fn what_a_log_of_drives_lacks_is_named() {
     assert_snapshot!(said.stdout, @"
     one.mcap: 3 frames of 0.000 s; left out 0 of other interfaces and 0 lines or objects that are no frames
     no readings: the user protocol does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
-    no states and loads, which are in the frames alone: the user protocol does not carry alpha2_rad, alpha2_dot_rad_s
+    no states and loads; they are in the frames only: the user protocol does not carry alpha2_rad, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
-    left out of TPDO 2 of node 3: 1, for a wrong checksum, counter or length, or a value that is no number
+    frames of TPDO 2 of node 3 left out: 1; their checksum, counter or length is wrong, or a value is not a number
     ");
     let by_sync = ["import", "one.log", "two.mcap", "--by-sync"];
     assert!(complaint(folder, 2, &by_sync).contains("--scenario"));

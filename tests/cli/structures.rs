@@ -712,5 +712,5 @@ fn a_structure_on_a_base() {
         complaint(folder.path(), 2, &all)
     };
     insta::assert_snapshot!(refused("continue --drive base.z=3 --from-hz 15 --to-hz 25 --scenario base.toml").trim(), @"resonarm: base.z is the base, from which displacements count: choose by --at where the response is read, at one of the points tip");
-    insta::assert_snapshot!(refused("run --mode free --scenario moved.toml").trim(), @"resonarm: rig.exciter: `at` is `base.z`, whose load is an acceleration, and a rig commands forces: frf, continue, simulate, sweep and basins move the base; for a run take the free structure, with the table's mass and modes at 0 Hz, and its exciter at the table");
+    insta::assert_snapshot!(refused("run --mode free --scenario moved.toml").trim(), @"resonarm: rig.exciter: `at` is `base.z`, the moving base: it is driven by an acceleration, but a rig commands forces. To move the base, use frf, continue, simulate, sweep or basins; for a run, describe the free structure, with the mass of the table and modes at 0 Hz, and place the exciter at the table");
 }

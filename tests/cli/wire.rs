@@ -325,7 +325,7 @@ fn readings_of_a_log_are_those_of_the_bench() {
     assert_snapshot!(said.stdout, @"
     bench.mcap: 36153 frames of 12.051 s; left out 0 of other interfaces and 0 lines or objects that are no frames
     readings of 12051 samples; 0 samples missing in 0 gaps, 0 left out since some of their frames are missing
-    no states and loads, which are in the frames alone: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
+    no states and loads; they are in the frames only: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
     ");
     let recording = Recording::open(folder.join("bench.mcap")).unwrap();
@@ -376,11 +376,11 @@ fn what_a_log_lacks_is_a_gap() {
     assert_snapshot!(said.stdout, @"
     bench.mcap: 34050 frames of 12.051 s; left out 0 of other interfaces and 0 lines or objects that are no frames
     readings of 11348 samples; 703 samples missing in 4 gaps, 2 left out since some of their frames are missing
-    no states and loads, which are in the frames alone: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
+    no states and loads; they are in the frames only: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
     a message with readings has neither index nor counter: its frames are placed by their time stamps
-    left out of Drive: 1, for a wrong checksum, counter or length, or a value that is no number
-    left out of Head: 1, for a wrong checksum, counter or length, or a value that is no number
-    left out since they repeat a sample or are late: 1; lost, by the counters: 14
+    frames of Drive left out: 1; their checksum, counter or length is wrong, or a value is not a number
+    frames of Head left out: 1; their checksum, counter or length is wrong, or a value is not a number
+    frames left out because they repeat a sample or are late: 1; frames lost according to the counters: 14
     ");
     assert_snapshot!(complaint(folder, 2, &["identify", "bench.mcap"]), @"resonarm: recording `bench.mcap` is not continuous in topic `/plant/samples`: expected sample 100, got sample 101 (4 such gaps in all); the run lost records, or the file was recovered from a damaged one");
 }
@@ -399,7 +399,7 @@ fn readings_that_the_wire_does_not_carry_are_named() {
     assert_snapshot!(said.stdout, @"
     less.mcap: 2 frames of 0.001 s; left out 0 of other interfaces and 0 lines or objects that are no frames
     no readings: the user protocol does not carry acceleration_b_x_m_s2, nor head_force_x_n, head_force_y_n every sample
-    no states and loads, which are in the frames alone: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
+    no states and loads; they are in the frames only: the user protocol does not carry alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s
     ");
     let found =
         document(folder, 0, &["import", "less.log", "less.mcap", "--scenario", "less.toml", "--overwrite", "--json"]);

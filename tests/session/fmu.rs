@@ -254,8 +254,8 @@ fn a_plant_whose_fmu_fails_stays_at_the_sample_before() {
     let mut copy = plant.clone();
     assert!(before[0] > 0.0 && plant.advance(&load).is_err());
     assert_eq!((plant.sample(), plant.states()), (20, &before));
-    insta::assert_snapshot!(plant.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: a step before it failed, after which it can't be stepped: make the plant anew");
-    insta::assert_snapshot!(copy.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: it is a copy of one that was running, whose state a copy can't have: copy it at its start");
+    insta::assert_snapshot!(plant.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: an earlier step failed, so that the FMU can't make another one: make a new plant");
+    insta::assert_snapshot!(copy.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: this plant was copied from one whose FMU was running, and the state of a running FMU can't be copied: copy the plant before its first step");
 }
 
 #[test]

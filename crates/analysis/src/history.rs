@@ -82,7 +82,7 @@ impl History {
     }
 
     /// Says whether friction sticks at a sample.
-    pub fn is_free(&self, sample: usize) -> bool {
+    pub fn sticks(&self, sample: usize) -> bool {
         self.steps[sample].free * self.steps[sample].by_state > 0.0
     }
 

@@ -5,9 +5,9 @@ use super::Orbit;
 /// Relative deviations that count as equal distances in a search for the nearest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
-    /// That of the frequency.
+    /// Relative deviation of the frequency.
     pub frequency: f64,
-    /// That of the amplitude.
+    /// Relative deviation of the amplitude.
     pub amplitude: f64,
 }
 

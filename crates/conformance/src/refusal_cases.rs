@@ -170,7 +170,7 @@ type Acts = fn(String) -> Result<Emergency, Stop>;
 /// The plant faults for lack of commands, and the commands sent meanwhile don't act.
 fn starves(t: &mut Tester, from: usize, acts: Acts) -> Result<Emergency, Stop> {
     let within_ns = timeout_ns(t);
-    let text = format!("it feeds the timeout: no fault within {}", ms(within_ns));
+    let text = format!("it restarts the timeout: no fault within {}", ms(within_ns));
     let word = t.expect_emergency(within_ns, EmergencyCode::CommandTimeout, text);
     // Bad commands have the opposite sign of good ones, so that none that acts is taken for a good one. This is
     // looked at before the emergency, since it is the worse fault.

@@ -32,10 +32,10 @@ const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Re
 pub const REQUIREMENTS: [Requirement; 58] = [
     untested(
         "R-1.1",
-        "CAN FD frames are taken with and without bit rate switch",
+        "CAN FD frames are accepted with and without bit rate switch",
         "an interface may have one data bit rate only",
     ),
-    tested("R-1.2", "a message that the profile doesn't have is neither sent nor taken"),
+    tested("R-1.2", "a message that the profile doesn't have is neither sent nor accepted"),
     untested(
         "R-1.3",
         "no OperatorCommand of the exciter beside a station's",
@@ -56,7 +56,7 @@ pub const REQUIREMENTS: [Requirement; 58] = [
     tested("R-3.2", "not a number and infinity are not sent (classic)"),
     untested(
         "R-3.3",
-        "a command beyond the range is not sent, never cut",
+        "a command beyond the range is not sent, and never clipped",
         "the bus can't make a controller ask for it",
     ),
     tested("R-3.7", "a reading beyond its range is the end of the range, with its flag"),
@@ -97,7 +97,7 @@ pub const REQUIREMENTS: [Requirement; 58] = [
     tested("R-8.2", "a whole sample is answered with its index, an incomplete one is not"),
     tested("R-8.3", "repeated samples are ignored, ten are a fault, and so is an index outside the window"),
     tested("R-8.4", "commands that are too large, old, early or repeated, or come while not operational, are rejected"),
-    tested("R-8.5", "a rejected command neither acts nor feeds the timeout"),
+    tested("R-8.5", "a rejected command neither acts nor restarts the timeout"),
     tested("R-8.6", "what was held goes to zero in equal steps"),
     tested("R-8.7", "20 ms without a command are a fault, and the force is zero 50 ms later"),
     tested("R-8.8", "an exciter ends when the plant leaves"),
@@ -110,7 +110,7 @@ pub const REQUIREMENTS: [Requirement; 58] = [
     tested("R-8.12", "an exciter that can answers the second sample of a frame"),
     tested("R-8.13", "a plant with a largest rate of change rejects what changes the load faster"),
     tested("R-8.14", "a plant with a largest travel rejects every command beyond it"),
-    tested("R-8.20", "in lockstep a plant waits for the command with the index of its sample, and takes no other"),
+    tested("R-8.20", "in lockstep a plant waits for the command with the index of its sample, and accepts no other"),
     tested("R-8.21", "in lockstep a plant without an answer faults after 1000 ms"),
     tested("R-8.22", "in lockstep an exciter waits 1000 ms for the next sample, and faults without it"),
     tested("R-8.23", "an operational node whose CAN controller is bus-off faults"),

@@ -244,13 +244,13 @@ pub enum ImportError {
         got: String,
     },
     /// A degree of freedom on which no load acts.
-    #[error("structure.inputs: `{got}` is not driven: loads are forces at points and torques at joint1 to joint8")]
+    #[error("structure.inputs: `{got}` can't be driven: loads are forces at points and torques at joint1 to joint8")]
     Driven {
         /// The degree of freedom.
         got: String,
     },
     /// Nothing is read or driven where an instrument or the exciter is.
-    #[error("rig.{instrument}: nothing of structure.{section} is at `{at}`; there are {known}")]
+    #[error("rig.{instrument}: structure.{section} has no variable at `{at}`; there are {known}")]
     Place {
         /// Name of the instrument in the scenario.
         instrument: &'static str,
@@ -294,7 +294,7 @@ pub enum ImportError {
     },
     /// More coordinates than a recording holds, or numbers with a gap.
     #[error(
-        "structure.outputs: {got} {what} with displacement and velocity: a recording has {what} 1 to {most}, without a gap"
+        "structure.outputs: displacement and velocity are given for {got} {what}: a recording has at most {most}, numbered from 1 without a gap"
     )]
     Coordinates {
         /// Kind of the coordinates, in words.

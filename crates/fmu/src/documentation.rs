@@ -27,8 +27,8 @@ pub(crate) fn index(name: &str, variables: &[Variable], scenario: &str) -> Strin
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{name}</title></head><body>\n\
          <h1>{name}</h1>\n<p>Exported by resonarm {VERSION}. Samples fall at their own times, whatever the steps of the \
-         importer: loads are held from sample to sample, and outputs are those of the last sample. Readings are of the middle of \
-         a sample period before it.</p>\n<h2>Variables</h2>\n<table>\n{rows}</table>\n<h2>Scenario</h2>\n<pre>{scenario}</pre>\n\
+         importer: loads are held from sample to sample, and outputs are those of the last sample. A reading describes the \
+         middle of a sample period before its sample.</p>\n<h2>Variables</h2>\n<table>\n{rows}</table>\n<h2>Scenario</h2>\n<pre>{scenario}</pre>\n\
          </body></html>\n",
         name = escaped(name),
         scenario = escaped(scenario)

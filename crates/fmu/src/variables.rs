@@ -167,7 +167,7 @@ fn counts(settings: &Settings) -> Vec<Variable> {
         ],
         (Interface::Can, Role::Bus) => &[
             ("bus.frames", Source::Frames, "frames sent"),
-            ("bus.error_frames", Source::ErrorFrames, "frames that an error ended"),
+            ("bus.error_frames", Source::ErrorFrames, "frames that an error destroyed"),
         ],
     };
     let row = |(name, source, description): &(&str, Source, &str)| {
@@ -234,7 +234,13 @@ fn readings(outputs: &[Channel]) -> impl Iterator<Item = Variable> {
         output(index, "clipped", Source::Clipped(index), Kind::Boolean, what)
     };
     let sampled = move |index| {
-        output(index, "true", Source::Sampled(index), Kind::Float64, "as the converter samples it, without instrument")
+        output(
+            index,
+            "true",
+            Source::Sampled(index),
+            Kind::Float64,
+            "value that the converter samples, without the errors of the instrument",
+        )
     };
     let places = 0..outputs.len();
     places.clone().map(read).chain(places.clone().map(clipped)).chain(places.map(sampled))

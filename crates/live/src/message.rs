@@ -195,7 +195,7 @@ pub fn update(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> serde_j
 /// A request with its token: `{"token": "…", "request": "arm"}`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Asked {
+pub struct PageRequest {
     pub token: String,
     pub request: Wish,
 }

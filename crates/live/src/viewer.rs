@@ -12,7 +12,7 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 
 use super::foxglove::{self, Published, Subscriptions};
-use super::message::{Asked, PageMessage};
+use super::message::{PageMessage, PageRequest};
 use super::model::text;
 use super::shared::{Shared, lock};
 
@@ -126,7 +126,7 @@ async fn send_updates(
 
 /// Passes a request on, if it is permitted.
 fn answer(shared: &Shared, asked: &str, nonsense: &mut u32) -> Option<Message> {
-    let Asked { token, request } = match serde_json::from_str(asked) {
+    let PageRequest { token, request } = match serde_json::from_str(asked) {
         Ok(asked) => asked,
         Err(error) => return refuse(&format!("this is not a request: {error}"), nonsense),
     };

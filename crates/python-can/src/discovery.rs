@@ -61,7 +61,9 @@ impl VirtualEnvironment {
 pub(super) fn would_load() -> Result<String, PythonCanError> {
     let working_directory = env::current_dir().unwrap_or_default();
     let Some(environment) = find(env::var_os("VIRTUAL_ENV"), &working_directory)? else {
-        return Ok(String::from("of the interpreter itself: no VIRTUAL_ENV, no .venv here or above"));
+        return Ok(String::from(
+            "those of the interpreter, because VIRTUAL_ENV is not set and no .venv is in this directory or above it",
+        ));
     };
     let path = environment.path.display();
     let packages = environment.packages();

@@ -94,7 +94,7 @@ impl SpinChoice {
 }
 
 impl fmt::Display for SpinChoice {
-    /// Writes what was chosen and why: `for 85.2 µs before each deadline: as late were 99 % of 300 sleeps at most`.
+    /// Writes what was chosen and why: `for 85.2 µs before each deadline: of 300 sleeps 99 % were late by up to that`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { spin_us, slept_p99_us, most_us } = self;
         match slept_p99_us {

@@ -54,11 +54,11 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
     let rig = &scenario.rig;
     let profile = scenario.network.profile;
     let head_n = rig.head.range.min(FORCE.limit(profile));
-    let expected = "below the range of the impedance head and of the protocol (655.34 in the classic profile), or it is never read";
+    let expected = "below the range of the impedance head and of the protocol (655.34 in the classic profile), because no reading is larger";
     refuse_unless("limits.force_n", limits.force_n, expected, |got| got < head_n)?;
     // `limits.acceleration_m_s2` applies to both accelerometers, so the smaller of their ranges decides.
     let range_m_s2 = rig.sensors.b.range.min(rig.sensors.c.range).min(ACCELERATION.limit(profile));
-    let expected = "below the ranges of both accelerometers and of the protocol (1638.35 in the classic profile), or it is never read";
+    let expected = "below the ranges of both accelerometers and of the protocol (1638.35 in the classic profile), because no reading is larger";
     refuse_unless("limits.acceleration_m_s2", limits.acceleration_m_s2, expected, |got| got < range_m_s2)
 }
 
@@ -82,8 +82,8 @@ fn check_sensors(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Scenari
             if is_on_protocol { ACCELERATION.limit(scenario.network.profile) } else { f64::INFINITY };
         if got >= spec.largest_reading().min(most_on_protocol) {
             return wrong(
-                "below the range of the sensor, and for b and c of the wire (1638.35 in the classic profile), or it is \
-                 never read",
+                "below the range of the sensor and, for b and c, of the protocol (1638.35 in the classic profile), because no \
+                 reading is larger",
             );
         }
         // The loop of a free run hands over the readings of one sample at a time.
@@ -147,8 +147,8 @@ mod tests {
         insta::assert_snapshot!(says("clipped_samples = 0", ""), @"limits.clipped_samples is 0: it must be from 1 to 1000000");
         insta::assert_snapshot!(says("stuck_above_n = 3", forces), @"limits.stuck_above_n is 3: it must be left out, or `limits.stuck_samples` stated beside it");
         insta::assert_snapshot!(says("force_n = 20", forces), @"limits.force_n is 20: it must be above the amplitude of the load, or the run ends before the load reaches it");
-        insta::assert_snapshot!(says("force_n = 200", "[rig.head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the protocol (655.34 in the classic profile), or it is never read");
-        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.sensors.c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the protocol (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("force_n = 200", "[rig.head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the protocol (655.34 in the classic profile), because no reading is larger");
+        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.sensors.c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the protocol (1638.35 in the classic profile), because no reading is larger");
         insta::assert_snapshot!(says("torque_nm = 30", forces), @"limits.torque_nm is 30: it must be left out, since the load is of the other kind, forces or torques");
         insta::assert_snapshot!(says("force_n = 30", torques), @"limits.force_n is 30: it must be left out, since the load is of the other kind, forces or torques");
         insta::assert_snapshot!(says("torque_nm = 9", torques), @"limits.torque_nm is 9: it must be above the amplitude of the load, or the run ends before the load reaches it");
@@ -163,8 +163,8 @@ mod tests {
         insta::assert_snapshot!(says("sensors.m4 = 20", ""), @"limits.sensors.m4: there is no such sensor: [rig.sensors] has b, c");
         insta::assert_snapshot!(says("sensors.head = 20", m3), @"limits.sensors.head is 20: it must be left out: the impedance head has `limits.force_n`");
         insta::assert_snapshot!(says("sensors.m3 = 0", m3), @"limits.sensors.m3 is 0: it must be a positive number");
-        insta::assert_snapshot!(says("sensors.m3 = 100", m3), @"limits.sensors.m3 is 100: it must be below the range of the sensor, and for b and c of the wire (1638.35 in the classic profile), or it is never read");
-        insta::assert_snapshot!(says("sensors.b = 1639", "[rig.sensors.b]\nrange_m_s2 = 5000"), @"limits.sensors.b is 1639: it must be below the range of the sensor, and for b and c of the wire (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("sensors.m3 = 100", m3), @"limits.sensors.m3 is 100: it must be below the range of the sensor and, for b and c, of the protocol (1638.35 in the classic profile), because no reading is larger");
+        insta::assert_snapshot!(says("sensors.b = 1639", "[rig.sensors.b]\nrange_m_s2 = 5000"), @"limits.sensors.b is 1639: it must be below the range of the sensor and, for b and c, of the protocol (1638.35 in the classic profile), because no reading is larger");
         insta::assert_snapshot!(says("sensors.enc = 0.1", &format!("{m3}[network]\nprofile = 'fd'\nsamples_per_frame = 2")), @"network.samples_per_frame is 2: it must be 1 with a limit in [limits.sensors] on a sensor other than b and c: their readings go beside the frames, one sample at a time");
         read(&format!("[limits.sensors]\nb = 40\nm3 = 99\nenc = 0.5\n{m3}")).unwrap();
         let every = "force_n = 40\nacceleration_m_s2 = 900\nclipped_samples = 1\nstuck_samples = 2\nstuck_above_n = 19";

@@ -25,11 +25,14 @@ use resonarm_numeric::number::short;
 use resonarm_scenario::text_file;
 
 const EXAMPLES: &str = "\
-FILE is a recording, *.mcap, whose responses are read again from its frames, or JSON with `configuration` (structure, as
-links or modes, and drive: amplitude by degree of freedom) and `points` (frequency_hz, readings by degree of freedom with their
-amplitude, settled; if known excitation, and of each reading phase_deg and clipped). The nearest place of the branch is
-that by frequency and the amplitude at one degree of freedom, a deviation of 2e-5 in the first counting as 1e-3 in the
-second.
+FILE is one of:
+  a recording, *.mcap, from whose frames the responses are measured again;
+  a JSON document with `configuration` (the structure as links or modes, and `drive`, the amplitude at each degree of
+  freedom) and `points` (`frequency_hz`, `settled`, and `readings` with the amplitude at each degree of freedom; optionally
+  `excitation`, and `phase_deg` and `clipped` of each reading).
+
+Each point is compared with the nearest point of the branch. Nearest is measured in frequency and in the amplitude at one
+degree of freedom: a relative deviation of 2e-5 in frequency counts as much as one of 1e-3 in amplitude.
 
 Examples:
   resonarm experiment walk --drive joint1=20 --plot walk

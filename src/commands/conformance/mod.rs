@@ -88,7 +88,7 @@ pub(crate) struct Conformance {
     /// Longest wait for the node under test, s.
     #[arg(long, help_heading = heading::BUS, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
-    /// Bit rate of the bus, Hz, to try some cases at 70 % of it as well [default: they are not].
+    /// Bit rate of the bus, Hz; some cases are then repeated at a bus load of 70 % [default: without load alone].
     #[arg(long, help_heading = heading::TEST, value_name = "HZ", value_parser = numbers::integer(10_000..=1_000_000_u32), hide_short_help = true)]
     bit_rate_hz: Option<u32>,
     /// Time of random good and bad frames, s; 0 sends none.
@@ -109,7 +109,7 @@ pub(crate) struct Conformance {
     /// A ramp may come before it.
     #[arg(long, help_heading = heading::TEST, value_name = "NM")]
     expect_torque_nm: Option<f64>,
-    /// Process of the node, to be stopped for 0.4 s in one case [default: it isn't].
+    /// Process of the node, which one case stops for 0.4 s [default: the case is left out].
     ///
     /// It must be on this machine.
     #[arg(long, help_heading = heading::TEST, value_name = "PID", value_parser = numbers::integer(1..=i32::MAX), hide_short_help = true)]

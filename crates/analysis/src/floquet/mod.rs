@@ -136,7 +136,7 @@ impl Variations<'_> {
         let element = &self.balance.forced.assembly().elements()[history.element];
         if let Law::Friction { stiffness, .. } = *element.law() {
             let count = self.samples.count();
-            let stuck = (1..=points).all(|j| history.is_free((point + j - points / 2) % count));
+            let stuck = (1..=points).all(|j| history.sticks((point + j - points / 2) % count));
             let by_velocity = f64::from(u8::from(stuck));
             return StateVariation { by_velocity, by_state: stuck.then_some(0.0), force: stiffness };
         }

@@ -47,11 +47,11 @@ impl fmt::Display for InstrumentAxis {
 /// Limit of a reading in `[limits]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadingLimit {
-    /// That of the force in the impedance head.
+    /// Limit of the force in the impedance head.
     Force,
-    /// That of the accelerometers B and C.
+    /// Limit of the accelerometers B and C.
     Acceleration,
-    /// That of the sensor with this name.
+    /// Limit of the sensor with this name.
     Sensor(InstrumentName),
 }
 

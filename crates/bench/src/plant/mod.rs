@@ -141,8 +141,8 @@ pub enum PlantSpecError {
     Initial(Vec<f64>),
     /// A structure with other channels than a plant takes.
     #[error(
-        "the structure has {inputs} inputs, {outputs} outputs and {states} states: a plant takes the {} loads and the {} \
-         outputs of every rig, in their order, and others, and at most {MOST_STATES} states", NATIVE_LOADS.len(), OUTPUTS.len()
+        "the structure has {inputs} inputs, {outputs} outputs and {states} states: it must have the {} loads and the {} \
+         outputs of every rig, in this order, before any others, and at most {MOST_STATES} states", NATIVE_LOADS.len(), OUTPUTS.len()
     )]
     Channels {
         /// The number of its inputs.

@@ -182,7 +182,7 @@ fn any_structure_makes_a_plant() {
     let rig = || Rig::new(&spec, &OUTPUTS, 1000.0, 1).unwrap();
     let mut other = mass.clone();
     other.channels[0].swap(0, 2);
-    insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: a plant takes the 4 loads and the 6 outputs of every rig, in their order, and others, and at most 97 states");
+    insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: it must have the 4 loads and the 6 outputs of every rig, in this order, before any others, and at most 97 states");
     let mut plant = Plant::of(Box::new(mass), rig(), 1000.0).unwrap();
     let omega = libm::sqrt(STIFFNESS_N_M / MASS_KG);
     for sample in 1..2000 {

@@ -88,7 +88,7 @@ const fn signal_name(signal: i32) -> &'static str {
     }
 }
 
-/// What a library of somebody else did in place of the step.
+/// Fault of a third-party library during a step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ForeignFault {
@@ -125,14 +125,17 @@ pub enum ForeignFault {
     /// Its process does not answer in the form that is agreed on.
     #[error("the connection to its process is lost: the library closed or wrote to files that are not its own")]
     Lost,
-    /// It can't be loaded once more.
-    #[error("it can't be loaded once more, as the log says")]
+    /// It can't be loaded again.
+    #[error("it can't be loaded again; the log has the reason")]
     NotLoaded,
     /// A step of it failed before.
-    #[error("a step before it failed, after which it can't be stepped: make the plant anew")]
+    #[error("an earlier step failed, so that the FMU can't make another one: make a new plant")]
     HasFailed,
     /// A copy that was made after the first step.
-    #[error("it is a copy of one that was running, whose state a copy can't have: copy it at its start")]
+    #[error(
+        "this plant was copied from one whose FMU was running, and the state of a running FMU can't be copied: copy the plant before \
+         its first step"
+    )]
     CopyOfRunning,
 }
 

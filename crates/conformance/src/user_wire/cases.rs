@@ -45,7 +45,12 @@ const CONTROLLER: [Row; 9] = [
     ("exciter-acts", "what it commands acts", &["W-2.4"], Run(controller_cases::acts)),
     ("exciter-limits", "loads within the exciter's limits", &["W-2.5"], Run(controller_cases::limits)),
     ("exciter-plant-faults", "the plant faults", &["W-2.6"], Run(controller_cases::plant_faults)),
-    ("exciter-plant-disarmed", "the plant is disarmed at itself", &["W-2.7"], Run(controller_cases::plant_disarmed)),
+    (
+        "exciter-plant-disarmed",
+        "the plant is disarmed by its operator",
+        &["W-2.7"],
+        Run(controller_cases::plant_disarmed),
+    ),
 ];
 
 const LOCKSTEP_CONTROLLER: [Row; 4] = [
@@ -61,8 +66,8 @@ const PLANT: [Row; 16] = [
     ("plant-requests", "readings on request", &["W-3.2"], Run(plant_cases::requests)),
     ("plant-frames", "length, checksum and values of its frames", &["W-1.1"], Run(plant_cases::frames)),
     ("plant-counters", "counters step by 1", &["W-1.2"], Run(plant_cases::counters)),
-    ("plant-arms", "armed by the messages that do", &["W-3.3"], Run(plant_cases::arms)),
-    ("plant-commands-act", "the load that it says is the one commanded", &["W-3.4"], Run(plant_cases::commands_act)),
+    ("plant-arms", "armed by the messages of the mapping", &["W-3.3"], Run(plant_cases::arms)),
+    ("plant-commands-act", "the reported load is the commanded one", &["W-3.4"], Run(plant_cases::commands_act)),
     ("plant-wrong-checksum", "commands with a wrong checksum", &["W-3.9"], Damaged(Damage::Checksum)),
     ("plant-repeated-counter", "commands with the counter of the one before", &["W-3.9"], Damaged(Damage::Repeated)),
     ("plant-counter-jump", "commands after which too many seem lost", &["W-3.9"], Damaged(Damage::Jump)),
@@ -70,7 +75,7 @@ const PLANT: [Row; 16] = [
     ("plant-not-finite", "commands of a load that is no number", &["W-3.9"], Damaged(Damage::NotFinite)),
     ("plant-too-large", "commands beyond the exciter's limit", &["W-3.10"], Run(refusal_cases::too_large)),
     ("plant-command-timeout", "silence of the controller", &["W-3.5"], Run(plant_cases::command_timeout)),
-    ("plant-disarm", "disarmed by the messages that do", &["W-3.6"], Run(plant_cases::disarm)),
+    ("plant-disarm", "disarmed by the messages of the mapping", &["W-3.6"], Run(plant_cases::disarm)),
     ("plant-reset", "a reset in fault", &["W-3.7"], Run(plant_cases::reset)),
     ("plant-stop", "a message that stops it", &["W-3.8"], Run(plant_cases::stop)),
 ];

@@ -258,7 +258,7 @@ pub(super) fn plant_faults(t: &mut Tester) -> Result<(), Stop> {
     stops_once(t, NodeState::Fault)
 }
 
-/// The plant is disarmed at itself: the controller commands no more, or arms it anew.
+/// The plant is disarmed by its operator: the controller commands no more, or arms it anew.
 pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
     stops_once(t, NodeState::PreOperational)
 }

@@ -327,7 +327,7 @@ fn has_reason(t: &Tester, code: EmergencyCode) -> bool {
     })
 }
 
-/// The load that it says becomes zero.
+/// The reported load becomes zero.
 pub(super) fn rests(t: &mut Tester) -> Result<(), Stop> {
     let (names, load, unit) = (load_readings(t), load_of(t), unit(t));
     if names.is_empty() {

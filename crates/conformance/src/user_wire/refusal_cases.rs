@@ -1,4 +1,4 @@
-//! Frames that a plant must reject: what is wrong with them neither acts nor feeds the timeout.
+//! Frames that a plant must reject: what is wrong with them neither acts nor restarts the timeout.
 
 use alloc::format;
 

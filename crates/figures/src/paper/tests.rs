@@ -194,7 +194,7 @@ fn verdicts_and_numbers_do_not_change() {
         irb1600-table1 does not hold: in no zone under a torque, in no zone under a force; 67 of 74 zones computed
         irb1600-fitted holds: in 1 zones under a torque, from 800 N·m, in no zone under a force; 74 of 74 zones computed
 
-    * irb1600-fitted has its I_S2 so that this holds: for it, no evidence.
+    * I_S2 of irb1600-fitted was chosen so that this statement holds, so that the agreement is no evidence.
     irb1600-table1: of 30 statements 11 hold, 2 in part, 17 not.
     irb1600-fitted: of 30 statements 17 hold, 2 in part, 11 not; without those that it was fitted to, of 20 statements 9 hold, 2 in part, 9 not.
     ");

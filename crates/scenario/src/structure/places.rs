@@ -95,8 +95,9 @@ fn placed(assembly: &Assembly, instrument: &str, at: &str) -> Result<Placed, Str
         let dof = assembly.dof(at).map_err(unknown)?;
         if dof.is_base() {
             let reason = format!(
-                "is `{at}`, whose load is an acceleration, and a rig commands forces: frf, continue, simulate, sweep and basins move the \
-                 base; for a run take the free structure, with the table's mass and modes at 0 Hz, and its exciter at the table"
+                "is `{at}`, the moving base: it is driven by an acceleration, but a rig commands forces. To move the base, use frf, \
+                 continue, simulate, sweep or basins; for a run, describe the free structure, with the mass of the table and modes \
+                 at 0 Hz, and place the exciter at the table"
             );
             return Err(StructureSectionError::Rig { instrument: instrument.to_owned(), reason });
         }

@@ -23,14 +23,18 @@ pub enum WireLack {
         /// Name of the message.
         message: String,
     },
-    /// No message arms the plant; the operator does.
-    #[error("no message arms the plant: the operator does, in the live view (--live)")]
+    /// No message arms the plant; the operator can.
+    #[error("no message arms the plant: only the operator can arm it, in the live view (--live)")]
     ArmedByOperator,
-    /// No message arms the plant; its first commands near zero do.
-    #[error("no message arms the plant: its first commands near zero do, and after a fault nothing does")]
+    /// No message arms the plant; its first commands near zero arm it.
+    #[error(
+        "no message arms the plant: its first commands near zero arm it, and after a fault it can't be armed again"
+    )]
     ArmedByCommands,
     /// No message clears a fault.
-    #[error("no message clears a fault: the operator does, in the live view (--live), or a new run")]
+    #[error(
+        "no message clears a fault: the operator clears it in the live view (--live), or a new run begins without it"
+    )]
     Reset,
 }
 

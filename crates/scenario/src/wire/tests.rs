@@ -61,8 +61,8 @@ fn what_arms_and_what_is_lacking_is_said_in_words() {
     commands name no sample, so neither their age nor the round-trip time can be measured
     message Drive has no counter, so a repeated or old frame counts as new
     message Drive has no checksum, so damage that the CAN controller's CRC misses acts as a load
-    no message arms the plant: its first commands near zero do, and after a fault nothing does
-    no message clears a fault: the operator does, in the live view (--live), or a new run
+    no message arms the plant: its first commands near zero arm it, and after a fault it can't be armed again
+    no message clears a fault: the operator clears it in the live view (--live), or a new run begins without it
     ");
 }
 

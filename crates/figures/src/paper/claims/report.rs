@@ -129,7 +129,8 @@ impl Report {
     }
 }
 
-const NOTE: &str = "* irb1600-fitted has its I_S2 so that this holds: for it, no evidence.";
+const NOTE: &str =
+    "* I_S2 of irb1600-fitted was chosen so that this statement holds, so that the agreement is no evidence.";
 
 fn mark(claim: &Claim, finding: &Finding) -> &'static str {
     if claim.chosen_for && finding.preset == Preset::Irb1600Fitted { "*" } else { "" }
@@ -187,7 +188,7 @@ mod tests {
         | 4 | It grows with \|β2\|. | holds in part, 1 of 2 forces | holds in part\*, 1 of 2 forces |
         | 4 | It grows with \|β2\|. | holds in part, 1 of 2 forces | holds in part, 1 of 2 forces |
 
-        \* irb1600-fitted has its I\_S2 so that this holds: for it, no evidence.
+        \* I\_S2 of irb1600-fitted was chosen so that this statement holds, so that the agreement is no evidence.
 
         - irb1600-table1: of 2 statements 2 in part.
         - irb1600-fitted: of 2 statements 2 in part; without those that it was fitted to, of 1 statements 1 in part.
