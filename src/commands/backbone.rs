@@ -25,7 +25,7 @@ use resonarm::analysis::{
 use resonarm::analysis::{Bending, BranchOptions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Color, Dash, Figure, Series, Style, Subtitle, beside};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style, Subtitle, beside};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -40,8 +40,8 @@ A curve that ends early is printed as far as it came; standard error says why, a
 /// Follows a resonance to larger amplitudes: its frequency and its excitation.
 ///
 /// The curve shows whether the structure hardens or softens. With damping each point is a response in phase quadrature,
-/// 90° behind the excitation, which is at the peak of the forced response. Without damping it is a free vibration, and the
-/// curve a nonlinear normal mode. Without --drive a torque acts at joint 1 of a chain; the amplitude of a load may be
+/// 90° behind the excitation, which is at the peak of the forced response. Without damping it is a free vibration, which
+/// has an energy in place of a drive, and the curve a nonlinear normal mode. Without --drive a torque acts at joint 1 of a chain; the amplitude of a load may be
 /// left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
@@ -236,7 +236,9 @@ impl Backbone {
             "frequency_hz": orbit.frequency_hz, "readings": readings(&orbit.readings, read),
             "harmonics": orbit.harmonics,
         });
-        if !self.undamped {
+        if self.undamped {
+            point["energy_j"] = json!(orbit.energy_j);
+        } else {
             point["drive"] = json!(orbit.drive);
         }
         point
@@ -256,19 +258,17 @@ impl Backbone {
             walk.read.iter().map(|at| format!("{:>16}", format!("largest {} {}", at.name, at.unit()))).collect();
         let mut text = String::from("  frequency Hz");
         heads.iter().for_each(|head| text += &format!("   {head}"));
-        if !self.undamped {
-            text += &format!("   {:>12}", walk.drive.unit());
-        }
-        text.push('\n');
+        let last = if self.undamped { "energy J" } else { walk.drive.unit() };
+        text += &format!("   {last:>12}\n");
         for orbit in &curve.points {
             text += &format!("  {:12.6}", orbit.frequency_hz);
             for (head, reading) in heads.iter().zip(&orbit.readings) {
                 text += &format!("   {:width$.6e}", reading.largest, width = head.chars().count());
             }
-            if !self.undamped {
-                text += &format!("   {:12.4}", orbit.drive);
-            }
-            text.push('\n');
+            text += &match orbit.energy_j {
+                Some(energy_j) if self.undamped => format!("   {energy_j:12.6e}\n"),
+                _ => format!("   {:12.4}\n", orbit.drive),
+            };
         }
         text.push('\n');
         text
@@ -276,11 +276,11 @@ impl Backbone {
 
     /// Returns a line for each response, with the units in the names of the columns.
     fn csv(&self, curve: &Curve, read: &[ReadAt]) -> String {
-        let drive = if self.undamped { "" } else { ",drive" };
-        let mut text = format!("frequency_hz{drive}{}\n", columns(read));
+        let second = if self.undamped { "energy_j" } else { "drive" };
+        let mut text = format!("frequency_hz,{second}{}\n", columns(read));
         for orbit in &curve.points {
-            let drive = if self.undamped { String::new() } else { format!(",{}", orbit.drive) };
-            text += &format!("{}{drive}{}\n", orbit.frequency_hz, cells(&orbit.readings));
+            let second = orbit.energy_j.filter(|_| self.undamped).unwrap_or(orbit.drive);
+            text += &format!("{},{second}{}\n", orbit.frequency_hz, cells(&orbit.readings));
         }
         text
     }
@@ -291,12 +291,19 @@ impl Backbone {
         let with = response.map_or(String::new(), |_response| format!("response to {}", walk.drive.words()));
         let figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(conditions.and(with));
         let branches: Vec<&Branch> = response.into_iter().collect();
-        of_each(figure, "frequency (Hz)", &walk.read, |panel, index| {
-            let points = curve.points.iter().map(|orbit| (orbit.frequency_hz, orbit.readings[index].largest));
+        let line = |y: &dyn Fn(&BackboneOrbit) -> f64| {
+            let points = curve.points.iter().map(|orbit| (orbit.frequency_hz, y(orbit)));
             let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
-            let line = Series::line(kind, Color::Black, points.collect()).style(style);
-            with_branches(panel, &branches, index).with(line)
-        })
+            Series::line(kind, Color::Black, points.collect()).style(style)
+        };
+        let figure = of_each(figure, "frequency (Hz)", &walk.read, |panel, index| {
+            with_branches(panel, &branches, index).with(line(&|orbit| orbit.readings[index].largest))
+        });
+        if !self.undamped {
+            return figure;
+        }
+        let energy = line(&|orbit| orbit.energy_j.unwrap_or(f64::NAN)).unlabelled();
+        figure.with(Panel::new(Axis::linear("frequency (Hz)"), Axis::log("energy (J)")).with(energy))
     }
 }
 

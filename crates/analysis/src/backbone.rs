@@ -5,12 +5,18 @@
 //! At resonance the work of the excitation's first harmonic balances that of the dampers: the mode lags the force by
 //! 90°. With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the
 //! coordinate of the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations are R(X, Ω,
-//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the continuation. Without dampers A is zero, and the curve is a
-//! family of free periodic orbits: a nonlinear normal mode. A then only keeps the system square.
+//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the continuation.
 //!
 //! The unknowns are z = (A/a₀, X) of a chain, with φᵀM b₁ = 0 beside the balance, and (A/a₀, c, X) of modes: there the
 //! first harmonic c cos Ωt of the mode is an unknown of its own, without a part along sin Ωt, with its own balance (see
 //! [`super::unknowns`]). a₀ is the drive whose static deflection, of modes that of the mode, has the size 1.
+//!
+//! Without dampers the curve is a family of free periodic orbits: a nonlinear normal mode. A free vibration that is at
+//! rest at an instant runs backwards as it came, so that with this instant at t = 0 it has cosines alone. The unknowns are
+//! then these, X = (cosines) of a chain and (c, cosines) of modes, and the equations the cosines' rows: no drive, and no
+//! condition for the phase, which would lose its hold where the first harmonic vanishes, as it does in the tongues of
+//! internal resonances (G. Kerschen, M. Peeters, J. C. Golinval, A. F. Vakakis, "Nonlinear normal modes, Part I", Mech.
+//! Syst. Signal Process. 23 (2009)).
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -34,6 +40,8 @@ use crate::{AnalysisError, Bending, BranchOptions, EndedEarly, Place};
 const BISECTIONS: usize = 52;
 /// A backbone begins at this fraction of its end.
 const SMALLEST_PART: f64 = 1.0 / 300.0;
+/// If that is too large to solve for, it begins with smaller vibrations, down to this fraction of it.
+const SMALLEST_START: f64 = 1e-6;
 
 /// A periodic response on a backbone.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +54,8 @@ pub struct BackboneOrbit {
     pub coordinates: Vec<Reading>,
     /// The response at each degree of freedom that is read.
     pub readings: Vec<Reading>,
+    /// The energy of motion, springs and elements, which without damping is constant, J; `None` with damping.
+    pub energy_j: Option<f64>,
     /// Number of harmonics, H.
     pub harmonics: usize,
 }
@@ -166,11 +176,68 @@ struct Quadrature {
     weights: Vec<f64>,
     /// The factor of c for modes: the size of φ at the places and the drive, 1/√kg.
     kept_scale: f64,
-    /// Residual and matrix of the balance.
+    /// Matrix of the balance.
     inner: Vec<f64>,
+    /// Of a free vibration, its equations among all.
+    free: Option<Reversible>,
+}
+
+/// The unknowns and the equations of a vibration that runs backwards as it came, by their numbers among all.
+#[derive(Clone, Debug, Default)]
+struct Reversible {
+    unknowns: Vec<usize>,
+    rows: Vec<usize>,
+    /// All unknowns, residuals and derivatives.
+    all: Vec<f64>,
+    residual: Vec<f64>,
+    matrix: Vec<f64>,
+}
+
+impl Reversible {
+    /// With `m` unknowns of each harmonic up to `harmonics`, and the first harmonic of a mode of its own.
+    fn new(m: usize, harmonics: usize, of_modes: bool) -> Reversible {
+        // Constants, then of each harmonic the cosines before the sines.
+        let cosines = (0..=harmonics).map(|k| (2 * k).saturating_sub(1) * m).flat_map(|first| first..first + m);
+        let (count, kept) = ((2 * harmonics + 1) * m, usize::from(of_modes));
+        // All unknowns begin with the drive, and those of modes go on with c. The balance of c is the first row after
+        // those of the harmonics.
+        let unknowns = (1..1 + kept).chain(cosines.clone().map(|at| 1 + kept + at)).collect();
+        let rows = cosines.chain(count..count + kept).collect();
+        let n = 1 + kept + count;
+        Reversible { unknowns, rows, all: vec![0.0; n], residual: vec![0.0; n], matrix: vec![0.0; (n + 1) * (n + 1)] }
+    }
+
+    /// Takes the unknowns over into all of them.
+    fn expand(&mut self, z: &[f64]) {
+        self.unknowns.iter().zip(z).for_each(|(&at, value)| self.all[at] = *value);
+    }
+
+    /// Takes the residuals and the derivatives over from all of them.
+    fn select(&self, residual: &mut [f64], matrix: &mut [f64]) {
+        let (stride, count) = (self.all.len() + 1, residual.len());
+        residual.iter_mut().zip(&self.rows).for_each(|(residual, &row)| *residual = self.residual[row]);
+        let columns = self.unknowns.iter().copied().chain([self.all.len()]);
+        for (column, from) in matrix.chunks_exact_mut(count + 1).zip(columns) {
+            column.iter_mut().zip(&self.rows).for_each(|(by, &row)| *by = self.matrix[from * stride + row]);
+        }
+    }
 }
 
 impl Quadrature {
+    /// Changes the number of harmonics H.
+    fn resize(&mut self, harmonics: usize) {
+        self.balance.set_harmonics(harmonics);
+        if self.free.is_some() {
+            self.free = Some(Reversible::new(self.balance.unknowns.count(), harmonics, self.of_modes()));
+        }
+    }
+
+    /// Returns the number of harmonics of a solution.
+    fn harmonics_of(&self, z: &[f64]) -> usize {
+        let series = (z.len() - self.others()) / self.balance.unknowns.count();
+        if self.free.is_some() { series - 1 } else { series / 2 }
+    }
+
     fn of_modes(&self) -> bool {
         self.balance.kept.is_some()
     }
@@ -222,11 +289,27 @@ impl Quadrature {
 
 impl System for Quadrature {
     fn dimension(&self) -> usize {
-        self.balance.dimension() + self.others()
+        self.free.as_ref().map_or(self.balance.dimension() + self.before_series(), |free| free.rows.len())
     }
 
     fn evaluate(&mut self, z: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
-        let (n, others, stride) = (self.balance.dimension(), self.others(), z.len() + 1);
+        let Some(mut free) = self.free.take() else { return self.evaluate_all(z, lambda, residual, matrix) };
+        free.expand(z);
+        let exists = self.evaluate_all(&free.all, lambda, &mut free.residual, &mut free.matrix);
+        free.select(residual, matrix);
+        self.free = Some(free);
+        exists
+    }
+
+    fn unit(&self) -> &'static str {
+        "Hz"
+    }
+}
+
+impl Quadrature {
+    /// Evaluates all equations at all unknowns.
+    fn evaluate_all(&mut self, z: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+        let (n, others, stride) = (self.balance.dimension(), self.before_series(), z.len() + 1);
         self.set(z);
         self.inner.resize((n + 1) * (n + 1), 0.0);
         if !self.balance.evaluate(&z[others..], lambda, &mut residual[..n], &mut self.inner) {
@@ -247,8 +330,9 @@ impl System for Quadrature {
         true
     }
 
-    fn unit(&self) -> &'static str {
-        "Hz"
+    /// Returns the number of unknowns before the series among all.
+    fn before_series(&self) -> usize {
+        1 + usize::from(self.of_modes())
     }
 }
 
@@ -258,7 +342,7 @@ impl Spectral for Quadrature {
     }
 
     fn others(&self) -> usize {
-        1 + usize::from(self.of_modes())
+        self.before_series() - usize::from(self.free.is_some())
     }
 
     fn harmonics(&self) -> usize {
@@ -270,13 +354,20 @@ impl Spectral for Quadrature {
     }
 
     fn set_harmonics(&mut self, harmonics: usize) {
-        self.balance.set_harmonics(harmonics);
+        self.resize(harmonics);
     }
 
     fn evaluate_orbit(&mut self, z: &[f64], lambda: f64) -> bool {
-        self.set(z);
-        let others = self.others();
-        Spectral::evaluate_orbit(&mut self.balance, &z[others..], lambda)
+        let all = match &mut self.free {
+            Some(free) => {
+                free.expand(z);
+                &free.all.clone()
+            }
+            None => z,
+        };
+        self.set(all);
+        let before = self.before_series();
+        Spectral::evaluate_orbit(&mut self.balance, &all[before..], lambda)
     }
 }
 
@@ -290,14 +381,25 @@ impl Spectral for Quadrature {
 pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, EndedEarly<Backbone>> {
     let (mut system, start) = begin(forced, options)?;
     let mut tangent = start.tangent;
-    let settings = ContinuationSettings { state_floor: start.size, ..options.branch.continuation };
     let rest = vec![0.0; system.dimension()];
     tangent.push(0.0);
-    let branch = BranchOptions { continuation: settings, ..options.branch };
-    let options = BackboneOptions { branch, ..options.clone() };
     // Rest solves the equations at every frequency. The first step's plane is normal to the mode and does not pass
     // through rest, so Newton's method can't fall back to it.
-    let mut continuation = Continuation::start_along(&mut system, settings, &rest, start.frequency_hz, &tangent, 1.0)?;
+    let mut size = start.size;
+    let mut begun = |size: f64| {
+        let settings = ContinuationSettings { state_floor: size, ..options.branch.continuation };
+        let continuation = Continuation::start_along(&mut system, settings, &rest, start.frequency_hz, &tangent, 1.0)?;
+        Ok((settings, continuation))
+    };
+    let mut started = begun(size);
+    // A vibration of this size may be far from linear: a smaller one is nearer.
+    while matches!(started, Err(AnalysisError::NoSolution { .. })) && size > SMALLEST_START * start.size {
+        size *= 0.1;
+        started = begun(size);
+    }
+    let (settings, mut continuation) = started?;
+    let branch = BranchOptions { continuation: settings, ..options.branch };
+    let options = BackboneOptions { branch, ..options.clone() };
     let mut curve = Backbone::default();
     let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
     curve.work = continuation.work();
@@ -346,8 +448,15 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
         drive_unit = omega * omega / (kept_scale * libm::fabs(condensed.drive[mode]));
         balance.kept = Some(Kept { mode, cosine: 0.0 });
     }
-    let system = Quadrature { balance, drive_unit, weights, kept_scale, inner: vec![] };
-    let start = system.start(&beginning, options);
+    let free = forced.is_conservative();
+    let mut system = Quadrature { balance, drive_unit, weights, kept_scale, inner: vec![], free: None };
+    let mut start = system.start(&beginning, options);
+    if free {
+        let reversible =
+            Reversible::new(system.balance.unknowns.count(), system.balance.harmonics(), system.of_modes());
+        start.tangent = reversible.unknowns.iter().map(|&at| start.tangent[at]).collect();
+        system.free = Some(reversible);
+    }
     Ok((system, start))
 }
 
@@ -410,10 +519,9 @@ impl Quadrature {
     /// Returns the periodic response at a point.
     fn orbit(&mut self, point: &Point, read: &[Dof]) -> BackboneOrbit {
         // The number of harmonics may have changed since the point was solved for.
-        let (current, m) = (self.balance.harmonics(), self.balance.unknowns.count());
-        let needed = (point.x.len() - self.others()) / m / 2;
+        let (current, needed) = (self.balance.harmonics(), self.harmonics_of(&point.x));
         if needed != current {
-            self.balance.set_harmonics(needed);
+            self.resize(needed);
         }
         // The frequency was valid when the point was solved for.
         let _ = Spectral::evaluate_orbit(self, &point.x, point.lambda);
@@ -424,13 +532,28 @@ impl Quadrature {
             drive: balance.forced.amplitude.abs(),
             coordinates: (0..balance.forced.assembly.coordinates()).map(coordinate).collect(),
             readings: read.iter().map(|&dof| branch::reading(balance, dof)).collect(),
+            energy_j: balance.forced.is_conservative().then(|| energy_j(balance)),
             harmonics: needed,
         };
         if needed != current {
-            self.balance.set_harmonics(current);
+            self.resize(current);
         }
         orbit
     }
+}
+
+/// Returns the energy of the response last evaluated at phase 0, J: there q = Σ cₖ and q̇ = ω Σ k sₖ.
+fn energy_j(balance: &Balance) -> f64 {
+    let assembly = balance.forced.assembly();
+    let at_phase_zero = |coordinate: usize| {
+        let series = balance.coordinate_series(coordinate);
+        let (cosines, sines) = (series.iter().skip(1).step_by(2), series.iter().skip(2).step_by(2));
+        let rates = sines.zip(1..).map(|(sine, k)| f64::from(k) * sine);
+        (series[0] + cosines.sum::<f64>(), balance.omega_rad_s() * rates.sum::<f64>())
+    };
+    let (q, v): (Vec<f64>, Vec<f64>) = (0..assembly.coordinates()).map(at_phase_zero).unzip();
+    // Elements that conserve energy have no states.
+    assembly.energy_j(&q, &v) + assembly.element_energy_j(&q, &[])
 }
 
 impl BackboneOrbit {

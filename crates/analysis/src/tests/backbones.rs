@@ -46,7 +46,11 @@ fn a_cubic_spring_has_the_frequency_of_an_elliptic_function() {
     let law = Law::Cubic { stiffness3, stiffness5: 0.0 };
     let free = followed(&single(0.0, law), 0.05, f64::INFINITY);
     for point in &free.points {
-        near(point.frequency_hz, exact_hz(point.coordinates[0].largest), 1e-9);
+        let a = point.coordinates[0].largest;
+        near(point.frequency_hz, exact_hz(a), 1e-9);
+        // At its turning points all energy is in the springs.
+        let spring_j = 0.5 * omega * omega * a * a + 0.25 * stiffness3 * libm::pow(PHI * a, 4.0);
+        near(point.energy_j.unwrap(), spring_j, 1e-9);
         assert!(point.drive < 1e-6 * omega * omega * point.coordinates[0].largest, "{point:?}");
     }
     let last = free.points.last().unwrap();
@@ -64,6 +68,63 @@ fn a_cubic_spring_has_the_frequency_of_an_elliptic_function() {
         near(point.drive * PHI, 2.0 * zeta * omega * TAU * point.frequency_hz * a, 1e-2);
         near(point.readings[0].harmonic1.im, -point.readings[0].harmonic1.norm(), 1e-12);
     }
+}
+
+/// Two masses of 1 kg between three springs of 1 N/m, with 0.5 N/m³ at the first (G. Kerschen, M. Peeters, J. C.
+/// Golinval, A. F. Vakakis, "Nonlinear normal modes, Part I", Mech. Syst. Signal Process. 23 (2009), Sec. 2).
+fn two_masses() -> Forced {
+    let mode = |rate: f64| ModeSpec { frequency_hz: rate / TAU, damping_ratio: 0.0 };
+    let half = libm::sqrt(0.5);
+    let shape =
+        |point: &str, by_mode: [f64; 2]| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: by_mode.into() };
+    let body = ModalSpec {
+        modes: vec![mode(1.0), mode(libm::sqrt(3.0))],
+        shapes: vec![shape("m1", [half, half]), shape("m2", [half, -half])],
+    };
+    let law = Law::Cubic { stiffness3: 0.5, stiffness5: 0.0 };
+    let elements = vec![ElementSpec { at: place("m1.x"), to: None, law }];
+    let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
+    let m1 = assembly.dof("m1.x").unwrap();
+    Forced::new(assembly, m1, 1.0)
+}
+
+/// Returns the extremes of the frequency along a curve, rad/s, each with the energy there, J: those of the parabolas
+/// through three points.
+fn turns(points: &[BackboneOrbit]) -> Vec<[f64; 2]> {
+    let of = |three: &[BackboneOrbit]| {
+        let [a, b, c] = [0, 1, 2].map(|i| TAU * three[i].frequency_hz);
+        let is_turn = (b - a) * (c - b) < 0.0;
+        // By the energy: divided differences f[a, b] and f[a, b, c].
+        let e = [0, 1, 2].map(|i| three[i].energy_j.unwrap());
+        let first = (b - a) / (e[1] - e[0]);
+        let second = ((c - b) / (e[2] - e[1]) - first) / (e[2] - e[0]);
+        let at = 0.5 * (e[0] + e[1]) - 0.5 * first / second;
+        is_turn.then(|| [a + (at - e[0]) * (first + (at - e[1]) * second), at])
+    };
+    points.windows(3).filter_map(of).collect()
+}
+
+/// Where three times the frequency of the first mode is that of the second, the curve runs into a tongue of motions in
+/// which both take part, and comes back, with turns that shooting finds, too. It begins with so large a vibration in mind
+/// that its first step has to be shortened.
+#[test]
+fn a_nonlinear_mode_is_followed_through_an_internal_resonance() {
+    let forced = two_masses();
+    let mut options = BackboneOptions::new(&forced, 0, 10.0, f64::INFINITY, vec![forced.drives()[0].0]);
+    options.branch.continuation.largest_step = 0.02;
+    let curve = super::super::backbone(&forced, &options).unwrap();
+    let oracle: Value = serde_json::from_str(include_str!("../../../../tests/oracles/normal_modes.json")).unwrap();
+    let expected = oracle["turns"].as_array().unwrap();
+    let got = turns(&curve.points);
+    assert!(got.len() >= expected.len() && expected.len() == 2, "{got:?}");
+    for ([rate, energy_j], expected) in got.into_iter().zip(expected) {
+        near(rate, number(expected, "rate_rad_s"), 1e-5);
+        near(energy_j, number(expected, "energy_j"), 1e-2);
+    }
+    options.largest = 1e3;
+    options.branch.most_points = 20;
+    let early = super::super::backbone(&forced, &options).unwrap_err();
+    assert_eq!(early.so_far.points.len(), 20, "{}", early.reason);
 }
 
 /// A free vibration between two stops: sinusoidal between them, and about another centre beyond.
