@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Instant;
 
 use resonarm::analysis::{AnalysisError, BifurcationKind};
-use resonarm::analysis::{Branch, Coordinate, Forced, TraceOptions, trace};
+use resonarm::analysis::{Branch, BranchOptions, Coordinate, Forced, TraceOptions, trace};
 use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 
 fn forced(beta2_deg: f64) -> Result<Forced, Box<dyn std::error::Error>> {
@@ -17,7 +17,9 @@ fn forced(beta2_deg: f64) -> Result<Forced, Box<dyn std::error::Error>> {
 
 fn branch(forced: &Forced, from_hz: f64, to_hz: f64) -> Result<Branch, AnalysisError> {
     let read = vec![forced.drives()[0].0];
-    let options = TraceOptions::new(forced, Coordinate::FrequencyHz, [from_hz, to_hz], read);
+    let mut options = TraceOptions::new(forced, Coordinate::FrequencyHz, [from_hz, to_hz], read);
+    // As `resonarm continue` has it.
+    options.branch.continuation.largest_step = BranchOptions::LARGEST_STEP;
     trace(forced, from_hz, Coordinate::FrequencyHz, &options).map_err(AnalysisError::from)
 }
 
