@@ -98,7 +98,7 @@ fn modes(count: usize, law: Option<Law>) -> StructureSpec {
     let at = Place::Dof { point: "tip".into(), axis: Axis::X };
     StructureSpec {
         body: BodySpec::Modal(ModalSpec { modes: (0..count).map(mode).collect(), shapes }),
-        elements: law.map(|law| ElementSpec { at, to: None, law }).into_iter().collect(),
+        elements: law.map(|law| ElementSpec::Point { at, to: None, law }).into_iter().collect(),
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct ContinuationFlags {
     /// Largest error from the neglected harmonics, relative to the response.
     ///
     /// Harmonics are added until the error is below it, from 1e-14 to 0.1. By default it depends on the elements: 1e-9 for
-    /// linear and cubic ones and for the links of a chain, 1e-6 for tanh, and 1e-5 for steep tanh, friction, gaps and
+    /// linear ones, cubic ones and polynomials, and for the links of a chain, 1e-6 for tanh, and 1e-5 for steep tanh, friction, gaps and
     /// contacts. With several kinds of elements the largest of these applies.
     #[arg(long, value_name = "X")]
     tolerance: Option<f64>,

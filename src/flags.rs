@@ -267,10 +267,10 @@ pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::usage(format!("{flag}: {error}"))
 }
 
-/// Reads a scenario, and warns of doubtful content in the files that it names.
+/// Reads a scenario, and warns of doubtful content.
 pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let scenario = Scenario::read(path)?;
-    for warning in &scenario.structure.warnings {
+    for warning in scenario.structure.warnings() {
         tracing::warn!("{}: {warning}", path.display());
     }
     Ok(scenario)

@@ -17,7 +17,7 @@ from .recording import Recording, RecordingWarning
 from .scenario import Scenario
 from .session import Node, Report, run
 from .structures import AccuracyWarning, Chain, Modal, Structure
-from .tables import Element, Link, ModeShape
+from .tables import Element, Link, ModeShape, Term
 
 __all__ = [
     "AccuracyWarning",
@@ -47,6 +47,7 @@ __all__ = [
     "StableMotion",
     "Stepped",
     "Structure",
+    "Term",
     "__version__",
     "import_log",
     "presets",

@@ -1,8 +1,9 @@
 """The tables of a structure, with the keys of `[structure]` in a scenario, so that a type checker finds a wrong one."""
 
+from collections.abc import Sequence
 from typing import Literal, TypedDict
 
-ElementKind = Literal["cubic", "gap", "contact", "friction", "lugre", "linear", "tanh"]
+ElementKind = Literal["cubic", "gap", "contact", "friction", "lugre", "linear", "tanh", "polynomial"]
 """Kind of an element."""
 Side = Literal["positive", "negative"]
 """Side along its axis on which a contact is."""
@@ -67,6 +68,15 @@ class PosedJoint(JointOfFile, total=False):
     """Angle of the joint from the file's zero, about its own axis, degrees, −360 to 360; 0 by default."""
 
 
+class Term(TypedDict):
+    """A term of a polynomial's potential, energy · Π x^power of its displacements."""
+
+    powers: Sequence[int]
+    """Power of each displacement; they add up to 3 to 5."""
+    energy: float
+    """Energy at displacements of 1, J/m³, J/m⁴ or J/m⁵ by the sum of the powers; at joints J/rad³ and so on."""
+
+
 class _Kind(TypedDict):
     kind: ElementKind
 
@@ -75,8 +85,10 @@ class Element(_Kind, total=False):
     """A point element: `structure.elements` of a scenario (docs/structures.md). It has one of `at`, `joint` and
     `between`, and the values of its kind: with the units of an axis, or at a joint those that end in `rad` and `nm`."""
 
-    at: str
-    """Point and axis, as `tip.x`, against the ground."""
+    at: str | Sequence[str]
+    """Point and axis, as `tip.x`, against the ground; of a polynomial a list, also of joints, as `joint2`."""
+    terms: Sequence[Term]
+    """Terms of a polynomial's potential."""
     joint: int
     """The joint of a chain, from 1, about which it acts."""
     between: tuple[str, str] | list[str]

@@ -47,7 +47,7 @@ impl Scenario {
                 Scenario { inner, folder, file }
             }
         };
-        for warning in &scenario.inner.structure.warnings {
+        for warning in scenario.inner.structure.warnings() {
             tracing::warn!("structure: {warning}");
         }
         Ok(scenario)

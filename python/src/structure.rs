@@ -166,8 +166,9 @@ impl Assembly {
             CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
         };
         let mut channels = coordinate_channels(of, self.inner.coordinates());
-        let elements = self.inner.elements().iter().enumerate().filter(|(_, element)| element.state().is_some());
-        channels.extend(elements.filter_map(|(index, element)| element_channel(index, element.at().is_angle())));
+        let elements = self.inner.elements().iter().filter(|element| element.state().is_some());
+        let channel = |element: &structure::Element| element_channel(element.number() - 1, element.at().is_angle());
+        channels.extend(elements.filter_map(channel));
         vectors(&channels)
     }
 

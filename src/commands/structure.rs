@@ -159,7 +159,8 @@ fn elements(scenario: &Scenario) -> String {
     let elements = scenario.structure.elements.iter();
     let line = |(element, number): (&resonarm::scenario::structure::ElementSection, usize)| {
         let values = element.values.iter().map(|(key, value)| format!(", {key} = {}", short(value)));
-        format!("element {number}: {} {}{}\n", element.kind.name(), element.place(), values.collect::<String>())
+        let terms = if element.terms.is_empty() { String::new() } else { format!(", {} terms", element.terms.len()) };
+        format!("element {number}: {} {}{}{terms}\n", element.kind.name(), element.place(), values.collect::<String>())
     };
     elements.zip(1..).map(line).collect()
 }

@@ -71,9 +71,9 @@ fn called(
     };
     let changes = changes(scenario, varied);
     let set = if changes.is_empty() { String::new() } else { format!(" with {}", set(&changes)) };
-    let elements = match tested.assembly.elements() {
+    let elements = match &tested.assembly.spec().elements[..] {
         [] => String::new(),
-        [one] => format!(" with an element, {}", one.law().name()),
+        [one] => format!(" with an element, {}", one.name()),
         many => format!(" with {} elements", many.len()),
     };
     format!("{}{set}{angles}{elements}", section.name.clone().unwrap_or_else(plain))

@@ -435,7 +435,7 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
     let beginning =
         Beginning::new(forced, mode, &weights).ok_or(AnalysisError::NotDriven { mode: got + 1, at: place })?;
     let mut balance = Balance::new(forced, mode.frequency_hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
-    balance.unknowns.check_held()?;
+    balance.unknowns.check_held(assembly)?;
     let (mut kept_scale, mut drive_unit) = (0.0, 1.0 / unit_deflection(forced));
     if let (BodySpec::Modal(_), Body::Condensed(condensed)) = (&assembly.spec().body, &balance.unknowns.body) {
         // The elements have no stiffness at rest: the modes are those given, in the order of their frequencies.
@@ -468,10 +468,9 @@ fn check_small_amplitudes(assembly: &Assembly) -> Result<(), AnalysisError> {
         Law::Gap { gap, .. } | Law::KelvinVoigt { gap, .. } | Law::HuntCrossley { gap, .. } => gap == 0.0,
         Law::Friction { .. } | Law::Lugre { .. } => true,
     };
-    match assembly.elements().iter().position(|element| bends(element.law())) {
-        Some(index) => {
-            Err(AnalysisError::NotLinear { element: index + 1, law: assembly.elements()[index].law().name() })
-        }
+    // The forces of polynomials are of degree 2 at least.
+    match assembly.elements().iter().find(|element| bends(element.law())) {
+        Some(element) => Err(AnalysisError::NotLinear { element: element.number(), law: element.law().name() }),
         None => Ok(()),
     }
 }

@@ -135,8 +135,10 @@ fn samples_for(forced: &Forced, period: usize, harmonics: usize) -> usize {
         Law::Tanh { .. } => (12 * harmonics).max(rough / 4),
         _ => rough,
     };
-    let needed = forced.assembly.elements().iter().map(|element| of_law(element.law()));
-    needed.fold(4 * harmonics + 4, usize::max)
+    let laws = forced.assembly.elements().iter().map(|element| of_law(element.law()));
+    // The force is one degree below the potential.
+    let polynomials = forced.assembly.polynomials().iter().map(|of| of.degree() * (harmonics + 1));
+    laws.chain(polynomials).fold(4 * harmonics + 4, usize::max)
 }
 
 /// The rows of cos kτ and sin kτ among those of all unknowns; for k = 0 that of 1, and none.

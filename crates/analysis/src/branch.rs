@@ -114,7 +114,7 @@ const FIRST_DOUBLED_STEP: f64 = 1e-2;
 
 /// Checks that both ends, and the frequency, are numbers at which the system exists.
 fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
-    balance.unknowns.check_held()?;
+    balance.unknowns.check_held(balance.forced.assembly())?;
     let (from, to) = (options.branch.from, options.branch.to);
     let known = balance.coordinate == Coordinate::FrequencyHz
         || (balance.frequency_hz.is_finite() && balance.frequency_hz > 0.0);

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use resonarm_dynamics::structure::{
-    Assembly, BodySpec, Dof, Law, MOST_COORDINATES, Parameter, Position, StructureError,
+    Assembly, BodySpec, Dof, ElementSpec, Law, MOST_COORDINATES, Parameter, Position, StructureError,
 };
 
 use crate::AnalysisError;
@@ -43,7 +43,8 @@ impl Forced {
             BodySpec::Modal(modal) => modal.modes.iter_mut().for_each(|mode| mode.damping_ratio = 0.0),
         }
         for (index, element) in spec.elements.iter_mut().enumerate() {
-            match &mut element.law {
+            let ElementSpec::Point { law, .. } = element else { continue };
+            match law {
                 Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
                     *damping = 0.0;
                 }
@@ -52,8 +53,8 @@ impl Forced {
             }
         }
         // A linear element that was only a damper exerts no force any more.
-        let acts = |law: &Law| !matches!(law, Law::Linear { stiffness: 0.0, .. });
-        spec.elements.retain(|element| acts(&element.law));
+        let idle = Law::Linear { stiffness: 0.0, damping: 0.0 };
+        spec.elements.retain(|element| !matches!(element, ElementSpec::Point { law, .. } if *law == idle));
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 
@@ -65,7 +66,7 @@ impl Forced {
             BodySpec::Modal(modal) => modal.modes.iter().all(|mode| mode.damping_ratio == 0.0),
         };
         undamped
-            && spec.elements.iter().all(|element| match element.law {
+            && self.assembly.elements().iter().all(|element| match *element.law() {
                 Law::Cubic { .. } | Law::Gap { .. } => true,
                 Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
                     damping == 0.0

@@ -5,7 +5,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use resonarm_dynamics::structure::{Element, Law, Linearised, MOST_COORDINATES, MOST_LINKS, Reaction};
+use resonarm_dynamics::structure::{
+    Element, Law, Linearised, MOST_COORDINATES, MOST_DISPLACEMENTS, MOST_LINKS, Polynomial, Reaction,
+};
 
 use super::Forced;
 use super::history::{History, has_history};
@@ -195,8 +197,60 @@ impl Samples {
             for (e, element) in forced.assembly.elements().iter().enumerate() {
                 self.along_one([e, condensed.of_element[e]], m, element, [step_s, frequency_hz]);
             }
+            for (polynomial, places) in forced.assembly.polynomials().iter().zip(&condensed.of_polynomial) {
+                self.along_places(polynomial, places, m);
+            }
         } else {
             self.along_links(forced, unknowns, [step_s, frequency_hz]);
+            for polynomial in forced.assembly.polynomials() {
+                self.along_coordinates(forced, polynomial, m);
+            }
+        }
+    }
+
+    /// Adds the part of a polynomial whose displacements are unknowns, of `m`.
+    fn along_places(&mut self, polynomial: &Polynomial, places: &[usize], m: usize) {
+        let (samples, size) = (self.count(), places.len());
+        let [mut x, mut forces] = [[0.0; MOST_DISPLACEMENTS]; 2];
+        let mut stiffness = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
+        for j in 0..samples {
+            x.iter_mut().zip(places).for_each(|(x, place)| *x = self.motion[0][j * m + place]);
+            polynomial.forces(&x[..size], &mut forces[..size]);
+            polynomial.stiffness(&x[..size], &mut stiffness);
+            for (i, row) in places.iter().enumerate() {
+                self.load[row * samples + j] += forces[i];
+                for (k, column) in places.iter().enumerate() {
+                    self.by[0][(row * m + column) * samples + j] += stiffness[i * size + k];
+                }
+            }
+        }
+    }
+
+    /// Adds the part of a polynomial of a chain: Σ wᵢ fᵢ, and Σ fᵢ ∂wᵢ/∂u + Σ wᵢ ∂²V/∂xᵢ∂xₖ wₖᵀ as its derivative.
+    fn along_coordinates(&mut self, forced: &Forced, polynomial: &Polynomial, m: usize) {
+        let (samples, size) = (self.count(), polynomial.at().len());
+        let [mut x, mut forces] = [[0.0; MOST_DISPLACEMENTS]; 2];
+        let mut stiffness = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
+        let mut directions = [[0.0; MOST_LINKS]; MOST_DISPLACEMENTS];
+        for j in 0..samples {
+            let at = forced.assembly.at(&self.motion[0][j * m..(j + 1) * m]);
+            for ((x, direction), dof) in x.iter_mut().zip(&mut directions).zip(polynomial.at()) {
+                *x = at.displacement(*dof);
+                at.direction(*dof, &mut direction[..m]);
+            }
+            polynomial.forces(&x[..size], &mut forces[..size]);
+            polynomial.stiffness(&x[..size], &mut stiffness);
+            let mut slopes = [0.0; MOST_LINKS * MOST_LINKS];
+            for (i, (dof, w)) in polynomial.at().iter().zip(&directions).enumerate() {
+                at.add_curvature(*dof, forces[i], &mut slopes[..m * m]);
+                (0..m).for_each(|row| self.load[row * samples + j] += w[row] * forces[i]);
+                for (k, other) in directions[..size].iter().enumerate() {
+                    for pair in 0..m * m {
+                        slopes[pair] += w[pair / m] * stiffness[i * size + k] * other[pair % m];
+                    }
+                }
+            }
+            (0..m * m).for_each(|pair| self.by[0][pair * samples + j] += slopes[pair]);
         }
     }
 

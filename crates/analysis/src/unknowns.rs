@@ -22,7 +22,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use resonarm_dynamics::structure::{Assembly, BodySpec, Dof};
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Element, Polynomial};
 
 use super::Forced;
 use crate::AnalysisError;
@@ -50,8 +50,10 @@ pub(super) enum Body {
 /// Modes seen from the places of the elements.
 #[derive(Clone, Debug)]
 pub(super) struct Condensed {
-    /// The place of each element.
+    /// The place of each element with one displacement.
     pub of_element: Vec<usize>,
+    /// The places of each polynomial.
+    pub of_polynomial: Vec<Vec<usize>>,
     /// φ of each mode at each place.
     pub places: Vec<Vec<f64>>,
     /// φ of each mode at the drive.
@@ -98,10 +100,10 @@ impl Unknowns {
     }
 
     /// Rejects a structure with a rigid mode that an element alone holds.
-    pub fn check_held(&self) -> Result<(), AnalysisError> {
+    pub fn check_held(&self, assembly: &Assembly) -> Result<(), AnalysisError> {
         let Body::Condensed(condensed) = &self.body else { return Ok(()) };
-        match condensed.held_by_element() {
-            Some([mode, element]) => Err(AnalysisError::HeldByElement { mode: mode + 1, element: element + 1 }),
+        match condensed.held_by_element(assembly) {
+            Some([mode, element]) => Err(AnalysisError::HeldByElement { mode: mode + 1, element }),
             None => Ok(()),
         }
     }
@@ -132,36 +134,46 @@ impl Condensed {
     /// Without elements the one place is that of the drive.
     fn new(forced: &Forced, modes: Vec<[f64; 2]>) -> Condensed {
         let assembly = &forced.assembly;
-        let (mut ends, mut places, mut of_element) = (vec![], vec![], vec![]);
+        let (mut ends, mut places) = (vec![], vec![]);
         let drive = forced.direction_at_rest();
-        for element in assembly.elements() {
-            let own = (element.at(), element.to());
+        let mut place_of = |at: Dof, to: Option<Dof>| {
+            let own = (at, to);
             // Elements between the same two ends share an unknown.
             let place = ends.iter().position(|ends| *ends == own).unwrap_or(ends.len());
             if place == ends.len() {
                 ends.push(own);
-                let mut direction = vec![0.0; modes.len()];
-                assembly.element_direction(element, &vec![0.0; modes.len()], &mut direction);
+                let end = direction_at_rest(assembly, at);
+                let other = to.map(|to| direction_at_rest(assembly, to));
+                let mut direction = end.clone();
+                direction.iter_mut().zip(other.iter().flatten()).for_each(|(along, other)| *along -= other);
                 // Between two points a rigid mode moves nothing, but for rounding.
-                let end = direction_at_rest(assembly, element.at());
                 for ((along, end), _) in direction.iter_mut().zip(end).zip(&modes).filter(|(_, mode)| mode[0] == 0.0) {
                     *along = if along.abs() <= RIGID * libm::fabs(end) { 0.0 } else { *along };
                 }
                 places.push(direction);
             }
-            of_element.push(place);
-        }
+            place
+        };
+        let of_element = assembly.elements().iter().map(|element| place_of(element.at(), element.to())).collect();
+        let polynomials = assembly.polynomials().iter();
+        let of_polynomial = polynomials.map(|of| of.at().iter().map(|at| place_of(*at, None)).collect()).collect();
         if places.is_empty() {
             places.push(drive.clone());
         }
-        Condensed { of_element, places, drive, modes }
+        Condensed { of_element, of_polynomial, places, drive, modes }
     }
 
-    /// Returns the rigid mode that an element alone holds, with the element, both from 0.
-    pub fn held_by_element(&self) -> Option<[usize; 2]> {
+    /// Returns the rigid mode that an element of the structure alone holds, from 0, with the element's number, from 1.
+    pub fn held_by_element(&self, assembly: &Assembly) -> Option<[usize; 2]> {
         let rigid = self.modes.iter().enumerate().filter(|(_, mode)| mode[0] == 0.0).map(|(mode, _)| mode);
-        let by = |mode: usize| self.of_element.iter().position(|&place| self.places[place][mode] != 0.0);
-        rigid.into_iter().find_map(|mode| by(mode).map(|element| [mode, element]))
+        let elements = assembly.elements().iter().map(Element::number).zip(&self.of_element);
+        let polynomials = assembly.polynomials().iter().map(Polynomial::number).zip(&self.of_polynomial);
+        let elements = elements.map(|(number, place)| (number, core::slice::from_ref(place)));
+        let all: Vec<(usize, &[usize])> =
+            elements.chain(polynomials.map(|(number, places)| (number, &places[..]))).collect();
+        let by =
+            |mode: usize| all.iter().find(|(_, places)| places.iter().any(|&place| self.places[place][mode] != 0.0));
+        rigid.into_iter().find_map(|mode| by(mode).map(|(number, _)| [mode, *number]))
     }
 
     /// Returns each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate; zeros for the mode left

@@ -172,6 +172,7 @@ fn guesses(
     let gives: f64 = others.iter().map(|&mode| varied.weights[mode] / varied.squares[mode]).sum();
     let own = Condensed {
         of_element: condensed.of_element.clone(),
+        of_polynomial: condensed.of_polynomial.clone(),
         places: condensed.places.iter().map(|phi| pick(phi)).collect(),
         drive: pick(&condensed.drive),
         modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),

@@ -1,6 +1,7 @@
 //! The flow of variations (δq, δq̇, δz) of modes: exact half steps, and impulses of the elements in between.
 //!
-//! With the places' φ as rows of Φ, x = Φ δq, v = Φ δq̇ and C = ΦΦᵀ the impulse is
+//! With the places' φ as rows of Φ, x = Φ δq, v = Φ δq̇, C = ΦΦᵀ, and the derivatives S and G of the forces, of which
+//! polynomials couple places in S, the impulse is
 //!
 //! ```text
 //! δq̇⁺ = δq̇ − h Φᵀ (S x + f_z z + ½ G (v + v⁺)),     (1 + ½hCG) v⁺ = v − h C (S x + f_z z + ½ G v)
@@ -66,6 +67,8 @@ struct Impulse {
     /// S and G of each place.
     stiffness: Vec<f64>,
     damping: Vec<f64>,
+    /// S between two places, by row and column.
+    coupled: Vec<([usize; 2], f64)>,
     /// Place and variation of each state.
     states: Vec<(usize, StateVariation)>,
     /// 1 + ½hCG by rows, if G is not zero.
@@ -77,20 +80,22 @@ impl Impulse {
         let m = of.unknowns();
         let diagonal = |d: usize| (0..m).map(|i| of.by(d, [i, i], point)).collect::<Vec<f64>>();
         let (stiffness, damping) = (diagonal(0), diagonal(1));
+        let pairs = (0..m * m).map(|pair| [pair / m, pair % m]).filter(|[i, j]| i != j);
+        let coupled = pairs.map(|pair| (pair, of.by(0, pair, point))).filter(|(_, s)| *s != 0.0).collect();
         let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element];
         let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point, points))).collect();
         let implicit = damping.iter().any(|g| *g != 0.0).then(|| {
             let cell = |(at, c): (usize, &f64)| f64::from(u8::from(at / m == at % m)) + 0.5 * h * c * damping[at % m];
             coupling.iter().enumerate().map(cell).collect()
         });
-        Impulse { stiffness, damping, states, implicit }
+        Impulse { stiffness, damping, coupled, states, implicit }
     }
 
     /// Says whether no force acts, and the states of elements are held at zero already.
     fn is_idle(&self, before: Option<&Impulse>) -> bool {
         let held = |of: &Impulse| of.states.iter().all(|(_, at)| at.by_state.is_none());
         let known = self.states.is_empty() || before.is_some_and(|before| held(self) && held(before));
-        known && self.implicit.is_none() && self.stiffness.iter().all(|s| *s == 0.0)
+        known && self.implicit.is_none() && self.coupled.is_empty() && self.stiffness.iter().all(|s| *s == 0.0)
     }
 
     /// Says whether the states need no value at the end of the step, but can be followed past it: those of friction
@@ -283,6 +288,9 @@ impl<'a> Columns<'a> {
             for ((_, at), z) in impulse.states.iter().zip(&self.z).filter(|((place, _), _)| *place == i) {
                 add(force, z, at.force);
             }
+        }
+        for &([row, column], stiffness) in &impulse.coupled {
+            add(&mut self.force[row], &self.x[column], stiffness);
         }
         let Some(implicit) = &impulse.implicit else {
             if self.plan.by_velocity {

@@ -19,7 +19,8 @@ fn with_element(modes: &[(f64, f64, f64)], law: Law) -> Forced {
     let at = Place::Dof { point: "tip".into(), axis: Axis::X };
     let modes = modes.iter().map(|&(frequency_hz, damping_ratio, _)| ModeSpec { frequency_hz, damping_ratio });
     let body = BodySpec::Modal(ModalSpec { modes: modes.collect(), shapes });
-    let assembly = Assembly::new(&StructureSpec { body, elements: vec![ElementSpec { at, to: None, law }] }).unwrap();
+    let assembly =
+        Assembly::new(&StructureSpec { body, elements: vec![ElementSpec::Point { at, to: None, law }] }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     Forced::new(assembly, tip, 10.0)
 }

@@ -276,7 +276,7 @@ fn chains_have_the_close_pairs_of_the_arm() {
 fn a_fold_and_a_neimark_sacker_point_side_by_side() {
     let body = BodySpec::Chain(Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[0.0, 60.0]));
     let law = Law::Cubic { stiffness3: 3e9, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: Place::Joint(2), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: Place::Joint(2), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly, tip, 40.0);

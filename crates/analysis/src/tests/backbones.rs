@@ -14,7 +14,7 @@ fn single(damping_ratio: f64, law: Law) -> Forced {
         modes: vec![ModeSpec { frequency_hz: HZ, damping_ratio }],
         shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![PHI] }],
     };
-    let elements = vec![ElementSpec { at: place("tip.x"), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: place("tip.x"), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     Forced::new(assembly, tip, 1.0)

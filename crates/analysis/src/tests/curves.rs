@@ -139,7 +139,7 @@ fn duffing(amplitude: f64) -> Forced {
     let modes = vec![ModeSpec { frequency_hz: 1.0 / TAU, damping_ratio: 0.02 }];
     let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }];
     let law = Law::Cubic { stiffness3: 1.0, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: place("tip.x"), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: place("tip.x"), to: None, law }];
     let body = BodySpec::Modal(ModalSpec { modes, shapes });
     let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();

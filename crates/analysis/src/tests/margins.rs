@@ -11,7 +11,7 @@ fn modes(of: &[(f64, f64, [f64; 2])], law: Option<Law>) -> Assembly {
         by_mode: of.iter().map(|mode| mode.2[i]).collect(),
     };
     let shapes = ["tip", "mid"].into_iter().enumerate().map(shape).collect();
-    let elements = law.into_iter().map(|law| ElementSpec { at: place("tip.x"), to: None, law }).collect();
+    let elements = law.into_iter().map(|law| ElementSpec::Point { at: place("tip.x"), to: None, law }).collect();
     Assembly::new(&StructureSpec { body: BodySpec::Modal(ModalSpec { modes, shapes }), elements }).unwrap()
 }
 

@@ -2,6 +2,7 @@ mod arm;
 mod backbones;
 mod curves;
 mod margins;
+mod polynomials;
 mod starts;
 mod textbook;
 
@@ -92,7 +93,7 @@ pub(super) fn modal(case: &Value) -> Assembly {
             })
             .into(),
     };
-    let elements = case["elements"].as_array().unwrap().iter().map(|element| ElementSpec {
+    let elements = case["elements"].as_array().unwrap().iter().map(|element| ElementSpec::Point {
         at: place(element["at"].as_str().unwrap()),
         to: None,
         law: law(element),
@@ -201,7 +202,7 @@ fn dampers_between_points_need_not_be_modal() {
     let shapes = [("a", [1.0, 0.0]), ("b", [0.0, 1.0 / libm::sqrt(0.02)])]
         .map(|(point, amounts)| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: amounts.to_vec() })
         .to_vec();
-    let element = |at: &str, to: Option<&str>, stiffness: f64, damping: f64| ElementSpec {
+    let element = |at: &str, to: Option<&str>, stiffness: f64, damping: f64| ElementSpec::Point {
         at: place(at),
         to: to.map(place),
         law: Law::Linear { stiffness, damping },
@@ -233,7 +234,7 @@ fn dampers_between_points_need_not_be_modal() {
 fn a_branch_does_not_jump_to_one_that_passes_close_by() {
     let chain = BodySpec::Chain(Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[0.0, 60.0]));
     let law = Law::Cubic { stiffness3: 3e9, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: Place::Joint(2), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: Place::Joint(2), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body: chain, elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly, tip, 40.0);
@@ -300,8 +301,8 @@ fn jacobian_is_the_derivative() {
     for law in laws {
         let mut spec = modal(case).spec().clone();
         spec.elements = vec![
-            ElementSpec { at: place("mid.x"), to: None, law },
-            ElementSpec { at: place("tip.x"), to: Some(place("mid.x")), law },
+            ElementSpec::Point { at: place("mid.x"), to: None, law },
+            ElementSpec::Point { at: place("tip.x"), to: Some(place("mid.x")), law },
         ];
         let assembly = Assembly::new(&spec).unwrap();
         let drive = assembly.dof("tip.x").unwrap();
@@ -327,7 +328,7 @@ fn jacobian_of_a_chain_is_the_derivative() {
         breakaway: 3.0,
         stribeck: 0.05,
     };
-    let at = |place: Place, law: Law| ElementSpec { at: place, to: None, law };
+    let at = |place: Place, law: Law| ElementSpec::Point { at: place, to: None, law };
     let elements = vec![
         at(place("tip.x"), contact),
         at(Place::Dof { point: "joint3".into(), axis: Axis::Y }, hertz),
@@ -462,7 +463,7 @@ fn a_branch_begins_beyond_the_corner_of_friction() {
         shapes: vec![shape("tip", vec![0.9, -0.8]), shape("joint", vec![0.35, 0.7])],
     });
     let law = Law::Friction { stiffness: 4e4, slip: 15.0 };
-    let elements = vec![ElementSpec { at: place("tip.x"), to: Some(place("joint.x")), law }];
+    let elements = vec![ElementSpec::Point { at: place("tip.x"), to: Some(place("joint.x")), law }];
     let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly, tip, 10.0);
@@ -511,7 +512,7 @@ fn a_free_structure_responds_above_0_hz() {
 #[test]
 fn a_free_structure_with_an_inner_spring_is_continued() {
     let law = Law::Cubic { stiffness3: 1e9, stiffness5: 0.0 };
-    let inner = ElementSpec { at: place("tip.x"), to: Some(place("mid.x")), law };
+    let inner = ElementSpec::Point { at: place("tip.x"), to: Some(place("mid.x")), law };
     let assembly = free_masses(vec![inner]);
     let [tip, mid] = ["tip.x", "mid.x"].map(|name| assembly.dof(name).unwrap());
     let ends = [15.0, 26.0];
@@ -525,7 +526,7 @@ fn a_free_structure_with_an_inner_spring_is_continued() {
             .map(|(point, phi)| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: vec![phi] })
             .into(),
     };
-    let held = ElementSpec { at: place("mid.x"), to: None, law };
+    let held = ElementSpec::Point { at: place("mid.x"), to: None, law };
     let held = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements: vec![held] }).unwrap();
     let (drive, read) = (held.dof("tip.x").unwrap(), held.dof("mid.x").unwrap());
     let forced = Forced::new(held, drive, 0.6);
@@ -552,7 +553,7 @@ fn a_free_structure_with_an_inner_spring_is_continued() {
 #[test]
 fn what_has_no_steady_state_is_refused() {
     let law = Law::Cubic { stiffness3: 1e9, stiffness5: 0.0 };
-    let assembly = free_masses(vec![ElementSpec { at: place("tip.x"), to: None, law }]);
+    let assembly = free_masses(vec![ElementSpec::Point { at: place("tip.x"), to: None, law }]);
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly.clone(), tip, 6.0);
     let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 26.0], vec![tip]);
@@ -574,7 +575,8 @@ fn an_overdamped_mode_is_continued() {
         modes: vec![mode(20.0, 0.01), mode(57.0, 1.5)],
         shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![0.5, 0.4] }],
     };
-    let weak = ElementSpec { at: place("tip.x"), to: None, law: Law::Cubic { stiffness3: 1e-3, stiffness5: 0.0 } };
+    let weak =
+        ElementSpec::Point { at: place("tip.x"), to: None, law: Law::Cubic { stiffness3: 1e-3, stiffness5: 0.0 } };
     let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements: vec![weak] }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     let forced = Forced::new(assembly, tip, 1.0);
@@ -628,7 +630,7 @@ fn a_base_excites_the_structure() {
 #[test]
 fn branches_under_a_moving_base_are_those_of_a_force() {
     let law = Law::Cubic { stiffness3: 1e8, stiffness5: 0.0 };
-    let assembly = on_a_base(vec![ElementSpec { at: place("tip.x"), to: None, law }]);
+    let assembly = on_a_base(vec![ElementSpec::Point { at: place("tip.x"), to: None, law }]);
     let [tip, base] = ["tip.x", "base.x"].map(|name| assembly.dof(name).unwrap());
     let branch = |drive: Dof, amplitude: f64| {
         let forced = Forced::new(assembly.clone(), drive, amplitude);

@@ -66,7 +66,7 @@ pub(super) fn forced(case: &Value) -> Forced {
             Some(ends) => (place(&ends[0]), Some(place(&ends[1]))),
             None => (place(&element["at"]), None),
         };
-        ElementSpec { at, to, law: law(element) }
+        ElementSpec::Point { at, to, law: law(element) }
     });
     let assembly = Assembly::new(&StructureSpec { body, elements: elements.collect() }).unwrap();
     let drive = assembly.dof(case["drive"].as_str().unwrap()).unwrap();

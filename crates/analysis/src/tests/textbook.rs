@@ -59,7 +59,7 @@ fn duffing(damping_ratio: f64, gamma: f64, force_n: f64) -> Forced {
         shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],
     };
     let law = Law::Cubic { stiffness3: gamma, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: place("tip.x"), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: place("tip.x"), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     Forced::new(assembly, tip, force_n)

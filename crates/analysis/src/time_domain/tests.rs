@@ -28,7 +28,7 @@ fn oscillator(damping_ratio: f64, law: Law, force_n: f64) -> (Forced, Dof) {
         modes: vec![ModeSpec { frequency_hz: 10.0, damping_ratio }],
         shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],
     };
-    let elements = vec![ElementSpec { at: place("tip.x"), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: place("tip.x"), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     (Forced::new(assembly, tip, force_n), tip)

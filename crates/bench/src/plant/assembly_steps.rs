@@ -131,7 +131,7 @@ impl AssemblySteps {
 /// The channels of the states that a stepper saves: those of the structure, and, if it saves them, the branches.
 fn saved_channels(tested: &TestedAssembly, has_coil: bool, saved: usize) -> Vec<Channel> {
     let mut channels = tested.states(has_coil);
-    let branches = (0..tested.assembly.elements().len()).filter_map(branch_channel);
+    let branches = tested.assembly.elements().iter().filter_map(|element| branch_channel(element.number() - 1));
     channels.extend(branches.take(saved - channels.len()));
     channels
 }

@@ -94,7 +94,7 @@ fn gain(spec: &PlantSpec, frequency_hz: f64) -> f64 {
 #[test]
 fn a_saved_shaken_structure_continues_with_the_same_bits() {
     let at = Place::Dof { point: "mid".into(), axis: Axis::X };
-    let friction = ElementSpec { at, to: None, law: Law::Friction { stiffness: 1e5, slip: 3.0 } };
+    let friction = ElementSpec::Point { at, to: None, law: Law::Friction { stiffness: 1e5, slip: 3.0 } };
     for tested in [modal(Vec::new()), modal(vec![friction])] {
         for (shaker, converter) in shakers().into_iter().flat_map(|of| Converter::ALL.map(|converter| (of, converter)))
         {

@@ -14,6 +14,7 @@ use super::element::Element;
 use super::error::StructureError;
 use super::modal::{Modal, shape_name};
 use super::modes::{StructureMode, free_modes, modes};
+use super::polynomial::Polynomial;
 use super::position::Position;
 use super::spec::{Axis, BASE, BodySpec, ElementSpec, Place, StructureSpec};
 
@@ -106,6 +107,7 @@ pub struct Assembly {
     spec: StructureSpec,
     pub(super) body: Body,
     elements: Vec<Element>,
+    polynomials: Vec<Polynomial>,
     element_states: usize,
     modes: Vec<StructureMode>,
 }
@@ -122,9 +124,15 @@ impl Assembly {
             BodySpec::Modal(modal) => Body::Modal(Modal::new(modal)?),
         };
         // Made in stages: elements look up their places in the assembly, and its modes need the elements.
-        let mut assembly =
-            Assembly { spec: spec.clone(), body, elements: Vec::new(), element_states: 0, modes: Vec::new() };
-        assembly.elements = assembly.placed(&spec.elements)?;
+        let mut assembly = Assembly {
+            spec: spec.clone(),
+            body,
+            elements: Vec::new(),
+            polynomials: Vec::new(),
+            element_states: 0,
+            modes: Vec::new(),
+        };
+        (assembly.elements, assembly.polynomials) = assembly.placed(&spec.elements)?;
         assembly.element_states = assembly.elements.iter().filter(|element| element.state.is_some()).count();
         let is_free = matches!(&assembly.body, Body::Modal(modal) if modal.is_free());
         // The modes of a held structure are found from the factors of K, which has none where a rigid mode makes it
@@ -138,31 +146,39 @@ impl Assembly {
     }
 
     /// The elements of a specification at their places.
-    fn placed(&self, specs: &[ElementSpec]) -> Result<Vec<Element>, StructureError> {
+    fn placed(&self, specs: &[ElementSpec]) -> Result<(Vec<Element>, Vec<Polynomial>), StructureError> {
         if specs.len() > MOST_ELEMENTS {
             return Err(StructureError::Count { what: "elements", got: specs.len(), least: 0, most: MOST_ELEMENTS });
         }
-        let (mut elements, mut states) = (Vec::with_capacity(specs.len()), 0);
+        let (mut elements, mut polynomials, mut states) = (Vec::with_capacity(specs.len()), Vec::new(), 0);
         for (i, spec) in specs.iter().enumerate() {
-            check_values(i + 1, &spec.law)?;
-            let at = self.place(&spec.at)?;
-            let to = spec.to.as_ref().map(|to| self.place(to)).transpose()?;
-            for (end, place) in [(Some(at), Some(&spec.at)), (to, spec.to.as_ref())] {
-                if let (Some(end), Some(place)) = (end, place)
-                    && self.is_fixed(end)
-                {
-                    return Err(StructureError::Fixed { element: i + 1, place: place.name() });
+            let number = i + 1;
+            match spec {
+                ElementSpec::Point { at: at_place, to: to_place, law } => {
+                    check_values(number, law)?;
+                    let at = self.moving_place(number, at_place)?;
+                    let to = to_place.as_ref().map(|to| self.moving_place(number, to)).transpose()?;
+                    if let (Some(other), Some(place)) = (to, to_place) {
+                        check_ends(number, [at_place, place], at.is_angle() != other.is_angle(), at == other)?;
+                    }
+                    let state = law.has_state().then_some(states);
+                    states += usize::from(state.is_some());
+                    elements.push(Element { number, law: *law, at, to, state });
+                    check_overlap(specs, i)?;
+                }
+                ElementSpec::Polynomial { at: places, terms } => {
+                    let at = places.iter().map(|place| self.moving_place(number, place)).collect::<Result<_, _>>()?;
+                    polynomials.push(Polynomial::new(number, places, at, terms)?);
                 }
             }
-            if let (Some(other), Some(place)) = (to, &spec.to) {
-                check_ends(i + 1, [&spec.at, place], at.is_angle() != other.is_angle(), at == other)?;
-            }
-            let state = spec.law.has_state().then_some(states);
-            states += usize::from(state.is_some());
-            elements.push(Element { law: spec.law, at, to, state });
-            check_overlap(specs, i)?;
         }
-        Ok(elements)
+        Ok((elements, polynomials))
+    }
+
+    /// The degree of freedom of a place of an element, which must be able to move.
+    fn moving_place(&self, element: usize, place: &Place) -> Result<Dof, StructureError> {
+        let dof = self.place(place)?;
+        if self.is_fixed(dof) { Err(StructureError::Fixed { element, place: place.name() }) } else { Ok(dof) }
     }
 
     /// Makes the error of impossible frequencies from the smallest and largest ratio of the diagonals of K and M, since
@@ -292,9 +308,19 @@ impl Assembly {
         }
     }
 
-    /// The elements, in the order of the specification.
+    /// The elements with one displacement, in the order of the specification.
     pub fn elements(&self) -> &[Element] {
         &self.elements
+    }
+
+    /// The polynomial elements, in the order of the specification.
+    pub fn polynomials(&self) -> &[Polynomial] {
+        &self.polynomials
+    }
+
+    /// Whether there is an element of any kind.
+    pub fn has_elements(&self) -> bool {
+        !self.spec.elements.is_empty()
     }
 
     /// Whether all elements are smooth, so that no step meets a switch.
@@ -382,7 +408,8 @@ impl Assembly {
     pub fn element_energy_j(&self, q: &[f64], states: &[f64]) -> f64 {
         let at = self.at(q);
         let energy = |element: &Element| element.energy_j(at.element_displacement(element), element.own(states));
-        self.elements.iter().map(energy).sum()
+        let potential = |of: &Polynomial| of.energy_j(&of.displacements(&at)[..of.at().len()]);
+        self.elements.iter().map(energy).sum::<f64>() + self.polynomials.iter().map(potential).sum::<f64>()
     }
 
     /// The power that the elements turn into heat, W.

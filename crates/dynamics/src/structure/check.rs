@@ -36,13 +36,16 @@ fn sides(law: &Law) -> &'static [Side] {
 
 /// Refuses an element that touches where one before it does.
 pub(super) fn check_overlap(specs: &[ElementSpec], second: usize) -> Result<(), StructureError> {
-    let own = &specs[second];
-    let meets = |other: &ElementSpec| {
-        other.at == own.at && other.to == own.to && sides(&other.law).iter().any(|side| sides(&own.law).contains(side))
+    let ElementSpec::Point { at: own_at, to: own_to, law: own } = &specs[second] else { return Ok(()) };
+    let meets = |other: &ElementSpec| match other {
+        ElementSpec::Point { at, to, law } => {
+            at == own_at && to == own_to && sides(law).iter().any(|side| sides(own).contains(side))
+        }
+        ElementSpec::Polynomial { .. } => false,
     };
     match specs[..second].iter().position(meets) {
         Some(first) => {
-            let at = own.at.name();
+            let at = own_at.name();
             Err(StructureError::Overlap { first: first + 1, second: second + 1, at })
         }
         None => Ok(()),

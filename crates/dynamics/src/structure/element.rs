@@ -53,9 +53,10 @@ pub(super) struct Margin {
     pub to: Branch,
 }
 
-/// An element of an [`Assembly`](super::Assembly).
+/// An element of an [`Assembly`](super::Assembly) with one displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
+    pub(super) number: usize,
     pub(super) law: Law,
     pub(super) at: Dof,
     pub(super) to: Option<Dof>,
@@ -63,6 +64,11 @@ pub struct Element {
 }
 
 impl Element {
+    /// The number of the element in the structure, from 1: polynomials count, too.
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
     /// The law of its force.
     pub fn law(&self) -> &Law {
         &self.law

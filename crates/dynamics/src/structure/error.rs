@@ -143,6 +143,65 @@ pub enum StructureError {
         /// Name of the place.
         at: String,
     },
+    /// A polynomial without displacements or terms, or with too many.
+    #[error("element {element}, polynomial, has {got} {what}: it must have 1 to {most}")]
+    PolynomialCount {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The parts: displacements or terms.
+        what: &'static str,
+        /// Number that is given.
+        got: usize,
+        /// Largest number that is valid.
+        most: usize,
+    },
+    /// A polynomial with a displacement twice.
+    #[error("element {element}, polynomial, has the displacement `{place}` twice: give each once")]
+    RepeatedPlace {
+        /// The number of the element, from 1.
+        element: usize,
+        /// Name of the place.
+        place: String,
+    },
+    /// A polynomial over the displacements of a joint and of a point.
+    #[error(
+        "element {element}, polynomial, is over `{at}` and `{to}`: its displacements must be those of points, or those of joints"
+    )]
+    MixedPlaces {
+        /// The number of the element, from 1.
+        element: usize,
+        /// Its first place.
+        at: String,
+        /// The first place of another kind.
+        to: String,
+    },
+    /// A term of a polynomial without a power for each displacement.
+    #[error(
+        "element {element}, term {term}: `powers` has {got} numbers: it must have one for each of the {expected} displacements"
+    )]
+    Powers {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The number of the term, from 1.
+        term: usize,
+        /// Number of powers.
+        got: usize,
+        /// Number of displacements.
+        expected: usize,
+    },
+    /// The powers of a term of a polynomial have an impossible sum.
+    #[error(
+        "element {element}, term {term}: the sum of `powers` is {got}: it must be 3 to 5 (springs, whose sum is 2, are \
+         elements of kind linear)"
+    )]
+    Degree {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The number of the term, from 1.
+        term: usize,
+        /// Sum of the powers.
+        got: usize,
+    },
     /// Two contacts that meet at one place.
     #[error(
         "elements {first} and {second} are both contacts at `{at}` on the same side: combine them into one element"

@@ -23,7 +23,7 @@ use super::chain::{Chain, LinearisedSlices, Moving};
 use super::dof::{At, Dof};
 use super::modes::modes;
 use super::position::Kinematics;
-use super::smooth::{MovingMass, SmoothElement, SmoothMass};
+use super::smooth::{MovingMass, SmoothElement, SmoothMass, SmoothPlace, SmoothPolynomial};
 use super::spec::{Axis, Law};
 use super::{Armature, Assembly, MOST_LINKS};
 use crate::integrate::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
@@ -45,6 +45,7 @@ pub(super) struct Links<const N: usize> {
 #[derive(Clone, Debug, PartialEq)]
 struct Smooth<const N: usize> {
     elements: Vec<SmoothElement<N>>,
+    polynomials: Vec<SmoothPolynomial<N>>,
     armature: Option<SmoothMass<N>>,
 }
 
@@ -272,6 +273,9 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         for element in &smooth.elements {
             power_w = power_w - element.act(motion, at, &self.rest, &mut torque, &mut force);
         }
+        for polynomial in &smooth.polynomials {
+            power_w = power_w - polynomial.act(motion, at, &self.rest, &mut torque, &mut force);
+        }
         for (i, torque) in torque.iter_mut().enumerate() {
             let damped = load.torque_nm[i] - self.damping[i] * motion.v[i];
             power_w = power_w + damped * motion.v[i];
@@ -355,12 +359,13 @@ impl<const N: usize> Links<N> {
             let modes = modes(&armature.linear(assembly));
             fastest_hz = modes.and_then(|modes| modes.last().map(|mode| mode.frequency_hz)).unwrap_or(f64::NAN);
             let law = Law::Linear { stiffness: armature.stiffness_n_m, damping: armature.damping_n_s_m };
-            let along = SmoothElement::along(law, armature.dofs(), chain);
+            let along = SmoothPlace::along(armature.dofs(), chain);
             // Spring and damper of the armature act as an element does; its mass is added to H.
-            elements.push(along.clone());
+            elements.push(SmoothElement::at(law, along.clone()));
             SmoothMass::new(armature.mass_kg, along)
         });
-        let (lanes, smooth) = (Kernel::gather(&kernel), Smooth { elements, armature });
+        let polynomials = assembly.polynomials().iter().map(|of| SmoothPolynomial::new(of, chain)).collect();
+        let (lanes, smooth) = (Kernel::gather(&kernel), Smooth { elements, polynomials, armature });
         Links { chain: chain.clone(), kernel, lanes, smooth, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
     }
 
@@ -500,6 +505,9 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         for element in &self.smooth.elements {
             element.linearise(motion, &at, &self.kernel.rest, [&mut by_position, &mut by_velocity], &mut turning);
         }
+        for polynomial in &self.smooth.polynomials {
+            polynomial.linearise(motion, &at, &self.kernel.rest, &mut by_position, &mut turning);
+        }
         if let Some(armature) = &self.smooth.armature {
             armature.linearise(&acceleration, &at, [&mut by_position, &mut by_velocity], &mut turning);
         }
@@ -539,6 +547,9 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         let [mut stiffness, mut damping] = [[0.0; MOST_LINKS * MOST_LINKS]; 2];
         for element in &self.smooth.elements {
             element.linearise(&motion, &at, &self.kernel.rest, [&mut stiffness, &mut damping], &mut [0.0; N]);
+        }
+        for polynomial in &self.smooth.polynomials {
+            polynomial.linearise(&motion, &at, &self.kernel.rest, &mut stiffness, &mut [0.0; N]);
         }
         let share = |n: usize| {
             let mut column = [0.0; N];

@@ -9,7 +9,8 @@
 //! ```
 //!
 //! with the generalised forces p, and for each element its force f, its displacement x(q) from rest, w = ∂x/∂q, and
-//! for some an inner state z. The left side without the elements, less p, is the *unbalance*.
+//! for some an inner state z. A polynomial element has several displacements, and a force w ∂V/∂x along each of them.
+//! The left side without the elements, less p, is the *unbalance*.
 //!
 //! A chain has the deflections of its joints as coordinates, rad; modes have modal coordinates, m·√kg.
 
@@ -26,6 +27,7 @@ mod links;
 mod modal;
 mod modes;
 mod parameter;
+mod polynomial;
 mod position;
 mod preset;
 mod smooth;
@@ -40,11 +42,13 @@ pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
 pub use modal::mode_transient;
 pub use modes::StructureMode;
-pub use parameter::{ElementField, LinkField, ModeField, Parameter};
+pub use parameter::{ElementField, EnergyField, LinkField, ModeField, Parameter};
+pub use polynomial::{LEAST_DEGREE, MOST_DEGREE, MOST_DISPLACEMENTS, MOST_TERMS, Polynomial, falls_along};
 pub use position::{Kinematics, Position};
 pub use preset::Preset;
 pub use spec::{
-    Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
+    Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side,
+    StructureSpec, Term,
 };
 pub use step::{STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
 

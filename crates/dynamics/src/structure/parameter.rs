@@ -1,7 +1,8 @@
 //! The parameters of a structure, by name, and structures that differ in one of them.
 //!
 //! A parameter has the name of its part, with the part's number from 1, and the key of its value in a scenario:
-//! `link2.angle_deg`, `mode3.damping_ratio`, `element1.gap_m`, and `gravity_m_s2` of a chain.
+//! `link2.angle_deg`, `mode3.damping_ratio`, `element1.gap_m`, and `gravity_m_s2` of a chain. The energies of a
+//! polynomial's terms are numbered: `element2.energy3`.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -11,7 +12,7 @@ use core::fmt;
 use super::MOST_LINKS;
 use super::assembly::Assembly;
 use super::error::StructureError;
-use super::spec::{BodySpec, Law, Link, ModeSpec, Place, StructureSpec};
+use super::spec::{BodySpec, ElementSpec, Law, Link, ModeSpec, StructureSpec, Term};
 
 /// A parameter of a structure; [`Assembly::parameter`] finds it by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +23,8 @@ pub enum Parameter {
     Mode(u8, ModeField),
     /// A value of an element, by the element's number from 1.
     Element(u8, ElementField),
+    /// The energy of a term of a polynomial element, by the element's number from 1.
+    Energy(u8, EnergyField),
     /// The acceleration of gravity on a chain.
     Gravity,
 }
@@ -64,6 +67,30 @@ pub struct ElementField {
     /// Key of the value in a scenario.
     key: &'static str,
     unit: &'static str,
+}
+
+/// The energy of a term of a polynomial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EnergyField {
+    /// The number of the term, from 1.
+    term: u16,
+    unit: &'static str,
+}
+
+impl EnergyField {
+    /// The energy of term `term`, from 1.
+    fn new(term: u16, of: &Term, is_joint: bool) -> EnergyField {
+        let degree: u32 = of.powers.iter().map(|power| u32::from(*power)).sum();
+        let unit = match (degree, is_joint) {
+            (3, false) => "J/m³",
+            (4, false) => "J/m⁴",
+            (_, false) => "J/m⁵",
+            (3, true) => "J/rad³",
+            (4, true) => "J/rad⁴",
+            (_, true) => "J/rad⁵",
+        };
+        EnergyField { term, unit }
+    }
 }
 
 /// Keys and units of a value: those along an axis, then those at a joint.
@@ -174,6 +201,7 @@ impl Parameter {
             Parameter::Link(_, field) => field.words().1,
             Parameter::Mode(_, field) => field.words().1,
             Parameter::Element(_, field) => field.unit,
+            Parameter::Energy(_, field) => field.unit,
             Parameter::Gravity => "m/s²",
         }
     }
@@ -199,10 +227,18 @@ impl Parameter {
             }
             (Parameter::Element(element, field), _) => {
                 let element = spec.elements.get_mut(part(element))?;
-                let is_joint = usize::from(matches!(element.at, Place::Joint(_)));
-                let (Value(keys, _), value) = values_of(&mut element.law).into_iter().nth(usize::from(field.index))?;
+                let is_joint = usize::from(element.is_at_joint());
+                let ElementSpec::Point { law, .. } = element else { return None };
+                let (Value(keys, _), value) = values_of(law).into_iter().nth(usize::from(field.index))?;
                 // A parameter of another structure may have this place with another key; it is none of this one.
                 (keys[is_joint] == field.key).then_some(value)
+            }
+            (Parameter::Energy(element, field), _) => {
+                let element = spec.elements.get_mut(part(element))?;
+                let is_joint = element.is_at_joint();
+                let ElementSpec::Polynomial { terms, .. } = element else { return None };
+                let term = terms.get_mut(usize::from(field.term).wrapping_sub(1))?;
+                (EnergyField::new(field.term, term, is_joint) == field).then_some(&mut term.energy)
             }
             _ => None,
         }
@@ -215,6 +251,7 @@ impl fmt::Display for Parameter {
             Parameter::Link(link, field) => write!(f, "link{link}.{}", field.words().0),
             Parameter::Mode(mode, field) => write!(f, "mode{mode}.{}", field.words().0),
             Parameter::Element(element, field) => write!(f, "element{element}.{}", field.key),
+            Parameter::Energy(element, field) => write!(f, "element{element}.energy{}", field.term),
             Parameter::Gravity => f.write_str("gravity_m_s2"),
         }
     }
@@ -236,11 +273,19 @@ impl Assembly {
             }
         }
         for (number, element) in (1..).zip(&self.spec().elements) {
-            let is_joint = usize::from(matches!(element.at, Place::Joint(_)));
-            let mut law = element.law;
-            for (index, (Value(keys, units), _)) in (0..).zip(values_of(&mut law)) {
-                let field = ElementField { index, key: keys[is_joint], unit: units[is_joint] };
-                found.push(Parameter::Element(number, field));
+            let is_joint = element.is_at_joint();
+            match element {
+                ElementSpec::Point { law, .. } => {
+                    let (mut law, place) = (*law, usize::from(is_joint));
+                    for (index, (Value(keys, units), _)) in (0..).zip(values_of(&mut law)) {
+                        let field = ElementField { index, key: keys[place], unit: units[place] };
+                        found.push(Parameter::Element(number, field));
+                    }
+                }
+                ElementSpec::Polynomial { terms, .. } => {
+                    let energy = |(term, of)| Parameter::Energy(number, EnergyField::new(term, of, is_joint));
+                    found.extend((1..).zip(terms).map(energy));
+                }
             }
         }
         found

@@ -1,14 +1,17 @@
 //! Smooth elements of a chain, for one motion or the four stages of a step.
 
+use alloc::vec::Vec;
+
 use super::angle::Angle;
 use super::chain::{Chain, Moving};
 use super::dof::{At, Dof};
 use super::element::{Branch, Element};
+use super::polynomial::{MOST_DISPLACEMENTS, Polynomial};
 use super::spec::{Axis, Law};
 use crate::integrate::Motion;
 use crate::real::Real;
 
-/// A smooth element of a chain of N links. Its displacement is a sum over joints and links,
+/// A displacement of a chain of N links. It is a sum over joints and links,
 ///
 /// ```text
 /// x = Σ j_i q_i + Σ a_i (cos θ_i − cos θ₀_i) + Σ b_i (sin θ_i − sin θ₀_i)
@@ -16,22 +19,16 @@ use crate::real::Real;
 ///
 /// and so w by joints is j, and by the turns −a_i sin θ_i + b_i cos θ_i.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct SmoothElement<const N: usize> {
-    law: Law,
+pub(super) struct SmoothPlace<const N: usize> {
     joints: [f64; N],
     /// a and b, m.
     links_m: [[f64; 2]; N],
 }
 
-impl<const N: usize> SmoothElement<N> {
-    pub fn new(element: &Element, chain: &Chain) -> SmoothElement<N> {
-        let to = element.to.map(|to| (to, -1.0));
-        SmoothElement::along(element.law, [(element.at, 1.0)].into_iter().chain(to), chain)
-    }
-
-    /// An element whose displacement is a sum of those of some degrees of freedom, each with its share.
-    pub fn along(law: Law, dofs: impl Iterator<Item = (Dof, f64)>, chain: &Chain) -> SmoothElement<N> {
-        let mut own = SmoothElement { law, joints: [0.0; N], links_m: [[0.0; 2]; N] };
+impl<const N: usize> SmoothPlace<N> {
+    /// The sum of the displacements of some degrees of freedom, each with its share.
+    pub fn along(dofs: impl Iterator<Item = (Dof, f64)>, chain: &Chain) -> SmoothPlace<N> {
+        let mut own = SmoothPlace { joints: [0.0; N], links_m: [[0.0; 2]; N] };
         dofs.for_each(|(dof, share)| own.add(dof, share, chain));
         own
     }
@@ -49,7 +46,7 @@ impl<const N: usize> SmoothElement<N> {
         }
     }
 
-    /// Displacement x and velocity v of the element.
+    /// Displacement x and velocity v.
     #[inline(always)]
     fn position_and_velocity<T: Real>(&self, motion: &Motion<T, N>, at: &Moving<T, N>, rest: &[Angle<T>; N]) -> (T, T) {
         let (mut position, mut velocity) = (T::splat(0.0), T::splat(0.0));
@@ -62,6 +59,51 @@ impl<const N: usize> SmoothElement<N> {
         (position, velocity)
     }
 
+    /// Takes a force from the torques at the joints and the forces on the turns.
+    #[inline(always)]
+    fn pull<T: Real>(&self, own: T, at: &Moving<T, N>, torque: &mut [T; N], force: &mut [T; N]) {
+        for i in 0..N {
+            let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
+            torque[i] = torque[i] - joint * own;
+            force[i] = force[i] - (b * at.cosine[i] - a * at.sine[i]) * own;
+        }
+    }
+
+    /// Returns w and q̇ᵀ ∂w/∂q, and adds `force` ∂w/∂φ to what is summed over the turns.
+    fn slopes(&self, force: f64, at: &Moving<f64, N>, turning: &mut [f64; N]) -> [[f64; N]; 2] {
+        let [mut w, mut drift] = [[0.0; N]; 2];
+        let (mut outer, mut outer_drift) = (0.0, 0.0);
+        for i in (0..N).rev() {
+            let [a, b] = self.links_m[i];
+            let curvature = -(a * at.cosine[i] + b * at.sine[i]);
+            outer += b * at.cosine[i] - a * at.sine[i];
+            outer_drift += curvature * at.rate[i];
+            (w[i], drift[i]) = (self.joints[i] + outer, outer_drift);
+            turning[i] += force * curvature;
+        }
+        [w, drift]
+    }
+}
+
+/// A smooth element with one displacement.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SmoothElement<const N: usize> {
+    law: Law,
+    place: SmoothPlace<N>,
+}
+
+impl<const N: usize> SmoothElement<N> {
+    pub fn new(element: &Element, chain: &Chain) -> SmoothElement<N> {
+        let to = element.to.map(|to| (to, -1.0));
+        let place = SmoothPlace::along([(element.at, 1.0)].into_iter().chain(to), chain);
+        SmoothElement::at(element.law, place)
+    }
+
+    /// An element at a place.
+    pub fn at(law: Law, place: SmoothPlace<N>) -> SmoothElement<N> {
+        SmoothElement { law, place }
+    }
+
     /// Takes its force from the torques at the joints and the forces on the turns; its power, f v.
     #[inline(always)]
     pub fn act<T: Real>(
@@ -72,13 +114,9 @@ impl<const N: usize> SmoothElement<N> {
         torque: &mut [T; N],
         force: &mut [T; N],
     ) -> T {
-        let (position, velocity) = self.position_and_velocity(motion, at, rest);
+        let (position, velocity) = self.place.position_and_velocity(motion, at, rest);
         let own = self.law.smooth_force(position, velocity);
-        for i in 0..N {
-            let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
-            torque[i] = torque[i] - joint * own;
-            force[i] = force[i] - (b * at.cosine[i] - a * at.sine[i]) * own;
-        }
+        self.place.pull(own, at, torque, force);
         own * velocity
     }
 
@@ -92,18 +130,9 @@ impl<const N: usize> SmoothElement<N> {
         [by_position, by_velocity]: [&mut [f64]; 2],
         turning: &mut [f64; N],
     ) {
-        let (position, velocity) = self.position_and_velocity(motion, at, rest);
+        let (position, velocity) = self.place.position_and_velocity(motion, at, rest);
         let reaction = self.law.reaction(Branch::Inner, position, velocity, 0.0);
-        let (mut w, mut drift) = ([0.0; N], [0.0; N]);
-        let (mut outer, mut outer_drift) = (0.0, 0.0);
-        for i in (0..N).rev() {
-            let [a, b] = self.links_m[i];
-            let curvature = -(a * at.cosine[i] + b * at.sine[i]);
-            outer += b * at.cosine[i] - a * at.sine[i];
-            outer_drift += curvature * at.rate[i];
-            (w[i], drift[i]) = (self.joints[i] + outer, outer_drift);
-            turning[i] += reaction.force * curvature;
-        }
+        let [w, drift] = self.place.slopes(reaction.force, at, turning);
         for row in 0..N {
             for column in 0..N {
                 let slope = reaction.by_position * w[column] + reaction.by_velocity * drift[column];
@@ -114,12 +143,86 @@ impl<const N: usize> SmoothElement<N> {
     }
 }
 
+/// A polynomial element: its displacements and their forces.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SmoothPolynomial<const N: usize> {
+    of: Polynomial,
+    places: Vec<SmoothPlace<N>>,
+}
+
+impl<const N: usize> SmoothPolynomial<N> {
+    pub fn new(of: &Polynomial, chain: &Chain) -> SmoothPolynomial<N> {
+        let place = |dof: &Dof| SmoothPlace::along(core::iter::once((*dof, 1.0)), chain);
+        SmoothPolynomial { of: of.clone(), places: of.at().iter().map(place).collect() }
+    }
+
+    /// The displacements and their velocities.
+    #[inline(always)]
+    fn motion<T: Real>(
+        &self,
+        motion: &Motion<T, N>,
+        at: &Moving<T, N>,
+        rest: &[Angle<T>; N],
+    ) -> [[T; MOST_DISPLACEMENTS]; 2] {
+        let [mut x, mut v] = [[T::splat(0.0); MOST_DISPLACEMENTS]; 2];
+        for ((x, v), place) in x.iter_mut().zip(&mut v).zip(&self.places) {
+            (*x, *v) = place.position_and_velocity(motion, at, rest);
+        }
+        [x, v]
+    }
+
+    /// Works like [`SmoothElement::act`] for all forces.
+    #[inline(always)]
+    pub fn act<T: Real>(
+        &self,
+        motion: &Motion<T, N>,
+        at: &Moving<T, N>,
+        rest: &[Angle<T>; N],
+        torque: &mut [T; N],
+        force: &mut [T; N],
+    ) -> T {
+        let ([x, v], mut power) = (self.motion(motion, at, rest), T::splat(0.0));
+        let forces = self.of.forces_in(&x);
+        for ((place, own), velocity) in self.places.iter().zip(forces).zip(v) {
+            place.pull(own, at, torque, force);
+            power = power + own * velocity;
+        }
+        power
+    }
+
+    /// Adds Σ wᵢ ∂²V/∂xᵢ∂xⱼ wⱼᵀ to an N × N matrix by rows, and Σ fᵢ ∂wᵢ/∂φ to what is summed over the turns.
+    pub fn linearise(
+        &self,
+        motion: &Motion<f64, N>,
+        at: &Moving<f64, N>,
+        rest: &[Angle<f64>; N],
+        by_position: &mut [f64],
+        turning: &mut [f64; N],
+    ) {
+        let ([x, _], size) = (self.motion(motion, at, rest), self.places.len());
+        let (forces, mut stiffness) = (self.of.forces_in(&x), [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS]);
+        self.of.stiffness(&x[..size], &mut stiffness);
+        let mut directions = [[0.0; N]; MOST_DISPLACEMENTS];
+        for ((direction, place), force) in directions.iter_mut().zip(&self.places).zip(forces) {
+            [*direction, _] = place.slopes(force, at, turning);
+        }
+        for (i, w) in directions[..size].iter().enumerate() {
+            for (j, other) in directions[..size].iter().enumerate() {
+                for row in 0..N {
+                    let slope = w[row] * stiffness[i * size + j];
+                    (0..N).for_each(|column| by_position[row * N + column] += slope * other[column]);
+                }
+            }
+        }
+    }
+}
+
 /// A mass m that moves as one end of a smooth element does, without a share of joints: with its displacement s, and w
 /// and w′ its first and second derivatives by each turn, it adds m wwᵀ to the mass and takes the force m (Σ w′ φ̇²) w.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SmoothMass<const N: usize> {
     mass_kg: f64,
-    along: SmoothElement<N>,
+    along: SmoothPlace<N>,
 }
 
 /// The mass at a motion of the links.
@@ -160,7 +263,7 @@ impl<T: Real, const N: usize> MovingMass<T, N> {
 }
 
 impl<const N: usize> SmoothMass<N> {
-    pub fn new(mass_kg: f64, along: SmoothElement<N>) -> SmoothMass<N> {
+    pub fn new(mass_kg: f64, along: SmoothPlace<N>) -> SmoothMass<N> {
         SmoothMass { mass_kg, along }
     }
 

@@ -303,15 +303,54 @@ impl Place {
     }
 }
 
-/// A point element: a force law between two places, or between a place and the ground.
+/// A term of a polynomial potential, energy · Π xᵢ^powerᵢ of the displacements x.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Term {
+    /// The power of each displacement; they add up to 3 to 5.
+    pub powers: Vec<u8>,
+    /// Energy at displacements of 1, J/m³, J/m⁴ or J/m⁵ by the sum of the powers, at joints J/rad³ and so on.
+    pub energy: f64,
+}
+
+/// An element: a force law of one displacement, or forces with a polynomial potential over several.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ElementSpec {
-    /// Place where the element acts; its displacement is that of this place less that of the other.
-    pub at: Place,
-    /// Place of the other end, of the same kind; `None` is the ground.
-    pub to: Option<Place>,
-    /// Law of its force.
-    pub law: Law,
+pub enum ElementSpec {
+    /// A force law between two places, or between a place and the ground.
+    Point {
+        /// Place where the element acts; its displacement is that of this place less that of the other.
+        at: Place,
+        /// Place of the other end, of the same kind; `None` is the ground.
+        to: Option<Place>,
+        /// Law of its force.
+        law: Law,
+    },
+    /// Forces −∂V/∂x of a polynomial potential V = Σ energy · Π xᵢ^powerᵢ over the displacements x of places, all of
+    /// the same kind, against the ground.
+    Polynomial {
+        /// Places, 1 to [`MOST_DISPLACEMENTS`](super::MOST_DISPLACEMENTS), each once.
+        at: Vec<Place>,
+        /// Terms of the potential, 1 to [`MOST_TERMS`](super::MOST_TERMS).
+        terms: Vec<Term>,
+    },
+}
+
+impl ElementSpec {
+    /// Returns the name of the element's law, as [`Law::name`] or `polynomial`.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            ElementSpec::Point { law, .. } => law.name(),
+            ElementSpec::Polynomial { .. } => "polynomial",
+        }
+    }
+
+    /// Whether the element acts at joints of a chain, so that its displacements are angles.
+    pub fn is_at_joint(&self) -> bool {
+        match self {
+            ElementSpec::Point { at, .. } => matches!(at, Place::Joint(_)),
+            ElementSpec::Polynomial { at, .. } => matches!(at.first(), Some(Place::Joint(_))),
+        }
+    }
 }
 
 /// Specification of a structure: its body and its elements.

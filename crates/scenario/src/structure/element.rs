@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StructureSectionError;
 use crate::nearest::nearest;
-use resonarm_dynamics::structure::{Axis, ElementSpec, Law, Place, Side};
+use resonarm_dynamics::structure::{Axis, ElementSpec, Law, Place, Side, Term, falls_along};
 
 /// Law of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,6 +26,8 @@ pub enum ElementKind {
     Linear,
     /// Coulomb friction smoothed by a hyperbolic tangent of the velocity.
     Tanh,
+    /// Forces with a polynomial potential over several displacements.
+    Polynomial,
 }
 
 impl ElementKind {
@@ -39,8 +41,19 @@ impl ElementKind {
             ElementKind::Lugre => "lugre",
             ElementKind::Linear => "linear",
             ElementKind::Tanh => "tanh",
+            ElementKind::Polynomial => "polynomial",
         }
     }
+}
+
+/// Where an element acts against the ground.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "`at` must be a point and an axis, as in \"tip.x\", or a list of them")]
+pub enum At {
+    /// A point and an axis, such as `tip.x`.
+    One(String),
+    /// The displacements of a polynomial: points with their axes, or joints, such as `joint2`.
+    Several(Vec<String>),
 }
 
 /// A point element. Its values have the unit in their key: `stiffness_n_m` along an axis, `stiffness_nm_rad` at a
@@ -49,9 +62,9 @@ impl ElementKind {
 pub struct ElementSection {
     /// Law of the element.
     pub kind: ElementKind,
-    /// Point and axis that it acts at against the ground, such as `tip.x`.
+    /// Point and axis that it acts at against the ground, such as `tip.x`; of a polynomial a list.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at: Option<String>,
+    pub at: Option<At>,
     /// The joint of a chain that it acts about, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<usize>,
@@ -61,6 +74,9 @@ pub struct ElementSection {
     /// Side of its axis on which a contact is; positive without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<Side>,
+    /// Terms of a polynomial's potential.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub terms: Vec<Term>,
     /// Parameters of the law, by keys that end in their unit.
     #[serde(flatten)]
     pub values: BTreeMap<String, f64>,
@@ -132,7 +148,8 @@ impl ElementSection {
     /// Returns the place in words: `at tip.x`, `at joint 2`, `between tip.x and mid.x`.
     pub fn place(&self) -> String {
         match (&self.at, self.joint, &self.between) {
-            (Some(at), _, _) => format!("at {at}"),
+            (Some(At::One(at)), _, _) => format!("at {at}"),
+            (Some(At::Several(at)), _, _) => format!("at {}", at.join(", ")),
             (None, Some(joint), _) => format!("at joint {joint}"),
             (None, None, Some([at, to])) => format!("between {at} and {to}"),
             (None, None, None) => String::from("nowhere"),
@@ -141,6 +158,12 @@ impl ElementSection {
 
     /// Converts the section to the element of the dynamics; `number` counts from 1.
     pub(super) fn spec(&self, number: usize) -> Result<ElementSpec, StructureSectionError> {
+        if self.kind == ElementKind::Polynomial {
+            return self.polynomial(number);
+        }
+        if !self.terms.is_empty() {
+            return Err(StructureSectionError::TermsIdle { element: number, kind: self.kind.name() });
+        }
         let (at, to) = self.ends(number)?;
         let is_joint = matches!(at, Place::Joint(_));
         let mut values = Values { number, is_joint, given: &self.values, known: Vec::new() };
@@ -148,14 +171,54 @@ impl ElementSection {
         let law = self.law(&mut values)?;
         values.finish()?;
         match (self.side, &law) {
-            (None, _) | (_, Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }) => Ok(ElementSpec { at, to, law }),
+            (None, _) | (_, Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }) => {
+                Ok(ElementSpec::Point { at, to, law })
+            }
             (Some(_), _) => Err(StructureSectionError::SideIdle { element: number }),
         }
     }
 
+    /// Converts a section of kind `polynomial`.
+    fn polynomial(&self, number: usize) -> Result<ElementSpec, StructureSectionError> {
+        let at = match (&self.at, self.joint, &self.between) {
+            (Some(At::One(at)), None, None) => core::slice::from_ref(at),
+            (Some(At::Several(at)), None, None) => &at[..],
+            _ => return Err(StructureSectionError::PolynomialPlace { element: number }),
+        };
+        if let Some(key) = self.values.keys().next() {
+            let (key, known) = (key.clone(), String::from("at, terms"));
+            return Err(StructureSectionError::ElementKeyUnknown { element: number, key, nearest: None, known });
+        }
+        if self.side.is_some() {
+            return Err(StructureSectionError::SideIdle { element: number });
+        }
+        let at = at.iter().map(|at| place(at)).collect::<Result<_, _>>()?;
+        Ok(ElementSpec::Polynomial { at, terms: self.terms.clone() })
+    }
+
+    /// Returns a warning if the potential of a polynomial falls without bound by itself.
+    pub(super) fn unbounded(&self, number: usize) -> Option<String> {
+        let names = match &self.at {
+            Some(At::One(at)) => core::slice::from_ref(at),
+            Some(At::Several(at)) => &at[..],
+            None => &[],
+        };
+        let along = falls_along(&self.terms)?.into_iter().zip(names).filter(|(along, _)| *along != 0);
+        let along = along.map(|(along, name)| format!("{}{name}", if along < 0 { "-" } else { "" }));
+        Some(format!(
+            "structure.elements, number {number}: the potential falls without bound along {}: beyond a certain load the \
+             structure runs away, unless other elements hold it; terms of even degree bound the potential",
+            along.collect::<Vec<_>>().join(", ")
+        ))
+    }
+
     fn ends(&self, number: usize) -> Result<(Place, Option<Place>), StructureSectionError> {
         match (&self.at, self.joint, &self.between) {
-            (Some(at), None, None) => Ok((place(at)?, None)),
+            (Some(At::One(at)), None, None) => Ok((place(at)?, None)),
+            (Some(At::Several(at)), None, None) => {
+                let (got, kind) = (at.len(), self.kind.name());
+                Err(StructureSectionError::SeveralPlaces { element: number, got, kind })
+            }
             (None, Some(joint), None) => Ok((Place::Joint(joint), None)),
             (None, None, Some([at, to])) => Ok((place(at)?, Some(place(to)?))),
             _ => Err(StructureSectionError::ElementPlace { element: number }),
@@ -214,6 +277,10 @@ impl ElementSection {
                 Law::Linear { stiffness: stiffness.unwrap_or(0.0), damping: damping.unwrap_or(0.0) }
             }
             ElementKind::Tanh => Law::Tanh { slip: slip(values)?, velocity: values.required("velocity", VELOCITY)? },
+            // `spec` has taken polynomials, whose forces follow no law of one displacement.
+            ElementKind::Polynomial => {
+                return Err(StructureSectionError::PolynomialPlace { element: values.number });
+            }
         })
     }
 }

@@ -129,6 +129,30 @@ pub enum StructureSectionError {
         /// The number of the element, from 1.
         element: usize,
     },
+    /// A list of places for an element with one displacement.
+    #[error("structure.elements, number {element}: `at` has {got} places: a {kind} has one, a polynomial several")]
+    SeveralPlaces {
+        /// The number of the element, from 1.
+        element: usize,
+        /// Number of places.
+        got: usize,
+        /// Kind of the element.
+        kind: &'static str,
+    },
+    /// A polynomial without `at`, or with another place.
+    #[error("structure.elements, number {element}: a polynomial needs `at` alone, as in at = [\"tip.x\", \"mid.x\"]")]
+    PolynomialPlace {
+        /// The number of the element, from 1.
+        element: usize,
+    },
+    /// `terms` are given for an element that is no polynomial.
+    #[error("structure.elements, number {element}: `terms` apply only to polynomials, not to a {kind}: leave them out")]
+    TermsIdle {
+        /// The number of the element, from 1.
+        element: usize,
+        /// Kind of the element.
+        kind: &'static str,
+    },
     /// `side` is given for an element that is not a contact.
     #[error("structure.elements, number {element}: `side` applies only to contacts: leave it out")]
     SideIdle {

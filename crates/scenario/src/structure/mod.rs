@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-pub use element::{ElementKind, ElementSection};
+pub use element::{At, ElementKind, ElementSection};
 pub use error::StructureSectionError;
 pub use resonarm_fmu_import::{ImportError, Numbers, OutputsOf, ReadAt};
 pub use source::{
@@ -161,7 +161,7 @@ pub struct StructureSection {
     pub is_recorded: bool,
     /// Doubtful statements of a robot's file, known once it has been read.
     #[serde(skip)]
-    pub warnings: Vec<UrdfWarning>,
+    pub file_warnings: Vec<UrdfWarning>,
     /// The time within a hold at which the FMU is read.
     #[serde(skip_serializing_if = "is_default")]
     pub read: ReadAt,
@@ -258,6 +258,14 @@ impl StructureSection {
             shaker.armature_at(&places.exciter)?;
         }
         Ok(TestedAssembly { assembly, initial, places })
+    }
+
+    /// Returns warnings of what is doubtful in the section and in the files that it names.
+    pub fn warnings(&self) -> Vec<String> {
+        let of_files = self.file_warnings.iter().map(ToString::to_string);
+        of_files
+            .chain(self.elements.iter().zip(1..).filter_map(|(element, number)| element.unbounded(number)))
+            .collect()
     }
 
     /// Returns the section for a structure that the program makes, with its display name.

@@ -26,6 +26,14 @@ damping_ratio = 0.006
 shape = { "tip.x" = -0.4, "mid.x" = 0.35 }
 "#;
 
+/// A potential over both points that is bounded below.
+const POLYNOMIAL: &str = r#"
+[[structure.elements]]
+kind = "polynomial"
+at = ["tip.x", "mid.x"]
+terms = [{ powers = [2, 1], energy = -3e5 }, { powers = [4, 0], energy = 2e9 }, { powers = [0, 4], energy = 1e9 }]
+"#;
+
 fn says(text: &str) -> String {
     match Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.under_test()) {
         Ok(tested) => format!("{tested:?}"),
@@ -42,7 +50,8 @@ fn a_chain_and_modes_with_elements_are_structures_and_written_as_they_were_read(
         "{MODAL}[[structure.elements]]\nkind = \"contact\"\nat = \"tip.x\"\nstiffness_n_m = 2e5\ngap_m = 1e-3\nside = \"negative\"\n"
     );
     let arm = "[structure]\n[[structure.elements]]\nkind = \"cubic\"\nat = \"tip.y\"\nstiffness3_n_m3 = 1e9\n";
-    for (text, coordinates, states) in [(&*chain, 3, 1), (&modal, 2, 0), (arm, 2, 0)] {
+    let coupled = format!("{MODAL}{POLYNOMIAL}");
+    for (text, coordinates, states) in [(&*chain, 3, 1), (&modal, 2, 0), (arm, 2, 0), (&coupled, 2, 0)] {
         let scenario = Scenario::parse(text, "bench.toml").unwrap();
         let tested = scenario.under_test().unwrap();
         assert_eq!((tested.assembly.coordinates(), tested.assembly.element_states()), (coordinates, states));
@@ -146,6 +155,32 @@ fn what_makes_no_element_is_said() {
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_nm_s_rad = 1"), @"structure.elements, number 1: there is no `damping_nm_s_rad` here, did you mean `damping_n_s_m`?: the keys are stiffness_n_m, damping_n_s_m");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_n_s_m = 0"), @"structure: element 1, linear: `stiffness` is 0: it must be a positive number where there is no damping");
     insta::assert_snapshot!(element("kind = \"tanh\"\nat = \"tip.x\"\nside = \"negative\"\nslip_force_n = 1\nvelocity_m_s = 1"), @"structure.elements, number 1: `side` applies only to contacts: leave it out");
+}
+
+#[test]
+fn what_makes_no_polynomial_is_said() {
+    let polynomial = |lines: &str| element(&format!("kind = \"polynomial\"\n{lines}"));
+    insta::assert_snapshot!(polynomial("at = [\"tip.x\", \"mid.x\"]"), @"structure: element 1, polynomial, has 0 terms: it must have 1 to 1000");
+    insta::assert_snapshot!(polynomial("between = [\"tip.x\", \"mid.x\"]\nterms = [{ powers = [3], energy = 1 }]"), @r#"structure.elements, number 1: a polynomial needs `at` alone, as in at = ["tip.x", "mid.x"]"#);
+    insta::assert_snapshot!(polynomial("at = \"tip.x\"\nstiffness_n_m = 3"), @"structure.elements, number 1: there is no `stiffness_n_m` here: the keys are at, terms");
+    insta::assert_snapshot!(polynomial("at = \"tip.x\"\nterms = [{ powers = [2], energy = 1 }]"), @"structure: element 1, term 1: the sum of `powers` is 2: it must be 3 to 5 (springs, whose sum is 2, are elements of kind linear)");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = [\"tip.x\", \"mid.x\"]\nstiffness3_n_m3 = 1"), @"structure.elements, number 1: `at` has 2 places: a cubic has one, a polynomial several");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip.x\"\nstiffness3_n_m3 = 1\nterms = [{ powers = [3], energy = 1 }]"), @"structure.elements, number 1: `terms` apply only to polynomials, not to a cubic: leave them out");
+    for terms in ["[{ powers = [-1, 4], energy = 1 }]", "[{ powers = [2.5, 1], energy = 1 }]", "[{ powers = [2, 1] }]"]
+    {
+        let said = polynomial(&format!("at = [\"tip.x\", \"mid.x\"]\nterms = {terms}"));
+        assert!(said.contains("powers") || said.contains("u8") || said.contains("energy"), "{said}");
+    }
+    assert!(polynomial("at = 3\nterms = []").contains("`at` must be a point and an axis"));
+}
+
+/// A polynomial whose highest power along a direction is odd is warned of, by the names of its displacements.
+#[test]
+fn potentials_without_a_bound_are_warned_of() {
+    let warnings = |text: &str| Scenario::parse(text, "bench.toml").unwrap().structure.warnings();
+    assert_eq!(warnings(&format!("{MODAL}{POLYNOMIAL}")), [""; 0]);
+    let joints = "[[structure.elements]]\nkind = \"polynomial\"\nat = [\"joint1\", \"joint3\"]\nterms = [{ powers = [0, 3], energy = 2 }, { powers = [4, 0], energy = 1 }]\n";
+    insta::assert_snapshot!(warnings(&format!("{CHAIN}{joints}")).concat(), @"structure.elements, number 1: the potential falls without bound along -joint3: beyond a certain load the structure runs away, unless other elements hold it; terms of even degree bound the potential");
 }
 
 #[test]

@@ -57,7 +57,7 @@ mod tests {
             shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],
         };
         let law = Law::Cubic { stiffness3: 4e6, stiffness5: 0.0 };
-        let elements = vec![ElementSpec { at: tip, to: None, law }];
+        let elements = vec![ElementSpec::Point { at: tip, to: None, law }];
         let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
         let dof = assembly.dof("tip.x").unwrap();
         (Forced::new(assembly, dof, 2.0), dof)

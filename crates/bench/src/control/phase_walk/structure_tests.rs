@@ -35,7 +35,7 @@ fn modal(frequencies_hz: &[f64]) -> TestedAssembly {
     };
     let shapes = vec![shape("tip", [0.4, 0.3, -0.2]), shape("mid", [0.2, -0.3, 0.3])];
     let law = Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: place("tip", Axis::X), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: place("tip", Axis::X), to: None, law }];
     tested(BodySpec::Modal(ModalSpec { modes, shapes }), elements, "mid")
 }
 
@@ -53,7 +53,7 @@ fn chain() -> TestedAssembly {
     };
     let links = vec![link(20.0), link(35.0), link(40.0)];
     let law = Law::Cubic { stiffness3: 4e9, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: Place::Joint(3), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: Place::Joint(3), to: None, law }];
     tested(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0, unstated: vec![] }), elements, "joint3")
 }
 

@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::integrate::Scheme;
     use crate::structure::{
-        Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, Place, StepLoad, Stepper, StructureSpec,
+        Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, Place, StepLoad, Stepper, StructureSpec, Term,
     };
     use proptest::prelude::*;
 
@@ -128,7 +128,11 @@ mod tests {
             (Place::Joint(1), Law::Cubic { stiffness3: 3e6, stiffness5: 1e7 }),
             (Place::Dof { point: "tip".into(), axis: Axis::Y }, Law::Tanh { slip: 30.0, velocity: 0.1 }),
         ];
-        let elements = laws.into_iter().filter(|_| with_elements).map(|(at, law)| ElementSpec { at, to: None, law });
+        let point = |(at, law)| ElementSpec::Point { at, to: None, law };
+        let places = [Axis::X, Axis::Y].map(|axis| Place::Dof { point: "tip".into(), axis });
+        let terms = [([2, 1], 4e6), ([1, 3], -3e6)].map(|(powers, energy)| Term { powers: powers.into(), energy });
+        let polynomial = ElementSpec::Polynomial { at: places.into(), terms: terms.into() };
+        let elements = laws.into_iter().map(point).chain([polynomial]).filter(|_| with_elements);
         let body = BodySpec::Chain(ChainSpec { links: (0..links).map(link).collect(), gravity_m_s2, unstated: vec![] });
         Assembly::new(&StructureSpec { body, elements: elements.collect() }).unwrap()
     }

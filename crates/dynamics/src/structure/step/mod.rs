@@ -135,7 +135,7 @@ impl Stepper {
             Body::Chain(chain) if assembly.is_smooth() => {
                 chains::engine(chain, assembly, chains::Drive::Loads(drive), scheme, rate_hz)?
             }
-            Body::Modal(modal) if assembly.elements().is_empty() => exact::engine(modal, assembly, drive, rate_hz),
+            Body::Modal(modal) if !assembly.has_elements() => exact::engine(modal, assembly, drive, rate_hz),
             _ => piecewise::engine(assembly, drive, None, rate_hz)?,
         };
         let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);
@@ -160,9 +160,7 @@ impl Stepper {
             (Body::Chain(chain), Some(driver)) if assembly.is_smooth() => {
                 chains::engine(chain, assembly, chains::Drive::Shaker(driver), scheme, rate_hz)?
             }
-            (Body::Modal(modal), _) if assembly.elements().is_empty() => {
-                shaken::engine(modal, assembly, armature, rate_hz)
-            }
+            (Body::Modal(modal), _) if !assembly.has_elements() => shaken::engine(modal, assembly, armature, rate_hz),
             _ => piecewise::engine(assembly, &[], Some(armature), rate_hz)?,
         };
         let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);

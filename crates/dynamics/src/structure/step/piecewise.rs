@@ -8,9 +8,9 @@
 //! The armature of a shaker is part of the mass and the forces, and the current of its coil a state.
 //!
 //! A part turns the fastest motion by [`PHASE_RAD`]: ω² is that of the fastest mode, or of its faster decay where it is
-//! overdamped, and of every element's stiffness
-//! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one. A shaker adds k
-//! and, by its coil, Bl²/L over the mass that it meets with its armature.
+//! overdamped, and of every element's stiffness over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each
+//! adds a matrix of rank one. A polynomial adds Σ |∂²V/∂xᵢ∂xⱼ|/√(mᵢ mⱼ), which bounds uᵀWHWᵀu for uᵀMu = 1, since
+//! |wᵢᵀu| ≤ mᵢ^(−1/2). A shaker adds k and, by its coil, Bl²/L over the mass that it meets with its armature.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -24,6 +24,7 @@ use crate::structure::armature::Armature;
 use crate::structure::assembly::{Assembly, Body};
 use crate::structure::element::{Branch, Element, Margin};
 use crate::structure::modes::{StructureMode, cholesky, solve_cholesky};
+use crate::structure::polynomial::{MOST_ALL_DISPLACEMENTS, MOST_DISPLACEMENTS, Polynomial};
 use crate::structure::position::Position;
 use crate::structure::spec::Law;
 use crate::structure::{Dof, MOST_COORDINATES, MOST_ELEMENTS};
@@ -85,8 +86,11 @@ pub(super) struct Piecewise {
     /// ∂x/∂q of the drive and the elements of modes, n numbers each; of a chain they follow the motion.
     drive_rows: Vec<f64>,
     element_rows: Vec<f64>,
-    /// wᵀM⁻¹w of each element at rest.
+    /// The same of the displacements of the polynomials, one after the other.
+    polynomial_rows: Vec<f64>,
+    /// wᵀM⁻¹w of each element, and of each displacement of the polynomials, at rest.
     mobility: [f64; MOST_ELEMENTS],
+    polynomial_mobility: [f64; MOST_ALL_DISPLACEMENTS],
     /// ω² of the fastest mode, 1/s².
     fastest_squared: f64,
     state: State,
@@ -109,6 +113,7 @@ pub(super) fn engine(
     for (row, element) in element_rows.chunks_exact_mut(n).zip(assembly.elements()) {
         at.element_direction(element, row);
     }
+    let displacements: Vec<Dof> = assembly.polynomials().iter().flat_map(Polynomial::at).copied().collect();
     let omega = assembly.modes().iter().map(StructureMode::fastest_rad_s).fold(0.0, f64::max);
     let mut stepped = Piecewise {
         assembly: assembly.clone(),
@@ -118,7 +123,9 @@ pub(super) fn engine(
         armature_bounds: armature.map_or([0.0; 2], |armature| armature.bounds(assembly)),
         drive_rows: rows(assembly, drive),
         element_rows,
+        polynomial_rows: rows(assembly, &displacements),
         mobility: [0.0; MOST_ELEMENTS],
+        polynomial_mobility: [0.0; MOST_ALL_DISPLACEMENTS],
         fastest_squared: omega * omega,
         state: State { q: rest, v: rest, z: [0.0; MOST_ELEMENTS], current_a: 0.0 },
         branches: [Branch::Inner; MOST_ELEMENTS],
@@ -144,7 +151,9 @@ impl Piecewise {
         // Positive definite: the modes were computed.
         let factored = cholesky(n, &mut mass).is_some();
         let mut solved = vec![0.0; n];
-        for (mobility, row) in self.mobility.iter_mut().zip(self.element_rows.chunks_exact(n)) {
+        let elements = self.mobility.iter_mut().zip(self.element_rows.chunks_exact(n));
+        let polynomials = self.polynomial_mobility.iter_mut().zip(self.polynomial_rows.chunks_exact(n));
+        for (mobility, row) in elements.chain(polynomials) {
             solved.copy_from_slice(row);
             solve_cholesky(n, &mass, &mut solved);
             *mobility = if factored { row.iter().zip(&solved).map(|(w, solved)| w * solved).sum() } else { f64::NAN };
@@ -168,6 +177,38 @@ impl Piecewise {
             }
             Body::Chain(_) => (at.element_displacement(element), at.element_velocity(element, v)),
         }
+    }
+
+    /// x and v of the displacements of a polynomial, whose first is number `first` of all, at a state, where the
+    /// structure is `at`.
+    fn polynomial_motion(
+        &self,
+        (first, polynomial): (usize, &Polynomial),
+        at: &Position<'_>,
+        state: &State,
+    ) -> [[f64; MOST_DISPLACEMENTS]; 2] {
+        let ([mut x, mut v], n) = ([[0.0; MOST_DISPLACEMENTS]; 2], self.assembly.coordinates());
+        let (q, rates) = (&state.q[..n], &state.v[..n]);
+        for (k, dof) in polynomial.at().iter().enumerate() {
+            (x[k], v[k]) = match self.assembly.body {
+                Body::Modal(_) => {
+                    let row = &self.polynomial_rows[(first + k) * n..(first + k + 1) * n];
+                    let dot = |of: &[f64]| row.iter().zip(of).map(|(w, of)| w * of).sum();
+                    (dot(q), dot(rates))
+                }
+                Body::Chain(_) => (at.displacement(*dof), at.velocity(*dof, rates)),
+            };
+        }
+        [x, v]
+    }
+
+    /// The polynomials, each with the number of its first displacement among all.
+    fn polynomials(&self) -> impl Iterator<Item = (usize, &Polynomial)> {
+        self.assembly.polynomials().iter().scan(0, |first, polynomial| {
+            let own = *first;
+            *first += polynomial.at().len();
+            Some((own, polynomial))
+        })
     }
 
     /// ẍ and ż on the branches.
@@ -199,6 +240,17 @@ impl Piecewise {
             }
             let row = if is_modal { &self.element_rows[i * n..(i + 1) * n] } else { &row[..n] };
             force.iter_mut().zip(row).for_each(|(force, w)| *force -= w * pull);
+        }
+        for (first, polynomial) in self.polynomials() {
+            let motion = self.polynomial_motion((first, polynomial), &at, state);
+            let pulls = polynomial.forces_in(&motion[0]);
+            for (k, (dof, pull)) in polynomial.at().iter().zip(pulls).enumerate() {
+                if !is_modal {
+                    at.direction(*dof, &mut row);
+                }
+                let row = if is_modal { &self.polynomial_rows[(first + k) * n..][..n] } else { &row[..n] };
+                force.iter_mut().zip(row).for_each(|(force, w)| *force -= w * pull);
+            }
         }
         let (v, mut acceleration) = (&state.v[..n], [0.0; MOST_COORDINATES]);
         let (mut added, mut current_a_s) = (None, 0.0);
@@ -323,6 +375,16 @@ impl Piecewise {
             // inequality).
             squared += self.mobility[i] * stiffness;
             decay += self.mobility[i] * damping + rate;
+        }
+        for (first, polynomial) in self.polynomials() {
+            let [mut reach, v] = self.polynomial_motion((first, polynomial), &at, state);
+            let (size, mut bound) = (polynomial.at().len(), [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS]);
+            reach.iter_mut().zip(v).for_each(|(x, v)| *x = x.abs() + v.abs() * reach_s);
+            polynomial.most_stiffness(&reach[..size], &mut bound);
+            let mobility = &self.polynomial_mobility[first..first + size];
+            for (pair, bound) in bound[..size * size].iter().enumerate() {
+                squared += libm::sqrt(mobility[pair / size] * mobility[pair % size]) * bound;
+            }
         }
         let coil = self.armature.and_then(|of| of.coil.rate_1_s()).map_or(0.0, |rate_1_s| rate_1_s / COIL_DECAY);
         let parts = libm::ceil(h_s * (libm::sqrt(squared) / PHASE_RAD).max(decay / DECAY).max(coil)).max(1.0);

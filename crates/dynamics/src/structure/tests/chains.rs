@@ -105,11 +105,16 @@ fn hard_chain() -> Assembly {
         grounded(Place::Joint(2), Law::Cubic { stiffness3: 3e7, stiffness5: -1e9 }),
         grounded(along("joint3", Axis::X), Law::Tanh { slip: 40.0, velocity: 0.3 }),
         grounded(along("joint4", Axis::Y), Law::Linear { stiffness: 2e4, damping: 60.0 }),
-        ElementSpec {
+        ElementSpec::Point {
             at: along("tip", Axis::Y),
             to: Some(along("joint2", Axis::X)),
             law: Law::Cubic { stiffness3: 5e7, stiffness5: 0.0 },
         },
+        polynomial(
+            &[along("tip", Axis::Y), along("joint3", Axis::X), along("tip", Axis::X)],
+            &[(&[2, 2, 0], 3e6), (&[0, 1, 3], -2e6), (&[1, 1, 1], 4e5), (&[5, 0, 0], 1e6)],
+        ),
+        polynomial(&[Place::Joint(1), Place::Joint(4)], &[(&[2, 1], 5e5), (&[0, 4], 8e5)]),
     ];
     assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 9.80665, unstated: vec![] }), elements)
 }
@@ -183,6 +188,15 @@ fn integrators_solve_the_unbalance() {
         let pull = element.force(assembly.at(&X).element_displacement(element), velocity, 0.0).force;
         assembly.element_direction(element, &X, &mut direction);
         (0..4).for_each(|i| force[i] -= direction[i] * pull);
+    }
+    for of in assembly.polynomials() {
+        let x: Vec<f64> = of.at().iter().map(|dof| assembly.displacement(*dof, &X)).collect();
+        let mut pulls = vec![0.0; x.len()];
+        of.forces(&x, &mut pulls);
+        for (dof, pull) in of.at().iter().zip(pulls) {
+            assembly.direction(*dof, &X, &mut direction);
+            (0..4).for_each(|i| force[i] -= direction[i] * pull);
+        }
     }
     let mut unbalance = [0.0; 4];
     assembly.at(&X).unbalance(&V, &acceleration(&X, &V), &force, &mut unbalance);

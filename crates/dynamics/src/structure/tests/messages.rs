@@ -110,7 +110,7 @@ fn elements_refused(body: BodySpec, elements: Vec<ElementSpec>) -> String {
 fn impossible_places_are_refused() {
     let chain = |elements| elements_refused(BodySpec::Chain(three_links()), elements);
     let modal = |elements| elements_refused(two_modes(vec![]).spec().body.clone(), elements);
-    let between = |at, to| ElementSpec { at, to: Some(to), law: SPRING };
+    let between = |at, to| ElementSpec::Point { at, to: Some(to), law: SPRING };
     assert_snapshot!(
         chain(vec![grounded(along("tip", Axis::Z), SPRING)]),
         @"there is no `tip.z` in this structure: expected one of joint2.x, joint2.y, joint3.x, joint3.y, tip.x, tip.y, joint1, joint2, joint3"
@@ -214,7 +214,7 @@ fn elements_on_the_base_are_refused() {
     let BodySpec::Modal(mut modal) = two_modes(vec![]).spec().body.clone() else { unreachable!() };
     modal.shapes.push(ShapeSpec { point: BASE.into(), axis: Axis::X, by_mode: vec![1.0, 0.5] });
     let law = Law::Cubic { stiffness3: 1.0, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { to: Some(along(BASE, Axis::X)), ..grounded(along("tip", Axis::X), law) }];
+    let elements = vec![ElementSpec::Point { at: along("tip", Axis::X), to: Some(along(BASE, Axis::X)), law }];
     let refused = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements }).unwrap_err();
     assert_snapshot!(refused, @"element 1 acts at `base.x`, which doesn't move: leave `to` out for the ground");
 }

@@ -2,6 +2,7 @@ mod chains;
 mod messages;
 mod modal;
 mod parameters;
+mod polynomials;
 mod schemes;
 mod shaken;
 mod switches;
@@ -30,7 +31,13 @@ fn assembly(body: BodySpec, elements: Vec<ElementSpec>) -> Assembly {
 
 /// An element to the ground.
 fn grounded(at: Place, law: Law) -> ElementSpec {
-    ElementSpec { at, to: None, law }
+    ElementSpec::Point { at, to: None, law }
+}
+
+/// A polynomial over places, with the powers and energies of its terms.
+fn polynomial(at: &[Place], terms: &[(&[u8], f64)]) -> ElementSpec {
+    let term = |&(powers, energy): &(&[u8], f64)| Term { powers: powers.to_vec(), energy };
+    ElementSpec::Polynomial { at: at.to_vec(), terms: terms.iter().map(term).collect() }
 }
 
 fn along(point: &str, axis: Axis) -> Place {

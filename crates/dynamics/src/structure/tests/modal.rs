@@ -284,7 +284,7 @@ fn modes_of_a_free_structure() {
     assert!((modes[1].0 / 120.0 - 1.0).abs() < 1e-14 && (modes[1].1 / 0.01 - 1.0).abs() < 1e-14, "{modes:?}");
     let (stiffness, damping) = (1e5, 0.0);
     let spring = Law::Linear { stiffness, damping };
-    let inner = ElementSpec { to: Some(along("b", Axis::Y)), ..grounded(along("a", Axis::Y), spring) };
+    let inner = ElementSpec::Point { at: along("a", Axis::Y), to: Some(along("b", Axis::Y)), law: spring };
     // k (1/m + 1/m) more.
     let modes = found(&masses(vec![inner]));
     assert_eq!(modes[0], (0.0, 0.0));

@@ -20,7 +20,7 @@ fn element_of(case: &Value) -> ElementSpec {
         "friction" => Law::Friction { stiffness: number("stiffness"), slip: number("slip") },
         _ => Law::KelvinVoigt { stiffness: number("stiffness"), damping: number("damping"), gap: number("gap"), side },
     };
-    ElementSpec { at: place("at").unwrap(), to: place("to"), law }
+    ElementSpec::Point { at: place("at").unwrap(), to: place("to"), law }
 }
 
 #[test]
@@ -184,7 +184,8 @@ impl Halves {
 #[test]
 fn energy_is_balanced() {
     let at = |law: Law| grounded(along("tip", Axis::X), law);
-    let between = |law: Law| ElementSpec { at: along("mid", Axis::X), to: Some(along("tip", Axis::X)), law };
+    let damper = at(Law::Linear { stiffness: 0.0, damping: 2.0 });
+    let between = |law: Law| ElementSpec::Point { at: along("mid", Axis::X), to: Some(along("tip", Axis::X)), law };
     let lugre = Law::Lugre {
         bristle_stiffness: 2e4,
         bristle_damping: 15.0,
@@ -203,9 +204,13 @@ fn energy_is_balanced() {
         between(Law::Linear { stiffness: 2e3, damping: 5.0 }),
         at(Law::Tanh { slip: 3.0, velocity: 0.05 }),
     ];
+    let places = [along("mid", Axis::X), along("tip", Axis::X)];
+    let terms: [(&[u8], f64); 4] = [(&[2, 1], 1e6), (&[0, 3], -2e6), (&[2, 2], 2e9), (&[0, 4], 3e9)];
+    let over_both = polynomial(&places, &terms);
     let alone = all.iter().map(|element| vec![element.clone()]);
-    for elements in alone.chain([all.to_vec()]) {
-        let names: Vec<&str> = elements.iter().map(|element| element.law.name()).collect();
+    let with_polynomial = [vec![over_both.clone()], vec![over_both.clone(), damper]];
+    for elements in alone.chain(with_polynomial).chain([[&all[..], &[over_both]].concat()]) {
+        let names = format!("{elements:?}");
         let assembly = two_modes(elements);
         let tip = assembly.dof("tip.x").unwrap();
         let mut halves = Halves::new(&assembly);
@@ -222,7 +227,7 @@ fn energy_is_balanced() {
         let (q, v, z) = (&saved[..2], &saved[2..4], &saved[4..4 + assembly.element_states()]);
         let stored = assembly.energy_j(q, v) + assembly.element_energy_j(q, z);
         let defect = (stored - work + lost).abs() / (work.abs() + lost);
-        assert!(lost > 0.0 && defect < 1e-9, "{names:?} {stored} {work} {lost}");
+        assert!(lost > 0.0 && defect < 1e-9, "{names} {stored} {work} {lost}");
     }
 }
 

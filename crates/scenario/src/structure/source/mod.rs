@@ -110,7 +110,7 @@ impl StructureSection {
                     tip: self.tip.as_deref(),
                     has_gravity: self.gravity_m_s2.is_some(),
                 };
-                (self.links, self.warnings) = urdf_chain::links(&robot, &wanted).map_err(of_file(&path))?;
+                (self.links, self.file_warnings) = urdf_chain::links(&robot, &wanted).map_err(of_file(&path))?;
             }
             (_, Some(file), _) => {
                 let path = folder.join(file);

@@ -61,8 +61,8 @@ impl StructureSection {
     /// # Errors
     /// [`NotModal`] for elements, an impossible number of modes, or damping that couples modes by more than 0.01.
     pub fn from_modes(of: &Assembly, modes: Option<usize>) -> Result<StructureSection, NotModal> {
-        if !of.elements().is_empty() {
-            return Err(NotModal::Elements { count: of.elements().len() });
+        if of.has_elements() {
+            return Err(NotModal::Elements { count: of.spec().elements.len() });
         }
         let most = of.modes().len();
         let keep = modes.unwrap_or(most);
