@@ -54,6 +54,12 @@ const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least number of steps, for smooth responses and for others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
+/// The flow is computed with twice the steps until Σμ and Σμ² are this accurate, relative to the largest term, or the steps
+/// are this many times as many. The magnitudes alone may be exact where the multipliers are not: those of a single pair
+/// follow from the damping.
+const ACCURATE: f64 = 1e-5;
+const MOST_REFINED: f64 = 8.0;
+
 /// Derivatives that differ by less than this part of the largest are the same.
 const REPEATED: f64 = 1e-10;
 /// The accuracy of |μ| by collocation and by exponents, which tests compare with finer flows.
@@ -194,17 +200,33 @@ impl Floquet {
         } else {
             None
         };
-        found.or_else(|| self.with(balance, x, steps(balance), |variations| by_flow(variations)))
+        found.or_else(|| self.by_fine_flow(balance, x))
+    }
+
+    /// Computes the stability by flows with more and more steps until it is accurate enough, or there are as many steps as
+    /// are allowed. Where elements are stiffer along the response than the modes, or its period is a multiple of the
+    /// drive's, the first steps may be too long.
+    fn by_fine_flow(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
+        let (smooth, mut steps) = (balance.forced.assembly().is_smooth(), steps(balance));
+        let most = MOST_REFINED * steps;
+        loop {
+            let Flowed { stability, error } = self.with(balance, x, steps, |variations| by_flow(variations))?;
+            // Where derivatives jump the error falls only with the step.
+            if !smooth || error <= ACCURATE || steps >= most {
+                return Some(stability);
+            }
+            steps *= 2.0;
+        }
     }
 
     /// Calls `find` with the variations along a response and returns its result.
-    fn with(
+    fn with<T>(
         &mut self,
         balance: &Balance,
         x: &[f64],
         steps: f64,
-        find: impl FnOnce(&mut Variations) -> Option<Stability>,
-    ) -> Option<Stability> {
+        find: impl FnOnce(&mut Variations) -> Option<T>,
+    ) -> Option<T> {
         let samples = self.samples.take().unwrap_or_else(|| Samples::new(&balance.forced, &balance.unknowns));
         let mut variations = Variations::new(balance, x, steps, samples);
         let found = find(&mut variations);
@@ -223,8 +245,15 @@ fn steps(balance: &Balance) -> f64 {
     of_modes.max(of_harmonics).max(LEAST_STEPS[usize::from(!smooth)])
 }
 
+/// A stability by flows.
+struct Flowed {
+    stability: Stability,
+    /// How far Σμ or Σμ² is from that of a coarser method, relative to the largest term or 1.
+    error: f64,
+}
+
 /// Computes the stability by the flow.
-fn by_flow(of: &Variations) -> Option<Stability> {
+fn by_flow(of: &Variations) -> Option<Flowed> {
     let Body::Condensed(condensed) = &of.balance.unknowns.body else {
         return extrapolated(|points| chain::flow(of, points), of.balance);
     };
@@ -239,14 +268,19 @@ fn by_flow(of: &Variations) -> Option<Stability> {
 }
 
 /// Returns the stability by multipliers, whose accuracy is their distance from less exact ones.
-fn compared(multipliers: Vec<Complex<f64>>, coarse: &[Complex<f64>]) -> Option<Stability> {
+fn compared(multipliers: Vec<Complex<f64>>, coarse: &[Complex<f64>]) -> Option<Flowed> {
     let largest = |of: &[Complex<f64>]| of.first().map(|mu| libm::sqrt(mu.norm_sqr()));
-    let accuracy = (largest(&multipliers)? - largest(coarse)?).abs();
-    Some(Stability { multipliers, accuracy, conservative: false })
+    let size = largest(&multipliers)?;
+    let accuracy = (size - largest(coarse)?).abs();
+    // Sums of powers are smooth functions of the flow where multipliers meet, and real.
+    let sums = |of: &[Complex<f64>]| [of.iter().map(|mu| mu.re).sum::<f64>(), of.iter().map(|mu| (mu * mu).re).sum()];
+    let ([first, second], [of_coarse, second_of_coarse], size) = (sums(&multipliers), sums(coarse), size.max(1.0));
+    let error = ((first - of_coarse) / size).abs().max(((second - second_of_coarse) / (size * size)).abs());
+    Some(Flowed { stability: Stability { multipliers, accuracy, conservative: false }, error })
 }
 
 /// Computes the stability by flows over the period, extrapolated for smooth responses.
-fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Stability> {
+fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Flowed> {
     let (finest, middle) = (flow(2)?, flow(4)?);
     if !balance.forced.assembly().is_smooth() {
         return compared(multipliers(finest)?, &multipliers(middle)?);

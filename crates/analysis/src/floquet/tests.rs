@@ -171,7 +171,7 @@ fn multipliers_of_half_a_period_are_those_of_the_whole() {
             assert_eq!(of.repeat_after_half(), is_symmetric, "{}", law.name());
             let Body::Condensed(condensed) = &balance.unknowns.body else { panic!() };
             let whole = multipliers(modal::flow(&of, condensed, [2, 1]).unwrap()).unwrap();
-            let off = distance(&by_flow(&of).unwrap().multipliers, &whole);
+            let off = distance(&by_flow(&of).unwrap().stability.multipliers, &whole);
             assert!(off < 1e-10, "{}: {off:.1e}", law.name());
         }
     }
