@@ -40,6 +40,7 @@ _Pair = Sequence[float] | NDArray[Any]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
 _Drive = tuple[list[tuple[str, float]], float, float]
+_Origin = tuple[str, float, int, int, bool]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
@@ -116,7 +117,9 @@ class Traced:
     @property
     def branch(self) -> TracedBranch: ...
     @property
-    def doubled(self) -> list[TracedBranch]: ...
+    def branches(self) -> list[tuple[_Origin, TracedBranch]]: ...
+    @property
+    def left_out(self) -> list[tuple[_Origin, str]]: ...
     @property
     def curves(self) -> list[tuple[str, bytearray, bytearray, list[bool]]]: ...
     @property

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,21 @@ class Curve:
         return ax
 
 
+class Origin(NamedTuple):
+    """The place where a branch leaves another one."""
+
+    kind: str
+    """Kind of the bifurcation: `branch-point` or `period-doubling`."""
+    value: float
+    """The parameter there."""
+    branch: int
+    """The branch that it leaves: 0 for the first, k for `branches[k - 1]`."""
+    period: int
+    """The period of the branch, in those of the excitation."""
+    mirrored: bool
+    """Whether the branch has a mirror image, by a symmetry that it breaks. The image is not in the results."""
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Branch:
     """A branch of periodic responses. The excitation is A·sin(2πft)."""
@@ -74,8 +89,12 @@ class Branch:
     points."""
     stability: bool = True
     """Whether the stability was computed. If not, `stable` is False in all rows, and bifurcations are folds alone."""
-    doubled: tuple["Branch", ...] = ()
-    """The branches of twice the period that leave at period doublings, if requested."""
+    origin: Origin | None = None
+    """Where the branch leaves another one; None for the first."""
+    branches: tuple["Branch", ...] = ()
+    """The branches that leave this one at branch points and period doublings, and those that leave these, if requested."""
+    left_out: tuple[tuple[Origin, str], ...] = ()
+    """Places where branches begin that were not followed, with the reasons."""
     curves: tuple[Curve, ...] = ()
     """The curves of the folds and period doublings, if requested."""
 
@@ -90,11 +109,11 @@ class Branch:
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
         stable responses as lines, others dashed, all as lines if the stability was not computed, bifurcations as
-        markers, doubled branches with the others. `ax` are matplotlib's axes, by default those of a new figure; they
+        markers, with the branches that leave it. `ax` are matplotlib's axes, by default those of a new figure; they
         are returned."""
         at = self.at[0] if at is None else at
         ax, column = _extras.axes(ax), self.column(at)
-        for branch in (self, *self.doubled):
+        for branch in (self, *self.branches):
             points = branch.points
             solid = points["stable"] if branch.stability else np.ones(len(points), bool)
             _stretches(ax, points["value"], points[column], solid)
@@ -147,7 +166,7 @@ def continuation(
     drive: Drive | str,
     frequency_hz: float | None = None,
     at: Sequence[str] = (),
-    doubled: bool = False,
+    branches: bool = False,
     curves_in: str | None = None,
     curves_to: float | None = None,
     most_harmonics: int = 64,
@@ -164,7 +183,8 @@ def continuation(
       name of one, `"joint1"`, or several in a ratio; then it is that of the first.
     - `frequency_hz`: f, if another parameter varies.
     - `at`: where the response is read, by default where the structure is driven.
-    - `doubled`: follow the responses of twice the period that leave at period doublings, too.
+    - `branches`: follow the branches that leave it at branch points and period doublings, too, and those that leave these,
+      up to 8 periods of the excitation.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).
     - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
@@ -196,7 +216,7 @@ def continuation(
         (parameter, start, stop),
         list(read),
         (most_harmonics, most_points, largest_step, stability),
-        (doubled, None if curves_in is None or curves_to is None else (curves_in, curves_to)),
+        (branches, None if curves_in is None or curves_to is None else (curves_in, curves_to)),
     )
     units = [(dof, structure.units("at", dof)[0]) for dof in read]
     label = _label(structure, parameter, amplitudes)
@@ -215,7 +235,9 @@ def continuation(
         for kind, points, turns, cusps in traced.curves:
             kinds = ["cusp" if cusp else "turn" for cusp in cusps]
             curves.append(Curve(kind, names, labels, view(points, form), named(kinds, view(turns, form))))
-    found = branch(traced.branch, doubled=tuple(map(branch, traced.doubled)), curves=tuple(curves))
+    switched = tuple(branch(rows, origin=Origin(*origin)) for origin, rows in traced.branches)
+    left_out = tuple((Origin(*origin), reason) for origin, reason in traced.left_out)
+    found = branch(traced.branch, branches=switched, left_out=left_out, curves=tuple(curves))
     if traced.ended_early is not None:
         raise EndedEarly(traced.ended_early, found)
     return found

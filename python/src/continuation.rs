@@ -1,11 +1,11 @@
-//! Branches of a structure's periodic responses, those of twice the period, and curves of bifurcations.
+//! Branches of a structure's periodic responses, those that leave them, and curves of bifurcations.
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::{AnalysisError, EndedEarly};
 use resonarm::analysis::{
-    Assess, Branch, Coordinate, Forced, Orbit, SingularCurve, SingularPoint, TraceOptions, trace, trace_doublings,
-    trace_singular_curves,
+    Assess, Branch, Coordinate, Forced, NotFollowed, Orbit, Origin, SingularCurve, SingularPoint, SwitchedBranch,
+    TraceOptions, trace, trace_branches, trace_singular_curves,
 };
 
 use crate::errors;
@@ -31,12 +31,17 @@ pub struct TracedBranch {
 /// Kind, points, places of turns; whether each is a cusp.
 type CurveRows = (&'static str, Py<PyByteArray>, Py<PyByteArray>, Vec<bool>);
 
-/// The results: the branch, those that leave it at period doublings, curves, and why any of these ended early if one
-/// did.
+/// The beginning of a branch that leaves another one: kind and value of the bifurcation, number of the branch that it
+/// leaves, period, whether the branch has a mirror image.
+type OriginRow = (&'static str, f64, usize, usize, bool);
+
+/// The results: the branch, those that leave it with their beginnings, beginnings of branches that were not followed with
+/// the reasons, curves, and why any of these ended early if one did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct Traced {
     branch: Py<TracedBranch>,
-    doubled: Vec<Py<TracedBranch>>,
+    branches: Vec<(OriginRow, Py<TracedBranch>)>,
+    left_out: Vec<(OriginRow, String)>,
     curves: Vec<CurveRows>,
     ended_early: Option<String>,
 }
@@ -58,8 +63,8 @@ fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coor
 type Settings = (usize, usize, f64, bool);
 
 /// Follows the periodic responses of a structure under a drive in the frequency, the amplitude or a parameter from one
-/// value to another, read at degrees of freedom. Follows what leaves the branch at period doublings, and its folds and
-/// doublings in a second coordinate up to a value, if that is asked for.
+/// value to another, read at degrees of freedom. Follows the branches that leave it, and its folds and doublings in a
+/// second coordinate up to a value, if that is asked for.
 #[pyfunction]
 pub fn trace_branch(
     py: Python<'_>,
@@ -70,7 +75,7 @@ pub fn trace_branch(
     settings: Settings,
     beyond: (bool, Option<(String, f64)>),
 ) -> PyResult<Traced> {
-    let ((parameter, start, stop), (doubled, curves)) = (range, beyond);
+    let ((parameter, start, stop), (branches, curves)) = (range, beyond);
     let varied = coordinate("parameter", &parameter, structure)?;
     let curves = match curves {
         Some((name, to)) => Some((coordinate("curves_in", &name, structure)?, to)),
@@ -78,12 +83,16 @@ pub fn trace_branch(
     };
     let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
     let request =
-        BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, doubled, curves, settings };
+        BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, branches, curves, settings };
     let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
-    let (branch, doubled, curves, early) = py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
+    let Found { branch, branches, left_out, curves, early } =
+        py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
+    let switched = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), TracedBranch::new(py, branch)?));
+    let left_out = left_out.into_iter();
     Ok(Traced {
         branch: TracedBranch::new(py, &branch)?,
-        doubled: doubled.iter().map(|branch| TracedBranch::new(py, branch)).collect::<PyResult<_>>()?,
+        branches: branches.iter().map(switched).collect::<PyResult<_>>()?,
+        left_out: left_out.map(|(origin, reason)| (origin_row(&origin), errors::printable(reason))).collect(),
         curves: curves.iter().map(|(kind, curve)| curve_rows(py, kind, curve)).collect::<PyResult<_>>()?,
         ended_early: early.map(errors::printable),
     })
@@ -94,14 +103,26 @@ struct BranchRequest {
     forced: Forced,
     frequency_hz: f64,
     varied: Coordinate,
-    doubled: bool,
+    branches: bool,
     curves: Option<(Coordinate, f64)>,
     settings: Settings,
 }
 
-/// The branch, those of twice the period, curves with the names of their kinds, and the first reason why one ended
-/// early.
-type Found = (Branch, Vec<Branch>, Vec<(&'static str, SingularCurve)>, Option<AnalysisError>);
+/// Returns the beginning of a branch.
+fn origin_row(origin: &Origin) -> OriginRow {
+    (origin.kind.name(), origin.value, origin.parent, origin.period, origin.is_mirrored)
+}
+
+/// The results of a request.
+struct Found {
+    branch: Branch,
+    branches: Vec<(Origin, Branch)>,
+    left_out: Vec<(Origin, NotFollowed)>,
+    /// Curves with the names of their kinds.
+    curves: Vec<(&'static str, SingularCurve)>,
+    /// The first reason why one ended early.
+    early: Option<AnalysisError>,
+}
 
 impl BranchRequest {
     /// Options with the settings.
@@ -120,10 +141,17 @@ impl BranchRequest {
             Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
             traced => keep(traced, &mut early),
         };
-        let mut doubled = Vec::new();
-        if self.doubled {
-            for traced in trace_doublings(&self.forced, &branch, self.varied, options) {
-                doubled.push(keep(traced, &mut early));
+        let (mut branches, mut left_out) = (Vec::new(), Vec::new());
+        if self.branches {
+            let switched = trace_branches(&self.forced, &branch, self.varied, options);
+            for SwitchedBranch { origin, traced } in switched.branches {
+                branches.push((origin, keep(traced, &mut early)));
+            }
+            left_out = switched.left_out;
+            for (_, reason) in &left_out {
+                if let NotFollowed::Failed(reason) = reason {
+                    early.get_or_insert(reason.clone());
+                }
             }
         }
         let mut curves = Vec::new();
@@ -136,7 +164,7 @@ impl BranchRequest {
                 curves.push((kind.name(), keep(traced, &mut early)));
             }
         }
-        Ok((branch, doubled, curves, early))
+        Ok(Found { branch, branches, left_out, curves, early })
     }
 }
 

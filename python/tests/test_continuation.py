@@ -1,4 +1,4 @@
-"""Branches in any parameter, curves of their bifurcations and doubled branches."""
+"""Branches in any parameter, curves of their bifurcations and the branches that leave them."""
 
 import pickle
 
@@ -76,11 +76,14 @@ def test_a_parameter_of_the_structure_can_vary():
     assert "cusp" in curves[0].turns["kind"]
 
 
-def test_doubled_branches_belong_to_their_branch():
+def test_branches_that_leave_a_branch_belong_to_it():
     arm = resonarm.Chain.preset(angles_deg=(0, 75))
-    branch = arm.continuation("frequency", 43, 46, drive={"joint1": 800}, doubled=True)
+    branch = arm.continuation("frequency", 43, 46, drive={"joint1": 800}, branches=True)
     assert "period-doubling" in branch.bifurcations["kind"]
-    assert set(branch.doubled[0].points["period"]) == {2}
+    first = branch.branches[0]
+    assert (first.origin.kind, first.origin.branch, first.origin.period) == ("period-doubling", 0, 2)
+    assert first.origin.value in branch.bifurcations["value"]
+    assert set(first.points["period"]) == {2}
     labels = [text.get_text() for text in branch.plot(Figure().subplots()).get_legend().get_texts()]
     assert labels[:2] == ["stable", "unstable"] and "period-doubling" in labels
 

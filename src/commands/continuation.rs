@@ -21,8 +21,8 @@ use crate::progress::timed;
 use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use resonarm::analysis::{
-    self, Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, Stability, TraceOptions, Unlocated, trace,
-    trace_doublings, trace_singular_curves,
+    self, Assess, Bifurcation, Branch, BranchEnd, Coordinate, Forced, NotFollowed, Orbit, Origin, Stability,
+    SwitchedBranch, TraceOptions, Unlocated, trace, trace_branches, trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -41,7 +41,7 @@ Examples:
   resonarm continue --drive joint1=60 --from-hz 21 --to-hz 23 \\
       --curves-in amplitude --curves-to 5
   resonarm continue --drive joint1=800 --angles-deg 0,75 --from-hz 40 \\
-      --to-hz 50 --doubled
+      --to-hz 50 --branches
   resonarm continue --scenario hardening.toml --drive tip.x=4 --from-hz 21 \\
       --to-hz 24 --curves-in amplitude --curves-to 1
 
@@ -68,7 +68,7 @@ pub(crate) struct Continue {
     /// Leave out the stability, and with it all bifurcations but folds.
     ///
     /// This is faster, most of all with many modes.
-    #[arg(long, help_heading = heading::COMPUTATION, conflicts_with = "doubled")]
+    #[arg(long, help_heading = heading::COMPUTATION, conflicts_with = "branches")]
     no_stability: bool,
     /// What varies: frequency, amplitude, or a parameter, as link2.angle_deg.
     ///
@@ -83,9 +83,12 @@ pub(crate) struct Continue {
     frequency_hz: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    /// Also follow the branches of doubled period from period doublings.
+    /// Also follow the branches from branch points and period doublings.
+    ///
+    /// The branches that leave these are followed, too, up to 8 periods of the load. Of two branches that are mirror images
+    /// of each other, one is followed.
     #[arg(long, help_heading = heading::COMPUTATION)]
-    doubled: bool,
+    branches: bool,
     #[command(flatten)]
     curves: CurveFlags,
     /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
@@ -131,12 +134,13 @@ struct Walk {
     second: Option<(Coordinate, f64)>,
 }
 
-/// Results of the continuation: the branch, its doubled branches and its curves.
+/// Results of the continuation: the branch, those that leave it, and its curves.
 struct Found {
     branch: Branch,
     /// The largest truncation error, relative to the size of the response.
     tolerance: f64,
-    doubled: Vec<Branch>,
+    branches: Vec<(Origin, Branch)>,
+    left_out: Vec<(Origin, NotFollowed)>,
     curves: Option<Curves>,
 }
 
@@ -152,8 +156,12 @@ struct Document {
     /// For each degree of freedom that is read, the response with the largest displacement, and whether it is at an end
     /// of the branch.
     peaks: Vec<Value>,
+    /// The branches that leave this one, and those that leave these.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    doubled: Vec<BranchDocument>,
+    branches: Vec<SwitchedDocument>,
+    /// Places where branches begin that were not followed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left_out: Vec<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -179,6 +187,35 @@ impl BranchDocument {
     }
 }
 
+#[derive(Serialize)]
+struct SwitchedDocument {
+    /// The bifurcation at which the branch begins.
+    from: Value,
+    /// The period of its responses, in periods of the drive.
+    period: usize,
+    /// Whether a mirror image of it exists, which is not listed.
+    mirrored: bool,
+    #[serde(flatten)]
+    branch: BranchDocument,
+}
+
+impl SwitchedDocument {
+    fn new((origin, branch): &(Origin, Branch), read: &[ReadAt]) -> SwitchedDocument {
+        SwitchedDocument {
+            from: beginning(origin),
+            period: origin.period,
+            mirrored: origin.is_mirrored,
+            branch: BranchDocument::new(branch, read),
+        }
+    }
+}
+
+/// Returns the place where a branch begins: the kind and the value of the bifurcation, and the number of the branch on
+/// which it is, 0 for the first.
+fn beginning(origin: &Origin) -> Value {
+    json!({ "kind": origin.kind.name(), "value": origin.value, "branch": origin.parent })
+}
+
 impl Continue {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let endings = [output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat();
@@ -196,12 +233,14 @@ impl Continue {
             branch: BranchDocument::new(&found.branch, &walk.read),
             unlocated: found.branch.unlocated.iter().map(unlocated).collect(),
             peaks: peaks(&found.branch, &walk.read),
-            doubled: found.doubled.iter().map(|branch| BranchDocument::new(branch, &walk.read)).collect(),
+            branches: found.branches.iter().map(|switched| SwitchedDocument::new(switched, &walk.read)).collect(),
+            left_out: found.left_out.iter().map(left_out).collect(),
             curves: found.curves.as_ref().map(|curves| curves.document(&walk.read)),
             ended_early: early.document(),
             wall_s,
         };
-        let branches: Vec<&Branch> = core::iter::once(&found.branch).chain(&found.doubled).collect();
+        let branches: Vec<&Branch> =
+            core::iter::once(&found.branch).chain(found.branches.iter().map(|(_, branch)| branch)).collect();
         let drawn = || {
             let conditions = self.conditions(&scenario, &tested, &walk, &[walk.coordinate]);
             (walk.figure(conditions, &branches), table(walk.coordinate, &branches, &walk.read))
@@ -274,19 +313,25 @@ impl Continue {
         options.assess = self.assess();
         let name = coordinate.to_string();
         let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
-        let mut doubled = Vec::new();
-        if self.doubled {
-            // A doubled branch that can't be followed is left out and reported at the end: the rest are results all
-            // the same.
-            for walked in trace_doublings(&forced, &branch, coordinate, &options) {
-                doubled.extend(early.keep_any(&name, walked)?);
+        let (mut branches, mut left_out) = (Vec::new(), Vec::new());
+        if self.branches {
+            let switched = trace_branches(&forced, &branch, coordinate, &options);
+            for SwitchedBranch { origin, traced } in switched.branches {
+                branches.push((origin, early.keep(&name, traced)?));
+            }
+            left_out = switched.left_out;
+            // A branch that can't be followed is reported at the end: the rest are results all the same.
+            for (_, reason) in &left_out {
+                if let NotFollowed::Failed(reason) = reason {
+                    early.keep_any::<Branch>(&name, Err(reason.clone().into()))?;
+                }
             }
         }
         let curves = match walk.second {
             Some(second) => Some(self.curves(&forced, &branch, walk, second, early)?),
             None => None,
         };
-        Ok(Found { branch, tolerance: options.branch.truncation, doubled, curves })
+        Ok(Found { branch, tolerance: options.branch.truncation, branches, left_out, curves })
     }
 
     /// Follows the curves of folds and period doublings of the branch.
@@ -367,15 +412,42 @@ impl Continue {
             let readings = words(&orbit.readings, read);
             text += &format!("largest response of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
         }
-        for (k, branch) in (1..).zip(&found.doubled) {
-            text += &format!("doubled branch {k}: {}\n", counted(branch));
+        for (k, (origin, branch)) in (1..).zip(&found.branches) {
+            let period =
+                if origin.period > 1 { format!(", {} periods of the load", origin.period) } else { String::new() };
+            let mirrored = if origin.is_mirrored { ", one of two mirror images" } else { "" };
+            text += &format!("branch {k} from {}{period}{mirrored}: {}\n", from(origin, unit), counted(branch));
             for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
                 let readings = words(&orbit.readings, read);
                 text += &format!("  {} at {} {unit}: {readings}\n", kind.name(), rounded(&orbit.value, 7));
             }
+            let end = match branch.end {
+                BranchEnd::Early => "  it ends early\n",
+                BranchEnd::AtEnd | BranchEnd::AtStart => "  it leaves the range\n",
+                BranchEnd::Rejoined => "  it ends at the last branch point\n",
+                BranchEnd::Closed => "  it is closed\n",
+            };
+            text += end;
+        }
+        for (origin, reason) in &found.left_out {
+            text += &format!("not followed from {}: {reason}\n", from(origin, unit));
         }
         text + &found.curves.as_ref().map_or_else(String::new, |curves| curves.text(&walk.drive))
     }
+}
+
+/// Returns the place where a branch begins in words.
+fn from(origin: &Origin, unit: &str) -> String {
+    let of = if origin.parent > 0 { format!(" of branch {}", origin.parent) } else { String::new() };
+    format!("{} at {} {unit}{of}", origin.kind.name(), rounded(&origin.value, 7))
+}
+
+/// Returns the place of a branch that was not followed, with the reason.
+fn left_out((origin, reason): &(Origin, NotFollowed)) -> Value {
+    let mut value = beginning(origin);
+    value["period"] = json!(origin.period);
+    value["reason"] = json!(reason.to_string());
+    value
 }
 
 /// Says how many responses a branch has, and how many of them are unstable.

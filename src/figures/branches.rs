@@ -1,4 +1,4 @@
-//! Branches of periodic responses as figures, stable blue, unstable red and dashed, those of doubled period in thin
+//! Branches of periodic responses as figures, stable blue, unstable red and dashed, those that leave the first in thin
 //! lines; and as tables.
 
 use resonarm::analysis::{self, BifurcationKind};
@@ -7,7 +7,7 @@ use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, S
 
 use crate::read_at::{ReadAt, cells, columns};
 
-/// Width of the lines of doubled branches, px: half of that of the others.
+/// Width of the lines of branches that leave the first, px: half of that of the others.
 const THIN: f64 = 0.8;
 
 /// The kinds of bifurcation with their label and mark.
@@ -93,11 +93,13 @@ pub(crate) fn of_each(mut figure: Figure, x: &str, read: &[ReadAt], drawn: impl 
 }
 
 /// Adds to a panel the branches of the largest displacement of a degree of freedom, by its number among those that are
-/// read, and their bifurcations: the first branch, then those of doubled period.
+/// read, and their bifurcations: the first branch, then those that leave it.
 pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize) -> Panel {
     let at = |row: &Row<'_>| (row.orbit.value, row.orbit.readings[index].largest);
+    let mut labelled: Vec<usize> = Vec::new();
     for (k, branch) in branches.iter().enumerate() {
         let rows = rows(branch);
+        let period = branch.orbits.first().map_or(1, |orbit| orbit.period);
         // Without multipliers no orbit may look stable, so the line has a colour and a label of its own.
         let is_assessed = branch.orbits.iter().any(|orbit| orbit.stability.is_some());
         let lines = if is_assessed {
@@ -121,9 +123,12 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
         for series in lines {
             panel = panel.with(match k {
                 0 => series,
-                1 => doubled(series),
-                _ => doubled(series).unlabelled(),
+                _ if labelled.contains(&period) => switched(series, period).unlabelled(),
+                _ => switched(series, period),
             });
+        }
+        if k > 0 {
+            labelled.push(period);
         }
     }
     for (kind, label, shape) in BIFURCATIONS {
@@ -134,9 +139,13 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
     panel
 }
 
-/// Returns the series in the style of a doubled branch.
-fn doubled(series: Series) -> Series {
-    let label = series.label.map(|label| format!("{label}, two periods"));
+/// Returns the series in the style of a branch that leaves another one, whose responses have this period.
+fn switched(series: Series, period: usize) -> Series {
+    let of_branch = match period {
+        1 => String::from("another branch"),
+        period => format!("{period} periods"),
+    };
+    let label = series.label.map(|label| format!("{label}, {of_branch}"));
     let style = match series.style {
         Style::Line { color, dash, .. } => Style::Line { color, width: THIN, dash },
         other @ (Style::Markers { .. } | Style::Tiles { .. }) => other,
@@ -158,7 +167,7 @@ pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
 }
 
 /// Returns comma-separated values (RFC 4180), with the units in the names of the columns: a line for each response,
-/// bifurcations in their places. `branch` is 0, and counts from 1 for doubled branches; `drive` is the amplitude of the
+/// bifurcations in their places. `branch` is 0, and counts from 1 for those that leave it; `drive` is the amplitude of the
 /// first load.
 pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt]) -> String {
     let parameter = match coordinate {
@@ -186,10 +195,10 @@ pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use resonarm::analysis::{Forced, TraceOptions, trace, trace_doublings};
+    use resonarm::analysis::{Forced, TraceOptions, trace, trace_branches};
     use resonarm::scenario::Scenario;
 
-    /// Strong excitation at the 1:2 resonance: its branch and those of doubled period.
+    /// Strong excitation at the 1:2 resonance: its branch and those that leave it.
     fn strongly_forced() -> (Branch, Vec<Branch>) {
         let scenario = Scenario::parse("structure.angles_deg = [0, 75]", "test.toml").unwrap();
         let assembly = scenario.under_test().unwrap().assembly;
@@ -197,17 +206,17 @@ mod tests {
         let forced = Forced::new(assembly, joint1, 800.0);
         let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [46.0, 50.0], vec![joint1]);
         let branch = trace(&forced, 46.0, Coordinate::FrequencyHz, &options).unwrap();
-        let doubled = trace_doublings(&forced, &branch, Coordinate::FrequencyHz, &options);
-        let doubled = doubled.into_iter().map(Result::unwrap).collect();
-        (branch, doubled)
+        let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options);
+        let switched = switched.branches.into_iter().map(|switched| switched.traced.unwrap()).collect();
+        (branch, switched)
     }
 
     /// Without colours, the lines still differ: by stability in their dashes, by period in their widths. The colours
     /// change at the period doublings, although the continuation has no response exactly there.
     #[test]
     fn lines_differ_without_colours_and_change_at_the_bifurcations() {
-        let (branch, doubled) = strongly_forced();
-        let branches: Vec<&Branch> = core::iter::once(&branch).chain(&doubled).collect();
+        let (branch, switched) = strongly_forced();
+        let branches: Vec<&Branch> = core::iter::once(&branch).chain(&switched).collect();
         let panel = with_branches(Panel::new(Axis::linear("x"), Axis::linear("y")), &branches, 0);
         let lines = panel.series.iter().filter_map(|series| match series.style {
             Style::Line { width, dash, .. } => Some((series.label.as_deref().unwrap_or(""), dash, width)),
@@ -216,8 +225,8 @@ mod tests {
         let expected = [
             ("stable", Dash::Solid, 1.6),
             ("unstable", Dash::Dashed, 1.6),
-            ("stable, two periods", Dash::Solid, 0.8),
-            ("unstable, two periods", Dash::Dashed, 0.8),
+            ("stable, 2 periods", Dash::Solid, 0.8),
+            ("unstable, 2 periods", Dash::Dashed, 0.8),
         ];
         assert_eq!(lines.take(4).collect::<Vec<_>>(), expected);
         let found: Vec<f64> = branch.bifurcations.iter().map(|found| found.orbit.value).collect();

@@ -27,7 +27,7 @@ pub fn unstable_responses_are_dashed(svg: &str) {
 fn unstable_responses_are_dashed_in_figures_of_branches() {
     let commands = [
         "continue --drive joint1=60 --from-hz 21 --to-hz 23",
-        "continue --drive joint1=800 --angles-deg 0,75 --from-hz 46 --to-hz 50 --doubled",
+        "continue --drive joint1=800 --angles-deg 0,75 --from-hz 46 --to-hz 50 --branches",
         "backbone --drive joint1=60",
     ];
     for command in commands {

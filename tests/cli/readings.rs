@@ -37,16 +37,16 @@ fn a_small_force_gives_frf_times_the_force() {
 }
 
 /// Every response in the document and in the table has readings at each degree of freedom, at bifurcations and on
-/// doubled branches, too.
+/// branches that leave the first, too.
 #[test]
 fn continue_reads_every_response() {
     let folder = tempfile::tempdir().unwrap();
     let branch = ["continue", "--drive", "joint1=800", "--angles-deg", "0,75", "--from-hz", "46", "--to-hz", "50"];
-    let flags = ["--at", "joint1,tip.y", "--doubled", "--plot", "branch", "--json"];
+    let flags = ["--at", "joint1,tip.y", "--branches", "--plot", "branch", "--json"];
     let got = document(folder.path(), 0, &[branch.as_slice(), &flags].concat());
-    let doubled = array(&got, "doubled");
-    assert!(!doubled.is_empty());
-    let parts = [&got].into_iter().chain(doubled);
+    let branches = array(&got, "branches");
+    assert!(!branches.is_empty());
+    let parts = [&got].into_iter().chain(branches);
     let all: Vec<&Value> =
         parts.clone().flat_map(|part| [array(part, "points"), array(part, "bifurcations")].concat()).collect();
     for point in &all {

@@ -2,26 +2,25 @@
 //! stability and other bifurcations.
 
 use alloc::boxed::Box;
-use alloc::vec::Vec;
 
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
 
 use super::adapt::adapt;
 use super::balance::Balance;
-use super::curve::near;
 use super::floquet::Floquet;
-use super::orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions};
-use super::singular::{Singular, Singularity, doubled};
+use super::orbit::{Assess, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions};
 use super::spectral::largest;
 use super::start::start;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
-use crate::continuation::{Continuation, Point, System, at_parameter};
-use crate::{AnalysisError, BifurcationKind, EndedEarly};
+use crate::continuation::{Continuation, Cut, Point, Slices, System, at_parameter};
+use crate::{AnalysisError, EndedEarly};
 
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
 const MOST_HALVINGS: usize = 16;
+/// A branch is closed if it passes its first response at less than this fraction of the step.
+const SAME_SHARE: f64 = 0.05;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
 pub(super) const FRACTION: f64 = 1e-7;
 
@@ -47,73 +46,8 @@ pub fn trace(
     Ok(branch)
 }
 
-/// Traces the branch of responses of twice the period that leaves a period doubling of a branch in `coordinate`.
-///
-/// The first step goes along the null vector: the response on the even harmonics of the halved base frequency, the null
-/// vector on the odd ones. The branch ends where it leaves the interval of the options, or at a branch point, where it
-/// meets responses of the single period again: beyond are the same responses, shifted by one period.
-///
-/// # Errors
-/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; otherwise as [`trace`].
-pub fn trace_doubled(
-    forced: &Forced,
-    bifurcation: &Bifurcation,
-    coordinate: Coordinate,
-    options: &TraceOptions,
-) -> Result<Branch, EndedEarly<Branch>> {
-    if bifurcation.kind != BifurcationKind::PeriodDoubling {
-        return Err(AnalysisError::NotSingular { kind: bifurcation.kind.name() }.into());
-    }
-    let (orbit, branch) = (&bifurcation.orbit, &options.branch);
-    let mut single = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, coordinate);
-    check(&mut single, options)?;
-    if !(single.set(Coordinate::Amplitude, orbit.drive) && single.set_value(orbit.value)) {
-        return Err(not_there(&single, options).into());
-    }
-    let (singular, z, _) =
-        Singular::solved(&single, Singularity::PeriodDoubling, &branch.continuation, &orbit.coefficients)?;
-    let (lambda, x) = singular.split(&z);
-    let mut direction = singular.null_vector();
-    let m = single.unknowns.count();
-    let orders = [2 * orbit.period, (direction.len() / m - 1) / 2];
-    let mut balance = Balance::of_period(&single.forced, orders, orbit.frequency_hz, coordinate);
-    let mut start = doubled(x, m);
-    start.resize(direction.len(), 0.0);
-    direction.push(0.0);
-    let settings = branch.continuation;
-    let continuation =
-        Continuation::start_along(&mut balance, settings, &start, lambda, &direction, FIRST_DOUBLED_STEP)?;
-    Tracer::new(balance, options).run(continuation)
-}
-
-/// Traces the doubled branches from the period doublings of a branch, each with its end; see [`trace_doubled`]. A
-/// branch that returns through another of the doublings is listed once for both.
-pub fn trace_doublings(
-    forced: &Forced,
-    branch: &Branch,
-    coordinate: Coordinate,
-    options: &TraceOptions,
-) -> Vec<Result<Branch, EndedEarly<Branch>>> {
-    let mut branches: Vec<Result<Branch, EndedEarly<Branch>>> = Vec::new();
-    for doubling in branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::PeriodDoubling) {
-        let ends_here = |traced: &Result<Branch, _>| {
-            let end = traced.as_ref().ok().and_then(|branch| branch.bifurcations.last());
-            end.is_some_and(|end| {
-                end.kind == BifurcationKind::BranchPoint && near(end.orbit.value, doubling.orbit.value)
-            })
-        };
-        if !branches.iter().any(ends_here) {
-            branches.push(trace_doubled(forced, doubling, coordinate, options));
-        }
-    }
-    branches
-}
-
-/// The first step along a doubled branch, relative to the size of the response.
-const FIRST_DOUBLED_STEP: f64 = 1e-2;
-
 /// Checks that both ends, and the frequency, are numbers at which the system exists.
-fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
+pub(super) fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
     balance.unknowns.check_held(balance.forced.assembly())?;
     let (from, to) = (options.branch.from, options.branch.to);
     let known = balance.coordinate == Coordinate::FrequencyHz
@@ -123,7 +57,7 @@ fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisEr
 }
 
 /// The error if the system does not exist at both ends.
-fn not_there(balance: &Balance, options: &TraceOptions) -> AnalysisError {
+pub(super) fn not_there(balance: &Balance, options: &TraceOptions) -> AnalysisError {
     let domain = match balance.coordinate {
         Coordinate::FrequencyHz => "the positive frequencies",
         Coordinate::Amplitude => "the amplitudes of the drive",
@@ -138,18 +72,27 @@ pub(super) struct Tracer<'a> {
     pub options: &'a TraceOptions,
     pub floquet: Floquet,
     pub branch: Branch,
-    /// Whether a branch of doubled period has met the single one.
+    /// Whether the branch leaves another one, and ends where it meets such a branch.
+    pub is_switched: bool,
+    /// Whether it has met one.
     pub rejoined: bool,
 }
 
 impl<'a> Tracer<'a> {
     pub fn new(balance: Balance, options: &'a TraceOptions) -> Tracer<'a> {
-        Tracer { balance, options, floquet: Floquet::default(), branch: Branch::default(), rejoined: false }
+        Tracer {
+            balance,
+            options,
+            floquet: Floquet::default(),
+            branch: Branch::default(),
+            is_switched: false,
+            rejoined: false,
+        }
     }
 
     /// Runs the continuation and returns the branch, whole or up to where the continuation ended, with its bifurcations
     /// in order and its peaks.
-    fn run(mut self, continuation: Continuation) -> Result<Branch, EndedEarly<Branch>> {
+    pub fn run(mut self, continuation: Continuation) -> Result<Branch, EndedEarly<Branch>> {
         let mut walk = Walk::new(continuation);
         let end = self.follow(&mut walk);
         self.locate_peaks();
@@ -170,6 +113,7 @@ impl<'a> Tracer<'a> {
         let branch = &self.options.branch;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
         let (mut older, mut before) = (None, walk.point().clone());
+        let first = before.clone();
         self.push(&before);
         loop {
             if self.branch.orbits.len() >= branch.most_points {
@@ -184,16 +128,40 @@ impl<'a> Tracer<'a> {
                 None => None,
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());
+            // Only a branch that begins within the interval can come back to its first response.
+            let may_close = left_at.is_none() && older.is_some() && first.lambda != branch.from;
+            let closed = if may_close { self.passed(&first, [&before, &after]) } else { None };
+            let is_closed = closed.is_some();
+            let after = closed.unwrap_or(after);
             self.push(&after);
             self.detect(older.as_ref(), &before, &after);
             older = Some(core::mem::replace(&mut before, after));
             if self.rejoined {
                 return Ok(BranchEnd::Rejoined);
             }
+            if is_closed {
+                return Ok(BranchEnd::Closed);
+            }
             if let Some(limit) = left_at {
                 return Ok(if limit == branch.to { BranchEnd::AtEnd } else { BranchEnd::AtStart });
             }
         }
+    }
+
+    /// Returns the point of the branch in the plane through a response that is perpendicular to the step from `a` to `b`,
+    /// if the step has passed that response.
+    ///
+    /// The distance is compared with the step: the opposite side of a closed branch is further away, since a step turns
+    /// the tangent by little.
+    fn passed(&mut self, response: &Point, ends: [&Point; 2]) -> Option<Point> {
+        let settings = &self.options.branch.continuation;
+        let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
+        let fraction = slices.fraction(ends, response);
+        if !(0.0..=1.0).contains(&fraction) {
+            return None;
+        }
+        let point = slices.solve(&mut self.balance, ends, fraction).ok()?;
+        (slices.distance(&point, response) < SAME_SHARE * slices.distance(ends[0], ends[1])).then_some(point)
     }
 
     /// Takes the step from `before` to the next point. A step that jumps to another branch, which passes close by, is
@@ -211,7 +179,7 @@ impl<'a> Tracer<'a> {
             if !smooth || before.determinant.sign * reached.determinant.sign >= 0.0 {
                 return Ok(());
             }
-            if self.branch_point(before, &reached).is_some() {
+            if self.has_branch_point(before, &reached) {
                 return Ok(());
             }
             // Back to the start of the step, with its harmonics: half the step may stay on the branch.
@@ -235,7 +203,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Evaluates the response at a point, with the harmonics of the point, and reads it.
-    fn at<T>(&mut self, point: &Point, read: impl FnOnce(&mut Self) -> T) -> T {
+    pub fn at<T>(&mut self, point: &Point, read: impl FnOnce(&mut Self) -> T) -> T {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
         if current != needed {
             self.balance.set_harmonics(needed);

@@ -23,9 +23,10 @@ use nalgebra::Complex;
 
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
+use super::crossing::{Crossing, crossing};
 use super::floquet::Floquet;
 use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
-use super::singular::{Singular, Singularity, doubled, halved};
+use super::singular::{Singular, Singularity};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
 use crate::search::{FINE, search};
@@ -37,6 +38,8 @@ use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 const REAL: f64 = 1e-9;
 /// At a bifurcation of the response a multiplier is this near its place on the unit circle.
 const NEAR: f64 = 5e-3;
+/// Multipliers say nothing if the accuracy of the largest is worse than this fraction of it, or of 1.
+const MOST_UNCERTAIN: f64 = 0.1;
 /// The most steps down to a smallest magnitude.
 const DESCENT_LIMIT: usize = 8;
 /// Steps before a parabola through the points is trusted: the first points are far apart.
@@ -50,9 +53,29 @@ const SECANT: Secant = Secant { first: 1e-3, last: 1e-13, limit: 12 };
 const CIRCLE: f64 = 1e-13;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
-/// A branch of doubled period meets the single one in a segment if it does so within this distance of its end, in units
-/// of Λ.
-const REACH: f64 = 0.1;
+/// A branch point is approached to this fraction of its segment before its own equations are solved.
+const BESIDE: f64 = 1e-3;
+
+/// A bifurcation between two points.
+struct Crossed {
+    point: Point,
+    /// Whether it solves equations of its own, which only a branch point does.
+    is_exact: bool,
+    /// Whether the branch turns back there.
+    turns_back: bool,
+}
+
+impl Crossed {
+    fn uncertain(point: Point) -> Crossed {
+        Crossed { point, is_exact: false, turns_back: false }
+    }
+}
+
+/// Returns the direction from a to b, dX and last dλ, with n components of X.
+pub(super) fn chord(a: &Point, b: &Point, n: usize) -> Vec<f64> {
+    let component = |of: &Point, i: usize| of.x.get(i).copied().unwrap_or(0.0);
+    (0..n).map(|i| component(b, i) - component(a, i)).chain([b.lambda - a.lambda]).collect()
+}
 
 /// Steps of the secant rule.
 struct Secant {
@@ -89,9 +112,16 @@ fn pairs(of: &[Complex<f64>]) -> impl Iterator<Item = (Complex<f64>, f64)> + '_ 
     conjugates.chain(of.iter().enumerate().flat_map(of_reals))
 }
 
+/// The multipliers, if they are known and say where they are; otherwise none.
+fn known_multipliers(stability: Option<&Stability>) -> &[Complex<f64>] {
+    let Some(stability) = stability else { return &[] };
+    let largest = stability.multipliers.first().map_or(0.0, |mu| libm::sqrt(mu.norm_sqr()));
+    if stability.accuracy < MOST_UNCERTAIN * largest.max(1.0) { &stability.multipliers } else { &[] }
+}
+
 /// The test function of a kind; not a number if the multipliers that it needs are not known.
 fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, reference: Determinant) -> f64 {
-    let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
+    let multipliers = known_multipliers(stability);
     match kind {
         // Over a determinant nearby, since the values themselves leave the range of numbers.
         BranchPoint => point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference.log_magnitude),
@@ -144,7 +174,7 @@ fn is_complex(mu: Complex<f64>) -> bool {
 /// Says whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that also have the
 /// product 1 at the response before it.
 fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Marginal) -> bool {
-    let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
+    let multipliers = known_multipliers(stability);
     let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);
     match kind {
         Fold => true,
@@ -263,8 +293,12 @@ impl Tracer<'_> {
     /// Locates the bifurcation between two points at which the test function of its kind has these values, of opposite
     /// signs; records it if it can't be located.
     fn find(&mut self, kind: BifurcationKind, ends: [&Point; 2], values: [f64; 2], marginal: Marginal) {
-        let point = match self.locate(kind, ends, values) {
-            Ok(Some(point)) => point,
+        let located = match kind {
+            BranchPoint => self.crossing(ends, values),
+            _ => self.locate(kind, ends, values, FRACTION).map(|point| point.map(Crossed::uncertain)),
+        };
+        let Crossed { point, is_exact, turns_back } = match located {
+            Ok(Some(located)) => located,
             Ok(None) => return,
             Err(_) => {
                 let index = self.branch.orbits.partition_point(|orbit| orbit.arclength <= ends[0].arclength);
@@ -275,11 +309,11 @@ impl Tracer<'_> {
         let point = match kind {
             PeriodDoubling => self.doubling(ends, point),
             NeimarkSacker => self.on_the_circle(ends, point, marginal),
-            BranchPoint if self.balance.period() > 1 => self.rejoin(ends[1], point),
             _ => point,
         };
         let orbit = self.orbit(&point);
-        if confirmed(kind, orbit.stability.as_ref(), marginal) {
+        if is_exact || confirmed(kind, orbit.stability.as_ref(), marginal) {
+            self.rejoined = self.is_switched && turns_back;
             self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
         }
     }
@@ -332,6 +366,11 @@ impl Tracer<'_> {
         found.map(|stability| stability.multipliers)
     }
 
+    /// Returns the stability of the response at a point, whatever its number of harmonics.
+    fn stability_at(&mut self, point: &Point) -> Option<Stability> {
+        self.at(point, |tracer| tracer.floquet.stability(&tracer.balance, &point.x))
+    }
+
     /// Returns the period doubling near a point that the multipliers have led to, by its extended system; the point
     /// itself if that leads elsewhere, or the forces aren't smooth.
     fn doubling(&self, ends: [&Point; 2], point: Point) -> Point {
@@ -342,23 +381,6 @@ impl Tracer<'_> {
         let Some(located) = self.doubling_of(&self.balance, &point, &point.x) else { return point };
         let size = self.balance.dimension().max(located.x.len());
         if Slices::new(size, settings, ends, Cut::Chord).hold(ends, &located) { located } else { point }
-    }
-
-    /// Returns the point where a branch of doubled period meets the single one: a period doubling of the single one,
-    /// located on it from the single-period components of a branch point. If it is not there, returns the branch point
-    /// itself.
-    fn rejoin(&mut self, end: &Point, point: Point) -> Point {
-        let balance = &self.balance;
-        let x = halved(&point.x, balance.unknowns.count());
-        let orders = [balance.period() / 2, (x.len() / balance.unknowns.count() - 1) / 2];
-        let single = Balance::of_period(&balance.forced, orders, balance.frequency_hz, balance.coordinate);
-        let Some(located) = self.doubling_of(&single, &point, &x) else { return point };
-        let reach = REACH * self.options.branch.continuation.lambda_scale(end.lambda);
-        if (located.lambda - end.lambda).abs() > reach {
-            return point;
-        }
-        self.rejoined = true;
-        Point { x: doubled(&located.x, self.balance.unknowns.count()), ..located }
     }
 
     /// Returns the period doubling near a response `x` with the coordinate of a point, if there is one.
@@ -373,32 +395,65 @@ impl Tracer<'_> {
         Some(Point { x: x.to_vec(), lambda, ..point.clone() })
     }
 
-    /// Returns the branch point between two points, if the branch has one there.
-    pub fn branch_point(&mut self, a: &Point, b: &Point) -> Option<Point> {
+    /// Says whether the branch has a branch point between two points.
+    pub fn has_branch_point(&mut self, a: &Point, b: &Point) -> bool {
         let values = [a, b].map(|point| value(BranchPoint, point, None, a.determinant));
-        let point =
-            if crosses(values) { self.locate(BranchPoint, [a, b], values).ok().flatten()? } else { return None };
-        let harmonics = self.balance.harmonics();
-        self.balance.set_harmonics(point.x.len() / self.balance.unknowns.count() / 2);
-        let exists = self.balance.set_value(point.lambda);
-        let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
-        self.balance.set_harmonics(harmonics);
-        confirmed(BranchPoint, found.as_ref(), Marginal::default()).then_some(point)
+        let found = if crosses(values) { self.crossing([a, b], values).ok().flatten() } else { None };
+        let Some(Crossed { point, is_exact, .. }) = found else { return false };
+        is_exact || confirmed(BranchPoint, self.stability_at(&point).as_ref(), Marginal::default())
+    }
+
+    /// Returns the branch point between two points at which the determinant has these values, of opposite signs; `None`
+    /// if the branch has none there, or the determinant jumps.
+    fn crossing(&mut self, ends: [&Point; 2], values: [f64; 2]) -> Result<Option<Crossed>, AnalysisError> {
+        let (settings, smooth) = (self.options.branch.continuation, self.balance.forced.assembly().is_smooth());
+        if let Some(near) = self.locate(BranchPoint, ends, values, BESIDE)? {
+            match self.crossing_near(ends, &near) {
+                Ok(Some((found, turns_back))) => {
+                    let point = Point { x: found.x, lambda: found.lambda, ..near };
+                    let size = self.balance.dimension().max(point.x.len());
+                    if Slices::new(size, &settings, ends, Cut::Chord).hold(ends, &point) {
+                        return Ok(Some(Crossed { point, is_exact: true, turns_back }));
+                    }
+                }
+                Ok(None) if smooth => return Ok(None),
+                Ok(None) | Err(_) => {}
+            }
+        }
+        let turns_back = crosses(ends.map(|end| end.tangent.last().copied().unwrap_or(0.0)));
+        let located = self.locate(BranchPoint, ends, values, FINE)?;
+        Ok(located.map(|point| Crossed { point, is_exact: false, turns_back }))
+    }
+
+    /// Returns the branch point near a point between two others by its extended system, and whether this branch turns
+    /// back there; `None` if no branches cross there.
+    fn crossing_near(&mut self, [a, b]: [&Point; 2], near: &Point) -> Result<Option<(Crossing, bool)>, AnalysisError> {
+        let mut balance = self.balance.clone();
+        balance.set_harmonics(near.x.len() / balance.unknowns.count() / 2);
+        if !balance.set_value(near.lambda) {
+            return Ok(None);
+        }
+        let direction = chord(a, b, near.x.len());
+        let found = crossing(&balance, &self.options.branch.continuation, &near.x, &direction)?;
+        Ok(found.map(|found| {
+            let direction = chord(a, b, found.x.len());
+            let turns_back = found.turns_back(found.along(&direction));
+            (found, turns_back)
+        }))
     }
 
     /// Returns where the test function of a kind vanishes between two points at which it has these values, of opposite
-    /// signs; `None` if it jumps there.
+    /// signs, to a fraction of the segment; `None` if it jumps there.
     fn locate(
         &mut self,
         kind: BifurcationKind,
         ends: [&Point; 2],
         values: [f64; 2],
+        tolerance: f64,
     ) -> Result<Option<Point>, AnalysisError> {
         let (floquet, reference) = (&mut self.floquet, ends[0].determinant);
         let test = |balance: &mut Balance, point: &Point| test(floquet, balance, kind, point, reference);
         let (settings, smooth) = (&self.options.branch.continuation, self.balance.forced.assembly().is_smooth());
-        // Others have equations of their own, or are exact to the square of the fraction.
-        let tolerance = if kind == BranchPoint && smooth { FINE } else { FRACTION };
         match search(&mut self.balance, settings, ends, values, tolerance, test) {
             Ok(point) => Ok(Some(point)),
             // At a corner of a branch the determinant and the multipliers may jump.

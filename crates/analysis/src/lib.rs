@@ -4,7 +4,7 @@
 //! ([`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes)). For the whole structure, harmonic balance
 //! computes periodic responses to a sinusoidal drive, and continuation ([`trace`]) follows their branches in the
 //! frequency, the amplitude or any parameter of the structure, with folds, peaks and stability. It also follows
-//! branches of doubled period ([`trace_doubled`]), curves of folds and doublings in two coordinates
+//! the branches that leave a branch ([`trace_branches`]), curves of folds and doublings in two coordinates
 //! ([`trace_singular`]), and backbones ([`backbone()`]). Integration in time ([`time_domain`]) computes stepped sweeps,
 //! stroboscopic sections and basins of attraction.
 //!
@@ -21,6 +21,7 @@ mod bending;
 mod branch;
 mod branch_options;
 pub mod continuation;
+mod crossing;
 mod curve;
 mod dense;
 mod detect;
@@ -48,6 +49,7 @@ mod search;
 mod singular;
 mod spectral;
 mod start;
+mod switching;
 pub mod time_domain;
 mod unknowns;
 mod walk;
@@ -56,7 +58,7 @@ use phase_zero::phase_zero_states;
 
 pub use backbone::{Backbone, BackboneOptions, BackboneOrbit, backbone};
 pub use bending::Bending;
-pub use branch::{trace, trace_doubled, trace_doublings};
+pub use branch::trace;
 pub use branch_options::{BifurcationKind, BranchOptions};
 pub use curve::{SingularCurve, SingularPoint, TracedCurve, Turn, trace_singular, trace_singular_curves};
 pub use error::{AnalysisError, EndedEarly, Place};
@@ -71,6 +73,7 @@ pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};
 pub use start::{StartAttempt, StartEnd, StartStructure};
+pub use switching::{NotFollowed, Origin, SwitchedBranch, SwitchedBranches, trace_branches};
 
 #[cfg(test)]
 mod tests;

@@ -240,8 +240,11 @@ pub enum BranchEnd {
     AtEnd,
     /// `at-start`: it turned back and left the interval at its start.
     AtStart,
-    /// `rejoined`: a branch of doubled period met the single one.
+    /// `rejoined`: it met a branch of the kind that it leaves. Beyond are its responses again: mirrored, or shifted by periods
+    /// of the drive.
     Rejoined,
+    /// `closed`: it came back to its first response.
+    Closed,
 }
 
 impl BranchEnd {
@@ -252,6 +255,7 @@ impl BranchEnd {
             BranchEnd::AtEnd => "at-end",
             BranchEnd::AtStart => "at-start",
             BranchEnd::Rejoined => "rejoined",
+            BranchEnd::Closed => "closed",
         }
     }
 }

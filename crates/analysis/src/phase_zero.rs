@@ -34,7 +34,7 @@ pub(super) fn phase_zero_states(
 }
 
 /// Returns the state of the response last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
-fn at_phase_zero(balance: &Balance) -> Vec<f64> {
+pub(super) fn at_phase_zero(balance: &Balance) -> Vec<f64> {
     let n = balance.forced.assembly.coordinates();
     let (mut state, mut rates) = (Vec::with_capacity(2 * n), Vec::<f64>::with_capacity(n));
     for coordinate in 0..n {

@@ -47,11 +47,11 @@ pub(super) enum Singularity {
 
 /// The step of the difference, relative to the size of the response: rounding and truncation both change the gradient
 /// by some 1e-10 of itself, which costs Newton's method nothing.
-const DIFFERENCE: f64 = 1e-5;
+pub(super) const DIFFERENCE: f64 = 1e-5;
 /// The largest error of a null vector that counts as exact: the error of λ is of the order of its square.
-const NULL_VECTOR_ERROR: f64 = 1e-7;
+pub(super) const NULL_VECTOR_ERROR: f64 = 1e-7;
 /// Harmonics added until a null vector is good enough: how many at once, and how often.
-const MORE_HARMONICS: (usize, usize) = (2, 16);
+pub(super) const MORE_HARMONICS: (usize, usize) = (2, 16);
 
 /// The equations of a fold or a period doubling: unknowns z = (λ, X), with λ shifted and scaled, and a second
 /// coordinate μ.
@@ -92,12 +92,6 @@ pub(super) fn doubled(x: &[f64], unknowns: usize) -> Vec<f64> {
         series[place] = *value;
     }
     series
-}
-
-/// Returns the even harmonics of a response of twice the period, as a response of the single one.
-pub(super) fn halved(x: &[f64], unknowns: usize) -> Vec<f64> {
-    let harmonics = (x.len() / unknowns - 1) / 2;
-    places(unknowns, harmonics, 0, 2).into_iter().map(|place| x[place]).collect()
 }
 
 impl Singular {

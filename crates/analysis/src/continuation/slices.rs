@@ -62,9 +62,20 @@ impl Slices {
     }
 
     /// Says whether a point lies in a plane between those of a and b.
-    pub fn hold(&self, [a, b]: [&Point; 2], point: &Point) -> bool {
+    pub fn hold(&self, ends: [&Point; 2], point: &Point) -> bool {
+        (0.0..=1.0).contains(&self.fraction(ends, point))
+    }
+
+    /// Returns the fraction of the way from a to b at which the plane through a point lies.
+    pub fn fraction(&self, [a, b]: [&Point; 2], point: &Point) -> f64 {
         let [low, high, at] = [a, b, point].map(|point| dot(&self.normal, &self.z(point)));
-        (low..=high).contains(&at)
+        (at - low) / (high - low)
+    }
+
+    /// Returns the distance of two points, relative to X.
+    pub fn distance(&self, a: &Point, b: &Point) -> f64 {
+        let apart: Vec<f64> = self.z(a).iter().zip(&self.z(b)).map(|(a, b)| a - b).collect();
+        norm(&apart) / self.size
     }
 
     /// The point of the branch in the plane through a + fraction · (b − a), starting from there.

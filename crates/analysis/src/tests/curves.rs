@@ -69,11 +69,12 @@ fn doubled_branches_of_a_chain_are_those_of_the_arm() {
     let ends = pair(&case["hz"]);
     let branch = traced(&chain, ends[0], Coordinate::FrequencyHz, ends);
     let in_hz = options(&chain, Coordinate::FrequencyHz, ends);
-    let doubled = trace_doublings(&chain, &branch, Coordinate::FrequencyHz, &in_hz);
+    let switched = trace_branches(&chain, &branch, Coordinate::FrequencyHz, &in_hz);
+    let doubled: Vec<_> = switched.branches.into_iter().filter(|switched| switched.origin.parent == 0).collect();
     let expected = case["doubled"].as_array().unwrap();
     assert_eq!(doubled.len(), expected.len());
     for (got, expected) in doubled.into_iter().zip(expected) {
-        let got = got.unwrap();
+        let got = got.traced.unwrap();
         assert!(got.orbits.iter().all(|orbit| orbit.period == 2));
         let bifurcations = expected["bifurcations"].as_array().unwrap();
         assert_eq!(got.bifurcations.len(), bifurcations.len());

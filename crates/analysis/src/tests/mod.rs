@@ -4,6 +4,7 @@ mod curves;
 mod margins;
 mod polynomials;
 mod starts;
+mod switching;
 mod textbook;
 
 use alloc::vec;
