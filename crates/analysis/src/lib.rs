@@ -25,7 +25,6 @@ mod crossing;
 mod curve;
 mod dense;
 mod detect;
-mod eigenvalues;
 mod error;
 mod floquet;
 mod forced;

@@ -16,8 +16,8 @@ use core::f64::consts::TAU;
 
 use serde::Serialize;
 
-use crate::eigenvalues::eigenvalues;
 use resonarm_dynamics::structure::{Armature, Assembly};
+use resonarm_numeric::eigenvalues::eigenvalues;
 
 /// An oscillating pole pair λ, λ̄ of a damped structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -45,8 +45,8 @@ use super::balance::Balance;
 use super::orbit::Stability;
 use super::samples::{Geometry, Samples, geometry};
 use super::unknowns::Body;
-use crate::eigenvalues::eigenvalues;
 use resonarm_dynamics::structure::Law;
+use resonarm_numeric::eigenvalues::eigenvalues;
 
 /// Steps in a period of the fastest mode, for modes and for a chain, and in a period of the response's highest
 /// harmonic.

@@ -293,7 +293,7 @@ fn a_fold_and_a_neimark_sacker_point_side_by_side() {
         let state = super::start_of_two(orbit);
         let map = time_domain::StroboscopicMap::new(&forced, orbit.frequency_hz).unwrap();
         let mut derivative = map.derivative(&map.to_point(&state), 1).unwrap();
-        let mut multipliers = crate::eigenvalues::eigenvalues(4, derivative.as_mut_slice()).unwrap();
+        let mut multipliers = resonarm_numeric::eigenvalues::eigenvalues(4, derivative.as_mut_slice()).unwrap();
         multipliers.sort_by(|a, b| (a - 1.0).norm_sqr().total_cmp(&(b - 1.0).norm_sqr()));
         let product = (multipliers[0] * multipliers[1]).re;
         assert!((product - expected).abs() < 2e-7, "{product}, expected {expected}: {multipliers:?}");

@@ -17,7 +17,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::Complex;
-use resonarm_numeric::registers::{Task, widest};
+
+use crate::registers::{Task, widest};
 
 /// The most steps for an eigenvalue, and the number after which an exceptional shift is tried.
 const STEPS: usize = 40;
@@ -54,7 +55,7 @@ struct Reflection {
 
 /// Returns all eigenvalues of a matrix of n rows, given by rows, which is overwritten; `None` if the algorithm doesn't
 /// converge.
-pub(crate) fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> {
+pub fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> {
     let (mut factors, mut found) = (vec![0.0; n], vec![NAN; n]);
     if n < LARGE {
         return find(a, n, &mut factors, &mut found).then_some(found);
@@ -418,9 +419,8 @@ impl Matrix<'_> {
 
 #[cfg(test)]
 mod tests {
-    use resonarm_numeric::noise::Noise;
-
     use super::*;
+    use crate::noise::Noise;
 
     /// Polynomials with known roots, by their companion matrices; and random matrices of many scales, whose eigenvalues
     /// have the sums of powers that their traces are.
