@@ -1,0 +1,87 @@
+//! Windows and the removal of trends.
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+/// Window by which a segment is multiplied before its Fourier transform.
+///
+/// All are sums of cosines, w(n) = Σⱼ (−1)ʲ aⱼ cos(2πjn/N) for n = 0 … N − 1: periodic, so that the sample after the last
+/// one would be the first one again. F. J. Harris, "On the Use of Windows for Harmonic Analysis with the Discrete Fourier
+/// Transform", Proc. IEEE 66 (1978). The coefficients are those of `scipy.signal.get_window`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Window {
+    /// No window: whole periods of a periodic excitation, and transients that begin and end at rest.
+    Rectangular,
+    /// Hann's window, for random excitation.
+    #[default]
+    Hann,
+    /// Hamming's window.
+    Hamming,
+    /// Blackman's window.
+    Blackman,
+    /// The minimum four-term window of Blackman and Harris, whose side lobes are 92 dB below the peak.
+    BlackmanHarris,
+    /// The flat-top window, which shows the amplitude of a sinusoid to 0.1 % between the lines, too.
+    FlatTop,
+}
+
+impl Window {
+    /// Returns the coefficients aⱼ.
+    fn coefficients(self) -> &'static [f64] {
+        match self {
+            Window::Rectangular => &[1.0],
+            Window::Hann => &[0.5, 0.5],
+            Window::Hamming => &[0.54, 0.46],
+            Window::Blackman => &[0.42, 0.5, 0.08],
+            Window::BlackmanHarris => &[0.35875, 0.48829, 0.14128, 0.01168],
+            Window::FlatTop => &[0.21557895, 0.41663158, 0.277263158, 0.083578947, 0.006947368],
+        }
+    }
+
+    /// Returns the values of the window at `length` samples.
+    pub fn values(self, length: usize) -> Vec<f64> {
+        let value = |n: usize| {
+            let mut sum = 0.0;
+            for (j, coefficient) in self.coefficients().iter().enumerate() {
+                let turns = (j * n % length) as f64 / length as f64;
+                let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
+                sum += sign * coefficient * libm::cos(TAU * turns);
+            }
+            sum
+        };
+        (0..length).map(value).collect()
+    }
+}
+
+/// Trend that is removed from every segment before it is windowed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Detrend {
+    /// Leaves the samples as they are.
+    #[default]
+    None,
+    /// Subtracts the mean.
+    Constant,
+    /// Subtracts the straight line of least squares.
+    Linear,
+}
+
+impl Detrend {
+    /// Removes the trend from a segment in place.
+    pub(super) fn remove(self, samples: &mut [f64]) {
+        let count = samples.len() as f64;
+        let mean = samples.iter().sum::<f64>() / count;
+        // Times are counted from the middle of the segment, so that mean and slope are independent.
+        let middle = 0.5 * (count - 1.0);
+        let slope = match self {
+            Detrend::None => return,
+            Detrend::Constant => 0.0,
+            Detrend::Linear => {
+                let moment: f64 = samples.iter().enumerate().map(|(n, x)| (n as f64 - middle) * x).sum();
+                moment / (count * (count * count - 1.0) / 12.0).max(f64::MIN_POSITIVE)
+            }
+        };
+        for (n, sample) in samples.iter_mut().enumerate() {
+            *sample -= mean + slope * (n as f64 - middle);
+        }
+    }
+}
