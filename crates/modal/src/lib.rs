@@ -13,7 +13,33 @@
 
 extern crate alloc;
 
+mod cholesky;
+mod columns;
+mod complex;
+mod deviations;
+mod doubts;
+mod error;
+mod fit;
+mod identify;
+mod model;
+mod modes;
+mod noise;
+mod order;
+mod pole;
+mod run;
 pub mod spectra;
+mod start;
+
+pub use doubts::{ModeShift, compare_levels, judge_levels};
+pub use error::ModalError;
+pub use identify::{Options, Start, identify_records, identify_responses};
+pub use model::{Quantity, ResidueKind};
+pub use modes::{
+    ChannelNoise, Component, Doubt, Floor, Identification, Mode, PoleDeviations, ResidualTerms, Residue, RunReport,
+    Shape, Warning, assurance,
+};
+pub use run::{Band, Channel, Record, ResponseFunction, TransientModel};
+pub use start::{Cluster, OrderPoles, Stabilisation};
 
 #[cfg(test)]
 mod tests;

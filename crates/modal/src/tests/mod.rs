@@ -1,4 +1,6 @@
+mod fit;
 mod generator;
+mod reference;
 mod spectra;
 
 use nalgebra::Complex;

@@ -1,0 +1,342 @@
+//! Covariance of poles and residues.
+//!
+//! To first order the errors of the poles and of an output's linear unknowns are linear in the residuals e,
+//!
+//! ```text
+//! δp = H⁻¹ Σₒ Jₒᵀ eₒ/vₒ,   δxₒ = Aₒ⁺ eₒ − Aₒ⁺ Dₒ δp,   eₒ = √wₒ (nₒ − Σᵢ Gₒᵢ nᵢ)
+//! ```
+//!
+//! with H = Σₒ JₒᵀJₒ/vₒ, the own noise nₒ of each response and the noise nᵢ of the references, which all outputs of a run
+//! have in common. So each error is Re Σₖ conj(z(k)) n(k) with a complex column z for each source of noise, and the covariance
+//! of two errors is σ²/2 Re Σₖ conj(z) z', summed over the sources: a sandwich, which holds for any weights.
+//!
+//! Without weights and without noise of the references this is H⁻¹ for the poles, and vₒ G_AA⁻¹ + (A⁺D) H⁻¹ (A⁺D)ᵀ for the
+//! linear unknowns.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::columns::{Columns, LANES, Lane, gram, products};
+use crate::fit::{Fit, Problem, RunFit};
+use crate::model::Layout;
+use crate::noise::{Variances, gains};
+use crate::run::{Pairs, Run};
+
+/// A matrix of two rows and columns, over the real and the imaginary part.
+pub(crate) type Block = [[f64; 2]; 2];
+
+/// How a residue scatters.
+#[derive(Clone, Debug)]
+pub(crate) struct Spread {
+    /// Covariance of A⁺e for the residue, and with that for the residue at the driving point of the same reference and run.
+    own: Block,
+    with_drive: Block,
+    /// Covariance of A⁺e with the errors of the poles, for the real and the imaginary part.
+    with_poles: [Vec<f64>; 2],
+    /// A⁺D, for the real and the imaginary part.
+    sensitivity: [Vec<f64>; 2],
+}
+
+/// Covariance of all results of a fit.
+#[derive(Clone, Debug)]
+pub(crate) struct Covariance {
+    /// Of (Re λ, Im λ) of all poles, by rows.
+    pub poles: Vec<f64>,
+    /// Of the residues: `[run][output][reference][mode]`.
+    residues: Vec<Vec<Vec<Vec<Spread>>>>,
+}
+
+/// Place of a residue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub run: usize,
+    pub output: usize,
+    pub reference: usize,
+}
+
+impl Covariance {
+    /// Returns the covariance of the real and imaginary parts of a residue of a mode.
+    pub fn of(&self, place: Place, mode: usize) -> Block {
+        let spread = self.spread(place, mode);
+        self.joint(spread, spread, spread.own, true)
+    }
+
+    /// Returns the covariance of a residue with that at a driving point, of the same reference.
+    pub fn with_drive(&self, place: Place, drive: Place, mode: usize) -> Block {
+        if place == drive {
+            return self.of(place, mode);
+        }
+        let (spread, other) = (self.spread(place, mode), self.spread(drive, mode));
+        let same = place.run == drive.run && place.reference == drive.reference;
+        self.joint(spread, other, if same { spread.with_drive } else { [[0.0; 2]; 2] }, place.run == drive.run)
+    }
+
+    fn spread(&self, place: Place, mode: usize) -> &Spread {
+        &self.residues[place.run][place.output][place.reference][mode]
+    }
+
+    /// cov(x − T δp, y − U δp) = cov(x, y) − cov(x, δp) Uᵀ − T cov(δp, y) + T P Uᵀ. Errors of different runs have only the
+    /// poles in common, which each run's noise has moved.
+    fn joint(&self, x: &Spread, y: &Spread, own: Block, same_run: bool) -> Block {
+        let size = x.sensitivity[0].len();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let mut block = [[0.0; 2]; 2];
+        for i in 0..2 {
+            for j in 0..2 {
+                let poles: f64 = self
+                    .poles
+                    .chunks_exact(size.max(1))
+                    .zip(&x.sensitivity[i])
+                    .map(|(row, t)| t * dot(row, &y.sensitivity[j]))
+                    .sum();
+                let crossed = dot(&x.with_poles[i], &y.sensitivity[j]) + dot(&x.sensitivity[i], &y.with_poles[j]);
+                block[i][j] = poles - crossed + if same_run { own[i][j] } else { 0.0 };
+            }
+        }
+        block
+    }
+}
+
+/// Returns the covariance of a fit whose runs have the variances of noise that their weights come from; none if there are no
+/// weights.
+pub(crate) fn covariance(problem: &Problem, fit: &Fit, variances: &[Variances]) -> Covariance {
+    let inverse = fit.covariance();
+    if variances.is_empty() {
+        let residues = problem.runs.iter().zip(&fit.runs).map(|(run, found)| uniform(run, found)).collect();
+        return Covariance { poles: inverse, residues };
+    }
+    let size = 2 * fit.poles.len();
+    let mut poles = vec![0.0; size * size];
+    let mut residues = Vec::new();
+    for ((run, found), variances) in problem.runs.iter().zip(&fit.runs).zip(variances) {
+        let weighted = Weighted::new(run, found, variances, &inverse);
+        let part = weighted.poles();
+        poles.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+        residues.push(weighted.residues());
+    }
+    Covariance { poles, residues }
+}
+
+/// Spreads for uniform noise of each output and exact references.
+fn uniform(run: &Run, found: &RunFit) -> Vec<Vec<Vec<Spread>>> {
+    let layout = &found.layout;
+    let size = 2 * layout.modes;
+    let of_output = |output: usize| {
+        let sensitivity = found.sensitivity(output);
+        let variance = found.variance(run, output);
+        let of_reference = |reference: usize| {
+            let of_mode = |mode: usize| {
+                let unknowns = layout.residue(reference, mode);
+                let mut own = [[0.0; 2]; 2];
+                let skipped = 2 - unknowns.len();
+                for (j, column) in unknowns.clone().enumerate() {
+                    let mut unit = vec![0.0; layout.unknowns()];
+                    unit[column] = variance;
+                    found.sums(output).solve(&mut unit);
+                    unknowns.clone().enumerate().for_each(|(i, row)| own[skipped + i][skipped + j] = unit[row]);
+                }
+                Spread {
+                    own,
+                    with_drive: [[0.0; 2]; 2],
+                    with_poles: [vec![0.0; size], vec![0.0; size]],
+                    sensitivity: rows(&sensitivity, layout, reference, mode),
+                }
+            };
+            (0..layout.modes).map(of_mode).collect()
+        };
+        (0..layout.references).map(of_reference).collect()
+    };
+    (0..run.outputs()).map(of_output).collect()
+}
+
+/// Returns the rows of a residue of A⁺D; zeros for a real part that is no unknown.
+fn rows(sensitivity: &[f64], layout: &Layout, reference: usize, mode: usize) -> [Vec<f64>; 2] {
+    let size = 2 * layout.modes;
+    let row = |unknown: usize| sensitivity[unknown * size..(unknown + 1) * size].to_vec();
+    let unknowns = layout.residue(reference, mode);
+    match unknowns.len() {
+        2 => [row(unknowns.start), row(unknowns.start + 1)],
+        _ => [vec![0.0; size], row(unknowns.start)],
+    }
+}
+
+/// A run with weights.
+struct Weighted<'a> {
+    run: &'a Run,
+    found: &'a RunFit,
+    variances: &'a Variances,
+    gains: Columns,
+    /// A⁺D of each output.
+    sensitivities: Vec<Vec<f64>>,
+    /// For each output the columns z of δp from its own noise.
+    own: Vec<Columns>,
+    /// For each reference the columns z of δp from its noise.
+    common: Vec<Columns>,
+}
+
+impl<'a> Weighted<'a> {
+    /// Prepares the columns of the errors of the poles; `inverse` is H⁻¹ by rows.
+    fn new(run: &'a Run, found: &'a RunFit, variances: &'a Variances, inverse: &[f64]) -> Weighted<'a> {
+        let layout = &found.layout;
+        let (size, lines) = (2 * layout.modes, run.grid.lines());
+        let gains = gains(found);
+        let sensitivities: Vec<Vec<f64>> = (0..run.outputs()).map(|output| found.sensitivity(output)).collect();
+        let mut common = vec![Columns::zeros(lines, size); run.inputs()];
+        let mut own = Vec::new();
+        for (output, sensitivity) in sensitivities.iter().enumerate() {
+            let by_variance = 1.0 / found.variance(run, output).max(f64::MIN_POSITIVE);
+            let mut columns = Columns::zeros(lines, size);
+            for column in 0..size {
+                // J H⁻¹/v = (B S − A A⁺D) H⁻¹/v, as coefficients of the columns A and B.
+                let pole = |row: usize| by_variance * inverse[row * size + column];
+                let mut coefficients = vec![0.0; layout.unknowns() + layout.slopes()];
+                for (unknown, row) in sensitivity.chunks_exact(size).enumerate() {
+                    coefficients[unknown] = -row.iter().enumerate().map(|(k, t)| t * pole(k)).sum::<f64>();
+                }
+                for mode in 0..layout.modes {
+                    let [re, im] = [pole(2 * mode), pole(2 * mode + 1)];
+                    for (place, [x, y]) in layout.slopes_of(mode, &found.outputs[output].unknowns) {
+                        coefficients[layout.unknowns() + place] += x * re - y * im;
+                        coefficients[layout.unknowns() + place + 1] += y * re + x * im;
+                    }
+                }
+                let target = columns.column_mut(column);
+                combine(&found.columns, &coefficients, run.weights.column(output), target);
+                for (input, common) in common.iter_mut().enumerate() {
+                    let gain = gains.parts(output * run.inputs() + input);
+                    add_conjugate_product(common.parts_mut(column), gain, columns.parts(column));
+                }
+            }
+            own.push(columns);
+        }
+        Weighted { run, found, variances, gains, sensitivities, own, common }
+    }
+
+    /// Covariance of the poles from the noise of this run.
+    fn poles(&self) -> Vec<f64> {
+        let mut sum = vec![0.0; 4 * self.found.layout.modes * self.found.layout.modes];
+        let own = self.own.iter().zip(&self.variances.responses);
+        for (columns, variance) in own.chain(self.common.iter().zip(&self.variances.references)) {
+            let part = gram(&columns.iter().collect::<Vec<_>>(), None);
+            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += 0.5 * variance * part);
+        }
+        sum
+    }
+
+    /// Spreads of all residues.
+    fn residues(&self) -> Vec<Vec<Vec<Spread>>> {
+        let layout = &self.found.layout;
+        let mut all = vec![vec![Vec::new(); layout.references]; self.run.outputs()];
+        for reference in 0..layout.references {
+            let drive = match &self.run.pairs {
+                Pairs::All { references, responses } => {
+                    responses.iter().position(|response| *response == references[reference])
+                }
+                Pairs::Each(_) => None,
+            };
+            for mode in 0..layout.modes {
+                let columns: Vec<Columns> =
+                    (0..self.run.outputs()).map(|output| self.residue_columns(output, reference, mode)).collect();
+                for (output, own) in columns.iter().enumerate() {
+                    let spread =
+                        self.spread([output, reference, mode], own, drive.map(|drive| (drive, &columns[drive])));
+                    all[output][reference].push(spread);
+                }
+            }
+        }
+        all
+    }
+
+    /// Columns z of A⁺e for the real and the imaginary part of a residue.
+    fn residue_columns(&self, output: usize, reference: usize, mode: usize) -> Columns {
+        let layout = &self.found.layout;
+        let unknowns = layout.residue(reference, mode);
+        let mut columns = Columns::zeros(self.run.grid.lines(), 2);
+        for (part, unknown) in (2 - unknowns.len()..2).zip(unknowns) {
+            let mut coefficients = vec![0.0; layout.unknowns()];
+            coefficients[unknown] = 1.0;
+            self.found.sums(output).solve(&mut coefficients);
+            combine(&self.found.columns, &coefficients, self.run.weights.column(output), columns.column_mut(part));
+        }
+        columns
+    }
+
+    /// Columns of an output's error as the noise of a reference makes it.
+    fn through(&self, output: usize, input: usize, columns: &Columns) -> Columns {
+        let mut found = Columns::zeros(self.run.grid.lines(), columns.count());
+        let gain = self.gains.parts(output * self.run.inputs() + input);
+        for column in 0..columns.count() {
+            add_conjugate_product(found.parts_mut(column), gain, columns.parts(column));
+        }
+        found
+    }
+
+    fn spread(
+        &self,
+        [output, reference, mode]: [usize; 3],
+        columns: &Columns,
+        drive: Option<(usize, &Columns)>,
+    ) -> Spread {
+        let all: Vec<&[Lane]> = columns.iter().collect();
+        let size = 2 * self.found.layout.modes;
+        let (mut own, mut with_drive) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
+        let mut with_poles = [vec![0.0; size], vec![0.0; size]];
+        let mut add_poles = |columns: &[&[Lane]], poles: &Columns, variance: f64| {
+            let sums = products(columns, &poles.iter().collect::<Vec<_>>());
+            for (target, row) in with_poles.iter_mut().zip(sums.chunks_exact(size)) {
+                target.iter_mut().zip(row).for_each(|(target, sum)| *target += 0.5 * variance * sum);
+            }
+        };
+        let half = 0.5 * self.variances.responses[output];
+        add_block(&mut own, &products(&all, &all), half);
+        add_poles(&all, &self.own[output], self.variances.responses[output]);
+        if drive.is_some_and(|(drive, _)| drive == output) {
+            add_block(&mut with_drive, &products(&all, &all), half);
+        }
+        for (input, variance) in self.variances.references.iter().enumerate() {
+            if *variance == 0.0 {
+                continue;
+            }
+            let through = self.through(output, input, columns);
+            let through: Vec<&[Lane]> = through.iter().collect();
+            add_block(&mut own, &products(&through, &through), 0.5 * variance);
+            add_poles(&through, &self.common[input], *variance);
+            if let Some((drive, columns)) = drive {
+                let driven = self.through(drive, input, columns);
+                add_block(&mut with_drive, &products(&through, &driven.iter().collect::<Vec<_>>()), 0.5 * variance);
+            }
+        }
+        let sensitivity = rows(&self.sensitivities[output], &self.found.layout, reference, mode);
+        Spread { own, with_drive, with_poles, sensitivity }
+    }
+}
+
+/// Adds a multiple of a matrix by rows to a block.
+fn add_block(block: &mut Block, sums: &[f64], factor: f64) {
+    block.as_flattened_mut().iter_mut().zip(sums).for_each(|(value, sum)| *value += factor * sum);
+}
+
+/// Writes weight · Σ coefficient · column to `target`.
+fn combine(columns: &Columns, coefficients: &[f64], weights: &[Lane], target: &mut [Lane]) {
+    target.fill([0.0; LANES]);
+    for (column, coefficient) in columns.iter().zip(coefficients) {
+        for (target, value) in target.iter_mut().zip(column) {
+            (0..LANES).for_each(|lane| target[lane] += coefficient * value[lane]);
+        }
+    }
+    for (target, weight) in target.iter_mut().zip(weights) {
+        (0..LANES).for_each(|lane| target[lane] *= weight[lane]);
+    }
+}
+
+/// Adds conj(gain) · column, line by line.
+fn add_conjugate_product(target: [&mut [Lane]; 2], gain: [&[Lane]; 2], column: [&[Lane]; 2]) {
+    let [re, im] = target;
+    for n in 0..re.len() {
+        for lane in 0..LANES {
+            let (a, b) = ([gain[0][n][lane], gain[1][n][lane]], [column[0][n][lane], column[1][n][lane]]);
+            re[n][lane] += a[0] * b[0] + a[1] * b[1];
+            im[n][lane] += a[0] * b[1] - a[1] * b[0];
+        }
+    }
+}

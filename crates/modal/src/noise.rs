@@ -1,0 +1,296 @@
+//! Noise of responses and references: its estimate, the weights that follow, and the references of least noise.
+//!
+//! The residual of output o has the variance σₒ² + Σᵢ |Gₒᵢ|² σᵢ², since the measured references Uᵢ carry noise σᵢ that the
+//! structure does not see: at a sharp resonance it exceeds the noise of the response by far. σₒ² and σᵢ² follow from a
+//! regression of |e|² over all lines and outputs, with the weights 1/variance² of exponentially distributed |e|².
+//!
+//! A fit with the measured references is too low by about σᵢ²/|Uᵢ|². With C = diag σₒ² + Σᵢ σᵢ² gᵢ gᵢᴴ the covariance of the
+//! residuals of all outputs at a line, the most likely references are
+//!
+//! ```text
+//! Ûᵢ = Uᵢ + σᵢ² gᵢᴴ C⁻¹ e,   gᴴ C⁻¹ e = (1 + gᴴ D⁻¹ g S)⁻¹ gᴴ D⁻¹ e,   D = diag σₒ², S = diag σᵢ²
+//! ```
+//!
+//! They take the place of Uᵢ in the columns, and Yₒ − Σᵢ Gₒᵢ (Uᵢ − Ûᵢ) that of Yₒ (R. Pintelon, J. Schoukens, "System
+//! Identification: A Frequency Domain Approach", 2nd edition 2012, chapter 9).
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use nalgebra::Complex;
+use resonarm_numeric::linear_solve::solve_complex;
+
+use crate::cholesky::Cholesky;
+use crate::columns::Columns;
+use crate::fit::{Fit, Problem, RunFit};
+use crate::run::Run;
+
+/// Rounds of the regression, each with the weights of the one before.
+const ROUNDS: usize = 15;
+/// A variance falls at most to this part in a round.
+const LEAST_PART: f64 = 1e-3;
+/// Least variance, as a part of the mean power of the response: rounding errors of a perfect measurement.
+const LEAST_VARIANCE: f64 = 1e-28;
+
+/// Variances of complex values at a line: those of a sample, as spectra are divided by √N.
+#[derive(Clone, Debug)]
+pub(crate) struct Variances {
+    pub responses: Vec<f64>,
+    pub references: Vec<f64>,
+}
+
+/// Gains of all outputs over all references: output o and reference i in column o · references + i.
+pub(crate) fn gains(found: &RunFit) -> Columns {
+    let (gain, layout) = (&found.gain[0], &found.layout);
+    let mut all = Columns::zeros_like(gain, found.outputs.len() * layout.references);
+    for (index, output) in found.outputs.iter().enumerate() {
+        for reference in 0..layout.references {
+            let start = reference * layout.gain();
+            let target = all.column_mut(index * layout.references + reference);
+            for (column, factor) in gain.iter().zip(&output.unknowns[start..start + layout.gain()]) {
+                for (target, value) in target.iter_mut().zip(column) {
+                    target.iter_mut().zip(value).for_each(|(target, value)| *target += factor * value);
+                }
+            }
+        }
+    }
+    all
+}
+
+/// Returns |z|² of a column at every line.
+fn powers(columns: &Columns, index: usize, lines: usize) -> Vec<f64> {
+    let [re, im] = columns.parts(index);
+    let all = re.as_flattened().iter().zip(im.as_flattened()).map(|(re, im)| re * re + im * im);
+    all.take(lines).collect()
+}
+
+/// Returns the median; 0 of no value.
+pub(crate) fn median(values: &mut [f64]) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    match values.len() {
+        0 => 0.0,
+        count if count % 2 == 1 => values[count / 2],
+        count => 0.5 * (values[count / 2 - 1] + values[count / 2]),
+    }
+}
+
+/// Estimates the variances of a run from the residuals of a fit.
+pub(crate) fn variances(run: &Run, found: &RunFit, gains: &Columns) -> Variances {
+    let (lines, inputs) = (run.grid.lines(), run.inputs());
+    let residuals: Vec<Vec<f64>> = found
+        .outputs
+        .iter()
+        .map(|output| {
+            let (re, im) = output.residual.split_at(output.residual.len() / 2);
+            re.as_flattened().iter().zip(im.as_flattened()).take(lines).map(|(re, im)| re * re + im * im).collect()
+        })
+        .collect();
+    let squared: Vec<Vec<f64>> = (0..gains.count()).map(|index| powers(gains, index, lines)).collect();
+    let least: Vec<f64> = (0..run.outputs())
+        .map(|output| {
+            let power: f64 = powers(&run.measured_responses, output, lines).iter().sum();
+            (LEAST_VARIANCE * power / lines as f64).max(f64::MIN_POSITIVE)
+        })
+        .collect();
+    let mut found = Variances {
+        // The median of an exponential distribution of mean 1 is ln 2.
+        responses: residuals
+            .iter()
+            .zip(&least)
+            .map(|(residual, least)| (median(&mut residual.clone()) / core::f64::consts::LN_2).max(*least))
+            .collect(),
+        references: vec![0.0; inputs],
+    };
+    for _ in 0..ROUNDS {
+        regress(&residuals, &squared, run.noisy_references, &mut found);
+        found.responses.iter_mut().zip(&least).for_each(|(variance, least)| *variance = variance.max(*least));
+    }
+    found
+}
+
+/// A round of the regression of |e|² on σₒ² + Σᵢ |Gₒᵢ|² σᵢ² with the weights of the variances so far.
+fn regress(residuals: &[Vec<f64>], squared: &[Vec<f64>], noisy: bool, found: &mut Variances) {
+    let inputs = found.references.len();
+    // For each output: Σ w, Σ w |Gᵢ|², Σ w |e|²; over all outputs: what is left for the references without σₒ².
+    let mut own = Vec::with_capacity(residuals.len());
+    let (mut shared, mut right, mut sizes) = (vec![0.0; inputs * inputs], vec![0.0; inputs], vec![0.0; inputs]);
+    for (output, residual) in residuals.iter().enumerate() {
+        let gain = |input: usize, line: usize| squared[output * inputs + input][line];
+        let (mut weight_sum, mut powers, mut sums) = (0.0, 0.0, vec![0.0; inputs]);
+        let (mut products, mut moments) = (vec![0.0; inputs * inputs], vec![0.0; inputs]);
+        for (line, power) in residual.iter().enumerate() {
+            let inner: f64 = (0..inputs).map(|i| found.references[i] * gain(i, line)).sum();
+            // Relative to the variance of the response, so that squares neither overflow nor vanish.
+            let relative = found.responses[output] / (found.responses[output] + inner);
+            let weight = relative * relative;
+            weight_sum += weight;
+            powers += weight * power;
+            for i in 0..inputs {
+                sums[i] += weight * gain(i, line);
+                moments[i] += weight * gain(i, line) * power;
+                for j in 0..inputs {
+                    products[i * inputs + j] += weight * gain(i, line) * gain(j, line);
+                }
+            }
+        }
+        let scale = 1.0 / (found.responses[output] * found.responses[output]);
+        for i in 0..inputs {
+            right[i] += scale * (moments[i] - sums[i] * powers / weight_sum);
+            sizes[i] += scale * products[i * inputs + i];
+            for j in 0..inputs {
+                shared[i * inputs + j] += scale * (products[i * inputs + j] - sums[i] * sums[j] / weight_sum);
+            }
+        }
+        own.push((weight_sum, sums, powers));
+    }
+    if noisy {
+        (0..inputs).for_each(|i| shared[i * inputs + i] += 1e-12 * sizes[i]);
+        found.references = non_negative(&shared, &right);
+    }
+    for ((weight_sum, sums, powers), variance) in own.into_iter().zip(&mut found.responses) {
+        let inner: f64 = sums.iter().zip(&found.references).map(|(sum, reference)| sum * reference).sum();
+        *variance = ((powers - inner) / weight_sum).max(LEAST_PART * *variance);
+    }
+}
+
+/// Solves for variances; one that comes out negative is 0, the most negative one first.
+fn non_negative(matrix: &[f64], right: &[f64]) -> Vec<f64> {
+    let size = right.len();
+    let mut kept: Vec<usize> = (0..size).collect();
+    loop {
+        let part: Vec<f64> = kept.iter().flat_map(|i| kept.iter().map(move |j| matrix[i * size + j])).collect();
+        let mut solved: Vec<f64> = kept.iter().map(|i| right[*i]).collect();
+        Cholesky::new(kept.len(), &part, kept.len()).solve(&mut solved);
+        let least = (0..kept.len()).min_by(|a, b| solved[*a].total_cmp(&solved[*b]));
+        match least {
+            Some(index) if solved[index] < 0.0 => {
+                kept.remove(index);
+            }
+            _ => {
+                let mut found = vec![0.0; size];
+                kept.iter().zip(solved).for_each(|(i, value)| found[*i] = value);
+                return found;
+            }
+        }
+    }
+}
+
+impl Columns {
+    /// Returns columns of zeros over the lines of others.
+    fn zeros_like(other: &Columns, count: usize) -> Columns {
+        Columns::zeros(crate::columns::LANES * other.column(0).len() / 2, count)
+    }
+}
+
+/// Sets the weights 1/(σₒ² + Σᵢ |Gₒᵢ|² σᵢ²) of a run.
+fn set_weights(run: &mut Run, gains: &Columns, variances: &Variances) {
+    let (lines, inputs) = (run.grid.lines(), run.inputs());
+    let mut weights = Columns::zeros(lines, run.outputs());
+    for output in 0..run.outputs() {
+        let mut total = vec![variances.responses[output]; lines];
+        for (input, variance) in variances.references.iter().enumerate() {
+            let powers = powers(gains, output * inputs + input, lines);
+            total.iter_mut().zip(powers).for_each(|(total, power)| *total += variance * power);
+        }
+        let values: Vec<Complex<f64>> = total.iter().map(|total| Complex::new(1.0 / total, 1.0 / total)).collect();
+        weights.set(output, &values);
+    }
+    run.weights = weights;
+}
+
+/// Puts the most likely references in place of the measured ones, given a fit to the measured ones.
+fn correct(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Variances) {
+    let (lines, inputs, outputs) = (run.grid.lines(), run.inputs(), run.outputs());
+    let mut references = vec![Vec::with_capacity(lines); inputs];
+    let mut responses = vec![Vec::with_capacity(lines); outputs];
+    let residual = Residuals { found };
+    for line in 0..lines {
+        let gain = |output: usize, input: usize| gains.value(output * inputs + input, line);
+        let mut matrix = vec![Complex::new(0.0, 0.0); inputs * inputs];
+        let mut shift = vec![Complex::new(0.0, 0.0); inputs];
+        for output in 0..outputs {
+            let by_variance = 1.0 / variances.responses[output];
+            for i in 0..inputs {
+                let scaled = gain(output, i).conj() * by_variance;
+                shift[i] += scaled * residual.value(output, line);
+                for j in 0..inputs {
+                    matrix[i * inputs + j] += scaled * gain(output, j) * variances.references[j];
+                }
+            }
+        }
+        (0..inputs).for_each(|i| matrix[i * inputs + i] += 1.0);
+        // The matrix has no eigenvalue below 1, so it is solved.
+        if solve_complex(&mut matrix, &mut shift).is_none() {
+            shift.fill(Complex::new(0.0, 0.0));
+        }
+        shift.iter_mut().zip(&variances.references).for_each(|(shift, variance)| *shift *= *variance);
+        for (input, values) in references.iter_mut().enumerate() {
+            values.push(run.measured_references.value(input, line) + shift[input]);
+        }
+        for (output, values) in responses.iter_mut().enumerate() {
+            let moved: Complex<f64> = (0..inputs).map(|input| gain(output, input) * shift[input]).sum();
+            values.push(run.measured_responses.value(output, line) + moved);
+        }
+    }
+    references.iter().enumerate().for_each(|(input, values)| run.references.set(input, values));
+    responses.iter().enumerate().for_each(|(output, values)| run.responses.set(output, values));
+}
+
+/// Complex values of the residuals of a run.
+pub(crate) struct Residuals<'a> {
+    pub found: &'a RunFit,
+}
+
+impl Residuals<'_> {
+    pub fn value(&self, output: usize, line: usize) -> Complex<f64> {
+        let residual = &self.found.outputs[output].residual;
+        let (re, im) = residual.split_at(residual.len() / 2);
+        let (lane, at) = (line / crate::columns::LANES, line % crate::columns::LANES);
+        Complex::new(re[lane][at], im[lane][at])
+    }
+}
+
+/// Sets the weights of all runs from the residuals of a fit.
+pub(crate) fn weigh(problem: &mut Problem, fit: &Fit) -> Vec<Variances> {
+    let mut all = Vec::new();
+    for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
+        let gains = gains(found);
+        let variances = variances(run, found, &gains);
+        set_weights(run, &gains, &variances);
+        all.push(variances);
+    }
+    all
+}
+
+/// Sets the weights of all runs, and the most likely references, from a fit to the measured ones.
+pub(crate) fn weigh_and_correct(problem: &mut Problem, fit: &Fit) -> Vec<Variances> {
+    let mut all = Vec::new();
+    for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
+        let gains = gains(found);
+        let variances = variances(run, found, &gains);
+        set_weights(run, &gains, &variances);
+        correct(run, found, &gains, &variances);
+        all.push(variances);
+    }
+    all
+}
+
+/// Returns −2 ln L of a fit with the variances that follow from its own residuals: Σ 2 (ln v + |e|²/v).
+pub(crate) fn likelihood(problem: &Problem, fit: &Fit) -> f64 {
+    let mut sum = 0.0;
+    for (run, found) in problem.runs.iter().zip(&fit.runs) {
+        let (gains, inputs) = (gains(found), run.inputs());
+        let variances = variances(run, found, &gains);
+        let residuals = Residuals { found };
+        for output in 0..run.outputs() {
+            let gain: Vec<Vec<f64>> =
+                (0..inputs).map(|input| powers(&gains, output * inputs + input, run.grid.lines())).collect();
+            for line in 0..run.grid.lines() {
+                let inner: f64 = variances.references.iter().zip(&gain).map(|(v, gain)| v * gain[line]).sum();
+                let variance = variances.responses[output] + inner;
+                sum += 2.0 * (libm::log(variance) + residuals.value(output, line).norm_sqr() / variance);
+            }
+        }
+    }
+    sum
+}

@@ -1,0 +1,281 @@
+//! Number of modes.
+//!
+//! Modes are left out, and added, as long as that improves the likelihood by more than what a mode's unknowns gain by chance:
+//! 1.5 times the penalty p ln n of G. Schwarz, "Estimating the Dimension of a Model", Ann. Statist. 6 (1978), with p the real
+//! unknowns of a mode and n the real data.
+//!
+//! Removal with the other poles held overstates a false pole beside a true one, a *twin*, and weights that come from a fit with
+//! a false pole protect it. So each suspect is left out once more, the other modes are fitted again with new weights, and the
+//! whole likelihoods are compared.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+use crate::complex::magnitude;
+use crate::fit::{Fit, Problem};
+use crate::noise::{Residuals, likelihood, median, weigh};
+use crate::pole::{block, damping_ratio, deviations, pole};
+use crate::run::Band;
+
+/// Factor on the penalty.
+const FACTOR: f64 = 1.5;
+/// Largest damping ratio of a mode.
+pub(crate) const MOST_DAMPING: f64 = 0.3;
+/// Largest relative deviation of a damping ratio.
+pub(crate) const MOST_UNCERTAIN: f64 = 0.3;
+/// Modes that are added at most.
+const ADDED: usize = 4;
+/// A residual is white if its smoothed power exceeds its median by less than this many standard deviations.
+const WHITE: f64 = 6.0;
+/// Lines over which a residual is smoothed: at least these, and a 200th of all.
+const LEAST_SMOOTHED: usize = 8;
+const SMOOTHED_PART: usize = 200;
+/// Damping ratio of a third attempt at a missing mode.
+const WEAK_DAMPING: f64 = 1e-3;
+/// A new mode whose gain exceeds the penalty this many times ends the attempts.
+const CLEAR: f64 = 20.0;
+/// A suspect is nearer to another pole than this many |Re λ| and `NEAR_HZ`.
+const NEAR: f64 = 8.0;
+const NEAR_HZ: f64 = 1.0;
+/// Suspects that are tried in each round.
+const SUSPECTS: usize = 6;
+
+/// Steps of the fits.
+const FIRST: usize = 6;
+const WEIGHTED: usize = 4;
+const BACKWARD: usize = 12;
+const FORWARD: usize = 15;
+const FINAL: usize = 8;
+
+/// A line where the residual is larger than noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Excess {
+    pub frequency_hz: f64,
+    /// Smoothed power over its median.
+    pub ratio: f64,
+}
+
+/// Penalty of a mode.
+fn penalty(problem: &Problem) -> f64 {
+    let unknowns = |run: &crate::run::Run| {
+        let residues = problem.residues.unknowns() * run.inputs();
+        run.outputs() * (residues + if run.transient { 2 } else { 0 })
+    };
+    let count = 2 + problem.runs.iter().map(unknowns).sum::<usize>();
+    FACTOR * count as f64 * libm::log(problem.data() as f64)
+}
+
+/// Whether a pole is one of a mode in the band.
+fn is_mode(pole: Complex<f64>, band: Band) -> bool {
+    (band.from_hz..band.to_hz).contains(&(pole.im / TAU)) && damping_ratio(pole) < MOST_DAMPING
+}
+
+/// Relative deviations of the damping ratios, for uniform noise.
+fn uncertainties(fit: &Fit) -> Vec<f64> {
+    let covariance = fit.covariance();
+    let count = fit.poles.len();
+    let of = |(index, pole): (usize, &Complex<f64>)| {
+        let [_, deviation] = deviations(*pole, block(&covariance, count, index));
+        deviation / damping_ratio(*pole)
+    };
+    fit.poles.iter().enumerate().map(of).collect()
+}
+
+/// Finds the modes of the band from starting poles; `None` if none is left.
+///
+/// With `weighted`, weights follow from the noise of responses and references. The runs have those of the last fit at the end.
+pub(crate) fn select(
+    problem: &mut Problem,
+    start: &[Complex<f64>],
+    band: Band,
+    weighted: bool,
+) -> Option<Vec<Complex<f64>>> {
+    problem.runs.iter_mut().for_each(crate::run::Run::reset);
+    let mut fit = problem.minimise(start, FIRST);
+    if weighted {
+        for _ in 0..2 {
+            weigh(problem, &fit);
+            fit = problem.minimise(&fit.poles, WEIGHTED);
+        }
+    }
+    fit = leave_out(problem, fit.poles, band)?;
+    for _ in 0..ADDED {
+        match add(problem, &fit, band) {
+            Some(better) => fit = better,
+            None => break,
+        }
+    }
+    let mut poles = if weighted { without_twins(problem, fit) } else { fit.poles };
+    poles.sort_by(|a, b| a.im.total_cmp(&b.im));
+    Some(poles)
+}
+
+/// Leaves out modes outside the band, with an uncertain damping ratio, or without gain.
+fn leave_out(problem: &Problem, mut poles: Vec<Complex<f64>>, band: Band) -> Option<Fit> {
+    let penalty = penalty(problem);
+    loop {
+        let fit = problem.minimise(&poles, BACKWARD);
+        let inside: Vec<Complex<f64>> = fit.poles.iter().copied().filter(|pole| is_mode(*pole, band)).collect();
+        if inside.is_empty() {
+            return None;
+        }
+        if inside.len() < fit.poles.len() {
+            poles = inside;
+            continue;
+        }
+        if fit.poles.len() == 1 {
+            return Some(fit);
+        }
+        let gains = uncertainties(&fit)
+            .into_iter()
+            .enumerate()
+            .map(|(mode, uncertainty)| if uncertainty > MOST_UNCERTAIN { 0.0 } else { fit.removal(problem, mode) });
+        let mut weak: Vec<(f64, usize)> = gains.enumerate().map(|(mode, gain)| (gain, mode)).collect();
+        weak.retain(|(gain, _)| *gain < penalty);
+        if weak.is_empty() {
+            return Some(fit);
+        }
+        // The weaker half at once, but never all.
+        weak.sort_by(|a, b| a.0.total_cmp(&b.0));
+        weak.truncate(weak.len().div_ceil(2).min(fit.poles.len() - 1));
+        let left = |mode: &usize| weak.iter().all(|(_, out)| out != mode);
+        poles = (0..fit.poles.len()).filter(left).map(|mode| fit.poles[mode]).collect();
+    }
+}
+
+/// Returns the line where the weighted residuals of all runs with the same lines, smoothed over neighbouring lines, exceed
+/// their median the most, if that is more than noise does.
+pub(crate) fn excess(problem: &Problem, fit: &Fit) -> Option<Excess> {
+    let mut grids: Vec<(&[f64], Vec<f64>, usize)> = Vec::new();
+    for (run, found) in problem.runs.iter().zip(&fit.runs) {
+        let lines = run.grid.lines();
+        let at = grids.iter().position(|(frequency_hz, ..)| *frequency_hz == run.grid.frequency_hz.as_slice());
+        let at = at.unwrap_or_else(|| {
+            grids.push((&run.grid.frequency_hz, vec![0.0; lines], 0));
+            grids.len() - 1
+        });
+        let residuals = Residuals { found };
+        for output in 0..run.outputs() {
+            let weight = |line: usize| if run.weights.count() > 0 { run.weights.value(output, line).re } else { 1.0 };
+            let power: Vec<f64> =
+                (0..lines).map(|line| weight(line) * residuals.value(output, line).norm_sqr()).collect();
+            let smooth = moving_average(&power, smoothed(lines));
+            let middle = median(&mut smooth.clone()).max(f64::MIN_POSITIVE);
+            grids[at].1.iter_mut().zip(smooth).for_each(|(sum, value)| *sum += value / middle);
+            grids[at].2 += 1;
+        }
+    }
+    let mut worst: Option<(f64, Excess)> = None;
+    for (frequency_hz, sums, outputs) in grids {
+        let most = 1.0 + WHITE / libm::sqrt((smoothed(frequency_hz.len()) * outputs) as f64);
+        let Some(line) = (0..sums.len()).max_by(|a, b| sums[*a].total_cmp(&sums[*b])) else { continue };
+        let ratio = sums[line] / outputs as f64;
+        if ratio >= most && worst.is_none_or(|(factor, _)| ratio / most > factor) {
+            worst = Some((ratio / most, Excess { frequency_hz: frequency_hz[line], ratio }));
+        }
+    }
+    worst.map(|(_, excess)| excess)
+}
+
+fn smoothed(lines: usize) -> usize {
+    LEAST_SMOOTHED.max(lines / SMOOTHED_PART)
+}
+
+/// Means over `width` values around each one; values beyond the ends are zero.
+fn moving_average(values: &[f64], width: usize) -> Vec<f64> {
+    let after = (width - 1) / 2;
+    let of = |at: usize| {
+        let from = (at + after + 1).saturating_sub(width);
+        let to = (at + after + 1).min(values.len());
+        values[from..to].iter().sum::<f64>() / width as f64
+    };
+    (0..values.len()).map(of).collect()
+}
+
+/// Returns a better fit with one more mode where the residual is larger than noise.
+fn add(problem: &Problem, fit: &Fit, band: Band) -> Option<Fit> {
+    let excess = excess(problem, fit)?;
+    let penalty = penalty(problem);
+    let mut damping: Vec<f64> = fit.poles.iter().map(|pole| damping_ratio(*pole)).collect();
+    let typical = median(&mut damping);
+    let distance = |pole: &Complex<f64>| (pole.im / TAU - excess.frequency_hz).abs();
+    let near = (0..fit.poles.len()).min_by(|a, b| distance(&fit.poles[*a]).total_cmp(&distance(&fit.poles[*b])))?;
+    let split = {
+        let (mut poles, centre) = (fit.poles.clone(), fit.poles[near]);
+        let half = Complex::new(0.0, 0.5 * centre.re.abs());
+        poles[near] = centre + half;
+        poles.push(centre - half);
+        poles
+    };
+    let with = |damping_ratio: f64| {
+        let mut poles = fit.poles.clone();
+        poles.push(pole(excess.frequency_hz, damping_ratio));
+        poles
+    };
+    let mut best: Option<Fit> = None;
+    let gain = |best: &Option<Fit>| best.as_ref().map_or(0.0, |best| fit.cost - best.cost);
+    for start in [split, with(WEAK_DAMPING), with((3.0 * typical).min(MOST_DAMPING)), with(typical)] {
+        if gain(&best) > CLEAR * penalty {
+            break;
+        }
+        let tried = problem.minimise(&start, FORWARD);
+        let modes = tried.poles.iter().all(|pole| is_mode(*pole, band));
+        if !modes || uncertainties(&tried).into_iter().any(|uncertainty| uncertainty > MOST_UNCERTAIN) {
+            continue;
+        }
+        if best.as_ref().is_none_or(|best| tried.cost < best.cost) {
+            best = Some(tried);
+        }
+    }
+    if gain(&best) < penalty { None } else { best }
+}
+
+/// Fits without weights, and then twice with weights from the residuals.
+fn fit_anew(problem: &mut Problem, poles: &[Complex<f64>]) -> Fit {
+    problem.runs.iter_mut().for_each(crate::run::Run::reset);
+    let mut fit = problem.minimise(poles, FINAL);
+    for _ in 0..2 {
+        weigh(problem, &fit);
+        fit = problem.minimise(&fit.poles, FINAL);
+    }
+    fit
+}
+
+/// Poles near to another, narrowest first.
+fn suspects(poles: &[Complex<f64>]) -> Vec<usize> {
+    let near = |mode: usize, other: usize| {
+        let wide = poles[mode].re.abs().max(poles[other].re.abs());
+        mode != other && magnitude(poles[mode] - poles[other]) < NEAR * wide + TAU * NEAR_HZ
+    };
+    let mut found: Vec<usize> =
+        (0..poles.len()).filter(|mode| (0..poles.len()).any(|other| near(*mode, other))).collect();
+    found.sort_by(|a, b| poles[*a].re.abs().total_cmp(&poles[*b].re.abs()));
+    found.truncate(SUSPECTS);
+    found
+}
+
+/// Leaves out poles beside others without which the likelihood, with new weights, is as good.
+fn without_twins(problem: &mut Problem, fit: Fit) -> Vec<Complex<f64>> {
+    if suspects(&fit.poles).is_empty() {
+        return fit.poles;
+    }
+    let penalty = penalty(problem);
+    let mut fit = fit_anew(problem, &fit.poles);
+    let mut least = likelihood(problem, &fit);
+    'round: loop {
+        for suspect in suspects(&fit.poles) {
+            let mut others = fit.poles.clone();
+            others.remove(suspect);
+            let tried = fit_anew(problem, &others);
+            let value = likelihood(problem, &tried);
+            if value - least < penalty {
+                (fit, least) = (tried, value);
+                continue 'round;
+            }
+        }
+        return fit.poles;
+    }
+}
