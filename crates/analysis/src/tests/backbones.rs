@@ -82,7 +82,7 @@ fn two_masses() -> Forced {
         shapes: vec![shape("m1", [half, half]), shape("m2", [half, -half])],
     };
     let law = Law::Cubic { stiffness3: 0.5, stiffness5: 0.0 };
-    let elements = vec![ElementSpec { at: place("m1.x"), to: None, law }];
+    let elements = vec![ElementSpec::Point { at: place("m1.x"), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
     let m1 = assembly.dof("m1.x").unwrap();
     Forced::new(assembly, m1, 1.0)
