@@ -248,9 +248,9 @@ mod tests {
         conformance --beyond-n: none; in the FD profile 1.01 times the plant's limit
         conformance --beyond-n-per-s: none is tried
         conformance --beyond-travel-n: none is tried
-        conformance --bit-rate-hz: they are not
+        conformance --bit-rate-hz: without load alone
         conformance --expect-frequency-hz: no sine is expected
-        conformance --pid: it isn't
+        conformance --pid: the case is left out
         replay --from-s: the beginning
         replay --to-s: the end
         identify --from-hz: that of the recorded excitation, or 1

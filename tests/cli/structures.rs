@@ -385,7 +385,7 @@ fn backbones_of_structures() {
     ");
     let free = document(folder.path(), 0, &on_oscillator("backbone", "--drive tip.x --to 0.02 --undamped --json"));
     assert_eq!((&free["kind"], &free["bending"]), (&"nonlinear-normal-mode".into(), &"hardening".into()));
-    let names = ["frequency_hz", "harmonics", "readings"];
+    let names = ["energy_j", "frequency_hz", "harmonics", "readings"];
     let last = free["points"].as_array().unwrap().last().unwrap();
     assert_eq!(super::names(last), names);
     assert!((last["readings"]["tip.x"]["largest"].as_f64().unwrap() - 0.02).abs() < 1e-9);
