@@ -250,7 +250,7 @@ pub enum ImportError {
         got: String,
     },
     /// Nothing is read or driven where an instrument or the exciter is.
-    #[error("rig.{instrument}: structure.{section} has no variable at `{at}`; there are {known}")]
+    #[error("rig.{instrument}: no variable of structure.{section} is at `{at}`; there are {known}")]
     Place {
         /// Name of the instrument in the scenario.
         instrument: &'static str,

@@ -157,8 +157,8 @@ fn variables_that_do_not_fit_are_refused() {
     insta::assert_snapshot!(with(|spec| { spec.outputs.insert("tip".into(), OutputsOf::default()); }), @r#"structure.outputs: `tip` names no degree of freedom: write point and axis, as in "tip.x", or joint1, or mode1"#);
     let mode = |spec: &mut Spec| drop(spec.inputs.insert("mode1".into(), "force".into()));
     insta::assert_snapshot!(with(mode), @"structure.inputs: `mode1` can't be driven: loads are forces at points and torques at joint1 to joint8");
-    insta::assert_snapshot!(with(|spec| spec.exciter = Some("top".into())), @"rig.exciter: structure.inputs has no variable at `top`; there are tip.x");
-    insta::assert_snapshot!(with(|spec| spec.accelerometer_b = Some("tip.z".into())), @"rig.sensors.b: structure.outputs has no variable with acceleration is at `tip.z`; there are tip.x");
+    insta::assert_snapshot!(with(|spec| spec.exciter = Some("top".into())), @"rig.exciter: no variable of structure.inputs is at `top`; there are tip.x");
+    insta::assert_snapshot!(with(|spec| spec.accelerometer_b = Some("tip.z".into())), @"rig.sensors.b: no variable of structure.outputs with acceleration is at `tip.z`; there are tip.x");
     let filtered = |spec: &mut Spec| (spec.is_filtered, outputs(spec).velocity) = (true, None);
     insta::assert_snapshot!(with(filtered), @r#"structure.outputs."tip.x": `velocity` is missing: the filter of rig.converter needs it beside the acceleration; or take the converter `instant`"#);
     let limited = |spec: &mut Spec| (spec.limits_travel, outputs(spec).displacement) = (true, None);
@@ -189,7 +189,7 @@ fn coordinates_are_of_one_kind_and_without_a_gap() {
         outputs(spec).velocity = None;
         spec.outputs.insert("joint2".into(), moving(None));
     });
-    insta::assert_snapshot!(gap, @"structure.outputs: 1 joints with displacement and velocity: a recording has joints 1 to 8, without a gap");
+    insta::assert_snapshot!(gap, @"structure.outputs: displacement and velocity are given for 1 joints: a recording has at most 8, numbered from 1 without a gap");
     let mut modes = spec();
     outputs(&mut modes).velocity = None;
     modes.outputs.extend((1..=10).map(|mode| (format!("mode{mode}"), moving(None))));
