@@ -92,7 +92,7 @@ class Branch:
     origin: Origin | None = None
     """Where the branch leaves another one; None for the first."""
     branches: tuple["Branch", ...] = ()
-    """The branches that leave this one at branch points and period doublings, and those that leave these, if requested."""
+    """If requested, the branches that leave this one at bifurcations, and those that leave these."""
     left_out: tuple[tuple[Origin, str], ...] = ()
     """Places where branches begin that were not followed, with the reasons."""
     curves: tuple[Curve, ...] = ()
@@ -183,7 +183,7 @@ def continuation(
       name of one, `"joint1"`, or several in a ratio; then it is that of the first.
     - `frequency_hz`: f, if another parameter varies.
     - `at`: where the response is read, by default where the structure is driven.
-    - `branches`: follow the branches that leave it at branch points and period doublings, too, and those that leave these,
+    - `branches`: follow the branches that leave it at branch points and period doublings, and those that leave these,
       up to 8 periods of the excitation.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).

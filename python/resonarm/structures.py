@@ -30,7 +30,7 @@ _Section = dict[str, Any]
 
 
 class AccuracyWarning(UserWarning):
-    """A result is less accurate than its method usually is. The message states the reason and how to lower the error."""
+    """A result is less accurate than its method usually is. The message states the reason and how to improve it."""
 
 
 class Structure(_resonarm.Assembly):
@@ -392,7 +392,7 @@ class Modal(Structure):
         """The lowest `modes` of a chain about its rest, all by default. Points are those of the chain.
 
         The modal structure is linear, in its displacements too, and neglects how damping couples the modes. Raises
-        ValueError if the chain has elements, or if the coupling moves a mode by more than 0.01 of the motion of another.
+        ValueError if the chain has elements, or if the coupling moves one by more than 0.01 of the motion of another.
         """
         section = _resonarm.modes_of_structure(chain, modes)
         return cls._of({**section, **_shared(elements, (), name)})
