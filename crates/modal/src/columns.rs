@@ -338,20 +338,4 @@ mod tests {
             }
         }
     }
-
-    /// 22,440 rows of 35 columns, as for a record of 60 s: prints the time of a sum of products. Run it with `--ignored
-    /// --nocapture`.
-    #[test]
-    #[ignore = "a measurement"]
-    #[allow(clippy::disallowed_methods)]
-    fn speed() {
-        let (columns, _) = random(11_220, 35, 3);
-        let all: Vec<&[Lane]> = columns.iter().collect();
-        for weights in [None, Some(columns.column(0))] {
-            let begin = std::time::Instant::now();
-            let sum: f64 = (0..200).map(|_| gram(&all, weights)[3]).sum();
-            let seconds = begin.elapsed().as_secs_f64() / 200.0;
-            std::println!("{seconds} s, {} GFlop/s {sum}", 22440.0 * 35.0 * 35.0 / seconds / 1e9);
-        }
-    }
 }

@@ -131,7 +131,7 @@ pub struct Residue {
 /// A component of a mode shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Component {
-    /// Degree of freedom.
+    /// Degree of freedom whose displacement it is.
     pub dof: usize,
     /// Value for unit modal mass, 1/√kg with N and m. Its imaginary part is small for a nearly normal mode.
     pub value: Complex<f64>,
@@ -203,7 +203,7 @@ impl Mode {
 /// Estimated noise of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelNoise {
-    /// Degree of freedom.
+    /// Degree of freedom that the channel measures.
     pub dof: usize,
     /// Estimated standard deviation, of a sample of a record or of a complex value of a frequency response.
     pub estimated: f64,

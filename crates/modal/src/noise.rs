@@ -264,13 +264,9 @@ pub(crate) fn weigh(problem: &mut Problem, fit: &Fit) -> Vec<Variances> {
 
 /// Sets the weights of all runs, and the most likely references, from a fit to the measured ones.
 pub(crate) fn weigh_and_correct(problem: &mut Problem, fit: &Fit) -> Vec<Variances> {
-    let mut all = Vec::new();
-    for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
-        let gains = gains(found);
-        let variances = variances(run, found, &gains);
-        set_weights(run, &gains, &variances);
-        correct(run, found, &gains, &variances);
-        all.push(variances);
+    let all = weigh(problem, fit);
+    for ((run, found), variances) in problem.runs.iter_mut().zip(&fit.runs).zip(&all) {
+        correct(run, found, &gains(found), variances);
     }
     all
 }

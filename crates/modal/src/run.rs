@@ -202,13 +202,12 @@ impl Run {
             }
         }
         check_band(band, frequency_hz[lines - 1])?;
-        let inside: Vec<usize> =
-            (0..lines).filter(|k| (band.from_hz..=band.to_hz).contains(&frequency_hz[*k])).collect();
-        let (Some(first), Some(last)) = (inside.first(), inside.last()) else {
+        // Frequencies rise, so that those of the band are neighbours.
+        let lines =
+            frequency_hz.partition_point(|f| *f < band.from_hz)..frequency_hz.partition_point(|f| *f <= band.to_hz);
+        if lines.is_empty() {
             return Err(ModalError::TooFewLines { lines: 0, least: 1 });
-        };
-        let lines = first..&(last + 1);
-        let lines = *lines.start..*lines.end;
+        }
         let ones = vec![Complex::new(1.0, 0.0); lines.len()];
         let references = Columns::of_values(lines.len(), [ones.as_slice()].into_iter());
         let values = functions.iter().map(|function| &function.values[lines.clone()]);

@@ -56,7 +56,7 @@ pub enum SpectraError {
     /// Frequency responses need an input and an output.
     #[error("there are {inputs} inputs and {outputs} outputs: frequency responses need at least one of each")]
     NoResponse {
-        /// Number of inputs.
+        /// Number of inputs of the record.
         inputs: usize,
         /// Number of outputs.
         outputs: usize,
@@ -64,7 +64,7 @@ pub enum SpectraError {
     /// The estimator H2 is defined for one input only.
     #[error("the estimator H2 needs a single input, got {inputs}: use H1 or Hv")]
     SeveralInputs {
-        /// Number of inputs.
+        /// Number of inputs of the record.
         inputs: usize,
     },
     /// There are too few averages to separate the inputs.
@@ -72,7 +72,7 @@ pub enum SpectraError {
     TooFewAverages {
         /// Number of segments that were averaged.
         averages: usize,
-        /// Number of inputs.
+        /// Number of inputs of the record.
         inputs: usize,
     },
     /// The ratio of noise powers for Hv is not a positive number.
