@@ -136,6 +136,17 @@ def named(names: list[str], rows: Array, field: str = "kind") -> Array:
     return out
 
 
+def with_beats(bifurcations: Array, beats: list[tuple[float, float]]) -> Array:
+    """The bifurcations, with the rotation number and the frequency of the beat of each after the kind."""
+    (kind, form), *fields = ((name, bifurcations.dtype[name]) for name in bifurcations.dtype.names or ())
+    out = np.empty(len(bifurcations), [(kind, form), ("rotation_number", NUMBER), ("beat_hz", NUMBER), *fields])
+    for name in bifurcations.dtype.names or ():
+        out[name] = bifurcations[name]
+    out["rotation_number"] = [number for number, _ in beats]
+    out["beat_hz"] = [hz for _, hz in beats]
+    return out
+
+
 _UNITS = {
     "_m_sqrt_kg_s": "m·√kg/s",
     "_m_sqrt_kg": "m·√kg",

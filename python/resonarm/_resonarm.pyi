@@ -40,7 +40,7 @@ _Pair = Sequence[float] | NDArray[Any]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
 _Drive = tuple[list[tuple[str, float]], float, float]
-_Origin = tuple[str, float, int, int, bool]
+_Origin = tuple[str, float, int | None, int, bool]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
@@ -106,6 +106,8 @@ class TracedBranch:
     @property
     def bifurcations(self) -> bytearray: ...
     @property
+    def beats(self) -> list[tuple[float, float]]: ...
+    @property
     def peaks(self) -> bytearray: ...
     @property
     def unlocated(self) -> list[tuple[str, float, float]]: ...
@@ -120,6 +122,8 @@ class Traced:
     def branches(self) -> list[tuple[_Origin, TracedBranch]]: ...
     @property
     def left_out(self) -> list[tuple[_Origin, str]]: ...
+    @property
+    def sub_harmonics(self) -> list[float]: ...
     @property
     def curves(self) -> list[tuple[str, bytearray, bytearray, list[bool]]]: ...
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _drive, _extras, _resonarm
 from ._drive import Drive
-from ._dtypes import Array, named, orbit, singular, view
+from ._dtypes import Array, named, orbit, singular, view, with_beats
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -45,14 +45,14 @@ class Curve:
 
 
 class Origin(NamedTuple):
-    """The place where a branch leaves another one."""
+    """The place where a branch begins."""
 
     kind: str
-    """Kind of the bifurcation: `branch-point` or `period-doubling`."""
+    """`branch-point` or `period-doubling` for a branch that leaves another one there, `sub-harmonic` for one by itself."""
     value: float
     """The parameter there."""
-    branch: int
-    """The branch that it leaves: 0 for the first, k for `branches[k - 1]`."""
+    branch: int | None
+    """The branch that it leaves: 0 for the first, k for `branches[k - 1]`; None for a sub-harmonic one."""
     period: int
     """The period of the branch, in those of the excitation."""
     mirrored: bool
@@ -80,7 +80,9 @@ class Branch:
     phase by which it leads the drive), of a joint in rad (`joint2_largest_rad`), and the Floquet `multipliers`, the
     largest first, followed by NaN where others have more."""
     bifurcations: Array
-    """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point."""
+    """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point. At a Neimark–Sacker point
+    `rotation_number` and `beat_hz` are the second frequency of the vibration that begins there, as a fraction of that of
+    the response, from 0 to 1/2, and in Hz; elsewhere they are NaN."""
     peaks: Array
     """The same columns: for each degree of freedom that is read the response with its largest displacement, located
     between the points."""
@@ -90,11 +92,13 @@ class Branch:
     stability: bool = True
     """Whether the stability was computed. If not, `stable` is False in all rows, and bifurcations are folds alone."""
     origin: Origin | None = None
-    """Where the branch leaves another one; None for the first."""
+    """Where the branch begins; None for the first."""
     branches: tuple["Branch", ...] = ()
-    """If requested, the branches that leave this one at bifurcations, and those that leave these."""
+    """If requested, the branches that leave this one at bifurcations, those that leave these, and sub-harmonic ones."""
     left_out: tuple[tuple[Origin, str], ...] = ()
     """Places where branches begin that were not followed, with the reasons."""
+    sub_harmonics: tuple[float, ...] = ()
+    """The values of the parameter at which sub-harmonic responses, of 2 and 3 periods of the excitation, were sought."""
     curves: tuple[Curve, ...] = ()
     """The curves of the folds and period doublings, if requested."""
 
@@ -109,7 +113,7 @@ class Branch:
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
         stable responses as lines, others dashed, all as lines if the stability was not computed, bifurcations as
-        markers, with the branches that leave it. `ax` are matplotlib's axes, by default those of a new figure; they
+        markers, with the other branches. `ax` are matplotlib's axes, by default those of a new figure; they
         are returned."""
         at = self.at[0] if at is None else at
         ax, column = _extras.axes(ax), self.column(at)
@@ -184,7 +188,7 @@ def continuation(
     - `frequency_hz`: f, if another parameter varies.
     - `at`: where the response is read, by default where the structure is driven.
     - `branches`: follow the branches that leave it at branch points and period doublings, and those that leave these,
-      up to 8 periods of the excitation.
+      up to 8 periods of the excitation, and sub-harmonic ones of 2 and 3 periods that are found near free vibrations.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).
     - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
@@ -224,7 +228,8 @@ def continuation(
     def branch(rows: _resonarm.TracedBranch, **more: Any) -> Branch:
         form = orbit(units, rows.multipliers)
         points, peaks = view(rows.points, form), view(rows.peaks, form)
-        bifurcations, unlocated = named(rows.kinds, view(rows.bifurcations, form)), tuple(rows.unlocated)
+        bifurcations = with_beats(named(rows.kinds, view(rows.bifurcations, form)), rows.beats)
+        unlocated = tuple(rows.unlocated)
         of = (parameter, label, amplitudes, read, points, bifurcations, peaks, unlocated, stability)
         return Branch(*of, **more)
 
@@ -237,7 +242,7 @@ def continuation(
             curves.append(Curve(kind, names, labels, view(points, form), named(kinds, view(turns, form))))
     switched = tuple(branch(rows, origin=Origin(*origin)) for origin, rows in traced.branches)
     left_out = tuple((Origin(*origin), reason) for origin, reason in traced.left_out)
-    found = branch(traced.branch, branches=switched, left_out=left_out, curves=tuple(curves))
+    found = branch(traced.branch, branches=switched, left_out=left_out, sub_harmonics=tuple(traced.sub_harmonics), curves=tuple(curves))
     if traced.ended_early is not None:
         raise EndedEarly(traced.ended_early, found)
     return found

@@ -4,8 +4,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::{AnalysisError, EndedEarly};
 use resonarm::analysis::{
-    Assess, Branch, Coordinate, Forced, NotFollowed, Orbit, Origin, SingularCurve, SingularPoint, SwitchedBranch,
-    TraceOptions, trace, trace_branches, trace_singular_curves,
+    Assess, Bifurcation, Branch, Coordinate, Forced, NotFollowed, Orbit, Origin, SingularCurve, SingularPoint,
+    SwitchedBranch, TraceOptions, trace, trace_branches, trace_singular_curves,
 };
 
 use crate::errors;
@@ -16,13 +16,14 @@ use crate::structure::Assembly;
 /// The largest step along a curve of bifurcations, relative to its local size: short enough to be drawn.
 const LARGEST_CURVE_STEP: f64 = 0.08;
 
-/// A branch: points, kinds and points of bifurcations, those not located by kind and interval, for each degree of
+/// A branch: points, kinds, points and beats of bifurcations, those not located by kind and interval, for each degree of
 /// freedom that is read the response with the largest displacement; the number of multipliers in a row.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct TracedBranch {
     points: Py<PyByteArray>,
     kinds: Vec<&'static str>,
     bifurcations: Py<PyByteArray>,
+    beats: Vec<(f64, f64)>,
     unlocated: Vec<(&'static str, f64, f64)>,
     peaks: Py<PyByteArray>,
     multipliers: usize,
@@ -31,17 +32,18 @@ pub struct TracedBranch {
 /// Kind, points, places of turns; whether each is a cusp.
 type CurveRows = (&'static str, Py<PyByteArray>, Py<PyByteArray>, Vec<bool>);
 
-/// The beginning of a branch that leaves another one: kind and value of the bifurcation, number of the branch that it
-/// leaves, period, whether the branch has a mirror image.
-type OriginRow = (&'static str, f64, usize, usize, bool);
+/// The beginning of a branch: kind and value of the bifurcation, number of the branch that it leaves if it leaves one,
+/// period, whether the branch has a mirror image.
+type OriginRow = (&'static str, f64, Option<usize>, usize, bool);
 
-/// The results: the branch, those that leave it with their beginnings, beginnings of branches that were not followed with
-/// the reasons, curves, and why any of these ended early if one did.
+/// The results: the branch, others with their beginnings, beginnings of branches that were not followed with the reasons,
+/// values at which sub-harmonic responses were sought, curves, and why any of these ended early if one did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct Traced {
     branch: Py<TracedBranch>,
     branches: Vec<(OriginRow, Py<TracedBranch>)>,
     left_out: Vec<(OriginRow, String)>,
+    sub_harmonics: Vec<f64>,
     curves: Vec<CurveRows>,
     ended_early: Option<String>,
 }
@@ -85,7 +87,7 @@ pub fn trace_branch(
     let request =
         BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, branches, curves, settings };
     let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
-    let Found { branch, branches, left_out, curves, early } =
+    let Found { branch, branches, left_out, sub_harmonics, curves, early } =
         py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
     let switched = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), TracedBranch::new(py, branch)?));
     let left_out = left_out.into_iter();
@@ -93,6 +95,7 @@ pub fn trace_branch(
         branch: TracedBranch::new(py, &branch)?,
         branches: branches.iter().map(switched).collect::<PyResult<_>>()?,
         left_out: left_out.map(|(origin, reason)| (origin_row(&origin), errors::printable(reason))).collect(),
+        sub_harmonics,
         curves: curves.iter().map(|(kind, curve)| curve_rows(py, kind, curve)).collect::<PyResult<_>>()?,
         ended_early: early.map(errors::printable),
     })
@@ -118,6 +121,7 @@ struct Found {
     branch: Branch,
     branches: Vec<(Origin, Branch)>,
     left_out: Vec<(Origin, NotFollowed)>,
+    sub_harmonics: Vec<f64>,
     /// Curves with the names of their kinds.
     curves: Vec<(&'static str, SingularCurve)>,
     /// The first reason why one ended early.
@@ -141,13 +145,14 @@ impl BranchRequest {
             Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
             traced => keep(traced, &mut early),
         };
-        let (mut branches, mut left_out) = (Vec::new(), Vec::new());
+        let (mut branches, mut left_out, mut sub_harmonics) = (Vec::new(), Vec::new(), Vec::new());
         if self.branches {
             let switched = trace_branches(&self.forced, &branch, self.varied, options);
             for SwitchedBranch { origin, traced } in switched.branches {
                 branches.push((origin, keep(traced, &mut early)));
             }
             left_out = switched.left_out;
+            sub_harmonics = switched.sub_harmonics.values;
             for (_, reason) in &left_out {
                 if let NotFollowed::Failed(reason) = reason {
                     early.get_or_insert(reason.clone());
@@ -164,7 +169,7 @@ impl BranchRequest {
                 curves.push((kind.name(), keep(traced, &mut early)));
             }
         }
-        Ok(Found { branch, branches, left_out, curves, early })
+        Ok(Found { branch, branches, left_out, sub_harmonics, curves, early })
     }
 }
 
@@ -190,12 +195,18 @@ impl TracedBranch {
             points: rows(&mut branch.orbits.iter())?,
             kinds: branch.bifurcations.iter().map(|bifurcation| bifurcation.kind.name()).collect(),
             bifurcations: rows(&mut found())?,
+            beats: branch.bifurcations.iter().map(beat).collect(),
             unlocated: branch.unlocated.iter().map(|at| (at.kind.name(), at.between[0], at.between[1])).collect(),
             peaks: rows(&mut branch.peaks.iter())?,
             multipliers,
         };
         Py::new(py, traced)
     }
+}
+
+/// The rotation number of a Neimark–Sacker point and the frequency of the beat, Hz; NaN at other bifurcations.
+fn beat(found: &Bifurcation) -> (f64, f64) {
+    found.beat().map_or((f64::NAN, f64::NAN), |beat| (beat.rotation_number, beat.frequency_hz))
 }
 
 /// The Floquet multipliers of a periodic response, re and im; none if they are not known.

@@ -21,8 +21,9 @@ use crate::progress::timed;
 use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use resonarm::analysis::{
-    self, Assess, Bifurcation, Branch, BranchEnd, Coordinate, Forced, NotFollowed, Orbit, Origin, Stability,
-    SwitchedBranch, TraceOptions, Unlocated, trace, trace_branches, trace_singular_curves,
+    self, Assess, Beat, Bifurcation, Branch, BranchEnd, Coordinate, Forced, NotFollowed, Orbit, Origin, OriginKind,
+    Stability, SubHarmonicSearch, SwitchedBranch, TraceOptions, Unlocated, trace, trace_branches,
+    trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -83,10 +84,11 @@ pub(crate) struct Continue {
     frequency_hz: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    /// Also follow the branches from branch points and period doublings.
+    /// Also follow other branches: from bifurcations, and sub-harmonic ones.
     ///
-    /// The branches that leave these are followed, too, up to 8 periods of the load. Of two branches that are mirror images
-    /// of each other, one is followed.
+    /// Branches leave at branch points and period doublings, and others leave these; they are followed up to 8 periods of the
+    /// load. Of two branches that are mirror images of each other, one is followed. Sub-harmonic responses, of 2 and 3
+    /// periods of the load, are sought near free vibrations.
     #[arg(long, help_heading = heading::COMPUTATION)]
     branches: bool,
     #[command(flatten)]
@@ -141,6 +143,8 @@ struct Found {
     tolerance: f64,
     branches: Vec<(Origin, Branch)>,
     left_out: Vec<(Origin, NotFollowed)>,
+    /// Where sub-harmonic responses were sought, if they were to be.
+    sub_harmonics: Option<SubHarmonicSearch>,
     curves: Option<Curves>,
 }
 
@@ -162,6 +166,9 @@ struct Document {
     /// Places where branches begin that were not followed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     left_out: Vec<Value>,
+    /// Where sub-harmonic responses were sought.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sub_harmonics: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -189,7 +196,7 @@ impl BranchDocument {
 
 #[derive(Serialize)]
 struct SwitchedDocument {
-    /// The bifurcation at which the branch begins.
+    /// The place where the branch begins.
     from: Value,
     /// The period of its responses, in periods of the drive.
     period: usize,
@@ -211,7 +218,7 @@ impl SwitchedDocument {
 }
 
 /// Returns the place where a branch begins: the kind and the value of the bifurcation, and the number of the branch on
-/// which it is, 0 for the first.
+/// which it is, 0 for the first; or the value at which a sub-harmonic branch was found.
 fn beginning(origin: &Origin) -> Value {
     json!({ "kind": origin.kind.name(), "value": origin.value, "branch": origin.parent })
 }
@@ -235,6 +242,7 @@ impl Continue {
             peaks: peaks(&found.branch, &walk.read),
             branches: found.branches.iter().map(|switched| SwitchedDocument::new(switched, &walk.read)).collect(),
             left_out: found.left_out.iter().map(left_out).collect(),
+            sub_harmonics: found.sub_harmonics.as_ref().map(sought),
             curves: found.curves.as_ref().map(|curves| curves.document(&walk.read)),
             ended_early: early.document(),
             wall_s,
@@ -313,13 +321,14 @@ impl Continue {
         options.assess = self.assess();
         let name = coordinate.to_string();
         let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
-        let (mut branches, mut left_out) = (Vec::new(), Vec::new());
+        let (mut branches, mut left_out, mut sub_harmonics) = (Vec::new(), Vec::new(), None);
         if self.branches {
             let switched = trace_branches(&forced, &branch, coordinate, &options);
             for SwitchedBranch { origin, traced } in switched.branches {
                 branches.push((origin, early.keep(&name, traced)?));
             }
             left_out = switched.left_out;
+            sub_harmonics = Some(switched.sub_harmonics);
             // A branch that can't be followed is reported at the end: the rest are results all the same.
             for (_, reason) in &left_out {
                 if let NotFollowed::Failed(reason) = reason {
@@ -331,7 +340,7 @@ impl Continue {
             Some(second) => Some(self.curves(&forced, &branch, walk, second, early)?),
             None => None,
         };
-        Ok(Found { branch, tolerance: options.branch.truncation, branches, left_out, curves })
+        Ok(Found { branch, tolerance: options.branch.truncation, branches, left_out, sub_harmonics, curves })
     }
 
     /// Follows the curves of folds and period doublings of the branch.
@@ -391,9 +400,8 @@ impl Continue {
             format!("{}, in {wall_s:.3} s\n", counted(branch))
         };
         text += &truncated(branch, found.tolerance, unit);
-        for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
-            text +=
-                &format!("{} at {} {unit}: {}\n", kind.name(), rounded(&orbit.value, 7), words(&orbit.readings, read));
+        for found in &branch.bifurcations {
+            text += &format!("{}\n", bifurcation_in_words(found, read, unit));
         }
         if branch.bifurcations.is_empty() && branch.unlocated.is_empty() {
             // Folds are found by the direction of the walk alone; every other bifurcation needs the multipliers.
@@ -417,9 +425,8 @@ impl Continue {
                 if origin.period > 1 { format!(", {} periods of the load", origin.period) } else { String::new() };
             let mirrored = if origin.is_mirrored { ", one of two mirror images" } else { "" };
             text += &format!("branch {k} from {}{period}{mirrored}: {}\n", from(origin, unit), counted(branch));
-            for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
-                let readings = words(&orbit.readings, read);
-                text += &format!("  {} at {} {unit}: {readings}\n", kind.name(), rounded(&orbit.value, 7));
+            for found in &branch.bifurcations {
+                text += &format!("  {}\n", bifurcation_in_words(found, read, unit));
             }
             let end = match branch.end {
                 BranchEnd::Early => "  it ends early\n",
@@ -432,14 +439,46 @@ impl Continue {
         for (origin, reason) in &found.left_out {
             text += &format!("not followed from {}: {reason}\n", from(origin, unit));
         }
+        text += &found.sub_harmonics.as_ref().map_or_else(String::new, |search| sought_in_words(search, unit));
         text + &found.curves.as_ref().map_or_else(String::new, |curves| curves.text(&walk.drive))
     }
 }
 
 /// Returns the place where a branch begins in words.
 fn from(origin: &Origin, unit: &str) -> String {
-    let of = if origin.parent > 0 { format!(" of branch {}", origin.parent) } else { String::new() };
-    format!("{} at {} {unit}{of}", origin.kind.name(), rounded(&origin.value, 7))
+    let kind = match origin.kind {
+        OriginKind::BranchPoint => "the branch point",
+        OriginKind::PeriodDoubling => "the period doubling",
+        OriginKind::SubHarmonic => "a sub-harmonic response",
+    };
+    let of = origin.parent.filter(|parent| *parent > 0).map_or(String::new(), |parent| format!(" of branch {parent}"));
+    format!("{kind} at {} {unit}{of}", rounded(&origin.value, 7))
+}
+
+/// Says where sub-harmonic responses were sought.
+fn sought(search: &SubHarmonicSearch) -> Value {
+    json!({
+        "periods": SubHarmonicSearch::PERIODS, "values": search.values,
+        "error": search.error.as_ref().map(ToString::to_string),
+    })
+}
+
+/// Says the same in words.
+fn sought_in_words(search: &SubHarmonicSearch, unit: &str) -> String {
+    match (&search.error, search.values.as_slice()) {
+        (Some(error), _) => format!("sub-harmonic responses were not sought: {error}\n"),
+        (None, []) => String::from(
+            "sub-harmonic responses were not sought: no free vibration has a half or a third of the frequency\n",
+        ),
+        (None, values @ [first, ..]) => {
+            let [from, to] = [first, values.last().unwrap_or(first)].map(|value| rounded(value, 7));
+            format!(
+                "sub-harmonic responses of 2 and 3 periods were sought near free vibrations at {} values from {from} to {to} \
+                 {unit}; others may exist\n",
+                values.len()
+            )
+        }
+    }
 }
 
 /// Returns the place of a branch that was not followed, with the reason.
@@ -513,7 +552,20 @@ fn bifurcation(found: &Bifurcation, read: &[ReadAt]) -> Value {
     let mut value = point(&found.orbit, read);
     value["kind"] = json!(found.kind.name());
     value["index"] = json!(found.index);
+    if let Some(Beat { rotation_number, frequency_hz }) = found.beat() {
+        value["rotation_number"] = json!(rotation_number);
+        value["beat_hz"] = json!(frequency_hz);
+    }
     value
+}
+
+fn bifurcation_in_words(found: &Bifurcation, read: &[ReadAt], unit: &str) -> String {
+    let Bifurcation { kind, orbit, .. } = found;
+    let beat = found.beat().map_or_else(String::new, |Beat { rotation_number, frequency_hz }| {
+        let [number, hz] = [rotation_number, frequency_hz].map(|value| rounded(&value, 6).to_string());
+        format!("; beyond it the response beats at {hz} Hz (rotation number {number})")
+    });
+    format!("{} at {} {unit}: {}{beat}", kind.name(), rounded(&orbit.value, 7), words(&orbit.readings, read))
 }
 
 /// Returns the largest response of each degree of freedom.

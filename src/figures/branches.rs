@@ -142,7 +142,7 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
 /// Returns the series in the style of a branch that leaves another one, whose responses have this period.
 fn switched(series: Series, period: usize) -> Series {
     let of_branch = match period {
-        1 => String::from("another branch"),
+        1 => String::from("other branches"),
         period => format!("{period} periods"),
     };
     let label = series.label.map(|label| format!("{label}, {of_branch}"));

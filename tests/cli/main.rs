@@ -3,6 +3,7 @@
 
 mod backbone;
 mod bad_input;
+mod branches;
 mod canopen;
 mod compare;
 mod conformance;

@@ -33,6 +33,7 @@ use super::orbit::{Reading, TraceOptions};
 use super::unknowns::{Body, Kept, direction_at_rest};
 use super::{Coordinate, Forced, branch};
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
+use crate::dense::norm;
 use crate::search::{FINE, search};
 use crate::{AnalysisError, Bending, BranchOptions, EndedEarly, Place};
 
@@ -330,6 +331,17 @@ impl Quadrature {
         true
     }
 
+    /// Returns all unknowns of a solution.
+    fn all(&mut self, z: &[f64]) -> Vec<f64> {
+        match &mut self.free {
+            Some(free) => {
+                free.expand(z);
+                free.all.clone()
+            }
+            None => z.to_vec(),
+        }
+    }
+
     /// Returns the number of unknowns before the series among all.
     fn before_series(&self) -> usize {
         1 + usize::from(self.of_modes())
@@ -358,14 +370,8 @@ impl Spectral for Quadrature {
     }
 
     fn evaluate_orbit(&mut self, z: &[f64], lambda: f64) -> bool {
-        let all = match &mut self.free {
-            Some(free) => {
-                free.expand(z);
-                &free.all.clone()
-            }
-            None => z,
-        };
-        self.set(all);
+        let all = self.all(z);
+        self.set(&all);
         let before = self.before_series();
         Spectral::evaluate_orbit(&mut self.balance, &all[before..], lambda)
     }
@@ -379,6 +385,21 @@ impl Spectral for Quadrature {
 /// is no such mode, [`AnalysisError::NotDriven`] if the drive can't bring it to quadrature; otherwise as
 /// [`super::trace`].
 pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, EndedEarly<Backbone>> {
+    let (mut system, mut continuation, options) = leave_rest(forced, options)?;
+    let mut curve = Backbone::default();
+    let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
+    curve.work = continuation.work();
+    match reason {
+        None => Ok(curve),
+        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    }
+}
+
+/// Returns the equations of a backbone, a continuation at its first response, and the options with the scale of that.
+fn leave_rest(
+    forced: &Forced,
+    options: &BackboneOptions,
+) -> Result<(Quadrature, Continuation, BackboneOptions), AnalysisError> {
     let (mut system, start) = begin(forced, options)?;
     let mut tangent = start.tangent;
     let rest = vec![0.0; system.dimension()];
@@ -397,16 +418,44 @@ pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, 
         size *= 0.1;
         started = begun(size);
     }
-    let (settings, mut continuation) = started?;
+    let (settings, continuation) = started?;
     let branch = BranchOptions { continuation: settings, ..options.branch };
-    let options = BackboneOptions { branch, ..options.clone() };
-    let mut curve = Backbone::default();
-    let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
-    curve.work = continuation.work();
-    match reason {
-        None => Ok(curve),
-        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    Ok((system, continuation, BackboneOptions { branch, ..options.clone() }))
+}
+
+/// A free periodic motion of an undamped structure.
+#[derive(Clone, Debug)]
+pub(super) struct FreeMotion {
+    pub frequency_hz: f64,
+    /// The series of the unknowns, see [`super::unknowns`].
+    pub series: Vec<f64>,
+}
+
+/// Returns the free motions of a mode of an undamped structure, from small ones to those of the size `largest`, or to
+/// where the frequency leaves its interval, or they can't be followed.
+///
+/// # Errors
+/// As [`backbone`], if there are none.
+pub(super) fn free_motions(
+    forced: &Forced,
+    options: &BackboneOptions,
+    largest: f64,
+) -> Result<Vec<FreeMotion>, AnalysisError> {
+    let (mut system, mut continuation, options) = leave_rest(forced, options)?;
+    let mut motions = Vec::new();
+    while adapt(&mut system, &mut continuation, &options.branch).is_ok() {
+        let point = continuation.point();
+        let (frequency_hz, before) = (point.lambda, system.before_series());
+        let series = system.all(&point.x)[before..].to_vec();
+        let is_last = norm(&series) > largest
+            || options.branch.left_at(frequency_hz).is_some()
+            || motions.len() >= options.branch.most_points;
+        motions.push(FreeMotion { frequency_hz, series });
+        if is_last || continuation.advance(&mut system).is_err() {
+            break;
+        }
     }
+    Ok(motions)
 }
 
 /// Start of the continuation: at rest, in this direction, with a first step of this size.

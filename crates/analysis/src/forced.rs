@@ -58,6 +58,17 @@ impl Forced {
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 
+    /// Returns the structure without damping, and without elements whose force is friction.
+    ///
+    /// # Errors
+    /// As [`Assembly::new`].
+    pub(super) fn without_dissipation(&self) -> Result<Forced, AnalysisError> {
+        let mut spec = self.assembly.spec().clone();
+        let is_friction = |law: &Law| matches!(law, Law::Friction { .. } | Law::Lugre { .. } | Law::Tanh { .. });
+        spec.elements.retain(|element| !matches!(element, ElementSpec::Point { law, .. } if is_friction(law)));
+        Forced { assembly: Assembly::new(&spec)?, ..self.clone() }.undamped()
+    }
+
     /// Says whether nothing dissipates energy: no joint, no mode and no element.
     pub fn is_conservative(&self) -> bool {
         let spec = self.assembly.spec();

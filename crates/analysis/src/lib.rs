@@ -48,6 +48,7 @@ mod search;
 mod singular;
 mod spectral;
 mod start;
+mod sub_harmonic;
 mod switching;
 pub mod time_domain;
 mod unknowns;
@@ -67,12 +68,16 @@ pub use grid::frequencies_hz;
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
 pub use linear::LinearResponse;
 pub use nearest::{Distances, Nearest, nearest};
-pub use orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated, Verdict};
+pub use orbit::{
+    Assess, Beat, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated, Verdict,
+};
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};
 pub use start::{StartAttempt, StartEnd, StartStructure};
-pub use switching::{NotFollowed, Origin, SwitchedBranch, SwitchedBranches, trace_branches};
+pub use switching::{
+    NotFollowed, Origin, OriginKind, SubHarmonicSearch, SwitchedBranch, SwitchedBranches, trace_branches,
+};
 
 #[cfg(test)]
 mod tests;

@@ -219,6 +219,31 @@ pub struct Bifurcation {
     pub index: usize,
 }
 
+/// The vibration that begins at a Neimark–Sacker point: a second frequency beside that of the response, as a beat of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beat {
+    /// The rotation number ρ = arg μ/2π of the pair of multipliers on the unit circle, from 0 to ½: the part of a turn
+    /// that the beat advances in a period of the response.
+    pub rotation_number: f64,
+    /// The second frequency ρΩ/2πν, Hz, up to multiples of that of the response.
+    pub frequency_hz: f64,
+}
+
+impl Bifurcation {
+    /// Returns the beat that begins at a Neimark–Sacker point; `None` at other bifurcations.
+    pub fn beat(&self) -> Option<Beat> {
+        if self.kind != BifurcationKind::NeimarkSacker {
+            return None;
+        }
+        let pairs = self.orbit.stability.iter().flat_map(|stability| &stability.multipliers).filter(|mu| mu.im > 0.0);
+        let off = |mu: &Complex<f64>| (mu.norm_sqr() - 1.0).abs();
+        let mu = pairs.min_by(|a, b| off(a).total_cmp(&off(b)))?;
+        let rotation_number = libm::atan2(mu.im, mu.re) / TAU;
+        let base_hz = self.orbit.frequency_hz / self.orbit.period as f64;
+        Some(Beat { rotation_number, frequency_hz: rotation_number * base_hz })
+    }
+}
+
 /// A bifurcation that was detected between two points, by a change of sign, and could not be located.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unlocated {

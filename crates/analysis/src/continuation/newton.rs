@@ -6,7 +6,7 @@ use super::{StepRefusal, System, Work};
 use crate::dense::{Determinant, Lu, dot, norm};
 
 /// The most Newton iterations in a step.
-const NEWTON_LIMIT: usize = 6;
+pub(super) const NEWTON_LIMIT: usize = 6;
 /// The most where the matrix may be nearly singular, as near a branch point: Newton's method then only halves the
 /// error.
 pub(super) const PATIENT_LIMIT: usize = 40;

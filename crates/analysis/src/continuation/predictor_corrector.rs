@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::newton::{Plane, Solver};
+use super::newton::{NEWTON_LIMIT, Plane, Solver};
 use super::{ContinuationSettings, Point, StepRefusal, System, Work};
 use crate::AnalysisError;
 use crate::dense::{Determinant, dot, norm};
@@ -40,6 +40,19 @@ impl Continuation {
         lambda: f64,
         direction: f64,
     ) -> Result<Continuation, AnalysisError> {
+        Continuation::start_within(NEWTON_LIMIT, system, settings, x, lambda, direction)
+    }
+
+    /// Works like [`Continuation::start`] with another limit of Newton's iterations, in which the corrections may also grow:
+    /// for starts far from the solution, any one of which will do.
+    pub(crate) fn start_within(
+        limit: usize,
+        system: &mut impl System,
+        settings: ContinuationSettings,
+        x: &[f64],
+        lambda: f64,
+        direction: f64,
+    ) -> Result<Continuation, AnalysisError> {
         let n = system.dimension();
         let mut solver = Solver::default();
         let mut normal = vec![0.0; n + 1];
@@ -54,7 +67,7 @@ impl Continuation {
             sigma = size / settings.lambda_scale(lambda);
             through[n] = sigma * lambda;
             solver
-                .correct(system, &Plane { normal: &normal, through: &through, sigma }, size)
+                .correct_within(limit, system, &Plane { normal: &normal, through: &through, sigma }, size)
                 .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
             through[..n].copy_from_slice(&solver.z[..n]);
         }

@@ -70,7 +70,7 @@ fn doubled_branches_of_a_chain_are_those_of_the_arm() {
     let branch = traced(&chain, ends[0], Coordinate::FrequencyHz, ends);
     let in_hz = options(&chain, Coordinate::FrequencyHz, ends);
     let switched = trace_branches(&chain, &branch, Coordinate::FrequencyHz, &in_hz);
-    let doubled: Vec<_> = switched.branches.into_iter().filter(|switched| switched.origin.parent == 0).collect();
+    let doubled: Vec<_> = switched.branches.into_iter().filter(|switched| switched.origin.parent == Some(0)).collect();
     let expected = case["doubled"].as_array().unwrap();
     assert_eq!(doubled.len(), expected.len());
     for (got, expected) in doubled.into_iter().zip(expected) {

@@ -1,4 +1,4 @@
-//! Branch points, and the branches that leave others.
+//! Branch points, the branches that leave others, sub-harmonic responses, and beats.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -9,13 +9,15 @@ use serde_json::Value;
 use super::super::balance::Balance;
 use super::super::phase_zero::at_phase_zero;
 use super::super::time_domain::StroboscopicMap;
-use super::super::{BranchEnd, NotFollowed, Orbit, SwitchedBranch, SwitchedBranches, trace, trace_branches};
+use super::super::{
+    BranchEnd, NotFollowed, Orbit, Origin, OriginKind, SwitchedBranch, SwitchedBranches, trace, trace_branches,
+};
 use super::arm::numbers;
 use super::starts::forced;
-use super::{near, of_kind};
+use super::{near, number, of_kind};
 use crate::{BifurcationKind, Branch, Coordinate, Forced, TraceOptions};
 
-use BifurcationKind::{BranchPoint, Fold, PeriodDoubling};
+use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 
 /// The case of this name; see `tests/oracles/README.md`.
 fn case(kind: &str, name: &str) -> Value {
@@ -49,13 +51,18 @@ fn all_near(got: &[f64], expected: &[f64], relative: f64) {
     got.iter().zip(expected).for_each(|(got, expected)| near(*got, *expected, relative));
 }
 
+/// The state of a response at phase 0 of the drive.
+fn start(forced: &Forced, orbit: &Orbit) -> Vec<f64> {
+    let orders = [orbit.period, orbit.harmonics];
+    let mut balance = Balance::of_period(forced, orders, orbit.frequency_hz, Coordinate::FrequencyHz);
+    balance.evaluate_orbit(&orbit.coefficients);
+    at_phase_zero(&balance)
+}
+
 /// How far a response, integrated in time, is from its beginning after this many periods of the drive, relative to its
 /// size.
 fn distance_after(forced: &Forced, orbit: &Orbit, periods: usize) -> f64 {
-    let mut balance =
-        Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, Coordinate::FrequencyHz);
-    balance.evaluate_orbit(&orbit.coefficients);
-    let start = at_phase_zero(&balance);
+    let start = start(forced, orbit);
     let map = StroboscopicMap::new(forced, orbit.frequency_hz).unwrap();
     let mut end = [start.clone()];
     map.advance_all(&mut end, periods as u32).unwrap();
@@ -87,7 +94,8 @@ fn a_pitchfork_has_one_branch_for_both_mirror_images() {
         near(point.readings[0].largest, largest, 1e-5);
     }
     let [asymmetric] = &switched.branches[..] else { panic!("{:?}", switched.branches) };
-    assert_eq!((asymmetric.origin.kind, asymmetric.origin.parent, asymmetric.origin.period), (BranchPoint, 0, 1));
+    let Origin { kind, parent, period, .. } = asymmetric.origin;
+    assert_eq!((kind, parent, period), (OriginKind::BranchPoint, Some(0), 1));
     assert!(asymmetric.origin.is_mirrored);
     near(asymmetric.origin.value * TAU, expected[0], 1e-9);
     let asymmetric = whole(asymmetric);
@@ -137,7 +145,7 @@ fn doublings_are_followed_to_a_cascade() {
     all_near(&places(whole(asymmetric), PeriodDoubling), &expected[..1], 1e-9);
     assert_eq!(doubled.len(), 3);
     for (number, (doubled, at)) in (1..).zip(doubled.iter().zip(&expected)) {
-        assert_eq!((doubled.origin.kind, doubled.origin.parent), (PeriodDoubling, number));
+        assert_eq!((doubled.origin.kind, doubled.origin.parent), (OriginKind::PeriodDoubling, Some(number)));
         assert_eq!(doubled.origin.period, 1 << number);
         near(doubled.origin.value * TAU, *at, 1e-9);
         // The multiplier −1 is accurate, although the stiffness is up to a thousand times that of the mode.
@@ -151,5 +159,99 @@ fn doublings_are_followed_to_a_cascade() {
         is_confirmed_in_time(&forced, whole(doubled));
     }
     let [(beyond, reason)] = &switched.left_out[..] else { panic!("{:?}", switched.left_out) };
-    assert_eq!((beyond.parent, beyond.period, reason), (4, 16, &NotFollowed::Cascade));
+    assert_eq!((beyond.parent, beyond.period, reason), (Some(4), 16, &NotFollowed::Cascade));
+}
+
+/// The response of a branch at a frequency, between its points: the largest displacement and the stability of the nearer
+/// one.
+fn crossings(branch: &Branch, omega_rad_s: f64) -> Vec<(f64, Option<bool>)> {
+    let at = |orbit: &Orbit| orbit.value * TAU - omega_rad_s;
+    let pairs = branch.orbits.windows(2).filter(|pair| at(&pair[0]) * at(&pair[1]) <= 0.0);
+    pairs
+        .map(|pair| {
+            let share = at(&pair[0]) / (at(&pair[0]) - at(&pair[1]));
+            let [a, b] = [0, 1].map(|end: usize| pair[end].readings[0].largest);
+            (a + share * (b - a), pair[usize::from(share > 0.5)].is_stable())
+        })
+        .collect()
+}
+
+/// A hardening oscillator has closed branches of two and of three periods of the load, which no other branch leads to. A
+/// range within one of them cuts it: both its responses are found, the stable one and the other.
+#[test]
+fn sub_harmonic_branches_are_found_and_closed() {
+    let cases = ["half", "third"].map(|name| case("sub_harmonics", name));
+    let (forced, _, switched) = switched(&cases[0], &[2.2, 25.0]);
+    assert_eq!((switched.branches.len(), switched.left_out.len()), (2, 0));
+    for (found, case) in switched.branches.iter().zip(&cases) {
+        assert_eq!((found.origin.kind, found.origin.parent), (OriginKind::SubHarmonic, None));
+        assert_eq!(found.origin.period as u64, case["period"].as_u64().unwrap());
+        let branch = whole(found);
+        assert_eq!(branch.end, BranchEnd::Closed);
+        let mut folds = places(branch, Fold);
+        folds.sort_by(f64::total_cmp);
+        all_near(&folds, &numbers(&case["folds_rad_s"]), 1e-9);
+        near(branch.peaks[0].readings[0].largest, number(case, "largest_m"), 1e-4);
+        for largest in numbers(&case["largest_at_m"]) {
+            let all = crossings(branch, number(case, "at_rad_s"));
+            assert!(all.iter().any(|(got, _)| (got / largest - 1.0).abs() < 1e-2), "{largest}: {all:?}");
+        }
+        is_confirmed_in_time(&forced, branch);
+    }
+}
+
+#[test]
+fn a_sub_harmonic_branch_is_cut_by_the_range() {
+    let cases = ["half", "third"].map(|name| case("sub_harmonics", name));
+    let (_, _, switched) = switched(&cases[0], &[4.4, 4.6]);
+    // Of the responses of two periods the unstable one is not among those that are found.
+    for (case, stability) in cases.iter().zip([&[Some(true)][..], &[Some(true), Some(false)]]) {
+        let period = case["period"].as_u64().unwrap();
+        let of_period = switched.branches.iter().filter(|found| found.origin.period as u64 == period).map(whole);
+        let mut found: Vec<(f64, Option<bool>)> = of_period
+            .flat_map(|branch| {
+                assert_eq!(branch.end, BranchEnd::AtEnd);
+                crossings(branch, number(case, "at_rad_s"))
+            })
+            .collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let largest: Vec<f64> = found.iter().map(|found| found.0).collect();
+        all_near(&largest, &numbers(&case["largest_at_m"]), 1e-4);
+        assert_eq!(found.iter().map(|found| found.1).collect::<Vec<_>>(), stability);
+    }
+}
+
+/// The rotation numbers of an absorber's Neimark–Sacker points. Beyond the first one the response beats with the second
+/// frequency: started beside the periodic response, which is unstable, the section turns by the rotation number in each
+/// period.
+#[test]
+fn a_neimark_sacker_point_has_a_rotation_number() {
+    let case = case("neimark_sacker", "absorber");
+    let (forced, branch, switched) = switched(&case, &[0.9, 1.21]);
+    assert!(switched.branches.is_empty() && switched.sub_harmonics.values.is_empty());
+    let points: Vec<_> = branch.bifurcations.iter().filter(|found| found.kind == NeimarkSacker).collect();
+    let expected = case["points"].as_array().unwrap();
+    assert_eq!(points.len(), expected.len());
+    for (point, expected) in points.iter().zip(expected) {
+        near(point.orbit.value * TAU, number(expected, "omega_rad_s"), 1e-7);
+        let beat = point.beat().unwrap();
+        near(beat.rotation_number, number(expected, "rotation_number"), 1e-5);
+        near(beat.frequency_hz, beat.rotation_number * point.orbit.value, 1e-12);
+    }
+    let orbit = &points[0].orbit;
+    let map = StroboscopicMap::new(&forced, orbit.frequency_hz).unwrap();
+    let fixed = map.to_point(&start(&forced, orbit));
+    let mut state = [start(&forced, orbit)];
+    state[0][0] *= 1.0 + 1e-6;
+    // Other pairs of multipliers die out first. Then the distance returns to its direction after 1/ρ periods.
+    map.advance_all(&mut state, 30).unwrap();
+    let mut distances = Vec::new();
+    for _ in 0..101 {
+        distances.push((map.to_point(&state[0]) - &fixed)[0]);
+        map.advance_all(&mut state, 1).unwrap();
+    }
+    let signs: Vec<usize> = (1..distances.len()).filter(|k| distances[k - 1] < 0.0 && distances[*k] >= 0.0).collect();
+    let (first, last) = (signs[0], signs[signs.len() - 1]);
+    let turns = (signs.len() - 1) as f64 / (last - first) as f64;
+    near(turns, points[0].beat().unwrap().rotation_number, 1e-2);
 }
