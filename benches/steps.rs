@@ -112,7 +112,7 @@ fn modes_alone(bencher: Bencher, count: usize) {
 /// With two touches and releases a period of 50 ms.
 #[divan::bench(args = NUMBERS_OF_MODES)]
 fn modes_with_contact(bencher: Bencher, count: usize) {
-    let law = Law::KelvinVoigt { stiffness: 2e5, damping: 10.0, gap: 0.0002, side: Side::Positive };
+    let law = Law::KelvinVoigt { stiffness: 2e5, damping: 10.0, gap: 0.0002, side: Side::Positive, preload: 0.0 };
     let swing = |k: u32| if (k / 50).is_multiple_of(2) { 40.0 } else { -40.0 };
     steps_of(bencher, &modes(count, Some(law)), Scheme::Exponential8, &[], swing);
 }

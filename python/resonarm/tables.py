@@ -105,6 +105,8 @@ class Element(_Kind, total=False):
     stiffness_nm_rad1_5: float
     gap_m: float
     gap_rad: float
+    preload_n: float
+    preload_nm: float
     damping_n_s_m: float
     damping_nm_s_rad: float
     dissipation_s_m: float

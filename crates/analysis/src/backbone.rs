@@ -514,7 +514,9 @@ fn check_small_amplitudes(assembly: &Assembly) -> Result<(), AnalysisError> {
     use resonarm_dynamics::structure::Law;
     let bends = |law: &Law| match *law {
         Law::Cubic { .. } | Law::Linear { .. } | Law::Tanh { .. } => false,
-        Law::Gap { gap, .. } | Law::KelvinVoigt { gap, .. } | Law::HuntCrossley { gap, .. } => gap == 0.0,
+        Law::Gap { gap, preload, .. }
+        | Law::KelvinVoigt { gap, preload, .. }
+        | Law::HuntCrossley { gap, preload, .. } => gap == 0.0 && preload == 0.0,
         Law::Friction { .. } | Law::Lugre { .. } => true,
     };
     // The forces of polynomials are of degree 2 at least.

@@ -408,21 +408,23 @@ pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], s
 /// The second number is h ∂f/∂h.
 fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> (Reaction, f64) {
     let plain = || (element.force(position, velocity, 0.0), 0.0);
+    let [seat, at_rest] = element.law().seat().unwrap_or_default();
+    let position = position + seat;
     match *element.law() {
-        Law::Gap { stiffness, gap } => {
+        Law::Gap { stiffness, gap, .. } => {
             let [upper, lower] = [1.0, -1.0].map(|sign| {
                 let ramp = Ramp::new(sign * position - gap, sign * velocity, step_s);
                 (sign * ramp.mean, ramp.by_position, ramp.by_velocity)
             });
             let reaction = Reaction {
-                force: stiffness * (upper.0 + lower.0),
+                force: stiffness * (upper.0 + lower.0) - at_rest,
                 by_position: stiffness * (upper.1 + lower.1),
                 by_velocity: stiffness * (upper.2 + lower.2),
                 by_state: 0.0,
             };
             (reaction, reaction.by_velocity * velocity)
         }
-        Law::KelvinVoigt { stiffness, damping, gap, side } => {
+        Law::KelvinVoigt { stiffness, damping, gap, side, .. } => {
             let sign = side.sign();
             let (depth, rate) = (sign * position - gap, sign * velocity);
             if depth.abs() >= 0.5 * rate.abs() * step_s || (damping > 0.0 && rate < 0.0) {
@@ -431,7 +433,7 @@ fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f6
             let ramp = Ramp::new(depth, rate, step_s);
             // The damper acts for the part ½ + δ/(δ̇ h) of the interval.
             let reaction = Reaction {
-                force: sign * (stiffness * ramp.mean + damping * (0.5 * rate + depth / step_s)),
+                force: sign * (stiffness * ramp.mean + damping * (0.5 * rate + depth / step_s)) - at_rest,
                 by_position: stiffness * ramp.by_position + damping / step_s,
                 by_velocity: stiffness * ramp.by_velocity + 0.5 * damping,
                 by_state: 0.0,

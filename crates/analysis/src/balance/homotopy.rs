@@ -19,7 +19,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use resonarm_dynamics::structure::{Law, Linear};
+use resonarm_dynamics::structure::{Element, Law, Linear};
 
 use super::{Balance, Body, Pair};
 use crate::StartStructure;
@@ -52,17 +52,24 @@ pub(in super::super) struct Homotopy {
 }
 
 /// Returns the stiffness and the damping with which an element belongs to the linear structure.
-fn linear_part(law: &Law) -> [f64; 2] {
-    match *law {
+fn linear_part(element: &Element) -> [f64; 2] {
+    match *element.law() {
         Law::Linear { stiffness, damping } => [stiffness, damping],
         Law::Lugre { viscous, .. } => [0.0, viscous],
+        ref law if law.seat().is_some() => {
+            let at_rest = element.force(0.0, 0.0, 0.0);
+            [at_rest.by_position, at_rest.by_velocity]
+        }
         _ => [0.0; 2],
     }
 }
 
 /// Returns the stiffness of an element that is closed or sticks: half of it for a contact, which is closed for about
-/// half of the period. `deflection` is the size of the displacements.
+/// half of the period; 0 if it is closed at rest. `deflection` is the size of the displacements.
 fn closed_stiffness(law: &Law, deflection: f64) -> f64 {
+    if law.seat().is_some() {
+        return 0.0;
+    }
     match *law {
         Law::Gap { stiffness, .. } | Law::Friction { stiffness, .. } => stiffness,
         Law::Lugre { bristle_stiffness, .. } => bristle_stiffness,
@@ -106,7 +113,7 @@ impl Homotopy {
                     }
                 }
                 Body::Condensed(condensed) => {
-                    let (own, [stiffness, damping]) = (condensed.of_element[e] * (m + 1), linear_part(element.law()));
+                    let (own, [stiffness, damping]) = (condensed.of_element[e] * (m + 1), linear_part(element));
                     start.stiffness[own] += stiffness + added;
                     start.damping[own] += damping;
                 }

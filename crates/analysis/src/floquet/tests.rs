@@ -141,7 +141,7 @@ fn exponents_of_modes_that_resonate_are_those_of_their_flow() {
 fn storage_of_another_response_leaves_no_trace() {
     let laws = [
         Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 },
-        Law::Gap { stiffness: 2e4, gap: 5e-4 },
+        Law::Gap { stiffness: 2e4, gap: 5e-4, preload: 0.0 },
         Law::Friction { stiffness: 2e4, slip: 5.0 },
     ];
     for law in laws {
@@ -161,7 +161,7 @@ fn storage_of_another_response_leaves_no_trace() {
 /// A symmetric response has the multipliers of its half, and one that isn't has those of the whole period.
 #[test]
 fn multipliers_of_half_a_period_are_those_of_the_whole() {
-    for law in [Law::Gap { stiffness: 2e4, gap: 5e-4 }, Law::Friction { stiffness: 2e4, slip: 5.0 }] {
+    for law in [Law::Gap { stiffness: 2e4, gap: 5e-4, preload: 0.0 }, Law::Friction { stiffness: 2e4, slip: 5.0 }] {
         let forced = modes(6, law);
         for (second, is_symmetric) in [(0.0, true), (1e-4, false)] {
             let balance = Balance::new(&forced, HZ, Coordinate::FrequencyHz, 9);

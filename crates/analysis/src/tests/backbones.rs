@@ -139,7 +139,7 @@ fn backlash_has_its_frequency_in_closed_form() {
         let inner = libm::atan2(gap * omega, speed) / omega;
         FRAC_PI_2 / (inner + libm::acos(start / radius) / beyond) / TAU
     };
-    let curve = followed(&single(0.0, Law::Gap { stiffness, gap }), 5e-3, f64::INFINITY);
+    let curve = followed(&single(0.0, Law::Gap { stiffness, gap, preload: 0.0 }), 5e-3, f64::INFINITY);
     let mut compared = 0;
     for point in &curve.points {
         let largest = point.readings[0].largest;
@@ -151,6 +151,31 @@ fn backlash_has_its_frequency_in_closed_form() {
         }
     }
     assert!(compared > 10 && curve.points[0].readings[0].largest < 0.1 * gap, "{compared}");
+}
+
+/// A free vibration that lets go of a contact with a preload F and returns. Closed, ω₁² = ω² + kφ²; open, it moves about
+/// X = Fφ²/ω² with the amplitude A, to the largest displacement A − X. From 0 at the speed v it lets go at d = F/k.
+#[test]
+fn a_contact_with_a_preload_has_its_frequency_in_closed_form() {
+    let (stiffness, preload, omega) = (2e4, 10.0, TAU * HZ);
+    let (closed, d) = (libm::sqrt(omega * omega + stiffness * PHI * PHI), preload / stiffness);
+    let centre = preload * PHI * PHI / (omega * omega);
+    let exact_hz = |largest: f64| {
+        if largest <= d {
+            return closed / TAU;
+        }
+        let (radius, start) = (largest + centre, d + centre);
+        let squared = omega * omega * (radius * radius - start * start) + closed * closed * d * d;
+        let leaving = libm::asin(closed * d / libm::sqrt(squared)) / closed;
+        1.0 / (core::f64::consts::PI / closed + 2.0 * leaving + 2.0 * libm::acos(start / radius) / omega)
+    };
+    let law = Law::KelvinVoigt { stiffness, damping: 0.0, gap: 0.0, side: Side::Positive, preload };
+    let curve = followed(&single(0.0, law), 4e-3, f64::INFINITY);
+    for point in &curve.points {
+        near(point.frequency_hz, exact_hz(point.readings[0].largest), 2e-5);
+    }
+    let [first, last] = [&curve.points[0], curve.points.last().unwrap()];
+    assert!(first.readings[0].largest < 0.1 * d && last.readings[0].largest > 5.0 * d, "{:?}", first.readings);
 }
 
 /// A chain of two links has the backbone that the arm's own analysis gave: the periodic response at a largest angle of

@@ -69,8 +69,8 @@ fn law(of: &Value) -> Law {
     let (stiffness, gap) = (number(of, "stiffness_n_m"), number(of, "gap_m"));
     match of["kind"].as_str().unwrap() {
         "cubic" => Law::Cubic { stiffness3: number(of, "stiffness3_n_m3"), stiffness5: 0.0 },
-        "gap" => Law::Gap { stiffness, gap },
-        "contact" => Law::KelvinVoigt { stiffness, damping: 0.0, gap, side: Side::Positive },
+        "gap" => Law::Gap { stiffness, gap, preload: 0.0 },
+        "contact" => Law::KelvinVoigt { stiffness, damping: 0.0, gap, side: Side::Positive, preload: 0.0 },
         "friction" => Law::Friction { stiffness, slip: number(of, "slip_force_n") },
         other => panic!("{other}"),
     }
@@ -291,13 +291,16 @@ fn jacobian_is_the_derivative() {
     };
     let laws = [
         Law::Cubic { stiffness3: 3.7e6, stiffness5: 1e9 },
-        Law::Gap { stiffness: 2e5, gap: 1e-3 },
-        Law::KelvinVoigt { stiffness: 2e5, damping: 30.0, gap: 1e-3, side: Side::Negative },
-        Law::HuntCrossley { stiffness: 2e6, damping: 0.1, gap: 1e-3, side: Side::Positive },
+        Law::Gap { stiffness: 2e5, gap: 1e-3, preload: 0.0 },
+        Law::KelvinVoigt { stiffness: 2e5, damping: 30.0, gap: 1e-3, side: Side::Negative, preload: 0.0 },
+        Law::HuntCrossley { stiffness: 2e6, damping: 0.1, gap: 1e-3, side: Side::Positive, preload: 0.0 },
         Law::Friction { stiffness: 4e4, slip: 55.0 },
         lugre,
         Law::Linear { stiffness: 3e3, damping: 20.0 },
         Law::Tanh { slip: 10.0, velocity: 0.2 },
+        Law::Gap { stiffness: 2e5, gap: 1e-3, preload: -60.0 },
+        Law::KelvinVoigt { stiffness: 2e5, damping: 30.0, gap: 0.0, side: Side::Negative, preload: 80.0 },
+        Law::HuntCrossley { stiffness: 2e6, damping: 0.1, gap: 0.0, side: Side::Positive, preload: 40.0 },
     ];
     for law in laws {
         let mut spec = modal(case).spec().clone();
@@ -316,10 +319,10 @@ fn jacobian_is_the_derivative() {
 fn jacobian_of_a_chain_is_the_derivative() {
     let mut chain = Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[20.0, 60.0]);
     chain.links.push(Link { angle_deg: 25.0, ..chain.links[1] });
-    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 20.0, gap: 1e-4, side: Side::Positive };
+    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 20.0, gap: 1e-4, side: Side::Positive, preload: 0.0 };
     let (friction, hertz) = (
         Law::Friction { stiffness: 1e4, slip: 6.0 },
-        Law::HuntCrossley { stiffness: 1e6, damping: 0.2, gap: 1e-4, side: Side::Negative },
+        Law::HuntCrossley { stiffness: 1e6, damping: 0.2, gap: 1e-4, side: Side::Negative, preload: 0.0 },
     );
     let lugre = Law::Lugre {
         bristle_stiffness: 1e4,

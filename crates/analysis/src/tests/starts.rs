@@ -32,8 +32,8 @@ fn law(of: &Value) -> Law {
     match of["kind"].as_str().unwrap() {
         "cubic" => Law::Cubic { stiffness3: at("stiffness3_n_m3"), stiffness5: 0.0 },
         "linear" => Law::Linear { stiffness, damping },
-        "gap" => Law::Gap { stiffness, gap },
-        "contact" => Law::KelvinVoigt { stiffness, damping, gap, side: Side::Positive },
+        "gap" => Law::Gap { stiffness, gap, preload: 0.0 },
+        "contact" => Law::KelvinVoigt { stiffness, damping, gap, side: Side::Positive, preload: 0.0 },
         "friction" => Law::Friction { stiffness, slip: at("slip_force_n") },
         "tanh" => Law::Tanh { slip: at("slip_force_n"), velocity: at("velocity_m_s") },
         "lugre" => Law::Lugre {

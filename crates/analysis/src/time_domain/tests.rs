@@ -338,8 +338,11 @@ fn fates_are_where_plain_integration_ends() {
 #[test]
 fn finds_the_response_of_two_periods() {
     let stiffness = 1.25 * (TAU * 10.0) * (TAU * 10.0);
-    let (forced, read) =
-        oscillator(0.03, Law::KelvinVoigt { stiffness, damping: 0.0, gap: 0.0, side: Side::Positive }, 5.0);
+    let (forced, read) = oscillator(
+        0.03,
+        Law::KelvinVoigt { stiffness, damping: 0.0, gap: 0.0, side: Side::Positive, preload: 0.0 },
+        5.0,
+    );
     let (orbits, _) = stable_orbits(&forced, &[read], 24.0, &|| false).unwrap();
     let periods: Vec<u32> = orbits.iter().map(|orbit| orbit.period).collect();
     assert_eq!((periods.as_slice(), orbits[0].section.len()), (&[2][..], 2), "{orbits:?}");

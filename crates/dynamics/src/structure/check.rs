@@ -62,9 +62,20 @@ pub(super) fn check_values(element: usize, law: &Law) -> Result<(), StructureErr
         Law::Cubic { stiffness3, stiffness5 } => {
             &[("stiffness3", stiffness3, Finite), ("stiffness5", stiffness5, Finite)]
         }
-        Law::Gap { stiffness, gap } => &[("stiffness", stiffness, Positive), ("gap", gap, NotNegative)],
-        Law::KelvinVoigt { stiffness, damping, gap, .. } | Law::HuntCrossley { stiffness, damping, gap, .. } => {
-            &[("stiffness", stiffness, Positive), ("damping", damping, NotNegative), ("gap", gap, NotNegative)]
+        Law::Gap { stiffness, gap, preload } => {
+            &[("stiffness", stiffness, Positive), ("gap", gap, NotNegative), ("preload", preload, Finite)]
+        }
+        Law::KelvinVoigt { stiffness, damping, gap, preload, .. }
+        | Law::HuntCrossley { stiffness, damping, gap, preload, .. } => {
+            if preload > 0.0 && gap != 0.0 {
+                return refuse("gap", gap, "0 with a preload, because the contact is closed at rest");
+            }
+            &[
+                ("stiffness", stiffness, Positive),
+                ("damping", damping, NotNegative),
+                ("gap", gap, NotNegative),
+                ("preload", preload, NotNegative),
+            ]
         }
         Law::Friction { stiffness, slip } => &[("stiffness", stiffness, Positive), ("slip", slip, Positive)],
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, breakaway, stribeck } => {

@@ -1,5 +1,7 @@
 //! Point elements: their force, its derivatives, their energy and loss, and the branches that they are smooth on.
 //!
+//! A law with a preload is that without at another displacement, less the force at rest; see [`Law::seat`].
+//!
 //! On each [`Branch`] a law is an analytic function, which holds a little beyond the branch too: what an integrator
 //! needs that makes a step with the branch frozen and then looks for where it ends, where a *margin* becomes negative.
 
@@ -143,7 +145,32 @@ fn stribeck_force(coulomb: f64, breakaway: f64, stribeck: f64, velocity: f64) ->
 }
 
 impl Law {
+    /// Returns the displacement from where the element is unloaded to rest, m or rad, and its force at rest, N or N·m, if
+    /// there is a preload: its force at x is that of a law without at x and this displacement, less this force.
+    pub fn seat(&self) -> Option<[f64; 2]> {
+        match *self {
+            Law::Gap { stiffness, gap, preload } if preload != 0.0 => {
+                Some([libm::copysign(gap + preload.abs() / stiffness, preload), preload])
+            }
+            Law::KelvinVoigt { stiffness, side, preload, .. } if preload != 0.0 => {
+                Some([side.sign() * (preload / stiffness), side.sign() * preload])
+            }
+            Law::HuntCrossley { stiffness, side, preload, .. } if preload != 0.0 => {
+                // k δ^1.5 = F.
+                let root = libm::cbrt(preload / stiffness);
+                Some([side.sign() * (root * root), side.sign() * preload])
+            }
+            _ => None,
+        }
+    }
+
+    /// The displacement from where the element is unloaded.
+    fn unseated(&self, position: f64) -> f64 {
+        self.seat().map_or(position, |[seat, _]| position + seat)
+    }
+
     pub(super) fn branch(&self, position: f64, velocity: f64, state: f64) -> Branch {
+        let position = self.unseated(position);
         let by_sign = |up: bool, down: bool| match (up, down) {
             (true, _) => Branch::Upper,
             (_, true) => Branch::Lower,
@@ -170,7 +197,7 @@ impl Law {
     /// δ, and what else must be positive for a contact to push: (k δ + c δ̇)/k, or 1 + λ δ̇.
     fn contact(&self, position: f64, velocity: f64) -> [f64; 2] {
         match *self {
-            Law::KelvinVoigt { stiffness, damping, gap, side } => {
+            Law::KelvinVoigt { stiffness, damping, gap, side, .. } => {
                 let (depth, rate) = pressed(side, position, velocity, gap);
                 [depth, depth + damping / stiffness * rate]
             }
@@ -185,6 +212,7 @@ impl Law {
     /// The margins of a branch: the element leaves it where one becomes negative.
     pub(super) fn margins(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> [Option<Margin>; 2] {
         use Branch::{Inner, Lower, Upper};
+        let position = self.unseated(position);
         let moving = |value: f64, rate: f64, to: Branch| Some(Margin { value, rate: Some(rate), to });
         let turning = |value: f64, to: Branch| [Some(Margin { value, rate: None, to }), None];
         match (*self, branch) {
@@ -218,6 +246,13 @@ impl Law {
 
     /// The force on a branch.
     pub(super) fn reaction(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
+        let reaction = self.unseated_reaction(branch, self.unseated(position), velocity, state);
+        let at_rest = self.seat().map_or(0.0, |[_, force]| force);
+        Reaction { force: reaction.force - at_rest, ..reaction }
+    }
+
+    /// The force on a branch at a displacement from where the element is unloaded, with the preload.
+    fn unseated_reaction(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
         let spring = |force: f64, by_position: f64| Reaction { force, by_position, ..Reaction::default() };
         match *self {
             Law::Cubic { stiffness3, stiffness5 } => {
@@ -225,18 +260,18 @@ impl Law {
                 let by_position = square * (3.0 * stiffness3 + 5.0 * stiffness5 * square);
                 spring(position * square * (stiffness3 + stiffness5 * square), by_position)
             }
-            Law::Gap { stiffness, gap } => match branch {
+            Law::Gap { stiffness, gap, .. } => match branch {
                 Branch::Inner => Reaction::default(),
                 Branch::Upper => spring(stiffness * (position - gap), stiffness),
                 Branch::Lower => spring(stiffness * (position + gap), stiffness),
             },
             Law::KelvinVoigt { .. } | Law::HuntCrossley { .. } if branch == Branch::Inner => Reaction::default(),
-            Law::KelvinVoigt { stiffness, damping, gap, side } => {
+            Law::KelvinVoigt { stiffness, damping, gap, side, .. } => {
                 let (depth, rate) = pressed(side, position, velocity, gap);
                 let force = side.sign() * (stiffness * depth + damping * rate);
                 Reaction { force, by_position: stiffness, by_velocity: damping, by_state: 0.0 }
             }
-            Law::HuntCrossley { stiffness, damping, gap, side } => {
+            Law::HuntCrossley { stiffness, damping, gap, side, .. } => {
                 let (depth, rate) = pressed(side, position, velocity, gap);
                 let (power, pushing) = (power_three_halves(depth), 1.0 + damping * rate);
                 Reaction {
@@ -279,7 +314,8 @@ impl Law {
     pub(super) fn at_rest(&self) -> Reaction {
         match *self {
             Law::Lugre { viscous, .. } => Reaction { by_velocity: viscous, ..Reaction::default() },
-            _ if self.is_smooth() => self.reaction(Branch::Inner, 0.0, 0.0, 0.0),
+            // A preload keeps the element closed in small vibrations.
+            _ if self.is_smooth() || self.seat().is_some() => self.reaction(self.branch(0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
             _ => Reaction::default(),
         }
     }
@@ -308,6 +344,7 @@ impl Law {
     /// The steepest stiffness, N/m, and damping, N·s/m, that it may have within `reach_s`, s, and the rate at which its
     /// state decays, 1/s: of elements with a branch as if it were on the stiffest.
     pub(super) fn steepest(&self, position: f64, velocity: f64, reach_s: f64) -> [f64; 3] {
+        let position = self.unseated(position);
         let reach = position.abs() + velocity.abs() * reach_s;
         match *self {
             Law::Cubic { stiffness3, stiffness5 } => {
@@ -316,7 +353,7 @@ impl Law {
             }
             Law::Gap { stiffness, .. } | Law::Friction { stiffness, .. } => [stiffness, 0.0, 0.0],
             Law::KelvinVoigt { stiffness, damping, .. } => [stiffness, damping, 0.0],
-            Law::HuntCrossley { stiffness, damping, gap, side } => {
+            Law::HuntCrossley { stiffness, damping, gap, side, .. } => {
                 let depth = (side.sign() * position + velocity.abs() * reach_s - gap).max(0.0);
                 let root = libm::sqrt(depth);
                 let pushing = 1.0 + damping * velocity.abs();
@@ -343,12 +380,18 @@ impl Law {
     }
 
     fn energy_j(&self, position: f64, state: f64) -> f64 {
+        let Some([seat, force]) = self.seat() else { return self.unseated_energy_j(position, state) };
+        // Zero at rest: the work of the preload, and what it has stored, are left out.
+        self.unseated_energy_j(position + seat, state) - self.unseated_energy_j(seat, state) - force * position
+    }
+
+    fn unseated_energy_j(&self, position: f64, state: f64) -> f64 {
         match *self {
             Law::Cubic { stiffness3, stiffness5 } => {
                 let square = position * position;
                 square * square * (0.25 * stiffness3 + stiffness5 * square / 6.0)
             }
-            Law::Gap { stiffness, gap } => {
+            Law::Gap { stiffness, gap, .. } => {
                 let stretch = beyond(position, gap);
                 0.5 * stiffness * stretch * stretch
             }
@@ -371,9 +414,14 @@ impl Law {
 
     /// ∂E/∂x and ∂E/∂z of the stored energy.
     fn energy_gradient(&self, position: f64, state: f64) -> (f64, f64) {
+        let (by_position, by_state) = self.unseated_gradient(self.unseated(position), state);
+        (by_position - self.seat().map_or(0.0, |[_, force]| force), by_state)
+    }
+
+    fn unseated_gradient(&self, position: f64, state: f64) -> (f64, f64) {
         match *self {
             Law::Cubic { .. } => (self.reaction(Branch::Inner, position, 0.0, state).force, 0.0),
-            Law::Gap { stiffness, gap } => (stiffness * beyond(position, gap), 0.0),
+            Law::Gap { stiffness, gap, .. } => (stiffness * beyond(position, gap), 0.0),
             Law::KelvinVoigt { stiffness, gap, side, .. } => {
                 (side.sign() * stiffness * (side.sign() * position - gap).max(0.0), 0.0)
             }

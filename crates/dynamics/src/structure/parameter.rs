@@ -104,6 +104,7 @@ const DAMPING: Value = Value(["damping_n_s_m", "damping_nm_s_rad"], ["N·s/m", "
 const VISCOUS: Value = Value(["viscous_n_s_m", "viscous_nm_s_rad"], ["N·s/m", "N·m·s/rad"]);
 const DISSIPATION: Value = Value(["dissipation_s_m", "dissipation_s_rad"], ["s/m", "s/rad"]);
 const GAP: Value = Value(["gap_m", "gap_rad"], ["m", "rad"]);
+const PRELOAD: Value = Value(["preload_n", "preload_nm"], ["N", "N·m"]);
 const SLIP: Value = Value(["slip_force_n", "slip_torque_nm"], ["N", "N·m"]);
 const BREAKAWAY: Value = Value(["breakaway_n", "breakaway_nm"], ["N", "N·m"]);
 const STRIBECK: Value = Value(["stribeck_m_s", "stribeck_rad_s"], ["m/s", "rad/s"]);
@@ -172,12 +173,12 @@ impl ModeField {
 fn values_of(law: &mut Law) -> Vec<(Value, &mut f64)> {
     match law {
         Law::Cubic { stiffness3, stiffness5 } => [(STIFFNESS3, stiffness3), (STIFFNESS5, stiffness5)].into(),
-        Law::Gap { stiffness, gap } => [(STIFFNESS, stiffness), (GAP, gap)].into(),
-        Law::KelvinVoigt { stiffness, damping, gap, .. } => {
-            [(STIFFNESS, stiffness), (DAMPING, damping), (GAP, gap)].into()
+        Law::Gap { stiffness, gap, preload } => [(STIFFNESS, stiffness), (GAP, gap), (PRELOAD, preload)].into(),
+        Law::KelvinVoigt { stiffness, damping, gap, preload, .. } => {
+            [(STIFFNESS, stiffness), (DAMPING, damping), (GAP, gap), (PRELOAD, preload)].into()
         }
-        Law::HuntCrossley { stiffness, damping, gap, .. } => {
-            [(HERTZ, stiffness), (DISSIPATION, damping), (GAP, gap)].into()
+        Law::HuntCrossley { stiffness, damping, gap, preload, .. } => {
+            [(HERTZ, stiffness), (DISSIPATION, damping), (GAP, gap), (PRELOAD, preload)].into()
         }
         Law::Friction { stiffness, slip } => [(STIFFNESS, stiffness), (SLIP, slip)].into(),
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, breakaway, stribeck } => [

@@ -181,35 +181,44 @@ pub enum Law {
         /// Quintic stiffness k5, N/m⁵.
         stiffness5: f64,
     },
-    /// f = k (max(x − g, 0) + min(x + g, 0)): backlash, or a stop on both sides.
+    /// f = k (max(y − g, 0) + min(y + g, 0)) − F: backlash, or a stop on both sides. Without a preload F, y is x; with
+    /// one, y = x ± (g + |F|/k), so that the element is pressed by F at rest: on the positive side for F > 0.
     Gap {
         /// Stiffness k beyond the gap, N/m, positive.
         stiffness: f64,
-        /// Gap g on either side, m, not negative.
+        /// Gap g on either side of the middle, m, not negative.
         gap: f64,
+        /// Preload F, N, of either sign; 0 is none.
+        preload: f64,
     },
-    /// Contact on one side, f = max(0, k δ + c δ̇) for δ = x − g > 0 (W. Voigt, 1892): it never pulls.
+    /// Contact on one side, f = max(0, k δ + c δ̇) − F for δ = x − g > 0 (W. Voigt, 1892): it never pulls. With a preload
+    /// F, δ = x + F/k: at rest it is pressed by F, which the structure balances, and where it lets go f is −F.
     KelvinVoigt {
         /// Contact stiffness k, N/m, positive.
         stiffness: f64,
         /// Contact damping c, N·s/m, not negative.
         damping: f64,
-        /// Displacement g at which it touches, m, not negative.
+        /// Displacement g at which it touches, m, not negative; 0 with a preload.
         gap: f64,
         /// Side on which the contact is.
         side: Side,
+        /// Preload F, N, not negative; 0 is none.
+        preload: f64,
     },
-    /// Contact on one side, f = k δ^1.5 max(0, 1 + λ δ̇) for δ = x − g > 0 (K. H. Hunt, F. R. E. Crossley, "Coefficient
-    /// of Restitution Interpreted as Damping in Vibroimpact", J. Appl. Mech. 42 (1975)): it never pulls.
+    /// Contact on one side, f = k δ^1.5 max(0, 1 + λ δ̇) − F for δ = x − g > 0 (K. H. Hunt, F. R. E. Crossley,
+    /// "Coefficient of Restitution Interpreted as Damping in Vibroimpact", J. Appl. Mech. 42 (1975)): it never pulls. With
+    /// a preload F, δ = x + (F/k)^(2/3).
     HuntCrossley {
         /// Contact stiffness k, N/m^1.5, positive.
         stiffness: f64,
         /// Dissipation λ, s/m, not negative.
         damping: f64,
-        /// Displacement g at which it touches, m, not negative.
+        /// Displacement g at which it touches, m, not negative; 0 with a preload.
         gap: f64,
         /// Side on which the contact is.
         side: Side,
+        /// Preload F, N, not negative; 0 is none.
+        preload: f64,
     },
     /// Elastic Coulomb friction, f = k z with ż = v while |k z| < R, else k z = ±R (G. M. Jenkins, "Analysis of the
     /// Stress-Strain Relationships in Reactor Grade Graphite", Br. J. Appl. Phys. 13 (1962)).

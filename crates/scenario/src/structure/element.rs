@@ -232,24 +232,25 @@ impl ElementSection {
                 stiffness3: values.required("stiffness3", STIFFNESS3)?,
                 stiffness5: values.optional("stiffness5", STIFFNESS5).unwrap_or(0.0),
             },
-            ElementKind::Gap => {
-                Law::Gap { stiffness: values.required("stiffness", STIFFNESS)?, gap: values.required("gap", LENGTH)? }
-            }
+            ElementKind::Gap => Law::Gap {
+                stiffness: values.required("stiffness", STIFFNESS)?,
+                gap: values.required("gap", LENGTH)?,
+                preload: values.optional("preload", FORCE).unwrap_or(0.0),
+            },
             // The presence of `dissipation` chooses the model, since a Hunt–Crossley stiffness has another unit
             // (N/m^1.5) than a Kelvin–Voigt one.
             ElementKind::Contact => match values.optional("dissipation", DISSIPATION) {
-                Some(damping) => Law::HuntCrossley {
-                    stiffness: values.required("stiffness", HERTZ)?,
-                    damping,
-                    gap: values.required("gap", LENGTH)?,
-                    side,
-                },
-                None => Law::KelvinVoigt {
-                    stiffness: values.required("stiffness", STIFFNESS)?,
-                    damping: values.optional("damping", DAMPING).unwrap_or(0.0),
-                    gap: values.required("gap", LENGTH)?,
-                    side,
-                },
+                Some(damping) => {
+                    let stiffness = values.required("stiffness", HERTZ)?;
+                    let (gap, preload) = gap_or_preload(values)?;
+                    Law::HuntCrossley { stiffness, damping, gap, side, preload }
+                }
+                None => {
+                    let stiffness = values.required("stiffness", STIFFNESS)?;
+                    let damping = values.optional("damping", DAMPING).unwrap_or(0.0);
+                    let (gap, preload) = gap_or_preload(values)?;
+                    Law::KelvinVoigt { stiffness, damping, gap, side, preload }
+                }
             },
             ElementKind::Friction => {
                 let slip = slip(values)?;
@@ -289,6 +290,13 @@ impl ElementSection {
 fn slip(values: &mut Values<'_>) -> Result<f64, StructureSectionError> {
     let name = if values.is_joint { "slip_torque" } else { "slip_force" };
     values.required(name, FORCE)
+}
+
+/// Reads the gap of a contact, and its preload; with one the gap may be left out.
+fn gap_or_preload(values: &mut Values<'_>) -> Result<(f64, f64), StructureSectionError> {
+    let preload = values.optional("preload", FORCE);
+    let gap = if preload.is_some() { values.optional("gap", LENGTH) } else { Some(values.required("gap", LENGTH)?) };
+    Ok((gap.unwrap_or(0.0), preload.unwrap_or(0.0)))
 }
 
 /// Parses a place: `tip.x`, or, in a chain, `joint2`.

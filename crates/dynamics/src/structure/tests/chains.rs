@@ -352,7 +352,7 @@ fn weight_off_the_line_turns_the_links() {
 /// Every scheme, and explicit steps between the switches of a gap that never closes, make the same motion.
 #[test]
 fn all_schemes_move_centres_off_the_line() {
-    let far = Law::Gap { stiffness: 1e3, gap: 10.0 };
+    let far = Law::Gap { stiffness: 1e3, gap: 10.0, preload: 0.0 };
     let spec =
         StructureSpec { elements: vec![grounded(along("tip", Axis::X), far)], ..offset_chain(9.81).spec().clone() };
     let others = [Scheme::Rk4, Scheme::Gl4, Scheme::Gl6, Scheme::Exponential, Scheme::Exponential8];

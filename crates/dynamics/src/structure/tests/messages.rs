@@ -100,7 +100,7 @@ fn impossible_modes_are_refused() {
 }
 
 const SPRING: Law = Law::Cubic { stiffness3: 1.0, stiffness5: 0.0 };
-const GAP: Law = Law::Gap { stiffness: 1e5, gap: 0.001 };
+const GAP: Law = Law::Gap { stiffness: 1e5, gap: 0.001, preload: 0.0 };
 
 fn elements_refused(body: BodySpec, elements: Vec<ElementSpec>) -> String {
     Assembly::new(&StructureSpec { body, elements }).unwrap_err().to_string()
@@ -139,7 +139,7 @@ fn impossible_places_are_refused() {
         chain(vec![between(Place::Joint(1), Place::Joint(1))]),
         @"element 1 has both ends at `joint 1`: they must differ"
     );
-    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 0.0, gap: 0.0, side: Side::Negative };
+    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 0.0, gap: 0.0, side: Side::Negative, preload: 0.0 };
     let tip = || along("tip", Axis::X);
     assert_snapshot!(
         modal(vec![grounded(tip(), SPRING), grounded(tip(), contact), grounded(tip(), GAP)]),
@@ -158,7 +158,7 @@ fn impossible_laws_are_refused() {
         elements_refused(body, vec![grounded(along("tip", Axis::X), SPRING), grounded(along("tip", Axis::X), law)])
     };
     assert_snapshot!(
-        refused(Law::Gap { stiffness: 1e5, gap: -0.001 }),
+        refused(Law::Gap { stiffness: 1e5, gap: -0.001, preload: 0.0 }),
         @"element 2, gap: `gap` is -0.001: it must be zero or a positive number"
     );
     assert_snapshot!(
@@ -193,7 +193,8 @@ fn impossible_steps_are_refused() {
         refused(&chain, Scheme::Rk4, 50.0),
         @"scheme rk4 is too coarse for this structure at 50 Hz: its fastest mode needs a rate of at least 116 Hz"
     );
-    let stiff = two_modes(vec![grounded(along("tip", Axis::X), Law::Gap { stiffness: 1e13, gap: 0.001 })]);
+    let stiff =
+        two_modes(vec![grounded(along("tip", Axis::X), Law::Gap { stiffness: 1e13, gap: 0.001, preload: 0.0 })]);
     assert_snapshot!(
         refused(&stiff, Scheme::Rk4, 1000.0),
         @"the step at t = 0 s needs more than 256 parts for the stiffness of the elements: raise the integration rate to at least 19778 Hz, or check for an element that is far too stiff"

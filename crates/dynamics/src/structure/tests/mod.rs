@@ -3,6 +3,7 @@ mod messages;
 mod modal;
 mod parameters;
 mod polynomials;
+mod preload;
 mod schemes;
 mod shaken;
 mod switches;

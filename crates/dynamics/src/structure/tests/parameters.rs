@@ -25,7 +25,7 @@ fn parameters_of_links_are_their_keys() {
 /// The keys of elements have the unit of their place; values are checked as those of a specification.
 #[test]
 fn parameters_of_modes_and_elements() {
-    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 0.0, gap: 1e-3, side: Side::Positive };
+    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 0.0, gap: 1e-3, side: Side::Positive, preload: 0.0 };
     let structure = two_modes(vec![grounded(along("tip", Axis::X), contact)]);
     let names: Vec<String> = structure.parameters().iter().map(ToString::to_string).collect();
     assert_eq!(
@@ -37,7 +37,8 @@ fn parameters_of_modes_and_elements() {
             "mode2.damping_ratio",
             "element1.stiffness_n_m",
             "element1.damping_n_s_m",
-            "element1.gap_m"
+            "element1.gap_m",
+            "element1.preload_n"
         ]
     );
     let gap = structure.parameter("element1.gap_m").unwrap();

@@ -153,7 +153,7 @@ fn a_shaken_mode_responds_as_the_closed_form_says() {
 /// of steps under one command.
 #[test]
 fn energy_is_kept() {
-    let gap = Law::Gap { stiffness: 2e5, gap: 2e-4 };
+    let gap = Law::Gap { stiffness: 2e5, gap: 2e-4, preload: 0.0 };
     for of in [chain(), two_modes(vec![grounded(along("mid", Axis::X), gap)]), two_modes(Vec::new())] {
         for inductance_h in INDUCTANCES_H {
             let armature = armature(&of, [0.6, 0.8], voltage(inductance_h));
@@ -204,7 +204,7 @@ fn a_saved_state_continues_with_the_same_bits() {
 
 #[test]
 fn says_what_a_shaker_cannot_be() {
-    let of = chain_with(Law::Gap { stiffness: 1e4, gap: 1e-3 });
+    let of = chain_with(Law::Gap { stiffness: 1e4, gap: 1e-3, preload: 0.0 });
     let says = |inductance_h: f64| {
         Stepper::shaken(&of, &armature(&of, [1.0, 0.0], voltage(inductance_h)), Scheme::default(), 2000.0).unwrap_err()
     };

@@ -16,9 +16,15 @@ fn element_of(case: &Value) -> ElementSpec {
     let place = |name: &str| case[name].as_str().map(|point| along(point, Axis::X));
     let side = if case["side"].as_f64() == Some(-1.0) { Side::Negative } else { Side::Positive };
     let law = match case["kind"].as_str().unwrap() {
-        "gap" => Law::Gap { stiffness: number("stiffness"), gap: number("gap") },
+        "gap" => Law::Gap { stiffness: number("stiffness"), gap: number("gap"), preload: 0.0 },
         "friction" => Law::Friction { stiffness: number("stiffness"), slip: number("slip") },
-        _ => Law::KelvinVoigt { stiffness: number("stiffness"), damping: number("damping"), gap: number("gap"), side },
+        _ => Law::KelvinVoigt {
+            stiffness: number("stiffness"),
+            damping: number("damping"),
+            gap: number("gap"),
+            side,
+            preload: 0.0,
+        },
     };
     ElementSpec::Point { at: place("at").unwrap(), to: place("to"), law }
 }
@@ -90,7 +96,7 @@ fn check_apart(what: &str, got: [f64; 2], expected: [f64; 2], most: f64) {
 
 #[test]
 fn hunt_crossley_is_that_of_tiny_steps() {
-    let law = Law::HuntCrossley { stiffness: 3e6, damping: 0.8, gap: 0.0004, side: Side::Positive };
+    let law = Law::HuntCrossley { stiffness: 3e6, damping: 0.8, gap: 0.0004, side: Side::Positive, preload: 0.0 };
     let expected = by_tiny_steps(|x, v, _| {
         let depth: f64 = x - 0.0004;
         [if depth > 0.0 { 3e6 * depth * libm::sqrt(depth) * (1.0 + 0.8 * v).max(0.0) } else { 0.0 }, 0.0]
@@ -149,8 +155,15 @@ impl Halves {
         let stepper = &self.steppers[level];
         let (assembly, q, z) = (stepper.assembly(), stepper.position(), stepper.element_states());
         let at = assembly.at(q);
-        let energy_j = |element: &&Element| element.energy_j(at.element_displacement(element), element.own(z));
-        assembly.elements().iter().filter(|element| energy_j(element) > 0.0).count()
+        let is_strained = |element: &&Element| {
+            let (x, own) = (at.element_displacement(element), element.own(z));
+            // The energy of an element with a preload is zero at rest alone; its spring has a slope where it is pressed.
+            match element.law.seat() {
+                None => element.energy_j(x, own) > 0.0,
+                Some(_) => element.force(x, 0.0, own).by_position > 0.0,
+            }
+        };
+        assembly.elements().iter().filter(is_strained).count()
     }
 
     /// Advances by a step of a level, and returns the energy lost in it, J: by the rule of G. Boole over its quarters
@@ -196,9 +209,9 @@ fn energy_is_balanced() {
     };
     let all = [
         at(Law::Cubic { stiffness3: 3e9, stiffness5: 1e13 }),
-        between(Law::Gap { stiffness: 1e5, gap: 0.0003 }),
-        at(Law::KelvinVoigt { stiffness: 1e5, damping: 20.0, gap: 0.0002, side: Side::Negative }),
-        at(Law::HuntCrossley { stiffness: 3e6, damping: 0.8, gap: 0.0002, side: Side::Positive }),
+        between(Law::Gap { stiffness: 1e5, gap: 0.0003, preload: 0.0 }),
+        at(Law::KelvinVoigt { stiffness: 1e5, damping: 20.0, gap: 0.0002, side: Side::Negative, preload: 0.0 }),
+        at(Law::HuntCrossley { stiffness: 3e6, damping: 0.8, gap: 0.0002, side: Side::Positive, preload: 0.0 }),
         between(Law::Friction { stiffness: 4e4, slip: 9.0 }),
         at(lugre),
         between(Law::Linear { stiffness: 2e3, damping: 5.0 }),
@@ -209,7 +222,16 @@ fn energy_is_balanced() {
     let over_both = polynomial(&places, &terms);
     let alone = all.iter().map(|element| vec![element.clone()]);
     let with_polynomial = [vec![over_both.clone()], vec![over_both.clone(), damper]];
-    for elements in alone.chain(with_polynomial).chain([[&all[..], &[over_both]].concat()]) {
+    let pressed = [
+        vec![between(Law::Gap { stiffness: 1e5, gap: 0.0003, preload: -4.0 })],
+        vec![at(Law::KelvinVoigt { stiffness: 1e5, damping: 20.0, gap: 0.0, side: Side::Negative, preload: 6.0 })],
+    ];
+    let round = at(Law::HuntCrossley { stiffness: 3e6, damping: 0.8, gap: 0.0, side: Side::Positive, preload: 6.0 });
+    let all_at_once = [&all[..], &[over_both]].concat();
+    let each = alone.chain(with_polynomial).chain(pressed).chain([all_at_once]).map(|elements| (elements, 1e-9));
+    // The loss of a round contact goes with the time to the power 1.5 behind each switch, which the rule of Boole sums less
+    // exactly, and with a preload it opens and closes in every period.
+    for (elements, most) in each.chain([(vec![round], 1e-8)]) {
         let names = format!("{elements:?}");
         let assembly = two_modes(elements);
         let tip = assembly.dof("tip.x").unwrap();
@@ -227,13 +249,13 @@ fn energy_is_balanced() {
         let (q, v, z) = (&saved[..2], &saved[2..4], &saved[4..4 + assembly.element_states()]);
         let stored = assembly.energy_j(q, v) + assembly.element_energy_j(q, z);
         let defect = (stored - work + lost).abs() / (work.abs() + lost);
-        assert!(lost > 0.0 && defect < 1e-9, "{names} {stored} {work} {lost}");
+        assert!(lost > 0.0 && defect < most, "{names} {stored} {work} {lost}");
     }
 }
 
 /// A chain of three links whose tip meets a wall, with friction in a joint.
 fn touching_chain() -> Assembly {
-    let wall = Law::KelvinVoigt { stiffness: 2e5, damping: 50.0, gap: 0.0005, side: Side::Negative };
+    let wall = Law::KelvinVoigt { stiffness: 2e5, damping: 50.0, gap: 0.0005, side: Side::Negative, preload: 0.0 };
     let friction = Law::Friction { stiffness: 2e4, slip: 6.0 };
     let elements = vec![grounded(along("tip", Axis::Y), wall), grounded(Place::Joint(3), friction)];
     assembly(BodySpec::Chain(chain_of(&oracles("chains")[2])), elements)
@@ -297,7 +319,7 @@ fn restored_steppers_step_bit_for_bit() {
 fn too_many_switches_are_counted() {
     let modes = vec![ModeSpec { frequency_hz: 300.0, damping_ratio: 0.0 }];
     let shape = |point: &str| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: vec![1.0] };
-    let gap = |point: &str, gap: f64| grounded(along(point, Axis::X), Law::Gap { stiffness: 1e5, gap });
+    let gap = |point: &str, gap: f64| grounded(along(point, Axis::X), Law::Gap { stiffness: 1e5, gap, preload: 0.0 });
     let body = BodySpec::Modal(ModalSpec { modes, shapes: vec![shape("tip"), shape("mid")] });
     let assembly = assembly(body, vec![gap("tip", 1e-6), gap("mid", 2e-6)]);
     let mut stepper = stepper(&assembly, 25.0);
@@ -321,7 +343,7 @@ fn too_many_switches_are_counted() {
 /// A touch of 22 µs, between two samples that are 1 ms apart, is not missed.
 #[test]
 fn touches_between_samples_are_found() {
-    let wall = Law::Gap { stiffness: 1e5, gap: 1e-3 * (1.0 - 1e-6) };
+    let wall = Law::Gap { stiffness: 1e5, gap: 1e-3 * (1.0 - 1e-6), preload: 0.0 };
     let assembly = one_mode(wall);
     let mut stepper = stepper(&assembly, 1000.0);
     // x = q/2; the period is 50 ms.
