@@ -14,7 +14,7 @@ use crate::read_at::{ReadAt, dof};
 use resonarm::analysis::Forced;
 use resonarm::plant::TestedAssembly;
 use resonarm::rig;
-use resonarm::structure::{Assembly, Dof};
+use resonarm::structure::{Assembly, Dof, LoadHarmonic, MOST_LOAD_HARMONICS};
 use resonarm_numeric::number::short;
 
 /// The loads.
@@ -26,6 +26,39 @@ pub(crate) struct DriveFlags {
     /// DOF is a degree of freedom: a point and an axis, as tip.x, or a joint, as joint1. Several loads are in phase.
     #[arg(long = "drive", value_name = "DOF=A", allow_hyphen_values = true)]
     loads: Vec<LoadFlag>,
+    /// Harmonic K of the loads, as 3=2 or 3=2@90: 2 N at 3 times f, 90° ahead.
+    ///
+    /// K=A@DEG adds A·sin(2πKft + DEG) to the first load, in its unit, and the same in proportion to the others. It may be
+    /// repeated for up to 8 harmonics.
+    #[arg(long = "drive-harmonic", value_name = "K=A", requires = "loads")]
+    harmonics: Vec<HarmonicFlag>,
+}
+
+/// The highest order of a load's harmonic.
+const MOST_ORDER: u8 = 50;
+
+/// A harmonic of the loads: its order, its amplitude in the unit of the first load, and its phase, degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct HarmonicFlag {
+    order: u8,
+    amplitude: f64,
+    phase_deg: f64,
+}
+
+impl FromStr for HarmonicFlag {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<HarmonicFlag, String> {
+        let (order, rest) = text.split_once('=').ok_or("it must be a harmonic with its amplitude, as 3=2")?;
+        let known = || format!("harmonic {order}: expected a whole number from 2 to {MOST_ORDER}");
+        let order = order.parse().ok().filter(|order| (2..=MOST_ORDER).contains(order)).ok_or_else(known)?;
+        let (amplitude, phase) = rest.split_once('@').unwrap_or((rest, "0"));
+        let (amplitude, phase_deg) = (numbers::finite(amplitude)?, numbers::finite(phase)?);
+        if amplitude == 0.0 {
+            return Err(String::from("the amplitude must be a number other than 0"));
+        }
+        Ok(HarmonicFlag { order, amplitude, phase_deg })
+    }
 }
 
 /// A degree of freedom, with an amplitude or without.
@@ -71,6 +104,8 @@ pub(crate) struct LoadDocument {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Drive {
     pub loads: Vec<Load>,
+    /// Harmonics that all loads have.
+    pub harmonics: Vec<LoadHarmonic>,
 }
 
 impl DriveFlags {
@@ -107,7 +142,7 @@ impl DriveFlags {
         match &self.loads[..] {
             [] if assembly.dof("joint1").is_ok() => {
                 let load = LoadFlag { name: String::from("joint1"), amplitude: None };
-                Ok((DriveFlags { loads: vec![load] }.resolved(assembly)?, None))
+                Ok((DriveFlags { loads: vec![load], harmonics: vec![] }.resolved(assembly)?, None))
             }
             [LoadFlag { amplitude: None, .. }] => Ok((self.resolved(assembly)?, None)),
             _ => {
@@ -122,6 +157,20 @@ impl DriveFlags {
         let twice = |(index, load): (usize, &LoadFlag)| {
             self.loads[..index].iter().any(|before| before.name == load.name).then(|| load.name.clone())
         };
+        if let Some(of) =
+            self.harmonics.iter().enumerate().find_map(|(index, of)| {
+                self.harmonics[..index].iter().any(|before| before.order == of.order).then_some(of)
+            })
+        {
+            let order = of.order;
+            return Err(Failure::usage(format!("--drive-harmonic {order} is given twice: give each harmonic once")));
+        }
+        if self.harmonics.len() > MOST_LOAD_HARMONICS {
+            let got = self.harmonics.len();
+            return Err(Failure::usage(format!(
+                "{got} harmonics are given by --drive-harmonic: a load can have at most {MOST_LOAD_HARMONICS}"
+            )));
+        }
         match self.loads.iter().enumerate().find_map(twice) {
             Some(name) => Err(Failure::usage(format!("--drive {name} is given twice: give each load once"))),
             None if self.loads.is_empty() => Err(missing("--drive DOF=A", assembly)),
@@ -134,7 +183,22 @@ impl DriveFlags {
             let at = ReadAt { dof: dof("--drive", name, assembly)?, name: name.clone() };
             Ok(Load { at, amplitude: amplitude.unwrap_or(1.0) })
         };
-        Ok(Drive { loads: self.loads.iter().map(load).collect::<Result<_, Failure>>()? })
+        let loads = self.loads.iter().map(load).collect::<Result<Vec<Load>, Failure>>()?;
+        let first = loads[0].amplitude;
+        let harmonic = |of: &HarmonicFlag| LoadHarmonic {
+            order: usize::from(of.order),
+            ratio: of.amplitude / first,
+            phase_rad: of.phase_deg.to_radians(),
+        };
+        Ok(Drive { loads, harmonics: self.harmonics.iter().map(harmonic).collect() })
+    }
+
+    /// Fails if harmonics are given; `why` says what the command needs.
+    pub fn refuse_harmonics(&self, why: &str) -> Result<(), Failure> {
+        match self.harmonics.first() {
+            Some(_) => Err(Failure::usage(format!("{why}: leave --drive-harmonic out"))),
+            None => Ok(()),
+        }
     }
 }
 
@@ -154,7 +218,7 @@ impl Drive {
     pub fn of_exciter(amplitude: &rig::Load, tested: &TestedAssembly) -> Option<Drive> {
         let load = |(dof, amplitude)| Load { at: ReadAt { dof, name: tested.dof_name(dof) }, amplitude };
         let loads: Vec<Load> = tested.driven(amplitude).into_iter().map(load).collect();
-        (!loads.is_empty()).then_some(Drive { loads })
+        (!loads.is_empty()).then_some(Drive { loads, harmonics: vec![] })
     }
 
     /// Reads the loads of a document, by the names of the degrees of freedom.
@@ -176,7 +240,7 @@ impl Drive {
                 _ => Ok(Load { at: ReadAt { dof, name: name.clone() }, amplitude: load.amplitude }),
             }
         };
-        Ok(Drive { loads: loads.iter().map(load).collect::<Result<_, Failure>>()? })
+        Ok(Drive { loads: loads.iter().map(load).collect::<Result<_, Failure>>()?, harmonics: vec![] })
     }
 
     /// Returns the size of the loads together: √Σ A², like that of a force along a direction.
@@ -188,7 +252,7 @@ impl Drive {
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Drive {
         let scaled = |load: &Load| Load { amplitude: factor * load.amplitude, ..load.clone() };
-        Drive { loads: self.loads.iter().map(scaled).collect() }
+        Drive { loads: self.loads.iter().map(scaled).collect(), harmonics: self.harmonics.clone() }
     }
 
     /// Returns the structure under these loads.
@@ -196,7 +260,7 @@ impl Drive {
         let amplitude = self.amplitude();
         // The continuation varies one amplitude, that of the first load. The others are stated by their ratio to it.
         let shares: Vec<(Dof, f64)> = self.loads.iter().map(|load| (load.at.dof, load.amplitude / amplitude)).collect();
-        Forced::at_several(assembly.clone(), &shares, amplitude)
+        Forced::at_several(assembly.clone(), &shares, amplitude).with_harmonics(self.harmonics.clone())
     }
 
     /// Returns the amplitude of the first load; the others keep their ratio to it.
@@ -234,7 +298,25 @@ impl Drive {
             let amplitude = number(*amplitude).replace('-', "−");
             format!("{amplitude} {} at {}", at.dof.load_unit(), at.name)
         };
-        self.loads.iter().map(one).collect::<Vec<_>>().join(", ")
+        let harmonic = |of: &LoadHarmonic| {
+            let amplitude = number(of.ratio * self.amplitude()).replace('-', "−");
+            format!("harmonic {}: {amplitude} {}", of.order, self.unit())
+        };
+        let loads = self.loads.iter().map(one);
+        loads.chain(self.harmonics.iter().map(harmonic)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Adds the loads, and their harmonics if there are any, to the inputs of results.
+    pub fn describe(&self, configuration: &mut Value) {
+        configuration["drive"] = self.document();
+        if self.harmonics.is_empty() {
+            return;
+        }
+        let harmonic = |of: &LoadHarmonic| {
+            let amplitude = of.ratio * self.amplitude();
+            json!({ "order": of.order, "amplitude": amplitude, "phase_deg": of.phase_rad.to_degrees() })
+        };
+        configuration["drive_harmonics"] = self.harmonics.iter().map(harmonic).collect();
     }
 
     /// Returns the amplitudes and their units by the degrees of freedom.

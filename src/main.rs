@@ -33,6 +33,7 @@ mod recordings;
 mod responses;
 mod session;
 mod settling_flags;
+mod start_state;
 mod status;
 mod study;
 mod supervise;

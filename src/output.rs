@@ -170,6 +170,13 @@ impl Inputs {
         Inputs(scenario.map_or(Vec::new(), Scenario::files))
     }
 
+    /// Returns these inputs and another one, if it is given.
+    #[must_use]
+    pub fn and(mut self, file: Option<&Path>) -> Inputs {
+        self.0.extend(file.map(Path::to_path_buf));
+        self
+    }
+
     /// Fails if an output leads to one of the inputs: by device and inode, so also through links.
     pub fn check(&self, output: &Path) -> Result<(), Failure> {
         match self.0.iter().find(|input| same_file(input, output)) {

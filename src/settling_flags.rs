@@ -109,7 +109,7 @@ impl SettlingFlags {
     /// Returns everything in these flags that results depend on.
     pub fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, drive: &Drive, start: &[f64]) -> Value {
         let mut configuration = configuration::of_structure(scenario, tested);
-        configuration["drive"] = drive.document();
+        drive.describe(&mut configuration);
         configuration["initial"] = json!(start);
         configuration["time_constants"] = json!(self.time_constants);
         configuration

@@ -5,8 +5,15 @@ from collections.abc import Mapping
 
 Drive = Mapping[str, float]
 """Amplitudes by degree of freedom, `{"joint1": 60}`: N·m at a joint, m/s² of a base, else N. All act in phase."""
-Parts = tuple[list[tuple[str, float]], float, float]
-"""Degrees of freedom with their shares of the amplitude, the amplitude, the frequency, Hz."""
+Harmonics = Mapping[int, float | tuple[float, float]]
+"""Harmonics of the loads by their order: the amplitude in the unit of the first load, `{3: 2.0}`, or the amplitude and
+the phase in degrees, `{3: (2.0, 90)}`. The other loads have them in proportion."""
+Parts = tuple[list[tuple[str, float]], float, float, list[tuple[int, float, float]]]
+"""Degrees of freedom with their shares of the amplitude, the amplitude, the frequency, Hz, and the harmonics: order,
+amplitude over the amplitude, phase, rad."""
+
+MOST_HARMONICS = 8
+MOST_ORDER = 50
 
 
 def checked(given: Drive) -> dict[str, float]:
@@ -26,23 +33,39 @@ def checked(given: Drive) -> dict[str, float]:
     return amplitudes
 
 
-def parts(given: Drive, frequency_hz: float) -> Parts:
+def parts(given: Drive, frequency_hz: float, harmonics: Harmonics | None = None) -> Parts:
     """The form that the extension takes. The amplitude is that of the first load."""
     amplitudes = checked(given)
     first = next(iter(amplitudes.values()))
-    return [(name, amplitude / first) for name, amplitude in amplitudes.items()], first, frequency_hz
+    shares = [(name, amplitude / first) for name, amplitude in amplitudes.items()]
+    return shares, first, frequency_hz, _harmonics(harmonics or {}, first)
 
 
-def direction(given: Drive | str, frequency_hz: float) -> Parts:
+def _harmonics(given: Harmonics, first: float) -> list[tuple[int, float, float]]:
+    """The harmonics in the form that the extension takes. Raises ValueError for those that no load can have."""
+    if len(given) > MOST_HARMONICS:
+        raise ValueError(f"drive_harmonics has {len(given)} harmonics: a load can have at most {MOST_HARMONICS}")
+    found = []
+    for order, value in given.items():
+        if not isinstance(order, int) or not 2 <= order <= MOST_ORDER:
+            raise ValueError(f"drive_harmonics has the order {order!r}: it must be an integer from 2 to {MOST_ORDER}")
+        amplitude, phase_deg = value if isinstance(value, tuple) else (value, 0.0)
+        if not (math.isfinite(amplitude) and math.isfinite(phase_deg)) or amplitude == 0:
+            raise ValueError(f"drive_harmonics[{order}] is {value!r}: expected an amplitude other than 0")
+        found.append((order, amplitude / first, math.radians(phase_deg)))
+    return found
+
+
+def direction(given: Drive | str, frequency_hz: float, harmonics: Harmonics | None = None) -> Parts:
     """The same of loads whose amplitude varies: the name of one, or several in a ratio."""
     if isinstance(given, str):
-        return [(given, 1.0)], 1.0, frequency_hz
+        return [(given, 1.0)], 1.0, frequency_hz, _harmonics(harmonics or {}, 1.0)
     amplitudes = checked(given)
     if len(amplitudes) == 1 and next(iter(amplitudes.values())) != 1:
         raise ValueError(
             f"the amplitude is the quantity that varies: give drive={next(iter(amplitudes))!r} without one"
         )
-    return parts(amplitudes, frequency_hz)
+    return parts(amplitudes, frequency_hz, harmonics)
 
 
 def frequency(frequency_hz: float | None) -> float:

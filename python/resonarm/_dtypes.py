@@ -97,12 +97,13 @@ def _readings(read: list[tuple[str, str]]) -> list[tuple[str, str, int]]:
     ]
 
 
-def orbit(read: list[tuple[str, str]], multipliers: int) -> np.dtype[Any]:
-    """The type of the rows of a branch: degrees of freedom that are read, each with its unit, and the number of
-    multipliers."""
+def orbit(read: list[tuple[str, str]], states: int, multipliers: int) -> np.dtype[Any]:
+    """The type of the rows of a branch: degrees of freedom that are read, each with its unit, and the numbers of states
+    and of multipliers."""
     scalars = [("value", "f8", 1), ("frequency_hz", "f8", 1), ("drive", "f8", 1), ("stable", "?", 1)]
-    counts = [("harmonics", "u8", 1), ("period", "u8", 1)]
-    return _rows(*scalars, *counts, *_readings(read), ("multipliers", f"({multipliers},)c16", 1))
+    counts = [("harmonics", "u8", 1), ("period", "u8", 1), ("truncation_error", "f8", 1)]
+    vectors = [("state", f"({states},)f8", 1), ("multipliers", f"({multipliers},)c16", 1)]
+    return _rows(*scalars, *counts, vectors[0], *_readings(read), vectors[1])
 
 
 def singular(read: list[tuple[str, str]]) -> np.dtype[Any]:
@@ -126,7 +127,7 @@ def view(rows: bytearray, dtype: np.dtype[Any]) -> Array:
 def named(names: list[str], rows: Array, field: str = "kind") -> Array:
     """The rows, each with a text in front."""
     fields = [
-        (field, f"U{max(map(len, names), default=1)}"),
+        (field, f"U{max([1, *map(len, names)])}"),
         *((name, rows.dtype[name]) for name in rows.dtype.names or ()),
     ]
     out = np.empty(len(rows), dtype=fields)

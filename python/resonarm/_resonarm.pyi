@@ -39,7 +39,7 @@ _Load = tuple[float, float]
 _Pair = Sequence[float] | NDArray[Any]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
-_Drive = tuple[list[tuple[str, float]], float, float]
+_Drive = tuple[list[tuple[str, float]], float, float, list[tuple[int, float, float]]]
 _Origin = tuple[str, float, int | None, int, bool]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
@@ -112,6 +112,11 @@ class TracedBranch:
     @property
     def unlocated(self) -> list[tuple[str, float, float]]: ...
     @property
+    def stability(self) -> list[list[str]]:
+        """The verdicts of points, peaks and bifurcations; empty where they are not computed."""
+    @property
+    def states(self) -> int: ...
+    @property
     def multipliers(self) -> int: ...
 
 @final
@@ -138,7 +143,7 @@ def trace_branch(
     drive: _Drive,
     range: tuple[str, float, float],
     at: list[str],
-    settings: tuple[int, int, float, bool],
+    settings: tuple[int, int, float, bool, float | None, list[float] | None],
     beyond: tuple[bool, tuple[str, float] | None],
 ) -> Traced: ...
 

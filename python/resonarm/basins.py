@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _drive, _extras, _resonarm
-from ._drive import Drive
+from ._drive import Drive, Harmonics
 from ._dtypes import NUMBER, OUTCOME, Array, view
 
 UNDECIDED, DIVERGES = 0, -1
@@ -190,6 +190,7 @@ def basins(
     points: Sequence[int] = (41, 41),
     initial: Sequence[float] | None = None,
     time_constants: float = TIME_CONSTANTS,
+    drive_harmonics: Harmonics | None = None,
 ) -> Basins:
     """Computes which initial states reach which stable periodic response under A·sin(2πft), over a grid of two
     coordinates of the state at phase 0, computed on all cores as by `resonarm basins`.
@@ -202,6 +203,7 @@ def basins(
     - `points`: the number of values of each, from 2 to 1000, by default (41, 41).
     - `initial`: the state that gives the other coordinates and rates, by default at rest. States of elements are zero.
     - `time_constants`: the longest wait, in time constants of the structure's slowest mode, by default 40.
+    - `drive_harmonics`: harmonics of the loads, as those of `continuation`.
 
     Raises ValueError for invalid arguments, ResonarmError where no stable periodic response is known: none is with
     friction that sticks. Ctrl-C ends it.
@@ -211,7 +213,7 @@ def basins(
     # The grid is checked before the stable responses are looked for, which takes long.
     ends = ((-1.0, -1.0), (1.0, 1.0)) if start is None or stop is None else (start, stop)
     grid_of(structure, two, *ends, points, initial)
-    attractors = _resonarm.Attractors(structure, _drive.parts(drive, _drive.frequency(frequency_hz)))
+    attractors = _resonarm.Attractors(structure, _drive.parts(drive, _drive.frequency(frequency_hz), drive_harmonics))
     motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
     if not motions:
         raise _resonarm.ResonarmError(

@@ -6,9 +6,10 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from . import _drive, _extras, _resonarm
-from ._drive import Drive
+from . import _checks, _drive, _extras, _resonarm
+from ._drive import Drive, Harmonics
 from ._dtypes import Array, named, orbit, singular, view, with_beats
 
 
@@ -73,9 +74,12 @@ class Branch:
     at: tuple[str, ...]
     """The degrees of freedom that are read."""
     points: Array
-    """Rows with `value` (of the parameter), `frequency_hz`, `drive` (the amplitude of the first load, N, or N·m at a
-    joint), `stable` (False where it is not known, too: all multipliers are NaN there), `harmonics`, `period` (in those
-    of the excitation), for each degree of freedom that is read, as `tip.x`, the columns `tip_x_largest_m` (the largest
+    """Rows with `stability` (stable, unstable, undecided within the accuracy of the multipliers, or conservative, where
+    disturbances neither die out nor grow; empty where it is not computed), `value` (of the parameter), `frequency_hz`,
+    `drive` (the amplitude of the first load, N, or N·m at a joint), `stable` (whether `stability` is stable),
+    `harmonics`, `period` (in those of the excitation), `truncation_error` (of the harmonics left out, over the
+    response's size), `state` (at phase 0 of the excitation: coordinates, rates, states of elements, from which
+    `from_state` starts), for each degree of freedom that is read, as `tip.x`, the columns `tip_x_largest_m` (the largest
     displacement from rest), `tip_x_mean_m` and complex `tip_x_harmonic1_m` (the component at f: its argument is the
     phase by which it leads the drive), of a joint in rad (`joint2_largest_rad`), and the Floquet `multipliers`, the
     largest first, followed by NaN where others have more."""
@@ -112,15 +116,14 @@ class Branch:
 
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
-        stable responses as lines, others dashed, all as lines if the stability was not computed, bifurcations as
-        markers, with the other branches. `ax` are matplotlib's axes, by default those of a new figure; they
-        are returned."""
+        stable responses as lines, unstable ones dashed, undecided and conservative ones as black lines, all as lines
+        if the stability was not computed, bifurcations as markers, with the other branches. `ax` are matplotlib's
+        axes, by default those of a new figure; they are returned."""
         at = self.at[0] if at is None else at
         ax, column = _extras.axes(ax), self.column(at)
         for branch in (self, *self.branches):
             points = branch.points
-            solid = points["stable"] if branch.stability else np.ones(len(points), bool)
-            _stretches(ax, points["value"], points[column], solid)
+            _stretches(ax, points["value"], points[column], points["stability"])
         for kind in np.unique(self.bifurcations["kind"]):
             found = self.bifurcations[self.bifurcations["kind"] == kind]
             ax.plot(found["value"], found[column], "o", markersize=4, label=str(kind))
@@ -137,13 +140,23 @@ class Branch:
         return next(name for name in self.points.dtype.names or () if name.startswith(prefix))
 
 
-def _stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
-    """Draws y over x: where responses are stable as lines, elsewhere dashed."""
+_STYLES = {
+    "stable": ("C0", "-", "stable"),
+    "unstable": ("C3", "--", "unstable"),
+    "undecided": ("black", "-", "stability undecided"),
+    "conservative": ("black", "-", "neither stable nor unstable"),
+    "": ("black", "-", "stability not computed"),
+}
+"""Colour, dashes and label of a stretch by the stability of its responses, as in the figures of `resonarm continue`."""
+
+
+def _stretches(ax: Any, x: Array, y: Array, stability: Array) -> None:
+    """Draws y over x, each stretch of one stability in its style."""
     # A response on either side of a change belongs to both stretches, so that the line has no gap.
-    edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
+    edges = [0, *(np.flatnonzero(stability[1:] != stability[:-1]) + 1), len(x)]
     for first, last in pairwise(edges):
         stretch = slice(max(first - 1, 0), last)
-        color, style, label = ("C0", "-", "stable") if len(stable) and stable[first] else ("C3", "--", "unstable")
+        color, style, label = _STYLES[str(stability[first]) if len(stability) else "stable"]
         # One entry of the legend for all stretches of a kind.
         is_known = any(line.get_label() == label for line in ax.lines)
         ax.plot(x[stretch], y[stretch], color=color, linestyle=style, label=None if is_known else label)
@@ -177,6 +190,9 @@ def continuation(
     most_points: int = 20_000,
     largest_step: float = 0.25,
     stability: bool = True,
+    tolerance: float | None = None,
+    from_state: ArrayLike | None = None,
+    drive_harmonics: Harmonics | None = None,
 ) -> Branch:
     """Follows the periodic responses under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
 
@@ -192,6 +208,13 @@ def continuation(
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).
     - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
+    - `tolerance`: the largest error from the harmonics left out, over the response's size, from 1e-14 to 0.1; by
+      default it depends on the elements.
+    - `from_state`: start on the response near this state at phase 0 of the excitation: coordinates, rates, and possibly
+      states of elements, as a row's `state`, or a `section` of `basins`. The response may repeat after several periods
+      of the excitation, up to 12.
+    - `drive_harmonics`: harmonics of the loads by their order, with the amplitude in the unit of the first load, and
+      possibly a phase in degrees: `{3: 2.0}` or `{3: (2.0, 90)}`.
 
     Raises ValueError for invalid arguments, EndedEarly if the continuation ends before `stop`, with the branch up to
     there.
@@ -202,8 +225,12 @@ def continuation(
         hz = start
     else:
         hz = _drive.frequency(frequency_hz)
-    loads = _drive.direction(drive, hz) if parameter == "amplitude" else _drive.parts(drive, hz)  # type: ignore[arg-type]
-    _check_settings(most_harmonics, most_points, largest_step)
+    if parameter == "amplitude":
+        loads = _drive.direction(drive, hz, drive_harmonics)
+    else:
+        loads = _drive.parts(drive, hz, drive_harmonics)  # type: ignore[arg-type]
+    _check_settings(most_harmonics, most_points, largest_step, tolerance)
+    near = None if from_state is None else _checks.real("from_state", from_state).ravel().tolist()
     if (curves_in is None) != (curves_to is None):
         raise ValueError("only one of curves_in and curves_to is given: give both or neither")
     if curves_in == parameter:
@@ -219,16 +246,19 @@ def continuation(
         loads,
         (parameter, start, stop),
         list(read),
-        (most_harmonics, most_points, largest_step, stability),
+        (most_harmonics, most_points, largest_step, stability, tolerance, near),
         (branches, None if curves_in is None or curves_to is None else (curves_in, curves_to)),
     )
     units = [(dof, structure.units("at", dof)[0]) for dof in read]
     label = _label(structure, parameter, amplitudes)
 
     def branch(rows: _resonarm.TracedBranch, **more: Any) -> Branch:
-        form = orbit(units, rows.multipliers)
-        points, peaks = view(rows.points, form), view(rows.peaks, form)
-        bifurcations = with_beats(named(rows.kinds, view(rows.bifurcations, form)), rows.beats)
+        form = orbit(units, rows.states, rows.multipliers)
+        points, peaks, bifurcations = (
+            named(names, view(part, form), "stability")
+            for names, part in zip(rows.stability, (rows.points, rows.peaks, rows.bifurcations), strict=True)
+        )
+        bifurcations = with_beats(named(rows.kinds, bifurcations), rows.beats)
         unlocated = tuple(rows.unlocated)
         of = (parameter, label, amplitudes, read, points, bifurcations, peaks, unlocated, stability)
         return Branch(*of, **more)
@@ -259,8 +289,10 @@ def _label(structure: _resonarm.Assembly, parameter: str, drive: dict[str, float
     return f"{parameter} ({unit})" if unit else parameter
 
 
-def _check_settings(most_harmonics: int, most_points: int, largest_step: float) -> None:
+def _check_settings(most_harmonics: int, most_points: int, largest_step: float, tolerance: float | None) -> None:
     """Raises ValueError for limits that no continuation can have."""
+    if tolerance is not None and not 1e-14 <= tolerance <= 0.1:
+        raise ValueError(f"tolerance is {tolerance:g}: it must be from 1e-14 to 0.1")
     if not 1e-6 <= largest_step <= 1:
         raise ValueError(f"largest_step is {largest_step:g}: it must be from 0.000001 to 1")
     if not 3 <= most_harmonics <= 1000:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _drive, _resonarm
-from ._drive import Drive
+from ._drive import Drive, Harmonics
 from ._dtypes import COMPLEX, Array, motion, view
 from .basins import basins, full_states
 from .continuation import continuation
@@ -149,6 +149,7 @@ class Structure(_resonarm.Assembly):
         rate_hz: float | None = None,
         scheme: Scheme | None = None,
         every: int = 1,
+        drive_harmonics: Harmonics | None = None,
     ) -> Array:
         """The motion under A·sin(2πft), exact inside the step: rows with `t_s`, the coordinates and their rates, and
         the states of elements that have one.
@@ -156,8 +157,9 @@ class Structure(_resonarm.Assembly):
         Coordinates are `alpha_rad` and `alpha_dot_rad_s` of a chain, deflections of its joints from rest, and
         `q_m_sqrt_kg` and `q_dot_m_sqrt_kg_s` of modes; states of elements `element1_m`, or `element1_rad` at a joint.
         `drive` has the amplitude A at each degree of freedom that is driven, `{"tip.x": 100}` (N, or N·m at a joint),
-        `frequency_hz` is f. `initial` has the coordinates and their rates, and may have the states of elements, to
-        continue a motion; by default it is the structure's own, or rest. `rate_hz` is the integration steps a second,
+        `frequency_hz` is f, `drive_harmonics` harmonics of the loads, as those of `continuation`. `initial` has the
+        coordinates and their rates, and may have the states of elements, to continue a motion; by default it is the
+        structure's own, or rest. `rate_hz` is the integration steps a second,
         by default those of a scenario with the `scheme` (rk4, dop853, gl4, gl6, exponential, exponential8), which is
         for chains whose elements are smooth: modes alone are exact, and other elements' switches are located between
         steps of order 8, whatever the scheme. There is a row for the start, for every `every`th step and for the end.
@@ -168,7 +170,7 @@ class Structure(_resonarm.Assembly):
         """
         loads = None
         if drive is not None:
-            loads = _drive.parts(drive, _drive.frequency(frequency_hz))
+            loads = _drive.parts(drive, _drive.frequency(frequency_hz), drive_harmonics)
         elif frequency_hz is not None:
             raise ValueError(f"frequency_hz is {frequency_hz:g}: give the drive, too, as drive={{DOF: A}}")
         if every < 1:

@@ -5,7 +5,7 @@ use pyo3::types::PyByteArray;
 use resonarm::analysis::{AnalysisError, EndedEarly};
 use resonarm::analysis::{
     Assess, Bifurcation, Branch, Coordinate, Forced, NotFollowed, Orbit, Origin, SingularCurve, SingularPoint,
-    SwitchedBranch, TraceOptions, trace, trace_branches, trace_singular_curves,
+    SwitchedBranch, TraceOptions, phase_zero_state, trace, trace_branches, trace_singular_curves,
 };
 
 use crate::errors;
@@ -17,7 +17,7 @@ use crate::structure::Assembly;
 const LARGEST_CURVE_STEP: f64 = 0.08;
 
 /// A branch: points, kinds, points and beats of bifurcations, those not located by kind and interval, for each degree of
-/// freedom that is read the response with the largest displacement; the number of multipliers in a row.
+/// freedom that is read the response with the largest displacement; the numbers of states and multipliers in a row.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct TracedBranch {
     points: Py<PyByteArray>,
@@ -26,6 +26,9 @@ pub struct TracedBranch {
     beats: Vec<(f64, f64)>,
     unlocated: Vec<(&'static str, f64, f64)>,
     peaks: Py<PyByteArray>,
+    /// The verdicts on the stability of points, peaks and bifurcations; empty where it is not computed.
+    stability: [Vec<&'static str>; 3],
+    states: usize,
     multipliers: usize,
 }
 
@@ -61,8 +64,9 @@ fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coor
     }
 }
 
-/// Limits of harmonics, points and step length, and whether the stability is computed.
-type Settings = (usize, usize, f64, bool);
+/// Limits of harmonics, points and step length, whether the stability is computed, the tolerance of the harmonics left
+/// out, and a state near which the branch starts.
+type Settings = (usize, usize, f64, bool, Option<f64>, Option<Vec<f64>>);
 
 /// Follows the periodic responses of a structure under a drive in the frequency, the amplitude or a parameter from one
 /// value to another, read at degrees of freedom. Follows the branches that leave it, and its folds and doublings in a
@@ -89,10 +93,11 @@ pub fn trace_branch(
     let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
     let Found { branch, branches, left_out, sub_harmonics, curves, early } =
         py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
-    let switched = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), TracedBranch::new(py, branch)?));
+    let of = |branch: &Branch| TracedBranch::new(py, branch, &request.forced, varied);
+    let switched = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), of(branch)?));
     let left_out = left_out.into_iter();
     Ok(Traced {
-        branch: TracedBranch::new(py, &branch)?,
+        branch: of(&branch)?,
         branches: branches.iter().map(switched).collect::<PyResult<_>>()?,
         left_out: left_out.map(|(origin, reason)| (origin_row(&origin), errors::printable(reason))).collect(),
         sub_harmonics,
@@ -131,11 +136,13 @@ struct Found {
 impl BranchRequest {
     /// Options with the settings.
     fn set(&self, mut options: TraceOptions) -> TraceOptions {
-        let (most_harmonics, most_points, largest_step, stability) = self.settings;
-        options.branch.most_harmonics = most_harmonics;
-        options.branch.most_points = most_points;
-        options.branch.continuation.largest_step = largest_step;
-        options.assess = if stability { Assess::Multipliers } else { Assess::Nothing };
+        let (most_harmonics, most_points, largest_step, stability, tolerance, near) = &self.settings;
+        options.branch.most_harmonics = *most_harmonics;
+        options.branch.most_points = *most_points;
+        options.branch.continuation.largest_step = *largest_step;
+        options.branch.truncation = tolerance.unwrap_or(options.branch.truncation);
+        options.assess = if *stability { Assess::Multipliers } else { Assess::Nothing };
+        options.near.clone_from(near);
         options
     }
 
@@ -182,15 +189,26 @@ fn keep<T: core::fmt::Debug>(traced: Result<T, EndedEarly<T>>, early: &mut Optio
 }
 
 impl TracedBranch {
-    fn new(py: Python<'_>, branch: &Branch) -> PyResult<Py<TracedBranch>> {
+    fn new(py: Python<'_>, branch: &Branch, forced: &Forced, varied: Coordinate) -> PyResult<Py<TracedBranch>> {
         let found = || branch.bifurcations.iter().map(|bifurcation| &bifurcation.orbit);
         let all = || branch.orbits.iter().chain(found()).chain(&branch.peaks);
         let multipliers = all().map(|orbit| multipliers(orbit).len()).max().unwrap_or(0);
+        let assembly = forced.assembly();
+        let states = 2 * assembly.coordinates() + assembly.element_states();
         let rows = |orbits: &mut dyn Iterator<Item = &Orbit>| {
             let mut rows = Rows::default();
-            orbits.for_each(|orbit| push(&mut rows, orbit, multipliers));
+            for orbit in orbits {
+                let state = phase_zero_state(forced, varied, orbit).unwrap_or_else(|| vec![f64::NAN; states]);
+                push(&mut rows, orbit, &state, multipliers);
+            }
             rows.into_bytes(py).map(Bound::unbind)
         };
+        let verdict = |orbit: &Orbit| orbit.stability.as_ref().map_or("", |stability| stability.verdict().name());
+        let stability = [
+            branch.orbits.iter().map(verdict).collect(),
+            branch.peaks.iter().map(verdict).collect(),
+            found().map(verdict).collect(),
+        ];
         let traced = TracedBranch {
             points: rows(&mut branch.orbits.iter())?,
             kinds: branch.bifurcations.iter().map(|bifurcation| bifurcation.kind.name()).collect(),
@@ -198,6 +216,8 @@ impl TracedBranch {
             beats: branch.bifurcations.iter().map(beat).collect(),
             unlocated: branch.unlocated.iter().map(|at| (at.kind.name(), at.between[0], at.between[1])).collect(),
             peaks: rows(&mut branch.peaks.iter())?,
+            stability,
+            states,
             multipliers,
         };
         Py::new(py, traced)
@@ -216,11 +236,13 @@ fn multipliers(orbit: &Orbit) -> Vec<[f64; 2]> {
 }
 
 /// A row; NaN in place of multipliers that there are not.
-fn push(rows: &mut Rows, orbit: &Orbit, count: usize) {
+fn push(rows: &mut Rows, orbit: &Orbit, state: &[f64], count: usize) {
     rows.numbers(&[orbit.value, orbit.frequency_hz, orbit.drive]);
     rows.word(orbit.is_stable() == Some(true));
     rows.word(orbit.harmonics as u64);
     rows.word(orbit.period as u64);
+    rows.numbers(&[orbit.truncation_error]);
+    rows.numbers(state);
     orbit.readings.iter().for_each(|reading| rows.numbers(&reading.numbers()));
     let mut multipliers = multipliers(orbit);
     multipliers.resize(count, [f64::NAN; 2]);

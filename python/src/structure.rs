@@ -13,8 +13,8 @@ use resonarm::integrate::Scheme;
 use resonarm::scenario::Scenario;
 use resonarm::scenario::structure::{Matrices, StructureSection, StructureSectionError};
 use resonarm::structure::{
-    self, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, Link, StepError, StepLoad, Stepper, coordinate_channels,
-    element_channel,
+    self, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, Link, LoadHarmonic, StepError, StepLoad, Stepper,
+    coordinate_channels, element_channel,
 };
 use toml::Value;
 
@@ -286,6 +286,7 @@ struct Motion {
     stepper: Stepper,
     amplitude: Vec<f64>,
     omega_rad_s: f64,
+    harmonics: Vec<LoadHarmonic>,
 }
 
 impl Motion {
@@ -295,19 +296,19 @@ impl Motion {
         drive: Option<Drive>,
         (scheme, rate_hz): (Scheme, f64),
     ) -> PyResult<Motion> {
-        let (shares, all, frequency_hz) = match drive {
-            Some(drive) => (drive.shares(of)?, drive.1, drive.2),
-            None => (Vec::new(), 0.0, 0.0),
+        let (shares, all, frequency_hz, harmonics) = match drive {
+            Some(drive) => (drive.shares(of)?, drive.1, drive.2, drive.harmonics()),
+            None => (Vec::new(), 0.0, 0.0, Vec::new()),
         };
         let (drive, amplitude): (Vec<Dof>, Vec<f64>) = shares.iter().map(|(dof, share)| (*dof, share * all)).unzip();
         let mut stepper = Stepper::new(&of.inner, &drive, scheme, rate_hz).map_err(errors::value)?;
         stepper.restore(&of.start(initial)?).map_err(errors::value)?;
-        Ok(Motion { stepper, amplitude, omega_rad_s: TAU * frequency_hz })
+        Ok(Motion { stepper, amplitude, omega_rad_s: TAU * frequency_hz, harmonics })
     }
 
     fn advance(&mut self, t_s: f64) -> Result<(), StepError> {
-        let load = StepLoad::Sine { amplitude: &self.amplitude, omega_rad_s: self.omega_rad_s };
-        self.stepper.advance_under(t_s, &load)
+        let Motion { stepper, amplitude, omega_rad_s, harmonics } = self;
+        stepper.advance_under(t_s, &StepLoad::Periodic { amplitude, omega_rad_s: *omega_rad_s, harmonics })
     }
 
     fn push(&self, rows: &mut Rows, t_s: f64) {

@@ -76,6 +76,66 @@ def test_a_parameter_of_the_structure_can_vary():
     assert "cusp" in curves[0].turns["kind"]
 
 
+OSCILLATOR = resonarm.ModeShape(frequency_hz=1 / (2 * np.pi), damping_ratio=0.005, shape={"tip.x": 1.0})
+CUBIC = resonarm.Element(kind="cubic", at="tip.x", stiffness3_n_m3=1.0)
+
+
+def test_a_branch_starts_near_a_state(branch):
+    # Back from the middle of the unstable part.
+    row = branch.points[np.flatnonzero(branch.points["stability"] == "unstable")[3]]
+    again = ARM.continuation("frequency", row["value"], 21, drive={"joint1": 60}, from_state=row["state"])
+    first = again.points[0]
+    np.testing.assert_allclose(first["state"], row["state"], rtol=1e-6)
+    assert (first["stability"], first["stable"]) == ("unstable", False)
+    # A sub-harmonic of order 3, by another code's shooting.
+    modal = resonarm.Modal([OSCILLATOR], elements=[CUBIC])
+    hz, state = 4.5 / (2 * np.pi), [1.1686692211643264, 0.11509686260901884]
+    third = modal.continuation("frequency", hz, 1.01 * hz, drive={"tip.x": 4}, from_state=state)
+    assert set(third.points["period"]) == {3}
+    assert third.points["tip_x_largest_m"][0] == pytest.approx(1.2007087, rel=1e-6)
+    with pytest.raises(resonarm.ResonarmError, match="has 1 finite numbers: expected 2"):
+        modal.continuation("frequency", hz, 1.01 * hz, drive={"tip.x": 4}, from_state=[1.0])
+
+
+def test_a_tolerance_bounds_the_truncation_error(branch):
+    assert branch.points["truncation_error"].max() < 1e-9
+    modal = resonarm.Modal([OSCILLATOR], elements=[CUBIC])
+    rough, fine = (
+        modal.continuation("frequency", 0.1, 0.2, drive={"tip.x": 0.5}, tolerance=tolerance, stability=False)
+        for tolerance in (1e-3, 1e-10)
+    )
+    assert rough.points["harmonics"].max() < fine.points["harmonics"].max()
+    assert rough.points["truncation_error"].max() <= 1e-3 and fine.points["truncation_error"].max() <= 1e-10
+    assert set(rough.points["stability"]) == {""}
+
+
+def test_conservative_responses_are_drawn_as_neither_stable_nor_unstable():
+    modal = resonarm.Modal([{**OSCILLATOR, "damping_ratio": 0.0}], elements=[CUBIC])
+    branch = modal.continuation("frequency", 0.05, 0.1, drive={"tip.x": 0.1})
+    assert set(branch.points["stability"]) == {"conservative"} and not branch.points["stable"].any()
+    ax = branch.plot(Figure().subplots())
+    assert [(line.get_linestyle(), line.get_color(), line.get_label()) for line in ax.lines] == [
+        ("-", "black", "neither stable nor unstable")
+    ]
+
+
+def test_loads_have_harmonics():
+    linear = resonarm.Modal([OSCILLATOR])
+    load = {"drive": {"tip.x": 1}, "drive_harmonics": {2: (0.5, 90), 3: -2.0}}
+    branch = linear.continuation("frequency", 0.03, 0.05, **load)
+    row = branch.points[0]
+    t = np.arange(400) / 400
+    turns = 2j * np.pi * t
+    responses = ((1, 1.0), (2, 0.5j), (3, -2.0))
+    h = {k: linear.frf(k * row["frequency_hz"], drive="tip.x") for k, _ in responses}
+    x = sum((h[k] * factor * np.exp(k * turns)).imag for k, factor in responses)
+    assert row["tip_x_largest_m"] == pytest.approx(np.abs(x).max(), rel=1e-4)
+    motion = linear.simulate(
+        1 / 0.03, frequency_hz=0.03, initial=row["state"], rate_hz=30.0, every=1000, **load
+    )
+    np.testing.assert_allclose(motion["q_m_sqrt_kg"][-1], row["state"][:1], atol=1e-9)
+
+
 def test_branches_that_leave_a_branch_belong_to_it():
     arm = resonarm.Chain.preset(angles_deg=(0, 75))
     branch = arm.continuation("frequency", 43, 46, drive={"joint1": 800}, branches=True)
@@ -106,6 +166,9 @@ def test_a_branch_that_ends_early_is_kept():
         ({"drive": {"joint1": 1.0}, "largest_step": 0.0}, "largest_step is 0: it must be from 0.000001 to 1"),
         ({"drive": {"joint1": 1.0}, "most_harmonics": 2}, "most_harmonics is 2: it must be from 3 to 1000"),
         ({"drive": {"joint1": 1.0}, "most_points": 0}, "most_points is 0: it must be 1 or more"),
+        ({"drive": {"joint1": 1.0}, "tolerance": 0.2}, "tolerance is 0.2: it must be from 1e-14 to 0.1"),
+        ({"drive": {"joint1": 1.0}, "drive_harmonics": {1: 2.0}}, "the order 1: it must be an integer from 2 to 50"),
+        ({"drive": {"joint1": 1.0}, "drive_harmonics": {3: 0.0}}, "drive_harmonics[3] is 0.0: expected an amplitude"),
         ({"drive": {"joint1": 1.0}, "curves_in": "amplitude"}, "give both or neither"),
         ({"drive": {"joint1": 1.0}, "curves_in": "frequency", "curves_to": 1}, "give another parameter"),
         ({"drive": {"joint1": 1.0}, "curves_in": "foo", "curves_to": 1}, "curves_in foo: "),

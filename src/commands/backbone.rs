@@ -168,6 +168,7 @@ impl Backbone {
     /// Resolves the flags against the structure: the load, the degrees of freedom that are read, and where the curve
     /// ends.
     fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
+        self.drive.refuse_harmonics("a backbone is the resonance under one sine")?;
         let (drive, amplitude) = self.drive.up_to(&tested.assembly)?;
         let read = read_at(&self.at, &drive.driven(), &tested.assembly)?;
         let to = match self.to {

@@ -20,9 +20,10 @@ use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
+use crate::start_state::StateFlag;
 use resonarm::analysis::{
     self, Assess, Beat, Bifurcation, Branch, BranchEnd, Coordinate, Forced, NotFollowed, Orbit, Origin, OriginKind,
-    Stability, SubHarmonicSearch, SwitchedBranch, TraceOptions, Unlocated, trace, trace_branches,
+    Stability, SubHarmonicSearch, SwitchedBranch, TraceOptions, Unlocated, phase_zero_state, trace, trace_branches,
     trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
@@ -79,6 +80,14 @@ pub(crate) struct Continue {
     parameter: String,
     #[command(flatten)]
     range: RangeFlags,
+    /// Start on the response near this state at phase 0 of the load.
+    ///
+    /// STATE is coordinates and rates, as 0.01,0,0.3,0, and possibly states of elements, or FILE:PLACE. PLACE is
+    /// points/17 in the JSON of this command, sweeps/0/points/3 in that of sweep, motions/0 in that of basins, or a time
+    /// in seconds in a recording, from which on the load comes to phase 0. A response may repeat after several periods of
+    /// the load, up to 12.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "STATE", allow_hyphen_values = true)]
+    from_state: Option<StateFlag>,
     /// Frequency of the excitation if it does not vary, Hz.
     #[arg(long, help_heading = heading::LOADS, value_name = "F")]
     frequency_hz: Option<f64>,
@@ -134,6 +143,8 @@ struct Walk {
     frequency_hz: f64,
     /// The second coordinate of curves, and where they end.
     second: Option<(Coordinate, f64)>,
+    /// The state near which the branch starts.
+    near: Option<Vec<f64>>,
 }
 
 /// Results of the continuation: the branch, those that leave it, and its curves.
@@ -185,11 +196,16 @@ struct BranchDocument {
 }
 
 impl BranchDocument {
-    fn new(branch: &Branch, read: &[ReadAt]) -> BranchDocument {
+    fn new(branch: &Branch, read: &[ReadAt], (forced, coordinate): (&Forced, Coordinate)) -> BranchDocument {
+        let with_state = |mut value: Value, orbit: &Orbit| {
+            value["state"] = json!(phase_zero_state(forced, coordinate, orbit));
+            value
+        };
+        let found = branch.bifurcations.iter();
         BranchDocument {
             ended: branch.end.name(),
-            points: branch.orbits.iter().map(|orbit| point(orbit, read)).collect(),
-            bifurcations: branch.bifurcations.iter().map(|found| bifurcation(found, read)).collect(),
+            points: branch.orbits.iter().map(|orbit| with_state(point(orbit, read), orbit)).collect(),
+            bifurcations: found.map(|found| with_state(bifurcation(found, read), &found.orbit)).collect(),
         }
     }
 }
@@ -207,13 +223,8 @@ struct SwitchedDocument {
 }
 
 impl SwitchedDocument {
-    fn new((origin, branch): &(Origin, Branch), read: &[ReadAt]) -> SwitchedDocument {
-        SwitchedDocument {
-            from: beginning(origin),
-            period: origin.period,
-            mirrored: origin.is_mirrored,
-            branch: BranchDocument::new(branch, read),
-        }
+    fn new(origin: &Origin, branch: BranchDocument) -> SwitchedDocument {
+        SwitchedDocument { from: beginning(origin), period: origin.period, mirrored: origin.is_mirrored, branch }
     }
 }
 
@@ -226,7 +237,8 @@ fn beginning(origin: &Origin) -> Value {
 impl Continue {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let endings = [output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat();
-        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
+        let from_state = self.from_state.as_ref().and_then(StateFlag::path);
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref()).and(from_state);
         self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
@@ -234,13 +246,16 @@ impl Continue {
         let mut early = Early::default();
         let (found, wall_s) = timed(|| self.follow(&tested, &walk, &mut early));
         let found = found?;
+        let forced = walk.drive.forced(&tested.assembly);
+        let of_branch = |branch: &Branch| BranchDocument::new(branch, &walk.read, (&forced, walk.coordinate));
+        let switched = |(origin, branch): &(Origin, Branch)| SwitchedDocument::new(origin, of_branch(branch));
         let document = Document {
             configuration: self.configuration(&scenario, &tested, &walk, found.tolerance),
             coordinates: configuration::coordinates(&tested.assembly),
-            branch: BranchDocument::new(&found.branch, &walk.read),
+            branch: of_branch(&found.branch),
             unlocated: found.branch.unlocated.iter().map(unlocated).collect(),
             peaks: peaks(&found.branch, &walk.read),
-            branches: found.branches.iter().map(|switched| SwitchedDocument::new(switched, &walk.read)).collect(),
+            branches: found.branches.iter().map(switched).collect(),
             left_out: found.left_out.iter().map(left_out).collect(),
             sub_harmonics: found.sub_harmonics.as_ref().map(sought),
             curves: found.curves.as_ref().map(|curves| curves.document(&walk.read)),
@@ -287,11 +302,13 @@ impl Continue {
         let unit = if coordinate == Coordinate::FrequencyHz { "-hz" } else { "" };
         let parameter = format!("--parameter {}", self.parameter);
         let (from, to) = quantity::interval(&parameter, Some(unit), &given)?.unwrap_or_default();
+        // A walk in the frequency starts at the first end of its range.
+        let frequency_hz = frequency_hz.unwrap_or(from);
         Ok(Walk {
             read: read_at(&self.at, &drive.driven(), assembly)?,
             second: self.curves.second(coordinate, assembly)?,
-            // A walk in the frequency starts at the first end of its range.
-            frequency_hz: frequency_hz.unwrap_or(from),
+            near: self.from_state.as_ref().map(|state| state.state(frequency_hz)).transpose()?,
+            frequency_hz,
             ends: [from, to],
             coordinate,
             drive,
@@ -319,6 +336,7 @@ impl Continue {
         let mut options = TraceOptions::new(&forced, coordinate, ends, dofs(&walk.read));
         options.branch = self.walk.options(options.branch)?;
         options.assess = self.assess();
+        options.near.clone_from(&walk.near);
         let name = coordinate.to_string();
         let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
         let (mut branches, mut left_out, mut sub_harmonics) = (Vec::new(), Vec::new(), None);
@@ -367,12 +385,15 @@ impl Continue {
 
     fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk, tolerance: f64) -> Value {
         let mut configuration = configuration::of_structure(scenario, tested);
-        configuration["drive"] = walk.drive.document();
+        walk.drive.describe(&mut configuration);
         configuration["continue"] = json!({
             "parameter": walk.coordinate.to_string(), "from": walk.ends[0], "to": walk.ends[1],
             "frequency_hz": self.frequency_hz, "stability": !self.no_stability,
             "tolerance": tolerance,
         });
+        if let Some(near) = &walk.near {
+            configuration["continue"]["from_state"] = json!(near);
+        }
         configuration
     }
 

@@ -96,14 +96,18 @@ impl Simulate {
         let (done, wall_s) = timed(|| {
             let amplitude: Vec<f64> = loads.iter().map(|load| load.amplitude).collect();
             let omega_rad_s = core::f64::consts::TAU * self.frequency_hz;
-            let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s };
+            let harmonics = drive.as_ref().map_or(&[][..], |drive| &drive.harmonics[..]);
+            let load = StepLoad::Periodic { amplitude: &amplitude, omega_rad_s, harmonics };
             // The time is computed from the number of the step. A running sum of 1/rate would accumulate rounding
             // errors, and with them shift the phase of the sine.
             (0..steps).try_for_each(|k| stepper.advance_under(k as f64 / rate_hz, &load))
         });
         done?;
         let mut configuration = configuration::of_structure(&scenario, &tested);
-        configuration["drive"] = drive.as_ref().map_or(json!({}), |drive| drive.document());
+        configuration["drive"] = json!({});
+        if let Some(drive) = &drive {
+            drive.describe(&mut configuration);
+        }
         configuration["frequency_hz"] = json!(self.frequency_hz);
         configuration["initial"] = json!(initial);
         configuration["scheme"] = json!(scheme);

@@ -159,7 +159,11 @@ fn elements(scenario: &Scenario) -> String {
     let elements = scenario.structure.elements.iter();
     let line = |(element, number): (&resonarm::scenario::structure::ElementSection, usize)| {
         let values = element.values.iter().map(|(key, value)| format!(", {key} = {}", short(value)));
-        let terms = if element.terms.is_empty() { String::new() } else { format!(", {} terms", element.terms.len()) };
+        let terms = match element.terms.len() {
+            0 => String::new(),
+            1 => String::from(", 1 term"),
+            count => format!(", {count} terms"),
+        };
         format!("element {number}: {} {}{}{terms}\n", element.kind.name(), element.place(), values.collect::<String>())
     };
     elements.zip(1..).map(line).collect()

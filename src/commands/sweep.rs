@@ -263,7 +263,7 @@ impl Response {
         json!({
             "frequency_hz": self.frequency_hz, "readings": readings(&self.readings, read),
             "period": point.period, "largest_multiplier": point.largest_multiplier,
-            "settling_periods": point.settling_periods, "drift": point.drift,
+            "settling_periods": point.settling_periods, "drift": point.drift, "state": point.end,
         })
     }
 }

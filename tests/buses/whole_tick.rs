@@ -26,6 +26,10 @@ seed = 7
 profile = '{profile}'
 command_timeout_s = 20
 partner_timeout_s = 30
+[[structure.elements]]
+kind = 'polynomial'
+at = ['tip.x', 'tip.y']
+terms = [{ powers = [2, 1], energy = 1e6 }, { powers = [4, 0], energy = 1e8 }, { powers = [0, 4], energy = 1e8 }]
 [rig]
 head = { range_n = 200, noise_rms_n = 0.02, gain = 1.02, highpass_hz = 0.5, lowpass_hz = 200, bits = 24 }
 sensors.b = { range_m_s2 = 490, noise_rms_m_s2 = 0.03, delay_samples = 3, bits = 16 }

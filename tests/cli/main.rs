@@ -15,6 +15,7 @@ mod experiment;
 mod export;
 mod figures;
 mod first_minute;
+mod given_states;
 mod identify;
 mod import;
 mod integrators;

@@ -417,7 +417,7 @@ fn sweeps_and_basins_of_structures() {
     let swept: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(names(&swept), ["configuration", "coordinates", "sweeps"]);
     let point = &swept["sweeps"][0]["points"][0];
-    let keys = ["drift", "frequency_hz", "largest_multiplier", "period", "readings", "settling_periods"];
+    let keys = ["drift", "frequency_hz", "largest_multiplier", "period", "readings", "settling_periods", "state"];
     assert_eq!(names(point), keys);
 
     let few = on_oscillator("sweep", "--drive tip.x=5 --from-hz 9 --to-hz 16 --points 3 --direction up");

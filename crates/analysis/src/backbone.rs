@@ -468,6 +468,9 @@ struct Start {
 /// Returns the equations and the small vibration that satisfies them.
 fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Start), AnalysisError> {
     let assembly = &forced.assembly;
+    if !forced.harmonics().is_empty() {
+        return Err(AnalysisError::LoadHarmonics);
+    }
     check_small_amplitudes(assembly)?;
     let (got, modes) = (options.mode, assembly.modes());
     let mode = modes.get(got).ok_or(AnalysisError::NoMode { got: got + 1, most: modes.len() })?;

@@ -29,6 +29,7 @@ use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_rest};
 use super::{Coordinate, Forced};
 use crate::continuation::System;
+use crate::forced::Component;
 
 pub(super) use homotopy::Homotopy;
 
@@ -453,9 +454,20 @@ impl Balance {
         }
     }
 
+    /// Returns the components of the drive by their orders of the base frequency ω, those that the harmonics cover.
+    fn components(&self) -> impl Iterator<Item = Component> + '_ {
+        let of_base = |of: Component| Component { order: of.order * self.period(), ..of };
+        self.forced.components().map(of_base).filter(|of| of.order <= self.harmonics)
+    }
+
+    /// Returns the component of the drive along the harmonic k of ω; zeros if there is none.
+    fn driven(&self, k: usize) -> [f64; 2] {
+        self.components().filter(|of| of.order == k).fold([0.0; 2], |[c, s], of| [c + of.parts[0], s + of.parts[1]])
+    }
+
     /// Writes the derivatives of the rows by the drive's peak, for the response last evaluated.
     pub fn by_amplitude(&self, out: &mut [f64]) {
-        let (m, period) = (self.unknowns.count(), self.period());
+        let m = self.unknowns.count();
         out[..self.load.len()].fill(0.0);
         for i in 0..m {
             match &self.unknowns.body {
@@ -467,9 +479,13 @@ impl Balance {
                     });
                 }
                 Body::Condensed(_) => {
-                    // The drive p sin Ωt enters the rows as −p Im H along the cosine and −p Re H along the sine.
-                    let [h, _] = self.compliances[period].drive[i];
-                    (out[(2 * period - 1) * m + i], out[2 * period * m + i]) = (-h.im, -h.re);
+                    for k in 1..=self.harmonics {
+                        let driven = self.driven(k);
+                        if driven != [0.0; 2] {
+                            let [h, _] = self.compliances[k].drive[i];
+                            Pair::of(k, m).put(out, i, times(h, driven).map(|driven| -driven));
+                        }
+                    }
                 }
             }
         }
@@ -485,7 +501,7 @@ impl Balance {
         }
         for k in 0..=self.harmonics {
             let (compliance, by_rate) = (&self.compliances[k], TAU * k as f64 / period as f64);
-            let rows = Pair::of(k, m);
+            let (rows, driven) = (Pair::of(k, m), self.driven(k));
             for i in 0..m {
                 let mut slope = [0.0; 2];
                 for j in 0..m {
@@ -495,8 +511,8 @@ impl Balance {
                     let turned = times(turned * by_rate, rows.at(&self.load, j));
                     (0..2).for_each(|d| slope[d] += by[d] + turned[d]);
                 }
-                if k == period {
-                    let driven = times(compliance.drive[i][1] * by_rate, [0.0, 1.0]);
+                if driven != [0.0; 2] {
+                    let driven = times(compliance.drive[i][1] * by_rate, driven);
                     (0..2).for_each(|d| slope[d] -= self.forced.amplitude * driven[d]);
                 }
                 rows.put(out, i, slope);
@@ -575,7 +591,7 @@ impl Balance {
     /// Writes R of the response last evaluated. With U = c − is of a harmonic c cos + s sin, H U has the coefficients
     /// Re H c + Im H s and Re H s − Im H c.
     fn residual(&self, x: &[f64], residual: &mut [f64]) {
-        let (m, period) = (self.unknowns.count(), self.period());
+        let m = self.unknowns.count();
         let Body::Condensed(condensed) = &self.unknowns.body else {
             let rows = self.load.iter().zip(&self.row_scales);
             residual.iter_mut().zip(rows).for_each(|(out, (load, scale))| *out = load * scale);
@@ -583,7 +599,7 @@ impl Balance {
         };
         for k in 0..=self.harmonics {
             let (compliance, kept) = (&self.compliances[k], self.kept.filter(|_| k == 1));
-            let rows = Pair::of(k, m);
+            let (rows, driven) = (Pair::of(k, m), self.driven(k));
             for i in 0..m {
                 let mut value = rows.at(x, i);
                 // H₁ leaves out the kept mode, which moves the place by φ c cos Ωt.
@@ -592,8 +608,8 @@ impl Balance {
                     let part = times(compliance.places[i * m + j][0], rows.at(&self.load, j));
                     (0..2).for_each(|d| value[d] += part[d]);
                 }
-                if k == period {
-                    let driven = times(compliance.drive[i][0], [0.0, 1.0]);
+                if driven != [0.0; 2] {
+                    let driven = times(compliance.drive[i][0], driven);
                     (0..2).for_each(|d| value[d] -= self.forced.amplitude * driven[d]);
                 }
                 rows.put(residual, i, value);
@@ -699,7 +715,8 @@ impl Balance {
                 _ => Complex::new(self.load[(2 * k - 1) * m + i], -self.load[2 * k * m + i]),
             };
             let loads: Vec<_> = (0..m).map(load).collect();
-            let drive = Complex::new(0.0, if k == self.period() { -self.forced.amplitude } else { 0.0 });
+            let [c, s] = self.driven(k);
+            let drive = Complex::new(c, -s) * self.forced.amplitude;
             let kept = self.kept.filter(|_| k == 1);
             let x = condensed.harmonic(k as f64 * omega, direction, kept, drive, &loads);
             series.push(x.re);

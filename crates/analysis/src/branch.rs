@@ -49,6 +49,10 @@ pub fn trace(
 /// Checks that both ends, and the frequency, are numbers at which the system exists.
 pub(super) fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
     balance.unknowns.check_held(balance.forced.assembly())?;
+    let (order, most) = (balance.forced.highest_order(), options.branch.most_harmonics);
+    if order > most {
+        return Err(AnalysisError::LoadOrder { order, most });
+    }
     let (from, to) = (options.branch.from, options.branch.to);
     let known = balance.coordinate == Coordinate::FrequencyHz
         || (balance.frequency_hz.is_finite() && balance.frequency_hz > 0.0);

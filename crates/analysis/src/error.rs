@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use super::StartAttempt;
 use super::continuation::StepRefusal;
-use resonarm_dynamics::structure::StructureError;
+use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::{rounded, short};
 
 /// A value of the parameter of a continuation, in its unit.
@@ -49,7 +49,7 @@ fn no_resonance(damping_ratio: &f64) -> String {
 fn attempted(attempts: &[StartAttempt]) -> String {
     let mut text = String::new();
     for (number, attempt) in attempts.iter().enumerate() {
-        text += if number == 0 { ". Element forces raised from zero " } else { "; " };
+        text += if number == 0 { ", and by raising the element forces from zero: " } else { "; " };
         text += &format!("{attempt}");
     }
     text
@@ -75,7 +75,8 @@ pub enum AnalysisError {
     },
     /// No periodic response was found at the start of a branch.
     #[error(
-        "no periodic response was found at {at}. Newton's method from rest: {from_rest}{}; start elsewhere, lower the excitation, or follow the amplitude from a smaller one",
+        "no periodic response was found at {at}. It was searched from rest ({from_rest}){}. Start elsewhere, lower the \
+         excitation, follow the amplitude from a smaller one, or give a state of the response",
         attempted(attempts)
     )]
     NoStart {
@@ -85,6 +86,55 @@ pub enum AnalysisError {
         from_rest: StepRefusal,
         /// The homotopies that were tried.
         attempts: Vec<StartAttempt>,
+    },
+    /// The drive has a harmonic beyond those that a response may have.
+    #[error("the load has the harmonic {order}, and responses have at most {most} harmonics: allow more")]
+    LoadOrder {
+        /// The highest order of the drive.
+        order: usize,
+        /// The most harmonics of a response.
+        most: usize,
+    },
+    /// A backbone under a drive with harmonics.
+    #[error("a backbone is the resonance under a single sine: leave the harmonics of the load out")]
+    LoadHarmonics,
+    /// A state near which a branch is to start has another number of finite numbers than a state of the structure.
+    #[error(
+        "the state to start from has {got} finite numbers: expected {expected}, the coordinates and their rates{}",
+        if with_elements > expected { format!(", or {with_elements} with the states of the elements") } else { String::new() }
+    )]
+    StateSize {
+        /// Finite numbers given, up to the first that is not finite.
+        got: usize,
+        /// Twice the number of coordinates.
+        expected: usize,
+        /// The same with the states of the elements.
+        with_elements: usize,
+    },
+    /// The structure can't be integrated from a state near which a branch is to start.
+    #[error("the structure can't be integrated over a period from the state to start from: {source}")]
+    NotIntegrated {
+        /// Reason for which a step failed.
+        source: StepError,
+    },
+    /// No periodic response was found near a given state.
+    #[error(
+        "no periodic response was found near the given state at {at}. From the state the structure was integrated over \
+         {period} {}, after which it is off by {change:.1e} of its size; Newton's method was started at this response with {harmonics} harmonics ({refusal}). \
+         Give a state at phase 0 of the load, at this frequency and load",
+        if *period == 1 { "period" } else { "periods" }
+    )]
+    NoStartNear {
+        /// The start of the branch.
+        at: Place,
+        /// Periods of the drive over which the response was integrated.
+        period: usize,
+        /// How far the state was then from its start, relative to its size.
+        change: f64,
+        /// Number of harmonics with which Newton's method began.
+        harmonics: usize,
+        /// Reason for which it ended.
+        refusal: StepRefusal,
     },
     /// A branch could not be followed further.
     #[error(

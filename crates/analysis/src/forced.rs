@@ -5,30 +5,79 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use resonarm_dynamics::structure::{
-    Assembly, BodySpec, Dof, ElementSpec, Law, MOST_COORDINATES, Parameter, Position, StructureError,
+    Assembly, BodySpec, Dof, ElementSpec, Law, LoadHarmonic, MOST_COORDINATES, Parameter, Position, StepLoad,
+    StructureError,
 };
 
 use crate::AnalysisError;
 
 /// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint; or several
-/// in phase, each with a share of the amplitude.
+/// in phase, each with a share of the amplitude. The drive may have harmonics, [`Forced::with_harmonics`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forced {
     pub(super) assembly: Assembly,
     pub(super) drives: Vec<(Dof, f64)>,
     pub(super) amplitude: f64,
+    harmonics: Vec<LoadHarmonic>,
+}
+
+/// A component of a drive, c cos kΩt + s sin kΩt times the amplitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Component {
+    pub order: usize,
+    /// c and s.
+    pub parts: [f64; 2],
 }
 
 impl Forced {
     /// The structure under amplitude · sin Ωt at `drive`, one of its degrees of freedom; N, N·m at a joint, or m/s² of
     /// the base.
     pub fn new(assembly: Assembly, drive: Dof, amplitude: f64) -> Forced {
-        Forced { assembly, drives: vec![(drive, 1.0)], amplitude }
+        Forced::at_several(assembly, &[(drive, 1.0)], amplitude)
     }
 
     /// The structure under share · amplitude · sin Ωt at each of several of its degrees of freedom, at least one.
     pub fn at_several(assembly: Assembly, drives: &[(Dof, f64)], amplitude: f64) -> Forced {
-        Forced { assembly, drives: drives.to_vec(), amplitude }
+        Forced { assembly, drives: drives.to_vec(), amplitude, harmonics: vec![] }
+    }
+
+    /// Returns the same structure under the drive amplitude · (sin Ωt + Σ ratio · sin(kΩt + phase)), at the same places
+    /// and with the same shares.
+    #[must_use]
+    pub fn with_harmonics(self, harmonics: Vec<LoadHarmonic>) -> Forced {
+        Forced { harmonics, ..self }
+    }
+
+    /// The harmonics of the drive beside the fundamental.
+    pub fn harmonics(&self) -> &[LoadHarmonic] {
+        &self.harmonics
+    }
+
+    /// The highest order of the drive; 1 without harmonics.
+    pub fn highest_order(&self) -> usize {
+        self.harmonics.iter().fold(1, |highest, of| highest.max(of.order))
+    }
+
+    /// Returns the components of the drive: r sin(kτ + φ) = r sin φ cos kτ + r cos φ sin kτ.
+    pub(super) fn components(&self) -> impl Iterator<Item = Component> + '_ {
+        let of = |of: &LoadHarmonic| {
+            let (sine, cosine) = libm::sincos(of.phase_rad);
+            Component { order: of.order, parts: [of.ratio * sine, of.ratio * cosine] }
+        };
+        core::iter::once(Component { order: 1, parts: [0.0, 1.0] }).chain(self.harmonics.iter().map(of))
+    }
+
+    /// Returns the drive at the amplitude 1 at a phase Ωt, rad.
+    pub(super) fn wave(&self, phase_rad: f64) -> f64 {
+        LoadHarmonic::sum(phase_rad, &self.harmonics)
+    }
+
+    /// Returns the loads over a step, with the peaks of the fundamental.
+    pub(super) fn step_load<'a>(&'a self, amplitude: &'a [f64], omega_rad_s: f64) -> StepLoad<'a> {
+        if self.harmonics.is_empty() {
+            return StepLoad::Sine { amplitude, omega_rad_s };
+        }
+        StepLoad::Periodic { amplitude, omega_rad_s, harmonics: &self.harmonics }
     }
 
     /// Returns the same structure and drive without damping: dampers of joints, damping ratios, losses of contacts,

@@ -48,6 +48,7 @@ mod search;
 mod singular;
 mod spectral;
 mod start;
+mod start_near;
 mod sub_harmonic;
 mod switching;
 pub mod time_domain;
@@ -72,6 +73,7 @@ pub use orbit::{
     Assess, Beat, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated, Verdict,
 };
 pub use peaks::{Maximum, half_power_width_hz, maxima};
+pub use phase_zero::phase_zero_state;
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};
 pub use start::{StartAttempt, StartEnd, StartStructure};

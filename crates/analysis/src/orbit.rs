@@ -30,6 +30,10 @@ pub struct TraceOptions {
     pub read: Vec<Dof>,
     /// Whether stability is computed.
     pub assess: Assess,
+    /// A state at phase 0 of the drive, at `branch.from`, near which the branch starts: coordinates, rates, and possibly
+    /// the states of the elements. The response may repeat after several periods of the drive. Without it the first
+    /// response is found from rest.
+    pub near: Option<Vec<f64>>,
 }
 
 /// The largest truncation errors, relative to the size of the response, by the law of the forces. The series of
@@ -75,6 +79,7 @@ impl TraceOptions {
         if !forced.assembly.is_smooth() {
             branch.least_harmonics = 9;
         }
+        branch.least_harmonics = branch.least_harmonics.max(forced.highest_order());
         let amplitude = match coordinate {
             Coordinate::FrequencyHz | Coordinate::Parameter(_) => forced.amplitude.abs(),
             Coordinate::Amplitude => from.abs().max(to.abs()),
@@ -86,7 +91,7 @@ impl TraceOptions {
         branch.truncation = forced.assembly.elements().iter().map(tolerance).fold(TOLERANCES.polynomial, f64::max);
         let state_floor = if deflection > 0.0 && deflection.is_finite() { STATE_FLOOR * deflection } else { 1e-6 };
         branch.continuation = ContinuationSettings { largest_step: LARGEST_STEP, state_floor, ..branch.continuation };
-        TraceOptions { branch, read, assess: Assess::default() }
+        TraceOptions { branch, read, assess: Assess::default(), near: None }
     }
 }
 

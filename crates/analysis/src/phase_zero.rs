@@ -33,6 +33,18 @@ pub(super) fn phase_zero_states(
     branch.orbits.windows(2).filter(crosses).map(state).collect()
 }
 
+/// Returns the state of a response on a branch in a coordinate, at phase 0 of the drive: coordinates, rates, and the states
+/// of elements. `None` if the structure does not exist at its value of the coordinate.
+pub fn phase_zero_state(forced: &Forced, coordinate: Coordinate, orbit: &Orbit) -> Option<Vec<f64>> {
+    let orders = [orbit.period, orbit.harmonics];
+    let mut balance = Balance::of_period(forced, orders, orbit.frequency_hz, coordinate);
+    let exists = balance.set(Coordinate::Amplitude, orbit.drive) && balance.set_value(orbit.value);
+    exists.then(|| {
+        balance.evaluate_orbit(&orbit.coefficients);
+        at_phase_zero(&balance)
+    })
+}
+
 /// Returns the state of the response last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
 pub(super) fn at_phase_zero(balance: &Balance) -> Vec<f64> {
     let n = balance.forced.assembly.coordinates();

@@ -318,18 +318,24 @@ impl Samples {
         self.by_drive.clear();
         self.by_drive.resize(n * samples, 0.0);
         let (mut direction, mut force) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS]);
+        let components = forced.components().map(|of| (of.order * unknowns.period, of.parts));
+        let waves: Vec<(usize, [f64; 2])> = components.filter(|(order, _)| *order <= self.basis.harmonics()).collect();
         for j in 0..samples {
             let [u, v, a] = [0, 1, 2].map(|d| &self.motion[d][j * n..(j + 1) * n]);
-            let sine = self.basis.tables(unknowns.period - 1).1[j];
+            let along = |(order, [c, s]): &(usize, [f64; 2])| {
+                let (cosines, sines) = self.basis.tables(order - 1);
+                c * cosines[j] + s * sines[j]
+            };
+            let wave: f64 = waves.iter().map(along).sum();
             let at = forced.assembly.at(u);
             forced.direction(&at, &mut direction[..n]);
-            force.iter_mut().zip(&direction).for_each(|(force, w)| *force = w * forced.amplitude * sine);
+            force.iter_mut().zip(&direction).for_each(|(force, w)| *force = w * forced.amplitude * wave);
             at.linearise(v, a, &force[..n], &mut self.linearised);
             // The direction of the drive turns with the structure, so that its force acts like a stiffness.
-            forced.add_curvature(&at, -forced.amplitude * sine, &mut self.linearised.by_position);
+            forced.add_curvature(&at, -forced.amplitude * wave, &mut self.linearised.by_position);
             for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
                 self.load[i * samples + j] = *unbalance;
-                self.by_drive[i * samples + j] = -along * sine;
+                self.by_drive[i * samples + j] = -along * wave;
             }
             let of = &self.linearised;
             let matrices = [&of.by_position, &of.by_velocity, &of.by_acceleration];

@@ -7,6 +7,7 @@ use core::fmt;
 use super::adapt::adapt;
 use super::balance::{Balance, Homotopy, unit_deflection};
 use super::orbit::TraceOptions;
+use super::start_near::start_near;
 use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, StepRefusal, System, at_parameter};
 
@@ -86,18 +87,22 @@ pub struct StartAttempt {
 impl fmt::Display for StartAttempt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let StartAttempt { from, harmonics, share, end } = self;
-        write!(f, "from {from} with {harmonics} harmonics to {:.0} %: {end}", 100.0 * share)
+        write!(f, "from {from} with {harmonics} harmonics, up to {:.0} % of the forces ({end})", 100.0 * share)
     }
 }
 
-/// Starts at `options.branch.from`, with as many harmonics as the response needs.
+/// Starts at `options.branch.from`, with as many harmonics as the response needs; near a state if one is given, see
+/// [`start_near`].
 ///
-/// Newton's method from rest comes first: its first step leads to the linear response, so that it succeeds wherever the
+/// Without one Newton's method from rest comes first: its first step leads to the linear response, so that it succeeds wherever the
 /// response is nearly linear.
 ///
 /// # Errors
-/// [`AnalysisError::NoStart`] with all that was tried.
+/// [`AnalysisError::NoStart`] with all that was tried; otherwise as [`start_near`].
 pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, AnalysisError> {
+    if let Some(state) = &options.near {
+        return start_near(balance, options, state);
+    }
     let branch = &options.branch;
     let rest = vec![0.0; balance.dimension()];
     let from_rest = match begin(balance, options, &rest) {
@@ -108,7 +113,7 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
     let smooth = balance.forced.assembly().is_smooth();
     let mut attempts: Vec<StartAttempt> = Vec::new();
     for harmonics in HARMONICS[usize::from(!smooth)] {
-        let harmonics = harmonics.clamp(branch.least_harmonics, branch.most_harmonics);
+        let harmonics = harmonics.max(branch.least_harmonics).min(branch.most_harmonics);
         for from in STRUCTURES {
             if attempts.iter().any(|tried| tried.from == from && tried.harmonics == harmonics) {
                 continue;
@@ -128,7 +133,7 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
 }
 
 /// Starts near a response, with as many harmonics as it needs.
-fn begin(balance: &mut Balance, options: &TraceOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
+pub(super) fn begin(balance: &mut Balance, options: &TraceOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
     let branch = &options.branch;
     let direction = branch.to - branch.from;
     let mut continuation = Continuation::start(balance, branch.continuation, x, branch.from, direction)?;

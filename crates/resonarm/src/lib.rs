@@ -73,8 +73,9 @@ pub mod structure {
     pub use resonarm_bench::structure::*;
     pub use resonarm_dynamics::structure::{
         Armature, ArmatureMotion, Assembly, BodySpec, Branch, ChainSpec, Coil, CoordinateUnit, Dof, Element,
-        ElementSpec, Law, Linear, Linearised, Link, ModalSpec, ModeSpec, Parameter, Place, Preset, Reaction, ShapeSpec,
-        Side, StateRate, StepError, StepLoad, Stepper, StructureError as SpecError, StructureMode, StructureSpec,
+        ElementSpec, Law, Linear, Linearised, Link, LoadHarmonic, MOST_LOAD_HARMONICS, ModalSpec, ModeSpec, Parameter,
+        Place, Polynomial, Preset, Reaction, ShapeSpec, Side, StateRate, StepError, StepLoad, Stepper,
+        StructureError as SpecError, StructureMode, StructureSpec, Term,
     };
 }
 

@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::{Element, Law, Linear};
 
-use super::{Balance, Body, Pair};
+use super::{Balance, Body, Component, Pair};
 use crate::StartStructure;
 use crate::continuation::System;
 
@@ -179,8 +179,14 @@ impl Homotopy {
             }
         }
         if let Body::Chain = balance.unknowns.body {
-            let sine = &mut load[2 * balance.period() * m..][..m];
-            sine.iter_mut().zip(&self.drive).for_each(|(load, along)| *load -= balance.forced.amplitude * along);
+            for Component { order, parts } in balance.components() {
+                let rows = Pair::of(order, m);
+                for (i, along) in self.drive.iter().enumerate() {
+                    let [c, s] = rows.at(&load, i);
+                    let driven = parts.map(|part| balance.forced.amplitude * along * part);
+                    rows.put(&mut load, i, [c - driven[0], s - driven[1]]);
+                }
+            }
         }
         load
     }

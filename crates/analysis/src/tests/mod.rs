@@ -1,6 +1,8 @@
 mod arm;
 mod backbones;
 mod curves;
+mod given_states;
+mod load_harmonics;
 mod margins;
 mod polynomials;
 mod starts;
@@ -13,8 +15,8 @@ use core::f64::consts::TAU;
 
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, Preset, ShapeSpec,
-    Side, StepLoad, Stepper, StructureSpec,
+    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, Link, LoadHarmonic, ModalSpec, ModeSpec, Place, Preset,
+    ShapeSpec, Side, StepLoad, Stepper, StructureSpec, Term,
 };
 use serde_json::Value;
 
@@ -302,6 +304,7 @@ fn jacobian_is_the_derivative() {
         Law::KelvinVoigt { stiffness: 2e5, damping: 30.0, gap: 0.0, side: Side::Negative, preload: 80.0 },
         Law::HuntCrossley { stiffness: 2e6, damping: 0.1, gap: 0.0, side: Side::Positive, preload: 40.0 },
     ];
+    let harmonics = vec![LoadHarmonic { order: 3, ratio: 0.4, phase_rad: 0.7 }];
     for law in laws {
         let mut spec = modal(case).spec().clone();
         spec.elements = vec![
@@ -310,8 +313,16 @@ fn jacobian_is_the_derivative() {
         ];
         let assembly = Assembly::new(&spec).unwrap();
         let drive = assembly.dof("tip.x").unwrap();
-        derivatives_agree(&Forced::new(assembly, drive, 8.0), law.name());
+        let forced = Forced::new(assembly, drive, 8.0).with_harmonics(harmonics.clone());
+        derivatives_agree(&forced, law.name());
     }
+    let mut spec = modal(case).spec().clone();
+    let terms = [([2, 1], 3e5), ([1, 3], -4e8), ([0, 5], 2e10)];
+    let terms = terms.iter().map(|(powers, energy)| Term { powers: powers.to_vec(), energy: *energy }).collect();
+    spec.elements = vec![ElementSpec::Polynomial { at: vec![place("tip.x"), place("mid.x")], terms }];
+    let assembly = Assembly::new(&spec).unwrap();
+    let drive = assembly.dof("tip.x").unwrap();
+    derivatives_agree(&Forced::new(assembly, drive, 8.0), "polynomial");
 }
 
 /// The same of a chain with elements at points and at joints, and in the amplitude too.
@@ -338,10 +349,15 @@ fn jacobian_of_a_chain_is_the_derivative() {
         at(Place::Dof { point: "joint3".into(), axis: Axis::Y }, hertz),
         at(Place::Joint(2), friction),
         at(place("joint2.x"), lugre),
+        ElementSpec::Polynomial {
+            at: vec![place("tip.x"), Place::Dof { point: "joint3".into(), axis: Axis::Y }],
+            terms: vec![Term { powers: vec![2, 1], energy: 4e6 }, Term { powers: vec![1, 3], energy: 5e9 }],
+        },
     ];
     let assembly = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements }).unwrap();
     let drive = assembly.dof("tip.y").unwrap();
-    derivatives_agree(&Forced::new(assembly, drive, 8.0), "chain");
+    let harmonics = vec![LoadHarmonic { order: 2, ratio: 0.5, phase_rad: -0.3 }];
+    derivatives_agree(&Forced::new(assembly, drive, 8.0).with_harmonics(harmonics), "chain");
 }
 
 fn derivatives_agree(forced: &Forced, name: &str) {

@@ -1,7 +1,5 @@
 //! Structures with polynomials over several displacements.
 
-use resonarm_dynamics::structure::Term;
-
 use super::*;
 
 /// Two coordinates of modal mass 1 kg, `q1.x` and `q2.x`, with a polynomial over both.

@@ -53,7 +53,7 @@ fn a_link_under_an_axial_force_has_the_characteristic_values_of_mathieu() {
 }
 
 /// A mode of 1 rad/s and 1 kg with a cubic spring: q̈ + 2ζq̇ + q + γq³ = F sin Ωt.
-fn duffing(damping_ratio: f64, gamma: f64, force_n: f64) -> Forced {
+pub(super) fn duffing(damping_ratio: f64, gamma: f64, force_n: f64) -> Forced {
     let body = ModalSpec {
         modes: vec![ModeSpec { frequency_hz: 1.0 / TAU, damping_ratio }],
         shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],

@@ -7,7 +7,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
-use resonarm_dynamics::structure::{Assembly, Dof, STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
+use resonarm_dynamics::structure::{Assembly, Dof, STAGE_TIMES, SineSteps, StepError, Stepper};
 
 use super::TimeDomainError;
 use crate::Forced;
@@ -171,7 +171,7 @@ impl StroboscopicMap {
         let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
         let stepper = self.stepper.borrow();
         let (amplitude, omega_rad_s, h_s) = (self.amplitudes(), TAU * self.frequency_hz, stepper.step_s());
-        let at = |step| STAGE_TIMES.map(|part| libm::sin(omega_rad_s * (self.time_s(step) + part * h_s)));
+        let at = |step| STAGE_TIMES.map(|part| self.forced.wave(omega_rad_s * (self.time_s(step) + part * h_s)));
         let stretches = self.steps.div_ceil(LONGEST_STRETCH);
         // Usually a period is one stretch, and its sines are computed once for all periods.
         let (rounds, times) = if stretches == 1 { (1, periods) } else { (periods, 1) };
@@ -222,7 +222,7 @@ impl StroboscopicMap {
         let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
         let mut stepper = self.stepper.borrow_mut();
         let amplitude = self.amplitudes();
-        let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s: TAU * self.frequency_hz };
+        let load = self.forced.step_load(&amplitude, TAU * self.frequency_hz);
         stepper.restore(state).map_err(failed)?;
         for step in 0..self.steps {
             visit(step, &stepper).map_err(failed)?;
@@ -238,7 +238,7 @@ impl StroboscopicMap {
 
     /// Returns the drive at the start of a step.
     pub(super) fn load(&self, step: u32) -> f64 {
-        self.forced.amplitude * libm::sin(TAU * f64::from(step) / f64::from(self.steps))
+        self.forced.amplitude * self.forced.wave(TAU * f64::from(step) / f64::from(self.steps))
     }
 }
 

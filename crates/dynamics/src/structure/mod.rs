@@ -50,7 +50,7 @@ pub use spec::{
     Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side,
     StructureSpec, Term,
 };
-pub use step::{STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
+pub use step::{LoadHarmonic, MOST_LOAD_HARMONICS, STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
 
 /// The most links of a chain.
 pub const MOST_LINKS: usize = 8;

@@ -47,7 +47,8 @@ pub struct SweepPoint {
     readings: Vec<[f64; 4]>,
     /// Points of the Poincaré section, as [`Settled::section`].
     pub section: Vec<Vec<f64>>,
-    end: Vec<f64>,
+    /// State at phase 0 at the end of the integration: coordinates, rates, states of elements.
+    pub end: Vec<f64>,
 }
 
 impl SweepPoint {

@@ -37,6 +37,14 @@ pub enum StepError {
     /// A load that varies over a step, on a shaker.
     #[error("the shaker's command varies within the step: expected a load that is held over the step")]
     NotHeld,
+    /// Too many harmonics of a periodic load.
+    #[error("the load has {got} harmonics: it can have at most {most}")]
+    Harmonics {
+        /// Number of harmonics given.
+        got: usize,
+        /// The most harmonics.
+        most: usize,
+    },
     /// The rate does not fit, the integrator can't make the step, or the new state is not finite.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),

@@ -26,7 +26,8 @@
 //!
 //! where Φ is the flow above. A short part k has a series: A = Σ Hⱼ kʲ⁺²/(j + 2)!, Ȧ = Σ Hⱼ kʲ⁺¹/(j + 1)!, with the
 //! derivatives cⱼ = −2σ cⱼ₋₁ − ω² cⱼ₋₂ of Ġ at 0 and Hⱼ = cⱼ + iΩ Hⱼ₋₁. Nothing is divided by ω² − Ω² + 2iσΩ, so that
-//! resonance, with damping or without, is as exact as the rest. A and Ȧ are kept as long as Ω is the same.
+//! resonance, with damping or without, is as exact as the rest. A and Ȧ are kept as long as Ω is the same. The harmonics of
+//! a periodic load are sines of their own.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -34,7 +35,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
-use super::{Engine, StateRef, StepError, StepLoad, rows};
+use super::{Engine, LoadHarmonic, MOST_LOAD_HARMONICS, StateRef, StepError, StepLoad, rows};
 use crate::integrate::IntegrateError;
 use crate::structure::MOST_MODES;
 use crate::structure::assembly::Assembly;
@@ -155,13 +156,19 @@ struct Exact {
     /// ω, rad/s, and ζ.
     modes: Vec<(f64, f64)>,
     flows: Vec<Flow>,
-    /// A and Ȧ of each mode under the last sine, and its Ω, rad/s; not a number before the first.
-    driven: Vec<Driven>,
-    driven_rad_s: f64,
+    /// The last sines: the fundamental and harmonics.
+    driven: Vec<DrivenModes>,
     /// The shapes of the drive, n numbers a load.
     drive: Vec<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
+}
+
+/// A and Ȧ of each mode under a sine of frequency Ω, rad/s; not a number before the first.
+#[derive(Clone, Debug)]
+struct DrivenModes {
+    rad_s: f64,
+    modes: Vec<Driven>,
 }
 
 pub(super) fn engine(modal: &Modal, assembly: &Assembly, drive: &[Dof], rate_hz: f64) -> Box<dyn Engine> {
@@ -169,27 +176,41 @@ pub(super) fn engine(modal: &Modal, assembly: &Assembly, drive: &[Dof], rate_hz:
     let modes: Vec<(f64, f64)> =
         modal.omega_rad_s.iter().zip(&modal.damping_ratio).map(|(&omega, &zeta)| (omega, zeta)).collect();
     let flows: Vec<Flow> = modes.iter().map(|&(omega, zeta)| Flow::new(omega, zeta, step_s)).collect();
-    let (rest, driven) = (vec![0.0; flows.len()], vec![Driven::default(); flows.len()]);
+    let rest = vec![0.0; flows.len()];
+    let none = DrivenModes { rad_s: f64::NAN, modes: vec![Driven::default(); flows.len()] };
+    let driven = vec![none; 1 + MOST_LOAD_HARMONICS];
     let (q, v) = (rest.clone(), rest);
-    Box::new(Exact { step_s, modes, flows, driven, driven_rad_s: f64::NAN, drive: rows(assembly, drive), q, v })
+    Box::new(Exact { step_s, modes, flows, driven, drive: rows(assembly, drive), q, v })
 }
 
 impl Exact {
-    /// Computes what a sine with these peaks of the forces adds to the position and the rate of each mode in a step
-    /// from a time.
-    fn sine(&mut self, peaks: &[f64; MOST_MODES], omega_rad_s: f64, t_s: f64) -> [[f64; 2]; MOST_MODES] {
-        // The NaN before the first sine is unequal to every Ω.
-        if self.driven_rad_s != omega_rad_s {
-            for (driven, &(omega, zeta)) in self.driven.iter_mut().zip(&self.modes) {
-                *driven = Flow::driven(omega, zeta, omega_rad_s, self.step_s);
-            }
-            self.driven_rad_s = omega_rad_s;
-        }
-        let (sine, cosine) = libm::sincos(omega_rad_s * t_s);
+    /// Computes what sines add to the position and the rate of each mode in a step from a time: sin Ωt with these peaks
+    /// of the forces, and its harmonics.
+    fn sines(
+        &mut self,
+        peaks: &[f64; MOST_MODES],
+        (omega_rad_s, harmonics): (f64, &[LoadHarmonic]),
+        t_s: f64,
+    ) -> [[f64; 2]; MOST_MODES] {
         let mut added = [[0.0; 2]; MOST_MODES];
-        for ((added, driven), peak) in added.iter_mut().zip(&self.driven).zip(peaks) {
-            // Im(p e^{iΩt} A) = p (Re A sin Ωt + Im A cos Ωt).
-            *added = driven.map(|driven| peak * (driven.re * sine + driven.im * cosine));
+        let fundamental = LoadHarmonic { order: 1, ratio: 1.0, phase_rad: 0.0 };
+        let all = core::iter::once(&fundamental).chain(harmonics);
+        for (of, LoadHarmonic { order, ratio, phase_rad }) in self.driven.iter_mut().zip(all) {
+            let rad_s = *order as f64 * omega_rad_s;
+            // The NaN before the first sine is unequal to every Ω.
+            if of.rad_s != rad_s {
+                for (driven, &(omega, zeta)) in of.modes.iter_mut().zip(&self.modes) {
+                    *driven = Flow::driven(omega, zeta, rad_s, self.step_s);
+                }
+                of.rad_s = rad_s;
+            }
+            let (sine, cosine) = libm::sincos(rad_s * t_s + phase_rad);
+            for ((added, driven), peak) in added.iter_mut().zip(&of.modes).zip(peaks) {
+                // Im(p e^{iΩt} A) = p (Re A sin Ωt + Im A cos Ωt).
+                for (added, driven) in added.iter_mut().zip(driven) {
+                    *added += ratio * peak * (driven.re * sine + driven.im * cosine);
+                }
+            }
         }
         added
     }
@@ -241,7 +262,11 @@ impl Engine for Exact {
                 self.step(t_s, |i, flow| [flow.position[2] * forces[i], flow.velocity[2] * forces[i]])
             }
             StepLoad::Sine { amplitude, omega_rad_s } => {
-                let added = self.sine(&self.forces(amplitude), omega_rad_s, t_s);
+                let added = self.sines(&self.forces(amplitude), (omega_rad_s, &[]), t_s);
+                self.step(t_s, |i, _| added[i])
+            }
+            StepLoad::Periodic { amplitude, omega_rad_s, harmonics } => {
+                let added = self.sines(&self.forces(amplitude), (omega_rad_s, harmonics), t_s);
                 self.step(t_s, |i, _| added[i])
             }
         }

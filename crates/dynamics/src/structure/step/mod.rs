@@ -69,6 +69,28 @@ impl Clone for Box<dyn Engine> {
     }
 }
 
+/// The most harmonics of a periodic load beside its fundamental.
+pub const MOST_LOAD_HARMONICS: usize = 8;
+
+/// A harmonic of a periodic load, ratio · sin(kΩt + phase) beside sin Ωt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadHarmonic {
+    /// Order k, from 2.
+    pub order: usize,
+    /// Its amplitude over that of the fundamental.
+    pub ratio: f64,
+    /// Phase at the start of the period, rad.
+    pub phase_rad: f64,
+}
+
+impl LoadHarmonic {
+    /// sin φ + Σ ratio · sin(kφ + phase) of the fundamental and harmonics at the phase φ, rad.
+    pub fn sum(phase_rad: f64, harmonics: &[LoadHarmonic]) -> f64 {
+        let own = |of: &LoadHarmonic| of.ratio * libm::sin(of.order as f64 * phase_rad + of.phase_rad);
+        libm::sin(phase_rad) + harmonics.iter().map(own).sum::<f64>()
+    }
+}
+
 /// The loads over a step, one for each degree of freedom of the drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StepLoad<'a> {
@@ -81,13 +103,24 @@ pub enum StepLoad<'a> {
         /// Angular frequency Ω, rad/s.
         omega_rad_s: f64,
     },
+    /// amplitude · (sin Ωt + Σ ratio · sin(kΩt + phase)), exact inside the step.
+    Periodic {
+        /// The amplitudes of the fundamental, N or N·m.
+        amplitude: &'a [f64],
+        /// Angular frequency Ω, rad/s.
+        omega_rad_s: f64,
+        /// Harmonics that all loads have, at most [`MOST_LOAD_HARMONICS`].
+        harmonics: &'a [LoadHarmonic],
+    },
 }
 
 impl StepLoad<'_> {
     /// Held loads, or peaks.
     const fn numbers(&self) -> &[f64] {
         match self {
-            StepLoad::Held(numbers) | StepLoad::Sine { amplitude: numbers, .. } => numbers,
+            StepLoad::Held(numbers)
+            | StepLoad::Sine { amplitude: numbers, .. }
+            | StepLoad::Periodic { amplitude: numbers, .. } => numbers,
         }
     }
 
@@ -96,6 +129,7 @@ impl StepLoad<'_> {
         match self {
             StepLoad::Held(_) => 1.0,
             StepLoad::Sine { omega_rad_s, .. } => libm::sin(omega_rad_s * t_s),
+            StepLoad::Periodic { omega_rad_s, harmonics, .. } => LoadHarmonic::sum(omega_rad_s * t_s, harmonics),
         }
     }
 }
@@ -232,9 +266,14 @@ impl Stepper {
     /// The same under loads that may vary over the step.
     ///
     /// # Errors
-    /// As [`Stepper::advance`], and [`StepError::NotHeld`] with a shaker.
+    /// As [`Stepper::advance`], [`StepError::NotHeld`] with a shaker, and [`StepError::Harmonics`].
     pub fn advance_under(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
         self.check_loads(load.numbers())?;
+        if let StepLoad::Periodic { harmonics, .. } = load
+            && harmonics.len() > MOST_LOAD_HARMONICS
+        {
+            return Err(StepError::Harmonics { got: harmonics.len(), most: MOST_LOAD_HARMONICS });
+        }
         if self.armature.is_some() && !matches!(load, StepLoad::Held(_)) {
             return Err(StepError::NotHeld);
         }

@@ -56,6 +56,38 @@ fn a_sine_acts_inside_the_step() {
     }
 }
 
+/// Linear modes under a load of several harmonics move as the sum of their motions under each.
+#[test]
+fn harmonics_of_a_load_add_up() {
+    let assembly = two_modes(vec![]);
+    let (drive, omega_rad_s) = ([assembly.dof("tip.x").unwrap()], TAU * 7.0);
+    let harmonics = [
+        LoadHarmonic { order: 3, ratio: 0.5, phase_rad: 0.0 },
+        LoadHarmonic { order: 8, ratio: -2.0, phase_rad: 0.5 * core::f64::consts::PI },
+    ];
+    let end = |of: &StepLoad<'_>| {
+        let mut stepper = Stepper::new(&assembly, &drive, Scheme::Exponential8, 500.0).unwrap();
+        (0..300).for_each(|k| stepper.advance_under(f64::from(k) / 500.0, of).unwrap());
+        [stepper.position(), stepper.velocity()].concat()
+    };
+    let all = end(&StepLoad::Periodic { amplitude: &[5.0], omega_rad_s, harmonics: &harmonics });
+    let one = end(&StepLoad::Sine { amplitude: &[5.0], omega_rad_s });
+    let third = end(&StepLoad::Sine { amplitude: &[2.5], omega_rad_s: 3.0 * omega_rad_s });
+    let eighth = [LoadHarmonic { order: 2, ratio: -2.0, phase_rad: 0.5 * core::f64::consts::PI }];
+    // −10 cos 8Ωt beside a sine of 4Ω, which is taken off again.
+    let beside = StepLoad::Periodic { amplitude: &[5.0], omega_rad_s: 4.0 * omega_rad_s, harmonics: &eighth };
+    let beside = end(&beside);
+    let fourth = end(&StepLoad::Sine { amplitude: &[5.0], omega_rad_s: 4.0 * omega_rad_s });
+    for i in 0..4 {
+        let expected = one[i] + third[i] + beside[i] - fourth[i];
+        assert!((all[i] - expected).abs() < 1e-12 * one[i].abs().max(1.0), "{i}: {} {expected}", all[i]);
+    }
+    let many = [LoadHarmonic { order: 2, ratio: 1.0, phase_rad: 0.0 }; 9];
+    let mut stepper = Stepper::new(&assembly, &drive, Scheme::Exponential8, 500.0).unwrap();
+    let load = StepLoad::Periodic { amplitude: &[5.0], omega_rad_s, harmonics: &many };
+    assert_eq!(stepper.advance_under(0.0, &load), Err(StepError::Harmonics { got: 9, most: 8 }));
+}
+
 /// One mode of shape 0.5 under a sine of 1 N.
 fn sine_on_one_mode(damping_ratio: f64, frequency_hz: f64, rate_hz: f64, steps: u32, drive_hz: f64) -> [f64; 2] {
     let modes = vec![ModeSpec { frequency_hz, damping_ratio }];
