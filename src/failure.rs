@@ -236,6 +236,9 @@ fn live(error: &resonarm_live::LiveError) -> Exit {
 fn analysis(error: &AnalysisError) -> Exit {
     match error {
         AnalysisError::Interval { .. }
+        | AnalysisError::StateSize { .. }
+        | AnalysisError::LoadOrder { .. }
+        | AnalysisError::LoadHarmonics
         | AnalysisError::NoMode { .. }
         | AnalysisError::NoResonance { .. }
         | AnalysisError::NotLinear { .. }

@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -87,8 +86,6 @@ struct MeasuredDocument {
 struct Configuration {
     structure: Value,
     drive: BTreeMap<String, LoadDocument>,
-    #[serde(default)]
-    drive_harmonics: Vec<IgnoredAny>,
 }
 
 /// A point and the place of the branch that is nearest to it.
@@ -169,12 +166,7 @@ impl Compare {
         let foreign =
             |source| Failure::usage(format!("{name} is not a document of `experiment walk --json`: {source}"));
         let MeasuredDocument { configuration, points } = serde_json::from_str(&text).map_err(foreign)?;
-        let Configuration { structure, drive, drive_harmonics } = configuration;
-        if !drive_harmonics.is_empty() {
-            return Err(Failure::usage(format!(
-                "{name}: its load has harmonics, and responses are compared under a single sine: leave `drive_harmonics` out"
-            )));
-        }
+        let Configuration { structure, drive } = configuration;
         let mut configuration = json!({ "structure": structure.clone() });
         // `from_document` makes a chain from the links in the document and drops the preset. Its name is kept for
         // captions.
