@@ -9,6 +9,7 @@ use crate::supervise::supervise;
 use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::control::Length;
 use resonarm::run::Signals;
+use resonarm::structure::Dof;
 use resonarm::study::{BasinComputation, Basins, Control, StudyError, SweepComputation, Sweeps};
 
 /// Computes the sweeps that the journal lacks. `None` if it was stopped early, which is logged.
@@ -34,12 +35,15 @@ type Ended = (BasinComputation, Vec<BasinOutcome>);
 /// Computes the basins that the journal lacks. `None` if it was stopped early, which is logged.
 pub(crate) fn basins(
     basins: Basins,
+    read: &[Dof],
     journal: Option<PathBuf>,
     configuration: &Value,
 ) -> Result<Option<Ended>, Failure> {
     let begun = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
-    let (done, total) = (begun.done(), begun.total());
-    let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;
+    let (done, total, read) = (begun.done(), begun.total(), read.to_vec());
+    let ended = watch("basins", "states", [done, total], move |control| {
+        begun.compute_missing(control)?.settle_undecided(&read, control)
+    })?;
     let outcomes = ended.outcomes();
     if outcomes.is_none() {
         stopped("states", [ended.done(), total], ended.is_kept());

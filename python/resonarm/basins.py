@@ -15,6 +15,8 @@ from ._dtypes import NUMBER, OUTCOME, Array, view
 UNDECIDED, DIVERGES = 0, -1
 MOST_POINTS = 1000
 TIME_CONSTANTS = 40.0
+_TRIALS = 8
+"""Undecided states from which responses are looked for, as by the command line."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -52,7 +54,8 @@ class Basins:
     ended_early: str | None
     """Reason why some stable periodic responses may not be known; None if all are."""
     motions: tuple[StableMotion, ...]
-    """The stable periodic responses, by their largest displacement where the structure is driven first."""
+    """The stable periodic responses, by their largest displacement where the structure is driven first. Those on which
+    only states of the grid were found to settle, of up to 12 periods, come last."""
     known: tuple[str, ...]
     """The names of all coordinates and rates, in the order of a state."""
 
@@ -61,8 +64,9 @@ class Basins:
         for outcome, name in ((UNDECIDED, "undecided"), (DIVERGES, "diverge")):
             if count := np.count_nonzero(self.motion == outcome):
                 counts.append(f"{count} {name}")
-        of = f"<Basins in {self.coordinates[0]} and {self.coordinates[1]}"
-        return f"{of}: of {self.motion.size} states {', '.join(counts)}>"
+        axes = zip(self.coordinates, (self.x, self.y), strict=True)
+        spans = [f"{name} from {values[0]:.4g} to {values[-1]:.4g}" for name, values in axes]
+        return f"<Basins of {self.motion.size} states, {', '.join(spans)}: {', '.join(counts)}>"
 
     def plot(self, ax: Any = None) -> Any:
         """Draws the grid, with one colour for each periodic response and grey where undecided, and the responses at
@@ -214,8 +218,7 @@ def basins(
     ends = ((-1.0, -1.0), (1.0, 1.0)) if start is None or stop is None else (start, stop)
     grid_of(structure, two, *ends, points, initial)
     attractors = _resonarm.Attractors(structure, _drive.parts(drive, _drive.frequency(frequency_hz), drive_harmonics))
-    motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
-    if not motions:
+    if not attractors.motions:
         raise _resonarm.ResonarmError(
             f"no stable periodic response is known at {frequency_hz:g} Hz, so no state can be assigned to one"
         )
@@ -223,7 +226,16 @@ def basins(
     last = reach if stop is None else pair("stop", stop)
     first = (-last[0], -last[1]) if start is None else pair("start", start)
     grid = grid_of(structure, two, first, last, points, initial)
-    rows = found(attractors, grid.states(), time_constants, True).reshape(grid.points[1], grid.points[0])
+    states = grid.states()
+    rows = found(attractors, states, time_constants, True).copy()
+    undecided = np.flatnonzero(rows["motion"] == UNDECIDED)
+    if len(undecided):
+        trials = states[undecided[:: max(1, -(-len(undecided) // _TRIALS))]]
+        count, attractors = len(attractors.motions), attractors.with_those_of(trials.tobytes())
+        if len(attractors.motions) > count:
+            rows[undecided] = found(attractors, states[undecided], time_constants, True)
+    motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
+    rows = rows.reshape(grid.points[1], grid.points[0])
     motion, periods = np.ascontiguousarray(rows["motion"]), np.ascontiguousarray(rows["periods"])
     axes = (grid.axis(0), grid.axis(1))
     return Basins(two, *axes, motion, periods, attractors.ended_early, motions, known)

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::Forced;
 use resonarm::analysis::time_domain::{BasinOutcome, TimeDomainError};
-use resonarm::analysis::time_domain::{StableOrbit, StroboscopicMap, outcomes, reach, stable_orbits};
+use resonarm::analysis::time_domain::{StableOrbit, StroboscopicMap, further_orbits, outcomes, reach, stable_orbits};
 use resonarm::study::on_all_cores;
 
 use crate::errors;
@@ -131,7 +131,23 @@ impl Attractors {
         Ok(Attractors { forced, frequency_hz, orbits, ended_early })
     }
 
-    /// The stable periodic responses, by their largest displacement where the structure is driven first.
+    /// These, and the stable periodic responses on which other states settle.
+    fn with_those_of(&self, py: Python<'_>, initial: &[u8]) -> PyResult<Attractors> {
+        let (states, stopped) = (states(&self.forced, initial)?, AtomicBool::new(false));
+        let read: Vec<_> = self.forced.drives().iter().map(|(dof, _share)| *dof).collect();
+        let stop = || stopped.load(Ordering::Relaxed);
+        let work = || further_orbits(&self.forced, &read, self.frequency_hz, &self.orbits, &states, &stop);
+        let further = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?.map_err(errors::time_domain)?;
+        Ok(Attractors {
+            forced: self.forced.clone(),
+            orbits: [&self.orbits[..], &further].concat(),
+            ended_early: self.ended_early.clone(),
+            ..*self
+        })
+    }
+
+    /// The stable periodic responses, by their largest displacement where the structure is driven first, those of
+    /// `with_those_of` last.
     #[getter]
     fn motions(&self) -> Vec<Motion> {
         let row = |orbit: &StableOrbit| {

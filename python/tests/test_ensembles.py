@@ -22,7 +22,7 @@ def arm():
 
 
 def test_cores_and_neighbours_change_no_bit(arm):
-    attractors = _resonarm.Attractors(arm, ([("joint1", 1.0)], 600.0, HZ))
+    attractors = _resonarm.Attractors(arm, ([("joint1", 1.0)], 600.0, HZ, []))
     few = STATES[:5].tobytes()
     on_cores, alone = [view(attractors.outcomes(few, 1.0, cores), OUTCOME) for cores in (True, False)]
     assert (on_cores == alone).all()
@@ -116,3 +116,15 @@ def test_coordinates_have_the_names_of_the_channels(arm):
     channels = {name for _vector, names in _resonarm.arm_channels("states") for name in names}
     basins = arm.basins(HZ, drive=DRIVE, points=(2, 2), time_constants=0.1)
     assert set(basins.known) <= channels
+
+
+def test_responses_of_several_periods_are_found_from_undecided_states():
+    # A sub-harmonic of order 3 of x″ + 0.01x′ + x + x³ = 4 sin 4.5t, by another code's shooting.
+    mode = resonarm.ModeShape(frequency_hz=1 / (2 * np.pi), damping_ratio=0.005, shape={"tip.x": 1.0})
+    cubic = resonarm.Element(kind="cubic", at="tip.x", stiffness3_n_m3=1.0)
+    modal = resonarm.Modal([mode], elements=[cubic])
+    around = {"start": (1.16, 0.11), "stop": (1.17, 0.12), "points": (2, 2), "time_constants": 10}
+    basins = modal.basins(4.5 / (2 * np.pi), drive={"tip.x": 4}, **around)
+    assert [motion.period for motion in basins.motions][-1] == 3
+    assert (basins.motion == len(basins.motions)).all()
+    assert "q1_m_sqrt_kg from 1.16 to 1.17" in repr(basins)

@@ -20,7 +20,7 @@ use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;
 use resonarm::study::StateGrid;
 use resonarm_figures::plot::{Figure, Subtitle};
-use resonarm_numeric::number::short;
+use resonarm_numeric::number::{rounded, short};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -39,8 +39,8 @@ integrated. States that reach no response within --time-constants are marked as 
 ///
 /// The initial states cover two coordinates of the state, at phase 0 of the excitation.
 ///
-/// The stable responses are those of the branch that `continue` follows at this frequency, and those in which the structure
-/// settles from beside its unstable ones.
+/// The stable responses are those of the branch that `continue` follows at this frequency, those in which the structure
+/// settles from beside its unstable ones, and those of up to 12 periods of the load in which undecided states settle.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Basins {
@@ -61,8 +61,6 @@ pub(crate) struct Basins {
     #[command(flatten)]
     grid: GridFlags,
 }
-
-/// A grid in two coordinates, by their numbers.
 
 #[derive(Serialize)]
 struct Document {
@@ -106,21 +104,22 @@ impl Basins {
         let basins = resonarm::study::Basins {
             forced,
             frequency_hz: self.frequency_hz,
-            orbits: orbits.clone(),
+            orbits,
             grid: grid.clone(),
             time_constants: self.settling.time_constants,
         };
-        let walked = study::basins(basins, journal, &configuration)?;
+        let walked = study::basins(basins, &dofs(&read), journal, &configuration)?;
         let Some((walk, outcomes)) = walked else { return Ok(Verdict::Negative) };
         let cells = Cells::new(&grid, &outcomes);
+        let orbits = walk.orbits();
         let orbit = |(k, orbit): (usize, &StableOrbit)| orbit_document(orbit, &read, cells.reaching(k));
         let documents = orbits.iter().enumerate().map(orbit).collect();
         let coordinates = configuration::coordinates(assembly);
         let document = Document { configuration, coordinates, over: names, orbits: documents, cells };
-        let text = || self.text(&document, &orbits, &read);
+        let text = || self.text(&document, &grid, orbits, &read);
         let conditions = captions::structure(&scenario, &tested, &[]).and(drive.words());
         let conditions = conditions.and(format!("{} Hz", self.frequency_hz));
-        let figure = || Ok(document.figure(&grid, &orbits, &read, assembly, conditions));
+        let figure = || Ok(document.figure(&grid, orbits, &read, assembly, conditions));
         let csv = || document.cells.csv([&document.over[0], &document.over[1]]);
         self.settling.show(&document, text, csv, figure)?;
         // The journal is removed only now. If the results could not be written, the same command resumes from it.
@@ -167,13 +166,18 @@ impl Basins {
         configuration
     }
 
-    /// Lists the responses, and how many states reach each.
-    fn text(&self, document: &Document, orbits: &[StableOrbit], read: &[ReadAt]) -> String {
-        let (mut text, all) = (String::new(), document.cells.len());
+    /// Lists the responses, and how many of the grid's states reach each.
+    fn text(&self, document: &Document, grid: &StateGrid, orbits: &[StableOrbit], read: &[ReadAt]) -> String {
+        let all = document.cells.len();
+        let span = |axis: usize| {
+            let [from, to] = grid.ends[axis].map(|end| rounded(&end, 4));
+            format!("{} from {from} to {to}", document.over[axis])
+        };
+        let mut text = format!("{all} states: {}, {}\n", span(0), span(1));
         for (k, orbit) in orbits.iter().enumerate() {
             let period = if orbit.period == 1 { String::new() } else { format!(", {} periods", orbit.period) };
             text += &format!(
-                "response {}: largest {}{period}; reached by {} of {all} states\n",
+                "response {}: largest {}{period}; reached by {} of these {all} states\n",
                 k + 1,
                 words(&orbit.readings, read),
                 document.cells.reaching(k)

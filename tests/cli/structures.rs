@@ -429,8 +429,9 @@ fn sweeps_and_basins_of_structures() {
 
     let command = on_oscillator("basins", "--drive tip.x=5 --frequency-hz 11.08 --points 7,7 --plot basins");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
-    response 1: largest tip.x 6.007680e-3 m; reached by 24 of 49 states
-    response 2: largest tip.x 1.821289e-2 m; reached by 25 of 49 states
+    49 states: q1_m_sqrt_kg from -0.0273 to 0.0273, q1_dot_m_sqrt_kg_s from -1.9019 to 1.9019
+    response 1: largest tip.x 6.007680e-3 m; reached by 24 of these 49 states
+    response 2: largest tip.x 1.821289e-2 m; reached by 25 of these 49 states
     written to basins.csv, basins.json, basins.svg, basins.png, basins.txt
     ");
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();

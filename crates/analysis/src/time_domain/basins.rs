@@ -108,6 +108,32 @@ pub fn stable_orbits(
     Ok((orbits, early))
 }
 
+/// Finds the stable periodic responses, other than the `known` ones, on which states given at phase 0 settle. Each is
+/// integrated alone and for up to 40 time constants of the slowest mode, so that a few states are enough.
+///
+/// # Errors
+/// As [`stable_orbits`].
+pub fn further_orbits(
+    forced: &Forced,
+    read: &[Dof],
+    frequency_hz: f64,
+    known: &[StableOrbit],
+    starts: &[Vec<f64>],
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<StableOrbit>, TimeDomainError> {
+    let map = StroboscopicMap::new(forced, frequency_hz)?;
+    let mut found: Vec<StableOrbit> = Vec::new();
+    for start in starts {
+        let followed = follow(&map, start, &SettleOptions::default(), stop)?;
+        let Some(period) = followed.period else { continue };
+        let Some(point) = FixedPoint::shoot(&map, &map.to_point(&followed.start), period) else { continue };
+        if !known.iter().chain(&found).any(|orbit| orbit.attractor.holds(&point.point)) {
+            found.push(StableOrbit::new(&map, read, &point)?);
+        }
+    }
+    Ok(found)
+}
+
 /// Computes the fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode.
 ///
 /// All are integrated side by side, in stretches of a quarter of a time constant. A trajectory has reached a stable

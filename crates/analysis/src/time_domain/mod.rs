@@ -19,7 +19,7 @@ mod path;
 mod settle;
 mod sweep;
 
-pub use basins::{StableOrbit, outcomes, reach, stable_orbits};
+pub use basins::{StableOrbit, further_orbits, outcomes, reach, stable_orbits};
 pub use error::TimeDomainError;
 pub use fates::BasinOutcome;
 pub use frequencies::{Resonance, SweepFrequencies};

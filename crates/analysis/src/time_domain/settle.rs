@@ -10,7 +10,9 @@ use super::fixed_point::{Approach, FixedPoint};
 use super::map::{StroboscopicMap, size};
 
 /// Longest period looked for, in periods of the excitation.
-const LONGEST_PERIOD: u32 = 8;
+const LONGEST_PERIOD: usize = 12;
+/// The fewest periods between two checks.
+const LEAST_STRETCH: u64 = 8;
 /// Returns are checked after this fraction of the slowest time constant of the linear structure.
 pub(super) const STRETCH: f64 = 0.25;
 /// A response that returns this near, relative to its size, has settled.
@@ -68,7 +70,7 @@ pub(crate) fn follow(
         return Err(TimeDomainError::Option { name: "time_constants", got: wait });
     }
     let longest = libm::ceil(wait * map.time_constant_periods()) as u64;
-    let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(u64::from(LONGEST_PERIOD));
+    let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(LEAST_STRETCH);
     let mut follower = Follower { map, trail: vec![map.to_point(start)], state: start.to_vec(), periods: 0, stop };
     let mut candidates: Vec<Candidate> = vec![];
     while follower.periods < longest {
@@ -145,7 +147,7 @@ impl Follower<'_> {
                 return Err(TimeDomainError::Stopped);
             }
             self.state = self.map.next(&self.state)?;
-            if self.trail.len() > LONGEST_PERIOD as usize {
+            if self.trail.len() > LONGEST_PERIOD {
                 // The trail has a few points, so that moving them costs nothing beside a period of integration.
                 self.trail.remove(0);
             }

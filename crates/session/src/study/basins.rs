@@ -11,10 +11,13 @@ use serde_json::Value;
 use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::Forced;
 use resonarm_analysis::time_domain::{BasinOutcome, TimeDomainError};
-use resonarm_analysis::time_domain::{StableOrbit, StroboscopicMap, outcomes};
+use resonarm_analysis::time_domain::{StableOrbit, StroboscopicMap, further_orbits, outcomes};
+use resonarm_dynamics::structure::Dof;
 
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
+/// Undecided states from which responses are looked for.
+const TRIALS: usize = 8;
 
 /// A grid of initial states in two of the coordinates of a state.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,7 +120,11 @@ impl Basins {
     }
 
     /// Follows the trajectories from some of the states to their ends.
-    fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
+    fn outcomes(
+        &self,
+        states: impl Iterator<Item = usize>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Vec<BasinOutcome>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.forced, self.frequency_hz)?;
         let starts: Vec<Vec<f64>> = states.map(|index| self.grid.state(index)).collect();
         outcomes(&map, &self.orbits, &starts, self.time_constants, stop)
@@ -191,6 +198,46 @@ impl BasinComputation {
         Ok(BasinComputation { basins: self.basins, parts, journal })
     }
 
+    /// Looks for the stable responses on which undecided states settle, from a few of these states, and computes the fates
+    /// of all undecided states anew if there are any. Does nothing while outcomes are missing. What it finds is not kept
+    /// in the journal.
+    ///
+    /// # Errors
+    /// [`StudyError::TimeDomain`] if a trajectory can't be followed.
+    pub fn settle_undecided(self, read: &[Dof], control: &Control<'_>) -> Result<BasinComputation, StudyError> {
+        let Some(mut outcomes) = self.outcomes() else { return Ok(self) };
+        let is_undecided = |index: &usize| outcomes[*index] == BasinOutcome::Undecided;
+        let undecided: Vec<usize> = (0..outcomes.len()).filter(is_undecided).collect();
+        let mut basins = self.basins;
+        let apart = undecided.len().div_ceil(TRIALS).max(1);
+        let starts: Vec<Vec<f64>> = undecided.iter().step_by(apart).map(|index| basins.grid.state(*index)).collect();
+        let further = further_orbits(&basins.forced, read, basins.frequency_hz, &basins.orbits, &starts, control.stop);
+        let further = match further {
+            Err(TimeDomainError::Stopped) => vec![],
+            found => found?,
+        };
+        if further.is_empty() {
+            return Ok(BasinComputation { basins, ..self });
+        }
+        basins.orbits.extend(further);
+        let groups: Vec<&[usize]> = undecided.chunks(TOGETHER).collect();
+        let of = |group: &&[usize]| basins.outcomes(group.iter().copied(), control.stop);
+        for (group, found) in groups.iter().zip(on_all_cores(&groups, of, || ())) {
+            match found {
+                // They stay undecided.
+                Err(TimeDomainError::Stopped) => {}
+                found => group.iter().zip(found?).for_each(|(index, outcome)| outcomes[*index] = outcome),
+            }
+        }
+        let parts = outcomes.chunks(TOGETHER).map(|part| Some(part.to_vec())).collect();
+        Ok(BasinComputation { basins, parts, journal: self.journal })
+    }
+
+    /// Returns the stable responses, those that were found from undecided states last.
+    pub fn orbits(&self) -> &[StableOrbit] {
+        &self.basins.orbits
+    }
+
     /// Removes the journal. Call it when the results are written and there is nothing left to resume.
     ///
     /// # Errors
@@ -204,8 +251,11 @@ impl BasinComputation {
 mod tests {
     use super::super::tests::{QUIET, folds_hz, hardening};
     use super::*;
+    use core::f64::consts::TAU;
     use resonarm_analysis::time_domain::{reach, stable_orbits};
-    use resonarm_dynamics::structure::Dof;
+    use resonarm_dynamics::structure::{
+        Assembly, Axis, BodySpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+    };
 
     /// Of the hardening oscillator, in the middle between its folds.
     fn basins(counts: [usize; 2]) -> (Basins, Dof) {
@@ -232,6 +282,39 @@ mod tests {
                 |outcome: &BasinOutcome| matches!(outcome, BasinOutcome::Reaches { orbit, .. } if *orbit == wanted);
             assert!(computed.iter().any(reaches), "{wanted}: {computed:?}");
         }
+    }
+
+    /// The response of three periods of x″ + 0.01x′ + x + x³ = 4 sin 4.5t is on no branch of the drive's own period. Its
+    /// state at phase 0 is that of another code's shooting.
+    #[test]
+    fn a_response_of_three_periods_is_found_from_undecided_states() {
+        let place = Place::Dof { point: "tip".into(), axis: Axis::X };
+        let body = ModalSpec {
+            modes: vec![ModeSpec { frequency_hz: 1.0 / TAU, damping_ratio: 0.005 }],
+            shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],
+        };
+        let law = Law::Cubic { stiffness3: 1.0, stiffness5: 0.0 };
+        let elements = vec![ElementSpec::Point { at: place, to: None, law }];
+        let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
+        let dof = assembly.dof("tip.x").unwrap();
+        let (forced, frequency_hz) = (Forced::new(assembly, dof, 4.0), 4.5 / TAU);
+        let (orbits, _) = stable_orbits(&forced, &[dof], frequency_hz, &|| false).unwrap();
+        assert!(orbits.iter().all(|orbit| orbit.period == 1), "{orbits:?}");
+        let [x, v] = [1.1686692211643264, 0.11509686260901884];
+        let ends = [[x - 0.01, x + 0.01], [v - 0.01, v + 0.01]];
+        let grid = StateGrid { coordinates: [0, 1], ends, counts: [2, 2], others: vec![0.0; 2] };
+        let count = orbits.len();
+        let basins = Basins { forced, frequency_hz, orbits, grid, time_constants: 10.0 };
+        let computed = basins.begin(None).unwrap().compute_missing(&QUIET).unwrap();
+        assert_eq!(computed.outcomes().unwrap(), [BasinOutcome::Undecided; 4]);
+        let computed = computed.settle_undecided(&[dof], &QUIET).unwrap();
+        assert_eq!(computed.orbits().len(), count + 1);
+        let found = &computed.orbits()[count];
+        assert_eq!(found.period, 3);
+        assert!((found.readings[0].largest / 1.2007087 - 1.0).abs() < 1e-6, "{found:?}");
+        let reaches =
+            |outcome: &BasinOutcome| matches!(outcome, BasinOutcome::Reaches { orbit, .. } if *orbit == count);
+        assert!(computed.outcomes().unwrap().iter().all(reaches));
     }
 
     /// Stopped after any part, it goes on to the same outcomes.
