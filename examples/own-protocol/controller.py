@@ -1,13 +1,14 @@
 """A controller that knows nothing of Resonarm: python-can, cantools and bench.dbc.
 
-It enables the shaker, answers each reading with the next value of a sine, disables the shaker, and prints what it saw
-as JSON: `python controller.py vcan0`.
+It enables the shaker, answers each reading of the enabled shaker with the next value of a sine, disables the shaker, and
+prints what it saw as JSON: `python controller.py vcan0`.
 """
 
 import argparse
 import json
 import math
 import sys
+import time
 from pathlib import Path
 
 import can
@@ -56,18 +57,24 @@ class Shaker:
 
 
 def sine(shaker, amplitude_n, frequency_hz, samples, timeout_s):
-    """Plays so many samples of a sine at 1 kHz; the readings and poses that came."""
+    """Plays so many samples of a sine at 1 kHz; the readings and poses that came while the shaker was enabled."""
     readings, poses, is_armed = [], [], False
+    armed_by_s = time.monotonic() + timeout_s
     shaker.drive(0.0)
     while len(readings) < samples and (read := shaker.read(timeout_s)) is not None:
         name, values = read
         if name == "Pose":
-            poses.append(values)
+            poses += [values] if is_armed else []
             continue
-        readings.append(values)
         was_armed, is_armed = is_armed, values["State"] == OPERATIONAL
         if values["State"] == FAULT or (was_armed and not is_armed):
             break
+        if not is_armed:
+            # A reading from before the command above arrived. In lockstep the shaker repeats it until it is enabled.
+            if time.monotonic() > armed_by_s:
+                break
+            continue
+        readings.append(values)
         shaker.drive(amplitude_n * math.sin(2 * math.pi * frequency_hz * len(readings) / 1000))
     shaker.drive(0.0, enable=False)
     return readings, poses

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+import socket
 
 import can
 import pytest
@@ -38,11 +39,23 @@ class Client(ODriveCAN):
         return await super()._request(msg_name, timeout)
 
 
+SO_RCVBUFFORCE = 33
+"""Of Linux, which Python does not name: the size of a socket's buffer beyond what the system allows to users."""
+
+
+def bus():
+    """A bus whose buffer holds what comes while the client is stopped: it asks once, and an answer that the kernel drops
+    never comes again. By default there is room for some 270 frames, a second of two axes."""
+    opened = can.Bus(interface="socketcan", channel="vcan0")
+    opened.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 1 << 26)
+    return opened
+
+
 class Axis:
     """An axis as the client sees it."""
 
     def __init__(self, number):
-        self.drive = Client(number, can.Bus(interface="socketcan", channel="vcan0"))
+        self.drive = Client(number, bus())
 
     async def reach(self, state):
         """Asks for a state until the heartbeat says it."""
