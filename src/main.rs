@@ -126,6 +126,7 @@ commands! {
         Inspect in inspect, reported as "inspect";
         Resim in resim, reported as "resim";
         Replay in replay;
+        Plot in plot, reported as "plot";
         Identify in identify, reported as "identify";
         Diff in diff, reported as "diff";
         Cut in cut, reported as "cut";

@@ -24,6 +24,7 @@ pub mod latency;
 pub mod man;
 pub mod modes;
 pub mod paper;
+pub mod plot;
 pub mod poincare;
 pub mod protocol;
 pub mod quickstart;

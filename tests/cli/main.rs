@@ -22,6 +22,7 @@ mod integrators;
 mod latency;
 mod numbers;
 mod paper;
+mod plot;
 mod progress;
 mod protocol;
 mod readings;

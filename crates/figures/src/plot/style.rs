@@ -26,7 +26,23 @@ pub enum Color {
     Purple,
     /// Yellow of Okabe and Ito; faint on white, for areas rather than lines.
     Yellow,
+    /// A level of a map from 0, dark, to 9, light, of the scale viridis (S. van der Walt, N. Smith, 2015).
+    Level(u8),
 }
+
+/// The scale viridis in ten levels.
+const VIRIDIS: [[u8; 3]; 10] = [
+    [0x44, 0x01, 0x54],
+    [0x48, 0x28, 0x78],
+    [0x3E, 0x49, 0x89],
+    [0x31, 0x68, 0x8E],
+    [0x26, 0x82, 0x8E],
+    [0x1F, 0x9E, 0x89],
+    [0x35, 0xB7, 0x79],
+    [0x6E, 0xCE, 0x58],
+    [0xB5, 0xDE, 0x2B],
+    [0xFD, 0xE7, 0x25],
+];
 
 impl Color {
     /// Red, green and blue, sRGB.
@@ -43,6 +59,7 @@ impl Color {
             Self::SkyBlue => [0x56, 0xB4, 0xE9],
             Self::Purple => [0xCC, 0x79, 0xA7],
             Self::Yellow => [0xF0, 0xE4, 0x42],
+            Self::Level(level) => VIRIDIS[usize::from(level).min(VIRIDIS.len() - 1)],
         }
     }
 }

@@ -14,6 +14,24 @@ pub enum SpectraError {
         /// Sample rate, Hz.
         rate_hz: f64,
     },
+    /// The quality of the oscillators is not above ½, so that they don't oscillate.
+    #[error("the quality is {quality}: it must be above 0.5", quality = short(.quality))]
+    Quality {
+        /// Quality Q = 1/2ζ.
+        quality: f64,
+    },
+    /// A natural frequency is outside the band of the record.
+    #[error(
+        "the frequency is {} Hz: it must be positive, and at most half of the sample rate, {} Hz",
+        short(.frequency_hz),
+        short(.most_hz)
+    )]
+    Frequency {
+        /// Natural frequency of an oscillator, Hz.
+        frequency_hz: f64,
+        /// Half of the sample rate, Hz.
+        most_hz: f64,
+    },
     /// A segment is longer than a record, or too short.
     #[error("a segment has {segment} samples: it must have from 2 to as many as the shortest record, {samples}")]
     Segment {

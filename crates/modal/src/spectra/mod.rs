@@ -17,6 +17,7 @@
 mod distribution;
 mod error;
 mod responses;
+mod shock;
 mod window;
 
 use alloc::vec;
@@ -27,6 +28,7 @@ use resonarm_numeric::dft::{Fft, Lines};
 
 pub use error::SpectraError;
 pub use responses::{Estimator, FrequencyResponses};
+pub use shock::ShockResponse;
 pub use window::{Detrend, Window};
 
 /// Way in which a record is cut into segments.
