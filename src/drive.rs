@@ -30,7 +30,13 @@ pub(crate) struct DriveFlags {
     ///
     /// K=A@DEG adds A·sin(2πKft + DEG) to the first load, in its unit, and the same in proportion to the others. It may be
     /// repeated for up to 8 harmonics.
-    #[arg(long = "drive-harmonic", value_name = "K=A", requires = "loads")]
+    #[arg(
+        long = "drive-harmonic",
+        value_name = "K=A",
+        requires = "loads",
+        allow_hyphen_values = true,
+        hide_short_help = true
+    )]
     harmonics: Vec<HarmonicFlag>,
 }
 

@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 39] = [
+const COMMANDS: [(&str, &str); 40] = [
     ("demo", "--out /dev/null/none"),
     ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
@@ -30,6 +30,7 @@ const COMMANDS: [(&str, &str); 39] = [
     ("compare", "none.json"),
     ("replay", "none.mcap --bus vcan999"),
     ("resim", "none.mcap"),
+    ("plot", "none.mcap --of psd --channels head_force_x_n"),
     ("identify", "none.mcap"),
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
@@ -52,7 +53,7 @@ const COMMANDS: [(&str, &str); 39] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 21] = [
+const NUMERIC: [&str; 24] = [
     "N",
     "NM",
     "N/S",
@@ -72,10 +73,13 @@ const NUMERIC: [&str; 21] = [
     "A,B",
     "Q,V",
     "DOF=A",
+    "K=A",
     "NAME=X",
     "NAME=X,…",
+    "PART",
+    "Q",
 ];
-const OTHERS: [&str; 32] = [
+const OTHERS: [&str; 35] = [
     "PID",
     "RT",
     "SPIN",
@@ -108,6 +112,9 @@ const OTHERS: [&str; 32] = [
     "PARTS",
     "ID,…",
     "ID=ID,…",
+    "STATE",
+    "WINDOW",
+    "DETREND",
 ];
 
 /// The numeric flags in the help of a command.
