@@ -49,7 +49,8 @@ class Origin(NamedTuple):
     """The place where a branch begins."""
 
     kind: str
-    """`branch-point` or `period-doubling` for a branch that leaves another one there, `sub-harmonic` for one by itself."""
+    """`branch-point` or `period-doubling` for a branch that leaves another one there, `sub-harmonic` for one by
+    itself."""
     value: float
     """The parameter there."""
     branch: int | None
@@ -79,14 +80,14 @@ class Branch:
     `drive` (the amplitude of the first load, N, or N·m at a joint), `stable` (whether `stability` is stable),
     `harmonics`, `period` (in those of the excitation), `truncation_error` (of the harmonics left out, over the
     response's size), `state` (at phase 0 of the excitation: coordinates, rates, states of elements, from which
-    `from_state` starts), for each degree of freedom that is read, as `tip.x`, the columns `tip_x_largest_m` (the largest
-    displacement from rest), `tip_x_mean_m` and complex `tip_x_harmonic1_m` (the component at f: its argument is the
-    phase by which it leads the drive), of a joint in rad (`joint2_largest_rad`), and the Floquet `multipliers`, the
+    `from_state` starts), for each degree of freedom that is read, as `tip.x`, the columns `tip_x_largest_m` (the
+    largest displacement from rest), `tip_x_mean_m` and complex `tip_x_harmonic1_m` (the component at f: its argument is
+    the phase by which it leads the drive), of a joint in rad (`joint2_largest_rad`), and the Floquet `multipliers`, the
     largest first, followed by NaN where others have more."""
     bifurcations: Array
     """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point. At a Neimark–Sacker point
-    `rotation_number` and `beat_hz` are the second frequency of the vibration that begins there, as a fraction of that of
-    the response, from 0 to 1/2, and in Hz; elsewhere they are NaN."""
+    `rotation_number` and `beat_hz` are the second frequency of the vibration that begins there, as a fraction of that
+    of the response, from 0 to 1/2, and in Hz; elsewhere they are NaN."""
     peaks: Array
     """The same columns: for each degree of freedom that is read the response with its largest displacement, located
     between the points."""
@@ -102,7 +103,8 @@ class Branch:
     left_out: tuple[tuple[Origin, str], ...] = ()
     """Places where branches begin that were not followed, with the reasons."""
     sub_harmonics: tuple[float, ...] = ()
-    """The values of the parameter at which sub-harmonic responses, of 2 and 3 periods of the excitation, were sought."""
+    """The values of the parameter at which sub-harmonic responses, of 2 and 3 periods of the excitation, were
+    sought."""
     curves: tuple[Curve, ...] = ()
     """The curves of the folds and period doublings, if requested."""
 
@@ -272,7 +274,13 @@ def continuation(
             curves.append(Curve(kind, names, labels, view(points, form), named(kinds, view(turns, form))))
     switched = tuple(branch(rows, origin=Origin(*origin)) for origin, rows in traced.branches)
     left_out = tuple((Origin(*origin), reason) for origin, reason in traced.left_out)
-    found = branch(traced.branch, branches=switched, left_out=left_out, sub_harmonics=tuple(traced.sub_harmonics), curves=tuple(curves))
+    found = branch(
+        traced.branch,
+        branches=switched,
+        left_out=left_out,
+        sub_harmonics=tuple(traced.sub_harmonics),
+        curves=tuple(curves),
+    )
     if traced.ended_early is not None:
         raise EndedEarly(traced.ended_early, found)
     return found

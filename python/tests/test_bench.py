@@ -111,7 +111,7 @@ def test_frames_of_a_recording_are_taken_by_the_codec():
 def test_rows_say_their_order_of_bytes():
     recording, plant = resonarm.Recording(ROOT / "recordings/fd.mcap"), resonarm.Plant()
     parts = [_dtypes.rows_of(recording, part) for part in ("states", "samples", *_dtypes.PARTS)]
-    played, orbit = _dtypes.played(plant.channels(), plant.reading_channels()), _dtypes.orbit([("tip.x", "m")], 4)
+    played, orbit = _dtypes.played(plant.channels(), plant.reading_channels()), _dtypes.orbit([("tip.x", "m")], 4, 4)
     dtypes = [*parts, _dtypes.singular([("joint1", "rad")]), _dtypes.RESPONSE, _dtypes.OUTCOME, played, orbit]
     for dtype in dtypes:
         for name in dtype.names:

@@ -37,8 +37,8 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
         assert (motion.period, motion.largest_multiplier) == (expected["period"], expected["largest_multiplier"])
     counts = [np.count_nonzero(found.motion == k) for k in (1, 2)]
     assert min(counts) > 2
-    of = "<Basins in q1_m_sqrt_kg and q1_dot_m_sqrt_kg_s"
-    assert repr(found) == f"{of}: of 42 states {counts[0]} reach response 1, {counts[1]} reach response 2>"
+    of = "<Basins of 42 states, q1_m_sqrt_kg from -0.05876 to 0.05876, q1_dot_m_sqrt_kg_s from -7.446 to 7.446"
+    assert repr(found) == f"{of}: {counts[0]} reach response 1, {counts[1]} reach response 2>"
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
     ax = found.plot(Figure().subplots())
     # Cells that touch: one mesh for each response, and one diamond each.
