@@ -84,7 +84,6 @@ fn extremes(turn_rad: f64, damping_ratio: f64, acceleration: &[f64]) -> [f64; 2]
 
 #[cfg(test)]
 mod tests {
-    use alloc::vec;
     use core::f64::consts::PI;
 
     use super::*;
@@ -120,7 +119,7 @@ mod tests {
             let steps = (duration_s * rate_hz).round();
             let pulse = |k: usize| match is_saw_tooth {
                 true if (k as f64) < steps => amplitude * k as f64 / steps,
-                false if k as f64 <= steps => amplitude * (PI * k as f64 / steps).sin(),
+                false if k as f64 <= steps => amplitude * libm::sin(PI * k as f64 / steps),
                 _ => 0.0,
             };
             let count = (steps + (0.05 + 1.0 / FREQUENCY_HZ[0]) * rate_hz) as usize + 1;
@@ -135,7 +134,7 @@ mod tests {
 
     #[test]
     fn impossible_oscillators_are_refused() {
-        let refused = |quality, hz| ShockResponse::estimate(1000.0, &vec![0.0; 9], quality, &[hz]).unwrap_err();
+        let refused = |quality, hz| ShockResponse::estimate(1000.0, &[0.0; 9], quality, &[hz]).unwrap_err();
         assert_eq!(refused(0.5, 10.0), SpectraError::Quality { quality: 0.5 });
         assert_eq!(refused(10.0, 501.0), SpectraError::Frequency { frequency_hz: 501.0, most_hz: 500.0 });
     }
