@@ -10,6 +10,7 @@ mod computed_branch;
 mod configuration;
 mod continuation_flags;
 mod defaults;
+mod detached;
 mod drive;
 mod ended_early;
 mod failure;

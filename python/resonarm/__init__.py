@@ -8,7 +8,7 @@ angles α are deflections of the joints about the pose. Invalid values raise `Va
 
 from ._resonarm import Measurement, Mode, ResonarmError, __version__, presets
 from .basins import Basins, StableMotion
-from .continuation import Branch, Curve, EndedEarly, Origin
+from .continuation import Branch, Curve, EndedEarly, Origin, Searched
 from .log_import import import_log
 from .own_structure import Stepped
 from .plant import Plant
@@ -45,6 +45,7 @@ __all__ = [
     "Report",
     "ResonarmError",
     "Scenario",
+    "Searched",
     "StableMotion",
     "Stepped",
     "Structure",

@@ -41,6 +41,9 @@ _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
 _Drive = tuple[list[tuple[str, float]], float, float, list[tuple[int, float, float]]]
 _Origin = tuple[str, float, int | None, int, bool]
+_Searched = tuple[
+    str | None, list[float], int, list[float], tuple[float, float] | None, int, list[float] | None
+]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
@@ -125,11 +128,13 @@ class Traced:
     @property
     def branch(self) -> TracedBranch: ...
     @property
+    def isolas(self) -> list[tuple[_Origin, TracedBranch]]: ...
+    @property
     def branches(self) -> list[tuple[_Origin, TracedBranch]]: ...
     @property
     def left_out(self) -> list[tuple[_Origin, str]]: ...
     @property
-    def sub_harmonics(self) -> list[float]: ...
+    def searched(self) -> _Searched: ...
     @property
     def curves(self) -> list[tuple[str, bytearray, bytearray, list[bool]]]: ...
     @property
@@ -145,7 +150,7 @@ def trace_branch(
     range: tuple[str, float, float],
     at: list[str],
     settings: tuple[int, int, float, bool, float | None, list[float] | None],
-    beyond: tuple[bool, tuple[str, float] | None],
+    beyond: tuple[tuple[bool, bool], tuple[str, float] | None],
 ) -> Traced: ...
 
 class Scenario:

@@ -49,16 +49,36 @@ class Origin(NamedTuple):
     """The place where a branch begins."""
 
     kind: str
-    """`branch-point` or `period-doubling` for a branch that leaves another one there, `sub-harmonic` for one by
-    itself."""
+    """`branch-point` or `period-doubling` for a branch that leaves another one there; `detached`, or with another period
+    `sub-harmonic`, for one to which no other leads."""
     value: float
-    """The parameter there."""
+    """The parameter there, or where the branch was found."""
     branch: int | None
-    """The branch that it leaves: 0 for the first, k for `branches[k - 1]`; None for a sub-harmonic one."""
+    """The branch that it leaves: 0 for the first, k for `(isolas + branches)[k - 1]`; None if it leaves none."""
     period: int
     """The period of the branch, in those of the excitation."""
     mirrored: bool
     """Whether the branch has a mirror image, by a symmetry that it breaks. The image is not in the results."""
+
+
+class Searched(NamedTuple):
+    """What was searched for responses that a branch does not reach. Others may exist."""
+
+    not_searched: str | None
+    """The reason for which responses with the period of the excitation were not searched: `coordinate` (the frequency
+    does not vary), `early` (the branch ended early), `linear` (the structure is), `no-load`; None if they were."""
+    frequencies_hz: tuple[float, ...]
+    """Frequencies at which Newton's method was started from random responses."""
+    starts: int
+    """The number of starts at each."""
+    largest: dict[str, float]
+    """For each degree of freedom that is read, the largest displacement from which it was started, m or rad."""
+    loads: tuple[float, float] | None
+    """The least and the largest amplitude to which folds were followed; None if none was."""
+    attached: int
+    """The number of branches that were found, leave a known one at a bifurcation and are not in the results."""
+    sub_harmonics: tuple[float, ...] | None
+    """The values of the parameter at which responses of 2 and 3 periods of the excitation were sought; None if not."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -98,13 +118,14 @@ class Branch:
     """Whether the stability was computed. If not, `stable` is False in all rows, and bifurcations are folds alone."""
     origin: Origin | None = None
     """Where the branch begins; None for the first."""
+    isolas: tuple["Branch", ...] = ()
+    """Branches that a search found and to which no other leads: closed ones, and those that leave the range."""
     branches: tuple["Branch", ...] = ()
-    """If requested, the branches that leave this one at bifurcations, those that leave these, and sub-harmonic ones."""
+    """If requested, the branches that leave this one or an isola at bifurcations, and those that leave these."""
     left_out: tuple[tuple[Origin, str], ...] = ()
     """Places where branches begin that were not followed, with the reasons."""
-    sub_harmonics: tuple[float, ...] = ()
-    """The values of the parameter at which sub-harmonic responses, of 2 and 3 periods of the excitation, were
-    sought."""
+    searched: Searched | None = None
+    """What was searched; None for the other branches."""
     curves: tuple[Curve, ...] = ()
     """The curves of the folds and period doublings, if requested."""
 
@@ -123,7 +144,7 @@ class Branch:
         axes, by default those of a new figure; they are returned."""
         at = self.at[0] if at is None else at
         ax, column = _extras.axes(ax), self.column(at)
-        for branch in (self, *self.branches):
+        for branch in (self, *self.isolas, *self.branches):
             points = branch.points
             _stretches(ax, points["value"], points[column], points["stability"])
         for kind in np.unique(self.bifurcations["kind"]):
@@ -186,6 +207,7 @@ def continuation(
     frequency_hz: float | None = None,
     at: Sequence[str] = (),
     branches: bool = False,
+    search: bool = False,
     curves_in: str | None = None,
     curves_to: float | None = None,
     most_harmonics: int = 64,
@@ -207,6 +229,9 @@ def continuation(
     - `at`: where the response is read, by default where the structure is driven.
     - `branches`: follow the branches that leave it at branch points and period doublings, and those that leave these,
       up to 8 periods of the excitation, and sub-harmonic ones of 2 and 3 periods that are found near free vibrations.
+    - `search`: search further for responses that the branch does not reach. Without it, they are searched at 5
+      frequencies, and along folds for half to twice the amplitude if all forces are smooth. With it, they are searched
+      at 20 frequencies, along more folds for a quarter to 4 times the amplitude, and for 2 and 3 periods.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the response's size).
     - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
@@ -249,7 +274,7 @@ def continuation(
         (parameter, start, stop),
         list(read),
         (most_harmonics, most_points, largest_step, stability, tolerance, near),
-        (branches, None if curves_in is None or curves_to is None else (curves_in, curves_to)),
+        ((branches, search), None if curves_in is None or curves_to is None else (curves_in, curves_to)),
     )
     units = [(dof, structure.units("at", dof)[0]) for dof in read]
     label = _label(structure, parameter, amplitudes)
@@ -272,15 +297,23 @@ def continuation(
         for kind, points, turns, cusps in traced.curves:
             kinds = ["cusp" if cusp else "turn" for cusp in cusps]
             curves.append(Curve(kind, names, labels, view(points, form), named(kinds, view(turns, form))))
-    switched = tuple(branch(rows, origin=Origin(*origin)) for origin, rows in traced.branches)
-    left_out = tuple((Origin(*origin), reason) for origin, reason in traced.left_out)
-    found = branch(
-        traced.branch,
-        branches=switched,
-        left_out=left_out,
-        sub_harmonics=tuple(traced.sub_harmonics),
-        curves=tuple(curves),
+    isolas, leaving = (
+        tuple(branch(rows, origin=Origin(*origin)) for origin, rows in others)
+        for others in (traced.isolas, traced.branches)
     )
+    left_out = tuple((Origin(*origin), reason) for origin, reason in traced.left_out)
+    reason, frequencies_hz, starts, largest, loads, attached, sought = traced.searched
+    searched = Searched(
+        reason,
+        tuple(frequencies_hz),
+        starts,
+        dict(zip(read, largest, strict=False)),
+        loads,
+        attached,
+        None if sought is None else tuple(sought),
+    )
+    more: dict[str, Any] = {"isolas": isolas, "branches": leaving, "left_out": left_out, "searched": searched}
+    found = branch(traced.branch, curves=tuple(curves), **more)
     if traced.ended_early is not None:
         raise EndedEarly(traced.ended_early, found)
     return found

@@ -1,11 +1,12 @@
-//! Branches of a structure's periodic responses, those that leave them, and curves of bifurcations.
+//! Branches of a structure's periodic responses, those beside them, and curves of bifurcations.
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::{AnalysisError, EndedEarly};
 use resonarm::analysis::{
-    Assess, Bifurcation, Branch, Coordinate, Forced, NotFollowed, Orbit, Origin, SingularCurve, SingularPoint,
-    SwitchedBranch, TraceOptions, phase_zero_state, trace, trace_branches, trace_singular_curves,
+    Assess, Bifurcation, Branch, Coordinate, Forced, NotFollowed, Orbit, Origin, OtherBranch, OtherOptions,
+    SearchOptions, Searched, SingularCurve, SingularPoint, TraceOptions, phase_zero_state, trace, trace_branches,
+    trace_singular_curves,
 };
 
 use crate::errors;
@@ -39,14 +40,22 @@ type CurveRows = (&'static str, Py<PyByteArray>, Py<PyByteArray>, Vec<bool>);
 /// period, whether the branch has a mirror image.
 type OriginRow = (&'static str, f64, Option<usize>, usize, bool);
 
-/// The results: the branch, others with their beginnings, beginnings of branches that were not followed with the reasons,
-/// values at which sub-harmonic responses were sought, curves, and why any of these ended early if one did.
+/// What was searched: the reason for which responses of the period of the load were not, the frequencies with random
+/// starts, starts at each, the largest displacement tried for each degree of freedom that is read, the least and the
+/// largest load along folds, the number of branches that were found and not kept, and the values at which sub-harmonic
+/// responses were sought.
+type SearchedRow = (Option<&'static str>, Vec<f64>, usize, Vec<f64>, Option<(f64, f64)>, usize, Option<Vec<f64>>);
+
+/// The results: the branch, the branches to which no other leads and those that leave others with their beginnings,
+/// beginnings of branches that were not followed with the reasons, what was searched, curves, and why any of these ended
+/// early if one did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct Traced {
     branch: Py<TracedBranch>,
+    isolas: Vec<(OriginRow, Py<TracedBranch>)>,
     branches: Vec<(OriginRow, Py<TracedBranch>)>,
     left_out: Vec<(OriginRow, String)>,
-    sub_harmonics: Vec<f64>,
+    searched: SearchedRow,
     curves: Vec<CurveRows>,
     ended_early: Option<String>,
 }
@@ -69,8 +78,9 @@ fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coor
 type Settings = (usize, usize, f64, bool, Option<f64>, Option<Vec<f64>>);
 
 /// Follows the periodic responses of a structure under a drive in the frequency, the amplitude or a parameter from one
-/// value to another, read at degrees of freedom. Follows the branches that leave it, and its folds and doublings in a
-/// second coordinate up to a value, if that is asked for.
+/// value to another, read at degrees of freedom, and searches for responses beside it, further if that is asked for.
+/// Follows the branches that leave others, and the folds and doublings of the first branch in a second coordinate up to a
+/// value, if that is asked for.
 #[pyfunction]
 pub fn trace_branch(
     py: Python<'_>,
@@ -79,28 +89,33 @@ pub fn trace_branch(
     range: (String, f64, f64),
     at: Vec<String>,
     settings: Settings,
-    beyond: (bool, Option<(String, f64)>),
+    beyond: ((bool, bool), Option<(String, f64)>),
 ) -> PyResult<Traced> {
-    let ((parameter, start, stop), (branches, curves)) = (range, beyond);
+    let ((parameter, start, stop), ((leaving, further), curves)) = (range, beyond);
     let varied = coordinate("parameter", &parameter, structure)?;
     let curves = match curves {
         Some((name, to)) => Some((coordinate("curves_in", &name, structure)?, to)),
         None => None,
     };
     let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
+    let mut search = if further { SearchOptions::further() } else { SearchOptions::default() };
+    search.sub_harmonics |= leaving;
+    let wanted = OtherOptions { leaving, search: Some(search) };
     let request =
-        BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, branches, curves, settings };
+        BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, wanted, curves, settings };
     let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
-    let Found { branch, branches, left_out, sub_harmonics, curves, early } =
+    let Found { branch, others, left_out, searched, curves, early } =
         py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
     let of = |branch: &Branch| TracedBranch::new(py, branch, &request.forced, varied);
-    let switched = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), of(branch)?));
+    let row = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), of(branch)?));
+    let (leaving, isolas): (Vec<_>, Vec<_>) = others.iter().partition(|(origin, _)| origin.parent.is_some());
     let left_out = left_out.into_iter();
     Ok(Traced {
         branch: of(&branch)?,
-        branches: branches.iter().map(switched).collect::<PyResult<_>>()?,
+        isolas: isolas.into_iter().map(row).collect::<PyResult<_>>()?,
+        branches: leaving.into_iter().map(row).collect::<PyResult<_>>()?,
         left_out: left_out.map(|(origin, reason)| (origin_row(&origin), errors::printable(reason))).collect(),
-        sub_harmonics,
+        searched: searched_row(searched),
         curves: curves.iter().map(|(kind, curve)| curve_rows(py, kind, curve)).collect::<PyResult<_>>()?,
         ended_early: early.map(errors::printable),
     })
@@ -111,7 +126,7 @@ struct BranchRequest {
     forced: Forced,
     frequency_hz: f64,
     varied: Coordinate,
-    branches: bool,
+    wanted: OtherOptions,
     curves: Option<(Coordinate, f64)>,
     settings: Settings,
 }
@@ -121,12 +136,20 @@ fn origin_row(origin: &Origin) -> OriginRow {
     (origin.kind.name(), origin.value, origin.parent, origin.period, origin.is_mirrored)
 }
 
+/// Returns what was searched.
+fn searched_row(searched: Searched) -> SearchedRow {
+    let Searched { not_searched, frequencies_hz, starts, largest, loads, attached, sub_harmonics, .. } = searched;
+    let not_searched = not_searched.map(|reason| reason.name());
+    let sought = sub_harmonics.map(|search| search.values);
+    (not_searched, frequencies_hz, starts, largest, loads.map(|[from, to]| (from, to)), attached, sought)
+}
+
 /// The results of a request.
 struct Found {
     branch: Branch,
-    branches: Vec<(Origin, Branch)>,
+    others: Vec<(Origin, Branch)>,
     left_out: Vec<(Origin, NotFollowed)>,
-    sub_harmonics: Vec<f64>,
+    searched: Searched,
     /// Curves with the names of their kinds.
     curves: Vec<(&'static str, SingularCurve)>,
     /// The first reason why one ended early.
@@ -152,18 +175,14 @@ impl BranchRequest {
             Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
             traced => keep(traced, &mut early),
         };
-        let (mut branches, mut left_out, mut sub_harmonics) = (Vec::new(), Vec::new(), Vec::new());
-        if self.branches {
-            let switched = trace_branches(&self.forced, &branch, self.varied, options);
-            for SwitchedBranch { origin, traced } in switched.branches {
-                branches.push((origin, keep(traced, &mut early)));
-            }
-            left_out = switched.left_out;
-            sub_harmonics = switched.sub_harmonics.values;
-            for (_, reason) in &left_out {
-                if let NotFollowed::Failed(reason) = reason {
-                    early.get_or_insert(reason.clone());
-                }
+        let found = trace_branches(&self.forced, &branch, self.varied, options, &self.wanted);
+        let mut others = Vec::new();
+        for OtherBranch { origin, traced } in found.branches {
+            others.push((origin, keep(traced, &mut early)));
+        }
+        for (_, reason) in &found.left_out {
+            if let NotFollowed::Failed(reason) = reason {
+                early.get_or_insert(reason.clone());
             }
         }
         let mut curves = Vec::new();
@@ -176,7 +195,8 @@ impl BranchRequest {
                 curves.push((kind.name(), keep(traced, &mut early)));
             }
         }
-        Ok(Found { branch, branches, left_out, sub_harmonics, curves, early })
+        let (left_out, searched) = (found.left_out, found.searched.unwrap_or_default());
+        Ok(Found { branch, others, left_out, searched, curves, early })
     }
 }
 

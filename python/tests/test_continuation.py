@@ -1,6 +1,8 @@
 """Branches in any parameter, curves of their bifurcations and the branches that leave them."""
 
+import json
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from matplotlib.figure import Figure
 import resonarm
 
 ARM = resonarm.Chain.preset()
+ORACLES = Path(__file__).parents[2] / "tests" / "oracles"
 
 
 @pytest.fixture(scope="module")
@@ -146,6 +149,36 @@ def test_branches_that_leave_a_branch_belong_to_it():
     assert set(first.points["period"]) == {2}
     labels = [text.get_text() for text in branch.plot(Figure().subplots()).get_legend().get_texts()]
     assert labels[:2] == ["stable", "unstable"] and "period-doubling" in labels
+
+
+def test_an_isola_is_found_and_what_was_searched_is_said():
+    """A mass with a nonlinear absorber. Independent code has the isola between 1.574492 and 2.281309 rad/s."""
+    isolas = json.loads((ORACLES / "isolas.json").read_text())["isolas"]
+    case = next(case for case in isolas if case["name"] == "absorber 0.15 N")
+    absorber = resonarm.Modal(
+        [resonarm.ModeShape(**mode) for mode in case["modes"]],
+        elements=[resonarm.Element(**element) for element in case["elements"]],
+    )
+    ends = [case[key] / (2 * np.pi) for key in ("from_rad_s", "to_rad_s")]
+    branch = absorber.continuation("frequency", *ends, drive={case["drive"]: case["force_n"]}, at=[case["read"]])
+    (isola,) = branch.isolas
+    assert (isola.origin.kind, isola.origin.branch, isola.origin.period) == ("detached", None, 1)
+    folds = isola.bifurcations["value"][isola.bifurcations["kind"] == "fold"]
+    np.testing.assert_allclose(sorted(2 * np.pi * folds), case["isolas"][0]["folds_rad_s"], rtol=1e-6)
+    assert branch.branches == () and isola.searched is None
+    searched = branch.searched
+    assert (searched.not_searched, len(searched.frequencies_hz), searched.starts) == (None, 5, 10)
+    assert searched.loads[0] < case["force_n"] < searched.loads[1] and searched.sub_harmonics is None
+
+
+def test_a_search_goes_further_if_it_is_told_to():
+    oscillator = resonarm.Modal(
+        [resonarm.ModeShape(frequency_hz=1 / (2 * np.pi), damping_ratio=0.005, shape={"tip.x": 1.0})],
+        elements=[resonarm.Element(kind="cubic", at="tip.x", stiffness3_n_m3=1.0)],
+    )
+    branch = oscillator.continuation("frequency", 0.7, 0.73, drive={"tip.x": 4}, search=True)
+    assert [isola.origin.period for isola in branch.isolas] == [2, 3, 3]
+    assert len(branch.searched.frequencies_hz) == 20 and len(branch.searched.sub_harmonics) == 5
 
 
 def test_a_branch_that_ends_early_is_kept():

@@ -298,7 +298,7 @@ impl Backbone {
             Series::line(kind, Color::Black, points.collect()).style(style)
         };
         let figure = of_each(figure, "frequency (Hz)", &walk.read, |panel, index| {
-            with_branches(panel, &branches, index).with(line(&|orbit| orbit.readings[index].largest))
+            with_branches(panel, &branches, 0, index).with(line(&|orbit| orbit.readings[index].largest))
         });
         if !self.undamped {
             return figure;

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::configuration;
 use crate::continuation_flags::ContinuationFlags;
+use crate::detached;
 use crate::drive::{Drive, DriveFlags};
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
@@ -23,8 +24,8 @@ use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use crate::start_state::StateFlag;
 use resonarm::analysis::{
     self, Assess, Beat, Bifurcation, Branch, BranchEnd, Coordinate, Forced, NotFollowed, Orbit, Origin, OriginKind,
-    Stability, SubHarmonicSearch, SwitchedBranch, TraceOptions, Unlocated, phase_zero_state, trace, trace_branches,
-    trace_singular_curves,
+    OtherBranch, OtherOptions, SearchOptions, Searched, Stability, TraceOptions, Unlocated, phase_zero_state, trace,
+    trace_branches, trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -93,13 +94,21 @@ pub(crate) struct Continue {
     frequency_hz: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    /// Also follow other branches: from bifurcations, and sub-harmonic ones.
+    /// Also follow the branches that leave others, and sub-harmonic ones.
     ///
     /// Branches leave at branch points and period doublings, and others leave these; they are followed up to 8 periods of the
     /// load. Of two branches that are mirror images of each other, one is followed. Sub-harmonic responses, of 2 and 3
     /// periods of the load, are sought near free vibrations.
     #[arg(long, help_heading = heading::COMPUTATION)]
     branches: bool,
+    /// Search further for responses that the branch does not reach.
+    ///
+    /// By default they are searched at 5 frequencies, and along folds for loads from half to twice the amplitude where the
+    /// forces are smooth; with this flag at 20 frequencies, along folds for loads from a quarter to four times the amplitude,
+    /// along the folds of branches under 2 and 4 times the amplitude, and for 2 and 3 periods of the load. Responses of the
+    /// period of the load are searched only where the frequency varies.
+    #[arg(long, help_heading = heading::COMPUTATION)]
+    search: bool,
     #[command(flatten)]
     curves: CurveFlags,
     /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
@@ -147,16 +156,24 @@ struct Walk {
     near: Option<Vec<f64>>,
 }
 
-/// Results of the continuation: the branch, those that leave it, and its curves.
+/// Results of the continuation: the branch, others and its curves.
 struct Found {
     branch: Branch,
     /// The largest truncation error, relative to the size of the response.
     tolerance: f64,
-    branches: Vec<(Origin, Branch)>,
+    /// The other branches: first those to which none leads, then those that leave others.
+    others: Vec<(Origin, Branch)>,
     left_out: Vec<(Origin, NotFollowed)>,
-    /// Where sub-harmonic responses were sought, if they were to be.
-    sub_harmonics: Option<SubHarmonicSearch>,
+    searched: Searched,
     curves: Option<Curves>,
+}
+
+impl Found {
+    /// Returns the other branches with their numbers: those that leave others, or those to which none leads.
+    fn numbered(&self, leaving: bool) -> impl Iterator<Item = (usize, &Origin, &Branch)> {
+        let all = (1..).zip(&self.others).map(|(number, (origin, branch))| (number, origin, branch));
+        all.filter(move |(_, origin, _)| origin.parent.is_some() == leaving)
+    }
 }
 
 #[derive(Serialize)]
@@ -171,15 +188,16 @@ struct Document {
     /// For each degree of freedom that is read, the response with the largest displacement, and whether it is at an end
     /// of the branch.
     peaks: Vec<Value>,
-    /// The branches that leave this one, and those that leave these.
+    /// Branches to which no other leads: isolas, and branches that leave the range.
+    isolas: Vec<OtherDocument>,
+    /// The branches that leave others.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    branches: Vec<SwitchedDocument>,
+    branches: Vec<OtherDocument>,
     /// Places where branches begin that were not followed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     left_out: Vec<Value>,
-    /// Where sub-harmonic responses were sought.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sub_harmonics: Option<Value>,
+    /// What was searched for responses that the branch does not reach.
+    searched: Value,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -210,8 +228,11 @@ impl BranchDocument {
     }
 }
 
+/// A branch beside the first one.
 #[derive(Serialize)]
-struct SwitchedDocument {
+struct OtherDocument {
+    /// Its number: 1 and more in the order of the isolas and then of the branches that leave others.
+    number: usize,
     /// The place where the branch begins.
     from: Value,
     /// The period of its responses, in periods of the drive.
@@ -222,14 +243,14 @@ struct SwitchedDocument {
     branch: BranchDocument,
 }
 
-impl SwitchedDocument {
-    fn new(origin: &Origin, branch: BranchDocument) -> SwitchedDocument {
-        SwitchedDocument { from: beginning(origin), period: origin.period, mirrored: origin.is_mirrored, branch }
+impl OtherDocument {
+    fn new(number: usize, origin: &Origin, branch: BranchDocument) -> OtherDocument {
+        OtherDocument { number, from: beginning(origin), period: origin.period, mirrored: origin.is_mirrored, branch }
     }
 }
 
 /// Returns the place where a branch begins: the kind and the value of the bifurcation, and the number of the branch on
-/// which it is, 0 for the first; or the value at which a sub-harmonic branch was found.
+/// which it is, 0 for the first; or the value at which an isola was found.
 fn beginning(origin: &Origin) -> Value {
     json!({ "kind": origin.kind.name(), "value": origin.value, "branch": origin.parent })
 }
@@ -248,25 +269,28 @@ impl Continue {
         let found = found?;
         let forced = walk.drive.forced(&tested.assembly);
         let of_branch = |branch: &Branch| BranchDocument::new(branch, &walk.read, (&forced, walk.coordinate));
-        let switched = |(origin, branch): &(Origin, Branch)| SwitchedDocument::new(origin, of_branch(branch));
+        let other =
+            |(number, origin, branch): (usize, &Origin, &Branch)| OtherDocument::new(number, origin, of_branch(branch));
         let document = Document {
             configuration: self.configuration(&scenario, &tested, &walk, found.tolerance),
             coordinates: configuration::coordinates(&tested.assembly),
             branch: of_branch(&found.branch),
             unlocated: found.branch.unlocated.iter().map(unlocated).collect(),
             peaks: peaks(&found.branch, &walk.read),
-            branches: found.branches.iter().map(switched).collect(),
+            isolas: found.numbered(false).map(other).collect(),
+            branches: found.numbered(true).map(other).collect(),
             left_out: found.left_out.iter().map(left_out).collect(),
-            sub_harmonics: found.sub_harmonics.as_ref().map(sought),
+            searched: detached::document(&found.searched, &walk.read),
             curves: found.curves.as_ref().map(|curves| curves.document(&walk.read)),
             ended_early: early.document(),
             wall_s,
         };
         let branches: Vec<&Branch> =
-            core::iter::once(&found.branch).chain(found.branches.iter().map(|(_, branch)| branch)).collect();
+            core::iter::once(&found.branch).chain(found.others.iter().map(|(_, branch)| branch)).collect();
+        let isolas = found.numbered(false).count();
         let drawn = || {
             let conditions = self.conditions(&scenario, &tested, &walk, &[walk.coordinate]);
-            (walk.figure(conditions, &branches), table(walk.coordinate, &branches, &walk.read))
+            (walk.figure(conditions, &branches, isolas), table(walk.coordinate, &branches, &walk.read))
         };
         let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
         if let (Some(stem), Some(curves)) = (&self.plot, &found.curves) {
@@ -339,26 +363,27 @@ impl Continue {
         options.near.clone_from(&walk.near);
         let name = coordinate.to_string();
         let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
-        let (mut branches, mut left_out, mut sub_harmonics) = (Vec::new(), Vec::new(), None);
-        if self.branches {
-            let switched = trace_branches(&forced, &branch, coordinate, &options);
-            for SwitchedBranch { origin, traced } in switched.branches {
-                branches.push((origin, early.keep(&name, traced)?));
-            }
-            left_out = switched.left_out;
-            sub_harmonics = Some(switched.sub_harmonics);
-            // A branch that can't be followed is reported at the end: the rest are results all the same.
-            for (_, reason) in &left_out {
-                if let NotFollowed::Failed(reason) = reason {
-                    early.keep_any::<Branch>(&name, Err(reason.clone().into()))?;
-                }
+        let mut search = if self.search { SearchOptions::further() } else { SearchOptions::default() };
+        search.sub_harmonics |= self.branches;
+        let wanted = OtherOptions { leaving: self.branches, search: Some(search) };
+        let found = trace_branches(&forced, &branch, coordinate, &options, &wanted);
+        let mut others = Vec::new();
+        for OtherBranch { origin, traced } in found.branches {
+            others.push((origin, early.keep(&name, traced)?));
+        }
+        // A branch that can't be followed is reported at the end: the rest are results all the same.
+        for (_, reason) in &found.left_out {
+            if let NotFollowed::Failed(reason) = reason {
+                early.keep_any::<Branch>(&name, Err(reason.clone().into()))?;
             }
         }
         let curves = match walk.second {
             Some(second) => Some(self.curves(&forced, &branch, walk, second, early)?),
             None => None,
         };
-        Ok(Found { branch, tolerance: options.branch.truncation, branches, left_out, sub_harmonics, curves })
+        let (tolerance, left_out) = (options.branch.truncation, found.left_out);
+        let searched = found.searched.unwrap_or_default();
+        Ok(Found { branch, tolerance, others, left_out, searched, curves })
     }
 
     /// Follows the curves of folds and period doublings of the branch.
@@ -441,28 +466,47 @@ impl Continue {
             let readings = words(&orbit.readings, read);
             text += &format!("largest response of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
         }
-        for (k, (origin, branch)) in (1..).zip(&found.branches) {
-            let period =
-                if origin.period > 1 { format!(", {} periods of the load", origin.period) } else { String::new() };
-            let mirrored = if origin.is_mirrored { ", one of two mirror images" } else { "" };
-            text += &format!("branch {k} from {}{period}{mirrored}: {}\n", from(origin, unit), counted(branch));
-            for found in &branch.bifurcations {
-                text += &format!("  {}\n", bifurcation_in_words(found, read, unit));
-            }
-            let end = match branch.end {
-                BranchEnd::Early => "  it ends early\n",
-                BranchEnd::AtEnd | BranchEnd::AtStart => "  it leaves the range\n",
-                BranchEnd::Rejoined => "  it ends at the last branch point\n",
-                BranchEnd::Closed => "  it is closed\n",
-            };
-            text += end;
+        let of_period_1 = found.numbered(false).filter(|(_, origin, _)| origin.period == 1).count();
+        text += &detached::text(&found.searched, of_period_1, read, [walk.drive.unit(), unit]);
+        for isola in found.numbered(false).chain(found.numbered(true)) {
+            text += &other_in_words(isola, read, unit);
         }
         for (origin, reason) in &found.left_out {
             text += &format!("not followed from {}: {reason}\n", from(origin, unit));
         }
-        text += &found.sub_harmonics.as_ref().map_or_else(String::new, |search| sought_in_words(search, unit));
         text + &found.curves.as_ref().map_or_else(String::new, |curves| curves.text(&walk.drive))
     }
+}
+
+/// Lists the bifurcations of a branch beside the first one, and the largest responses of one to which no other leads.
+fn other_in_words((number, origin, branch): (usize, &Origin, &Branch), read: &[ReadAt], unit: &str) -> String {
+    let period = if origin.period > 1 { format!(", {} periods of the load", origin.period) } else { String::new() };
+    let mirrored = if origin.is_mirrored { ", one of two mirror images" } else { "" };
+    let is_detached = origin.parent.is_none();
+    let begins = if is_detached { interval(branch, unit) } else { format!("from {}", from(origin, unit)) };
+    let kind = if is_detached && branch.end == BranchEnd::Closed { "isola" } else { "branch" };
+    let mut text = format!("{kind} {number} {begins}{period}{mirrored}: {}\n", counted(branch));
+    for found in &branch.bifurcations {
+        text += &format!("  {}\n", bifurcation_in_words(found, read, unit));
+    }
+    for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read).filter(|_| is_detached) {
+        let (at, readings) = (rounded(&orbit.value, 7), words(&orbit.readings, read));
+        text += &format!("  largest response of {name} at {at} {unit}: {readings}\n");
+    }
+    text += match branch.end {
+        BranchEnd::Early => "  it ends early\n",
+        BranchEnd::AtEnd | BranchEnd::AtStart => "  it leaves the range\n",
+        BranchEnd::Rejoined => "  it ends at the last branch point\n",
+        BranchEnd::Closed => "  it is closed\n",
+    };
+    text
+}
+
+/// Returns the interval of the coordinate on a branch in words.
+fn interval(branch: &Branch, unit: &str) -> String {
+    let orbits = || branch.orbits.iter().chain(branch.bifurcations.iter().map(|found| &found.orbit));
+    let [least, most] = [f64::min, f64::max].map(|of| orbits().map(|orbit| orbit.value).fold(f64::NAN, of));
+    format!("between {} and {} {unit}", rounded(&least, 7), rounded(&most, 7))
 }
 
 /// Returns the place where a branch begins in words.
@@ -470,36 +514,11 @@ fn from(origin: &Origin, unit: &str) -> String {
     let kind = match origin.kind {
         OriginKind::BranchPoint => "the branch point",
         OriginKind::PeriodDoubling => "the period doubling",
+        OriginKind::Detached => "a response",
         OriginKind::SubHarmonic => "a sub-harmonic response",
     };
     let of = origin.parent.filter(|parent| *parent > 0).map_or(String::new(), |parent| format!(" of branch {parent}"));
     format!("{kind} at {} {unit}{of}", rounded(&origin.value, 7))
-}
-
-/// Says where sub-harmonic responses were sought.
-fn sought(search: &SubHarmonicSearch) -> Value {
-    json!({
-        "periods": SubHarmonicSearch::PERIODS, "values": search.values,
-        "error": search.error.as_ref().map(ToString::to_string),
-    })
-}
-
-/// Says the same in words.
-fn sought_in_words(search: &SubHarmonicSearch, unit: &str) -> String {
-    match (&search.error, search.values.as_slice()) {
-        (Some(error), _) => format!("sub-harmonic responses were not sought: {error}\n"),
-        (None, []) => String::from(
-            "sub-harmonic responses were not sought: no free vibration has a half or a third of the frequency\n",
-        ),
-        (None, values @ [first, ..]) => {
-            let [from, to] = [first, values.last().unwrap_or(first)].map(|value| rounded(value, 7));
-            format!(
-                "sub-harmonic responses of 2 and 3 periods were sought near free vibrations at {} values from {from} to {to} \
-                 {unit}; others may exist\n",
-                values.len()
-            )
-        }
-    }
 }
 
 /// Returns the place of a branch that was not followed, with the reason.
@@ -546,11 +565,12 @@ fn truncated(branch: &Branch, tolerance: f64, unit: &str) -> String {
 
 impl Walk {
     /// Draws the largest displacement over the quantity that varies; unstable periodic responses dashed, bifurcations
-    /// as marks.
-    fn figure(&self, conditions: Subtitle, branches: &[&Branch]) -> Figure {
+    /// as marks. After the first branch come this many isolas.
+    fn figure(&self, conditions: Subtitle, branches: &[&Branch], isolas: usize) -> Figure {
         let figure = Figure::new("Periodic responses").subtitle(conditions);
         let title = title(self.coordinate, &self.drive);
-        of_each(figure, &title, &self.read, |panel, index| with_branches(panel, branches, index))
+        let drawn = |panel, index| with_branches(panel, branches, isolas, index);
+        of_each(figure, &title, &self.read, drawn)
     }
 }
 

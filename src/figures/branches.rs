@@ -1,5 +1,5 @@
-//! Branches of periodic responses as figures, stable blue, unstable red and dashed, those that leave the first in thin
-//! lines; and as tables.
+//! Branches of periodic responses as figures, stable blue, unstable red and dashed, those that leave others or have
+//! another period in thin lines; and as tables.
 
 use resonarm::analysis::{self, BifurcationKind};
 use resonarm::analysis::{Branch, Coordinate, Orbit, Stability, Verdict};
@@ -7,7 +7,7 @@ use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, S
 
 use crate::read_at::{ReadAt, cells, columns};
 
-/// Width of the lines of branches that leave the first, px: half of that of the others.
+/// Width of the lines of branches that leave others or have another period, px: half of that of the others.
 const THIN: f64 = 0.8;
 
 /// The kinds of bifurcation with their label and mark.
@@ -93,13 +93,13 @@ pub(crate) fn of_each(mut figure: Figure, x: &str, read: &[ReadAt], drawn: impl 
 }
 
 /// Adds to a panel the branches of the largest displacement of a degree of freedom, by its number among those that are
-/// read, and their bifurcations: the first branch, then those that leave it.
-pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize) -> Panel {
+/// read, and their bifurcations: the first branch, then this many isolas, then those that leave others. The isolas of the
+/// same period look as the first one.
+pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], isolas: usize, index: usize) -> Panel {
     let at = |row: &Row<'_>| (row.orbit.value, row.orbit.readings[index].largest);
-    let mut labelled: Vec<usize> = Vec::new();
     for (k, branch) in branches.iter().enumerate() {
         let rows = rows(branch);
-        let period = branch.orbits.first().map_or(1, |orbit| orbit.period);
+        let period = branch.period().unwrap_or(1);
         // Without multipliers no orbit may look stable, so the line has a colour and a label of its own.
         let is_assessed = branch.orbits.iter().any(|orbit| orbit.stability.is_some());
         let lines = if is_assessed {
@@ -121,14 +121,9 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
             vec![Series::line("stability not computed", Color::Black, points).style(style)]
         };
         for series in lines {
-            panel = panel.with(match k {
-                0 => series,
-                _ if labelled.contains(&period) => switched(series, period).unlabelled(),
-                _ => switched(series, period),
-            });
-        }
-        if k > 0 {
-            labelled.push(period);
+            let series = if k <= isolas && period == 1 { series } else { other(series, period) };
+            let is_labelled = panel.series.iter().any(|known| known.label == series.label);
+            panel = panel.with(if is_labelled { series.unlabelled() } else { series });
         }
     }
     for (kind, label, shape) in BIFURCATIONS {
@@ -139,8 +134,8 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
     panel
 }
 
-/// Returns the series in the style of a branch that leaves another one, whose responses have this period.
-fn switched(series: Series, period: usize) -> Series {
+/// Returns the series in the style of a branch that leaves another one, or has another period, which is this one.
+fn other(series: Series, period: usize) -> Series {
     let of_branch = match period {
         1 => String::from("other branches"),
         period => format!("{period} periods"),
@@ -167,7 +162,7 @@ pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
 }
 
 /// Returns comma-separated values (RFC 4180), with the units in the names of the columns: a line for each response,
-/// bifurcations in their places. `branch` is 0, and counts from 1 for those that leave it; `drive` is the amplitude of the
+/// bifurcations in their places. `branch` is 0, and counts from 1 for the others; `drive` is the amplitude of the
 /// first load.
 pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt]) -> String {
     let parameter = match coordinate {
@@ -195,7 +190,7 @@ pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use resonarm::analysis::{Forced, TraceOptions, trace, trace_branches};
+    use resonarm::analysis::{Forced, OtherOptions, TraceOptions, trace, trace_branches};
     use resonarm::scenario::Scenario;
 
     /// Strong excitation at the 1:2 resonance: its branch and those that leave it.
@@ -206,7 +201,8 @@ mod tests {
         let forced = Forced::new(assembly, joint1, 800.0);
         let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [46.0, 50.0], vec![joint1]);
         let branch = trace(&forced, 46.0, Coordinate::FrequencyHz, &options).unwrap();
-        let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options);
+        let leaving = OtherOptions { leaving: true, search: None };
+        let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options, &leaving);
         let switched = switched.branches.into_iter().map(|switched| switched.traced.unwrap()).collect();
         (branch, switched)
     }
@@ -217,7 +213,7 @@ mod tests {
     fn lines_differ_without_colours_and_change_at_the_bifurcations() {
         let (branch, switched) = strongly_forced();
         let branches: Vec<&Branch> = core::iter::once(&branch).chain(&switched).collect();
-        let panel = with_branches(Panel::new(Axis::linear("x"), Axis::linear("y")), &branches, 0);
+        let panel = with_branches(Panel::new(Axis::linear("x"), Axis::linear("y")), &branches, 0, 0);
         let lines = panel.series.iter().filter_map(|series| match series.style {
             Style::Line { width, dash, .. } => Some((series.label.as_deref().unwrap_or(""), dash, width)),
             Style::Markers { .. } | Style::Tiles { .. } => None,

@@ -1,4 +1,5 @@
-//! `continue --branches`: branches that leave another one, and sub-harmonic ones, in text and JSON.
+//! Branches beside the first one of `continue`: isolas, those that leave another one, and sub-harmonic ones, in text and
+//! JSON.
 
 use std::fs;
 
@@ -61,13 +62,60 @@ fn text_says_where_branches_begin_and_end() {
     ");
 }
 
+/// The isola of the absorber is a branch of its own in text, JSON, CSV and picture. Independent code has its folds at
+/// 1.574492 and 2.281309 rad/s, and 2.3782 m.
+#[test]
+fn an_isola_is_listed_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/structures/absorber.toml");
+    let range = ["continue", "--scenario", scenario, "--drive", "mass.x=0.15", "--from-hz", "0.11", "--to-hz", "0.41"];
+    let outcome = resonarm(folder.path(), &[&range[..], &["--plot", "isola"]].concat());
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
+    let (_, text) = outcome.stdout.split_once('\n').unwrap();
+    let (text, _) = text.split_once("wrote").unwrap();
+    insta::assert_snapshot!(text, @"");
+    let got = document(folder.path(), 0, &[&range[..], &["--json"]].concat());
+    let [isola] = &got["isolas"].as_array().unwrap()[..] else { panic!("{}", got["isolas"]) };
+    assert_eq!((isola["number"].as_u64(), isola["period"].as_u64()), (Some(1), Some(1)));
+    assert_eq!((isola["ended"].as_str(), isola["from"]["kind"].as_str()), (Some("closed"), Some("detached")));
+    let folds = isola["bifurcations"].as_array().unwrap().iter().filter(|found| found["kind"] == "fold");
+    let mut folds: Vec<f64> = folds.map(|fold| fold["value"].as_f64().unwrap()).collect();
+    folds.sort_by(f64::total_cmp);
+    for (fold, rad_s) in folds.iter().zip([1.574_492, 2.281_309]) {
+        assert!((fold * core::f64::consts::TAU - rad_s).abs() < 1e-6, "{folds:?}");
+    }
+    let points = isola["points"].as_array().unwrap().len();
+    let csv = fs::read_to_string(folder.path().join("isola.csv")).unwrap();
+    let of_isola = csv.lines().filter(|line| line.starts_with("1,")).count();
+    assert_eq!(of_isola, points + isola["bifurcations"].as_array().unwrap().len());
+    assert_eq!(got["searched"]["starts"].as_u64(), Some(10));
+}
+
+/// What can't be searched is said, with the reason.
+#[test]
+fn text_says_why_nothing_was_searched() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("oscillator.toml"), OSCILLATOR).unwrap();
+    let says = |more: &str| {
+        let words = format!("continue --scenario oscillator.toml {more}");
+        let outcome = resonarm(folder.path(), &words.split(' ').collect::<Vec<_>>());
+        let lines = outcome.stdout.lines().filter(|line| line.contains("search") || line.contains("linear"));
+        lines.map(str::to_owned).collect::<Vec<_>>().join("\n")
+    };
+    let amplitude = says("--drive tip.x --frequency-hz 0.2 --parameter amplitude --from 0 --to 0.1");
+    insta::assert_snapshot!(amplitude, @"");
+    let early = says("--drive tip.x=4 --from-hz 0.1 --to-hz 0.6 --most-points 20");
+    insta::assert_snapshot!(early, @"");
+}
+
 #[test]
 fn json_has_sub_harmonic_branches() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("oscillator.toml"), OSCILLATOR).unwrap();
     let range = "continue --scenario oscillator.toml --drive tip.x=4 --from-hz 0.7 --to-hz 0.73 --branches --json";
     let got = document(folder.path(), 0, &range.split(' ').collect::<Vec<_>>());
-    let branches = got["branches"].as_array().unwrap();
+    assert_eq!(got.get("branches"), None);
+    let branches = got["isolas"].as_array().unwrap();
     let periods: Vec<u64> = branches.iter().map(|branch| branch["period"].as_u64().unwrap()).collect();
     assert_eq!(periods, [2, 3, 3]);
     for branch in branches {
@@ -76,5 +124,7 @@ fn json_has_sub_harmonic_branches() {
         assert_eq!((branch["ended"].as_str(), branch["mirrored"].as_bool()), (Some("at-end"), Some(false)));
         assert!(branch["points"].as_array().unwrap().iter().all(|point| point["period"] == branch["period"]));
     }
-    assert_eq!(got["sub_harmonics"]["values"].as_array().unwrap().len(), 5);
+    let searched = &got["searched"];
+    assert_eq!(searched["sub_harmonics"]["values"].as_array().unwrap().len(), 5);
+    assert_eq!((searched["frequencies_hz"].as_array().unwrap().len(), searched["starts"].as_u64()), (5, Some(10)));
 }

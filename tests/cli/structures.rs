@@ -21,12 +21,13 @@ fn numbers(value: &Value) -> Vec<f64> {
 #[test]
 fn the_examples_have_their_modes() {
     let here = Path::new(".");
-    let examples: [(&str, &[f64]); 6] = [
+    let examples: [(&str, &[f64]); 7] = [
         ("chain.toml", &[15.767_4, 24.921_8, 68.099_7, 110.632_7, 172.452_0, 306.284_6]),
         ("bracket.toml", &[63.4, 212.25, 388.0]),
         ("contact.toml", &[63.4, 212.25, 388.0]),
         ("friction.toml", &[41.0, 187.0]),
         ("hardening.toml", &[22.157_5, 48.896_6]),
+        ("absorber.toml", &[0.138_9, 0.173_6]),
         ("plate.toml", &[36.411_9, 125.227_6, 135.716_4, 181.881_2]),
     ];
     for (name, expected) in examples {
@@ -253,7 +254,7 @@ fn the_gallery_is_drawn_by_its_commands() {
         assert!(page.contains(&format!("(images/structures/{}.svg)", name.display())), "{name:?}");
         drawn += 1;
     }
-    assert_eq!(drawn, 6);
+    assert_eq!(drawn, 7);
 }
 
 #[test]

@@ -165,7 +165,9 @@ impl<'a> Tracer<'a> {
             return None;
         }
         let point = slices.solve(&mut self.balance, ends, fraction).ok()?;
-        (slices.distance(&point, response) < SAME_SHARE * slices.distance(ends[0], ends[1])).then_some(point)
+        // With another number of harmonics the response is not the same, by the truncation error.
+        let reach = SAME_SHARE * slices.distance(ends[0], ends[1]) + 2.0 * self.options.branch.truncation;
+        (slices.distance(&point, response) < reach).then_some(point)
     }
 
     /// Takes the step from `before` to the next point. A step that jumps to another branch, which passes close by, is

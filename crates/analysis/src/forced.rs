@@ -135,6 +135,13 @@ impl Forced {
             })
     }
 
+    /// Says whether the structure is linear: modes with linear elements only.
+    pub fn is_linear(&self) -> bool {
+        matches!(self.assembly.spec().body, BodySpec::Modal(_))
+            && self.assembly.polynomials().is_empty()
+            && self.assembly.elements().iter().all(|element| matches!(element.law(), Law::Linear { .. }))
+    }
+
     /// Returns the structure under a drive of another amplitude.
     pub fn with_amplitude(&self, amplitude: f64) -> Forced {
         Forced { amplitude, ..self.clone() }

@@ -3,8 +3,9 @@
 //! The linear part of a structure has frequency responses ([`LinearResponse`]) and modes
 //! ([`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes)). For the whole structure, harmonic balance
 //! computes periodic responses to a sinusoidal drive, and continuation ([`trace`]) follows their branches in the
-//! frequency, the amplitude or any parameter of the structure, with folds, peaks and stability. It also follows
-//! the branches that leave a branch ([`trace_branches`]), curves of folds and doublings in two coordinates
+//! frequency, the amplitude or any parameter of the structure, with folds, peaks and stability. It also follows the
+//! branches that leave a branch, and those that a search finds beside it ([`trace_branches`]), curves of folds and
+//! doublings in two coordinates
 //! ([`trace_singular`]), and backbones ([`backbone()`]). Integration in time ([`time_domain`]) computes stepped sweeps,
 //! stroboscopic sections and basins of attraction.
 //!
@@ -24,6 +25,7 @@ pub mod continuation;
 mod crossing;
 mod curve;
 mod dense;
+mod detached;
 mod detect;
 mod error;
 mod floquet;
@@ -62,6 +64,7 @@ pub use bending::Bending;
 pub use branch::trace;
 pub use branch_options::{BifurcationKind, BranchOptions};
 pub use curve::{SingularCurve, SingularPoint, TracedCurve, Turn, trace_singular, trace_singular_curves};
+pub use detached::{NotSearched, SearchOptions, Searched};
 pub use error::{AnalysisError, EndedEarly, Place};
 pub use forced::{Coordinate, Forced};
 pub use frf::{FrfError, Quantity, UnknownQuantity, continuous_phase};
@@ -78,7 +81,7 @@ pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};
 pub use start::{StartAttempt, StartEnd, StartStructure};
 pub use switching::{
-    NotFollowed, Origin, OriginKind, SubHarmonicSearch, SwitchedBranch, SwitchedBranches, trace_branches,
+    NotFollowed, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, SubHarmonicSearch, trace_branches,
 };
 
 #[cfg(test)]

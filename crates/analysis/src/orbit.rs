@@ -307,3 +307,10 @@ pub struct Branch {
     /// The work of the continuation, without the location of bifurcations and peaks.
     pub work: Work,
 }
+
+impl Branch {
+    /// The period of its responses, in periods of the drive; `None` if it has none.
+    pub fn period(&self) -> Option<usize> {
+        self.orbits.first().map(|orbit| orbit.period)
+    }
+}

@@ -8,8 +8,8 @@ use super::adapt::adapt;
 use super::balance::{Balance, Homotopy, unit_deflection};
 use super::orbit::TraceOptions;
 use super::start_near::start_near;
-use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, StepRefusal, System, at_parameter};
+use crate::{AnalysisError, BranchOptions};
 
 /// Harmonics of the homotopy, for smooth forces and for others, in the order in which they are tried. The first response
 /// is then corrected with as many as it needs.
@@ -105,7 +105,7 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
     }
     let branch = &options.branch;
     let rest = vec![0.0; balance.dimension()];
-    let from_rest = match begin(balance, options, &rest) {
+    let from_rest = match begin(balance, branch, &rest) {
         Ok(continuation) => return Ok(continuation),
         Err(AnalysisError::NoSolution { refusal, .. }) => refusal,
         Err(other) => return Err(other),
@@ -120,7 +120,7 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
             }
             balance.set_harmonics(harmonics);
             match approach(balance, options, from) {
-                Ok(Some(x)) => match begin(balance, options, &x) {
+                Ok(Some(x)) => match begin(balance, branch, &x) {
                     Ok(continuation) => return Ok(continuation),
                     Err(_) => attempts.push(StartAttempt { from, harmonics, share: 1.0, end: StartEnd::Harmonics }),
                 },
@@ -132,9 +132,8 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
     Err(AnalysisError::NoStart { at: balance.place(branch.from), from_rest, attempts })
 }
 
-/// Starts near a response, with as many harmonics as it needs.
-pub(super) fn begin(balance: &mut Balance, options: &TraceOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
-    let branch = &options.branch;
+/// Starts near a response at `branch.from`, with as many harmonics as it needs.
+pub(super) fn begin(balance: &mut Balance, branch: &BranchOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
     let direction = branch.to - branch.from;
     let mut continuation = Continuation::start(balance, branch.continuation, x, branch.from, direction)?;
     adapt(balance, &mut continuation, branch)?;

@@ -83,7 +83,7 @@ pub(super) fn start_near(
         let mut guess = series.clone();
         guess.resize(m * (2 * harmonics + 1), 0.0);
         around.set_harmonics(harmonics);
-        match begin(&mut around, options, &guess) {
+        match begin(&mut around, branch, &guess) {
             Ok(continuation) => {
                 let found = &continuation.point().x;
                 let apart = |k: usize| found.get(k).copied().unwrap_or(0.0) - guess.get(k).copied().unwrap_or(0.0);

@@ -13,13 +13,13 @@ use super::adapt::adapt;
 use super::backbone::{BackboneOptions, FreeMotion, free_motions};
 use super::balance::Balance;
 use super::detect::point_of;
-use super::orbit::{Branch, Orbit, TraceOptions};
+use super::orbit::{Branch, BranchEnd, Orbit, TraceOptions};
 use super::switching::SubHarmonicSearch;
 use super::unknowns::direction_at_rest;
 use super::{Coordinate, Forced};
-use crate::AnalysisError;
 use crate::continuation::{Continuation, System as _, at_parameter};
 use crate::dense::{Lu, dot, norm};
+use crate::{AnalysisError, BifurcationKind};
 
 /// Frequencies of the interval, or values of another coordinate, at which they are sought.
 const PLACES: usize = 5;
@@ -189,10 +189,19 @@ impl Places<'_> {
         seeds
     }
 
+    /// Says whether a branch ends where it meets one with the period of the drive: it leaves that one at a period doubling.
+    pub fn leaves_shorter_period(&self, branch: &Branch) -> bool {
+        let met = branch.bifurcations.iter().rfind(|found| found.kind == BifurcationKind::BranchPoint);
+        let Some(met) = met else { return false };
+        let m = Balance::new(self.forced, met.orbit.frequency_hz, self.coordinate, 1).unknowns.count();
+        let [whole, others] = sizes(&met.orbit.coefficients, m, met.orbit.period);
+        branch.end == BranchEnd::Rejoined && others < PART * whole
+    }
+
     /// Says whether a branch has the response of a seed, possibly shifted or mirrored.
     pub fn lies_on(&self, seed: &Seed, branch: &Branch) -> bool {
         let (point, nu) = (seed.continuation.point(), seed.balance.period());
-        if branch.orbits.first().is_none_or(|orbit| orbit.period != nu) {
+        if branch.period() != Some(nu) {
             return false;
         }
         let (m, sought) = (seed.balance.unknowns.count(), point.lambda);

@@ -1,5 +1,5 @@
-//! Branches that leave another one at a branch point or a period doubling, sub-harmonic branches, and the branches that
-//! leave these.
+//! Branches beside a branch: those that leave it at a branch point or a period doubling, those to which none leads
+//! ([`super::detached`], [`super::sub_harmonic`]), and the branches that leave these.
 //!
 //! At a branch point the other branch leaves along its tangent, see [`super::crossing`]. Where a branch loses a symmetry
 //! (a pitchfork), the two sides of the other one are mirror images of each other: the symmetry maps one to the other, and
@@ -15,10 +15,11 @@ use core::fmt;
 use super::balance::Balance;
 use super::branch::{Tracer, check, not_there};
 use super::crossing::crossing;
+use super::detached::{self, Found, NotSearched, SearchOptions, Searched};
 use super::detect::{chord, point_of};
 use super::orbit::{Bifurcation, Branch, BranchEnd, TraceOptions};
 use super::singular::{Singular, Singularity, doubled};
-use super::sub_harmonic::{Places, Seed};
+use super::sub_harmonic::Places;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, StepRefusal, System as _};
 use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly};
@@ -42,7 +43,9 @@ pub enum OriginKind {
     BranchPoint,
     /// `period-doubling`: it leaves another branch at a period doubling.
     PeriodDoubling,
-    /// `sub-harmonic`: it is detached, and was found at a response that is nearly a free motion.
+    /// `detached`: no other branch leads to it. It has the period of the drive.
+    Detached,
+    /// `sub-harmonic`: no other branch leads to it, and it was found at a response that is nearly a free motion.
     SubHarmonic,
 }
 
@@ -52,6 +55,7 @@ impl OriginKind {
         match self {
             OriginKind::BranchPoint => BifurcationKind::BranchPoint.name(),
             OriginKind::PeriodDoubling => BifurcationKind::PeriodDoubling.name(),
+            OriginKind::Detached => "detached",
             OriginKind::SubHarmonic => "sub-harmonic",
         }
     }
@@ -62,10 +66,10 @@ impl OriginKind {
 pub struct Origin {
     /// What it begins with.
     pub kind: OriginKind,
-    /// The coordinate there.
+    /// The coordinate there, or where the branch was found.
     pub value: f64,
     /// The branch that it leaves: 0 for the first, k for the kth of the branches that were followed; `None` for a
-    /// sub-harmonic one.
+    /// detached or sub-harmonic one.
     pub parent: Option<usize>,
     /// The period of its responses, in periods of the drive.
     pub period: usize,
@@ -73,9 +77,9 @@ pub struct Origin {
     pub is_mirrored: bool,
 }
 
-/// A branch that leaves another one, or a sub-harmonic one, whole or up to where it ended early.
+/// A branch that leaves another one, or to which none leads, whole or up to where it ended early.
 #[derive(Clone, Debug)]
-pub struct SwitchedBranch {
+pub struct OtherBranch {
     /// The place where it begins.
     pub origin: Origin,
     /// The branch, with one response at least.
@@ -117,15 +121,24 @@ impl SubHarmonicSearch {
     pub const PERIODS: [usize; 2] = [2, 3];
 }
 
-/// The branches that leave a branch, sub-harmonic ones, and those that leave these.
+/// Which branches are wanted beside the first one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OtherOptions {
+    /// Whether the branches that leave others at branch points and period doublings are followed.
+    pub leaving: bool,
+    /// What is searched for responses that no branch reaches; `None` if nothing is.
+    pub search: Option<SearchOptions>,
+}
+
+/// The branches beside the first one.
 #[derive(Clone, Debug, Default)]
-pub struct SwitchedBranches {
-    /// The branches in the order in which they were followed: each after the one that it leaves.
-    pub branches: Vec<SwitchedBranch>,
+pub struct OtherBranches {
+    /// The branches: first those to which no other leads, then those that leave others.
+    pub branches: Vec<OtherBranch>,
     /// Beginnings of branches that were not followed, with the reason.
     pub left_out: Vec<(Origin, NotFollowed)>,
-    /// Where sub-harmonic responses were sought.
-    pub sub_harmonics: SubHarmonicSearch,
+    /// What was searched, if anything was to be.
+    pub searched: Option<Searched>,
 }
 
 /// A response at which branches cross, and the direction of one of them.
@@ -140,24 +153,34 @@ struct Beginning {
     is_one_sided: bool,
 }
 
-/// Follows the branches that leave a branch in `coordinate` at its branch points and period doublings, the sub-harmonic
-/// branches of 2 and 3 periods of the drive that are found, and all that leave these in turn, up to 8 periods of the drive.
+/// Follows the branches beside a branch in `coordinate`: those that no branch reaches and a search finds, those that leave
+/// a branch at its branch points and period doublings, and all that leave these in turn, up to 8 periods of the drive.
 /// `options` are those of the branch.
 ///
 /// A branch ends where it leaves the interval of the options, where it meets a branch of the kind that it leaves, or where
-/// it closes. If it meets the other one at another bifurcation, it is listed once for both.
+/// it closes. If it meets the other one at another bifurcation, it is listed once for both. A search proves nothing: others
+/// may exist.
 pub fn trace_branches(
     forced: &Forced,
     branch: &Branch,
     coordinate: Coordinate,
     options: &TraceOptions,
-) -> SwitchedBranches {
-    let mut switching =
-        Switching { forced, branch, coordinate, options, found: SwitchedBranches::default(), followed: 0 };
+    wanted: &OtherOptions,
+) -> OtherBranches {
+    let OtherOptions { leaving, search } = wanted;
+    let found = OtherBranches::default();
+    let mut switching = Switching { forced, branch, coordinate, options, leaving: *leaving, found, followed: 0 };
+    // The branches that leave the first one come first, so that a search does not count them as its own.
     switching.follow_bifurcations();
-    switching.seek_sub_harmonics();
-    switching.follow_bifurcations();
-    switching.found
+    if let Some(search) = search {
+        let mut searched = switching.search(search);
+        if search.sub_harmonics {
+            searched.sub_harmonics = Some(switching.seek_sub_harmonics(&mut searched.attached));
+        }
+        switching.found.searched = Some(searched);
+        switching.follow_bifurcations();
+    }
+    switching.found.in_order()
 }
 
 /// The branches that are known.
@@ -166,7 +189,9 @@ struct Switching<'a> {
     branch: &'a Branch,
     coordinate: Coordinate,
     options: &'a TraceOptions,
-    found: SwitchedBranches,
+    /// Whether branches that leave others are followed.
+    leaving: bool,
+    found: OtherBranches,
     /// The number of branches whose bifurcations were followed.
     followed: usize,
 }
@@ -176,12 +201,15 @@ impl Switching<'_> {
     fn known(&self, number: usize) -> Option<&Branch> {
         match number.checked_sub(1) {
             None => Some(self.branch),
-            Some(index) => self.found.branches.get(index).map(SwitchedBranch::branch),
+            Some(index) => self.found.branches.get(index).map(OtherBranch::branch),
         }
     }
 
     /// Follows the branches from the bifurcations of all branches, those that are found meanwhile among them.
     fn follow_bifurcations(&mut self) {
+        if !self.leaving {
+            return;
+        }
         while let Some(parent) = self.known(self.followed) {
             // The last branch point of a branch that met another one is where it did.
             let met = usize::from(parent.end == BranchEnd::Rejoined);
@@ -219,29 +247,56 @@ impl Switching<'_> {
         self.add(origin, || beginning.follow(options));
     }
 
-    /// Seeks sub-harmonic responses, and follows the branches of those that lie on none that is known.
-    fn seek_sub_harmonics(&mut self) {
+    /// Searches for responses with the period of the drive that lie on no known branch, and keeps their branches.
+    fn search(&mut self, search: &SearchOptions) -> Searched {
+        if let Some(reason) = NotSearched::of(self.forced, self.branch, self.coordinate) {
+            return Searched { not_searched: Some(reason), ..Searched::default() };
+        }
+        let known = (0..).map_while(|number| self.known(number));
+        let known: Vec<&Branch> = known.filter(|known| known.period() == Some(1)).collect();
+        let (found, mut searched) = detached::search(self.forced, &known, self.options, search);
+        for Found { value, traced, is_attached } in found {
+            if is_attached {
+                // It is followed from its bifurcation if such branches are.
+                searched.attached += usize::from(!self.leaving);
+                continue;
+            }
+            let origin = Origin { kind: OriginKind::Detached, value, parent: None, period: 1, is_mirrored: false };
+            self.add(origin, || Some(traced));
+        }
+        searched
+    }
+
+    /// Seeks sub-harmonic responses, and follows the branches of those that lie on none that is known. Counts those that
+    /// leave a branch with the period of the drive and are not kept.
+    fn seek_sub_harmonics(&mut self, attached: &mut usize) -> SubHarmonicSearch {
         let (branch, options) = (self.branch, self.options);
         let places = Places::new(self.forced, branch, self.coordinate, options);
         let starts = match places.starts() {
             Ok(starts) => starts,
-            Err(error) => return self.found.sub_harmonics.error = Some(error),
+            Err(error) => return SubHarmonicSearch { values: Vec::new(), error: Some(error) },
         };
         let mut values: Vec<f64> = starts.iter().map(|start| start.value).collect();
         values.sort_by(f64::total_cmp);
         values.dedup();
-        self.found.sub_harmonics.values = values;
+        let mut dropped: Vec<Branch> = Vec::new();
         for start in &starts {
             for seed in places.seeds(start) {
-                let mut known = (0..).map_while(|number| self.known(number));
+                let mut known = (0..).map_while(|number| self.known(number)).chain(&dropped);
                 if known.any(|known| places.lies_on(&seed, known)) {
                     continue;
                 }
                 let (kind, value, period) = (OriginKind::SubHarmonic, start.value, start.period);
                 let origin = Origin { kind, value, parent: None, period, is_mirrored: false };
-                self.add(origin, || Some(follow_seed(seed, options)));
+                let traced = both_ways(seed.balance, seed.continuation, options, true);
+                match traced {
+                    Ok(branch) if !self.leaving && places.leaves_shorter_period(&branch) => dropped.push(branch),
+                    traced => self.add(origin, || Some(traced)),
+                }
             }
         }
+        *attached += dropped.len();
+        SubHarmonicSearch { values, error: None }
     }
 
     /// Adds the branch that `follow` returns, if there may be another one.
@@ -254,12 +309,31 @@ impl Switching<'_> {
             Some(Err(EndedEarly { reason, so_far })) if so_far.orbits.is_empty() => {
                 self.found.left_out.push((origin, NotFollowed::Failed(reason)));
             }
-            Some(traced) => self.found.branches.push(SwitchedBranch { origin, traced }),
+            Some(traced) => self.found.branches.push(OtherBranch { origin, traced }),
         }
     }
 }
 
-impl SwitchedBranch {
+impl OtherBranches {
+    /// Returns the same with the branches that leave others last, and with the numbers that they have then.
+    fn in_order(mut self) -> OtherBranches {
+        let is_leaving = |branch: &OtherBranch| branch.origin.parent.is_some();
+        let mut order: Vec<usize> = (0..self.branches.len()).collect();
+        order.sort_by_key(|index| is_leaving(&self.branches[*index]));
+        let new = |old: usize| match old.checked_sub(1) {
+            None => 0,
+            Some(index) => order.iter().position(|at| *at == index).map_or(old, |at| at + 1),
+        };
+        let origins = self.branches.iter_mut().map(|branch| &mut branch.origin);
+        for origin in origins.chain(self.left_out.iter_mut().map(|(origin, _)| origin)) {
+            origin.parent = origin.parent.map(new);
+        }
+        self.branches.sort_by_key(is_leaving);
+        self
+    }
+}
+
+impl OtherBranch {
     /// Returns the branch, whole or not.
     pub fn branch(&self) -> &Branch {
         match &self.traced {
@@ -354,47 +428,66 @@ impl Beginning {
             Ok(begun) => begun,
             Err(reason) => return Some(Err(reason.into())),
         };
-        let forward = switched(balance.clone(), continuation, options);
-        Some(if self.is_one_sided { forward } else { forward.and_then(|half| back(balance, half, options)) })
+        let trace = if self.is_one_sided { follow } else { both_ways };
+        Some(trace(balance, continuation, options, true))
     }
 }
 
-/// Follows the branch of a sub-harmonic response, in one piece.
-fn follow_seed(Seed { balance, continuation }: Seed, options: &TraceOptions) -> Result<Branch, EndedEarly<Branch>> {
-    switched(balance.clone(), continuation, options).and_then(|half| back(balance, half, options))
-}
-
-/// Follows a branch that leaves another one, or has no known end.
-fn switched(balance: Balance, begin: Continuation, options: &TraceOptions) -> Result<Branch, EndedEarly<Branch>> {
-    Tracer { is_switched: true, ..Tracer::new(balance, options) }.run(begin)
-}
-
-/// Follows a branch that has not closed from its end to the other one: in one piece.
-fn back(mut balance: Balance, half: Branch, options: &TraceOptions) -> Result<Branch, EndedEarly<Branch>> {
-    let branch = &options.branch;
-    // Where the branch met another one its last response is one beyond.
-    let from = half.orbits.len().saturating_sub(if half.end == BranchEnd::Rejoined { 2 } else { 1 });
-    let (Some(last), false) = (half.orbits.get(from), half.end == BranchEnd::Closed) else { return Ok(half) };
-    balance.set_harmonics(last.harmonics);
-    // The ends of the whole are named from where it begins now.
-    let (from_value, to) =
-        if half.end == BranchEnd::AtEnd { (branch.to, branch.from) } else { (branch.from, branch.to) };
-    let begin = match half.end {
-        BranchEnd::AtStart | BranchEnd::AtEnd => {
-            let direction = to - from_value;
-            Continuation::start(&mut balance, branch.continuation, &last.coefficients, last.value, direction)
-        }
-        _ => {
-            let Some(before) = from.checked_sub(1).and_then(|before| half.orbits.get(before)) else { return Ok(half) };
-            let direction = chord(&point_of(last), &point_of(before), last.coefficients.len());
-            let [first, ..] = FIRST_STEPS;
-            let (settings, x) = (branch.continuation, &last.coefficients);
-            Continuation::start_along(&mut balance, settings, x, last.value, &direction, first)
-        }
+/// Follows a branch from a response within the interval to both sides, in one piece. A branch that is `switched` ends where
+/// it meets another one.
+///
+/// # Errors
+/// [`EndedEarly`] with as much of the branch as could be followed.
+pub(super) fn both_ways(
+    mut balance: Balance,
+    begin: Continuation,
+    options: &TraceOptions,
+    is_switched: bool,
+) -> Result<Branch, EndedEarly<Branch>> {
+    let (half, early) = match follow(balance.clone(), begin, options, is_switched) {
+        Ok(half) => (half, None),
+        Err(EndedEarly { reason, so_far }) => (*so_far, Some(reason)),
     };
-    let options = TraceOptions { branch: BranchOptions { from: from_value, to, ..*branch }, ..options.clone() };
-    match begin {
-        Ok(begin) => switched(balance, begin, &options),
-        Err(reason) => Err(EndedEarly { reason, so_far: Box::new(half) }),
+    let branch = &options.branch;
+    let ended = |reason, so_far| EndedEarly { reason, so_far: Box::new(so_far) };
+    // Where the branch met another one its last response is one beyond.
+    let last = half.orbits.len().saturating_sub(if half.end == BranchEnd::Rejoined { 2 } else { 1 });
+    let (Some(at), false) = (half.orbits.get(last), half.end == BranchEnd::Closed) else {
+        return early.map_or(Ok(half.clone()), |reason| Err(ended(reason, half)));
+    };
+    balance.set_harmonics(at.harmonics);
+    // The ends of the whole are named from where it begins now.
+    let (from, to) = if half.end == BranchEnd::AtEnd { (branch.to, branch.from) } else { (branch.from, branch.to) };
+    let (settings, x) = (branch.continuation, &at.coefficients);
+    let begin = match (half.end, last.checked_sub(1).and_then(|before| half.orbits.get(before))) {
+        (BranchEnd::AtStart | BranchEnd::AtEnd, _) => {
+            Continuation::start(&mut balance, settings, x, at.value, to - from).map(Some)
+        }
+        (_, Some(before)) => {
+            let direction = chord(&point_of(at), &point_of(before), x.len());
+            Continuation::start_along(&mut balance, settings, x, at.value, &direction, FIRST_STEPS[0]).map(Some)
+        }
+        (_, None) => Ok(None),
+    };
+    let begin = match begin {
+        Ok(Some(begin)) => begin,
+        Ok(None) => return early.map_or(Ok(half.clone()), |reason| Err(ended(reason, half))),
+        Err(reason) => return Err(ended(early.unwrap_or(reason), half)),
+    };
+    let options = TraceOptions { branch: BranchOptions { from, to, ..*branch }, ..options.clone() };
+    match (follow(balance, begin, &options, is_switched), early) {
+        (Ok(whole), Some(reason)) => Err(ended(reason, whole)),
+        (Err(again), Some(reason)) => Err(EndedEarly { reason, ..again }),
+        (whole, None) => whole,
     }
+}
+
+/// Follows a branch to one side.
+fn follow(
+    balance: Balance,
+    begin: Continuation,
+    options: &TraceOptions,
+    is_switched: bool,
+) -> Result<Branch, EndedEarly<Branch>> {
+    Tracer { is_switched, ..Tracer::new(balance, options) }.run(begin)
 }

@@ -69,7 +69,8 @@ fn doubled_branches_of_a_chain_are_those_of_the_arm() {
     let ends = pair(&case["hz"]);
     let branch = traced(&chain, ends[0], Coordinate::FrequencyHz, ends);
     let in_hz = options(&chain, Coordinate::FrequencyHz, ends);
-    let switched = trace_branches(&chain, &branch, Coordinate::FrequencyHz, &in_hz);
+    let leaving = crate::OtherOptions { leaving: true, search: None };
+    let switched = trace_branches(&chain, &branch, Coordinate::FrequencyHz, &in_hz, &leaving);
     let doubled: Vec<_> = switched.branches.into_iter().filter(|switched| switched.origin.parent == Some(0)).collect();
     let expected = case["doubled"].as_array().unwrap();
     assert_eq!(doubled.len(), expected.len());

@@ -1,6 +1,7 @@
 mod arm;
 mod backbones;
 mod curves;
+mod detached;
 mod given_states;
 mod load_harmonics;
 mod margins;

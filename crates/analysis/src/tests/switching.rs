@@ -10,7 +10,8 @@ use super::super::balance::Balance;
 use super::super::phase_zero::at_phase_zero;
 use super::super::time_domain::StroboscopicMap;
 use super::super::{
-    BranchEnd, NotFollowed, Orbit, Origin, OriginKind, SwitchedBranch, SwitchedBranches, trace, trace_branches,
+    BranchEnd, NotFollowed, Orbit, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, SearchOptions, trace,
+    trace_branches,
 };
 use super::arm::numbers;
 use super::starts::forced;
@@ -26,18 +27,24 @@ fn case(kind: &str, name: &str) -> Value {
     cases.iter().find(|case| case["name"] == name).unwrap().clone()
 }
 
+/// All branches that leave others, and sub-harmonic ones.
+fn all() -> OtherOptions {
+    let search = SearchOptions { frequencies: 0, load_factor: 1.0, sub_harmonics: true, ..SearchOptions::default() };
+    OtherOptions { leaving: true, search: Some(search) }
+}
+
 /// The branch of a case over an interval of the frequency, rad/s, and those that leave it.
-fn switched(case: &Value, ends_rad_s: &[f64]) -> (Forced, Branch, SwitchedBranches) {
+fn switched(case: &Value, ends_rad_s: &[f64]) -> (Forced, Branch, OtherBranches) {
     let forced = forced(case);
     let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
     let ends = [ends_rad_s[0] / TAU, ends_rad_s[1] / TAU];
     let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
     let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
-    let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options);
+    let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options, &all());
     (forced, branch, switched)
 }
 
-fn whole(switched: &SwitchedBranch) -> &Branch {
+fn whole(switched: &OtherBranch) -> &Branch {
     switched.traced.as_ref().unwrap()
 }
 
@@ -228,7 +235,8 @@ fn a_sub_harmonic_branch_is_cut_by_the_range() {
 fn a_neimark_sacker_point_has_a_rotation_number() {
     let case = case("neimark_sacker", "absorber");
     let (forced, branch, switched) = switched(&case, &[0.9, 1.21]);
-    assert!(switched.branches.is_empty() && switched.sub_harmonics.values.is_empty());
+    let sought = switched.searched.unwrap().sub_harmonics.unwrap();
+    assert!(switched.branches.is_empty() && sought.values.is_empty());
     let points: Vec<_> = branch.bifurcations.iter().filter(|found| found.kind == NeimarkSacker).collect();
     let expected = case["points"].as_array().unwrap();
     assert_eq!(points.len(), expected.len());
