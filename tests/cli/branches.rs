@@ -52,13 +52,14 @@ fn text_says_where_branches_begin_and_end() {
     branch-point at 0.2582642 Hz: m1.x 1.396327e0 m
     fold at 0.3819160 Hz: m1.x 2.564149e0 m
     largest response of m1.x at 0.3818658 Hz: m1.x 2.564560e0 m
+    responses were searched at 5 frequencies with 10 starts each, up to 1.03e1 m at m1.x, and along folds for loads from 0.1500 to 0.6000 N: found none; others may exist
+    sub-harmonic responses of 2 and 3 periods were sought near free vibrations at 10 values from 0.3264953 to 0.3948718 Hz; others may exist
     branch 1 from the branch point at 0.2122997 Hz, one of two mirror images: 68 responses, 48 of them unstable
       fold at 0.3631021 Hz: m1.x 2.378670e0 m
       fold at 0.2280577 Hz: m1.x 1.242192e0 m
       fold at 0.2762296 Hz: m1.x 1.619188e0 m
       branch-point at 0.2582642 Hz: m1.x 1.396327e0 m
       it ends at the last branch point
-    sub-harmonic responses of 2 and 3 periods were sought near free vibrations at 10 values from 0.3264953 to 0.3948718 Hz; others may exist
     ");
 }
 
@@ -72,8 +73,22 @@ fn an_isola_is_listed_and_drawn() {
     let outcome = resonarm(folder.path(), &[&range[..], &["--plot", "isola"]].concat());
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
     let (_, text) = outcome.stdout.split_once('\n').unwrap();
-    let (text, _) = text.split_once("wrote").unwrap();
-    insta::assert_snapshot!(text, @"");
+    let (text, _) = text.split_once("written to").unwrap();
+    insta::assert_snapshot!(text, @"
+    fold at 0.1766640 Hz: mass.x 7.491715e-1 m
+    fold at 0.1754057 Hz: mass.x 6.117185e-1 m
+    neimark-sacker at 0.1791000 Hz: mass.x 5.304112e-1 m; beyond it the response beats at 0.014436 Hz (rotation number 0.080603)
+    fold at 0.2067620 Hz: mass.x 7.622351e-1 m
+    fold at 0.1983937 Hz: mass.x 4.650364e-1 m
+    largest response of mass.x at 0.1749469 Hz: mass.x 7.796253e-1 m
+    responses were searched at 5 frequencies with 10 starts each, up to 3.12e0 m at mass.x, and along folds for loads from 0.0932 to 0.3000 N: found 1; others may exist
+    isola 1 between 0.2505883 and 0.3630816 Hz: 43 responses, 32 of them unstable
+      neimark-sacker at 0.2753434 Hz: mass.x 1.620086e0 m; beyond it the response beats at 0.017180 Hz (rotation number 0.062394)
+      fold at 0.3630816 Hz: mass.x 2.378169e0 m
+      fold at 0.2505883 Hz: mass.x 1.330841e0 m
+      largest response of mass.x at 0.3630729 Hz: mass.x 2.378242e0 m
+      it is closed
+    ");
     let got = document(folder.path(), 0, &[&range[..], &["--json"]].concat());
     let [isola] = &got["isolas"].as_array().unwrap()[..] else { panic!("{}", got["isolas"]) };
     assert_eq!((isola["number"].as_u64(), isola["period"].as_u64()), (Some(1), Some(1)));
@@ -103,9 +118,9 @@ fn text_says_why_nothing_was_searched() {
         lines.map(str::to_owned).collect::<Vec<_>>().join("\n")
     };
     let amplitude = says("--drive tip.x --frequency-hz 0.2 --parameter amplitude --from 0 --to 0.1");
-    insta::assert_snapshot!(amplitude, @"");
+    insta::assert_snapshot!(amplitude, @"responses beside the branch were not searched: they are searched only where the frequency varies");
     let early = says("--drive tip.x=4 --from-hz 0.1 --to-hz 0.6 --most-points 20");
-    insta::assert_snapshot!(early, @"");
+    insta::assert_snapshot!(early, @"responses beside the branch were not searched, since the branch ended early");
 }
 
 #[test]

@@ -353,8 +353,19 @@ fn doctor_says_what_can_be_fixed() {
 fn curves_of_folds_are_in_files_beside_the_branch() {
     let branch = ["continue", "--drive", "joint1=60", "--from-hz", "21", "--to-hz", "23.5", "--json"];
     let got = document(here(), 0, &[branch.as_slice(), &["--curves-in", "amplitude", "--curves-to", "5"]].concat());
-    let keys =
-        ["bifurcations", "configuration", "coordinates", "curves", "ended", "peaks", "points", "unlocated", "wall_s"];
+    let keys = [
+        "bifurcations",
+        "configuration",
+        "coordinates",
+        "curves",
+        "ended",
+        "isolas",
+        "peaks",
+        "points",
+        "searched",
+        "unlocated",
+        "wall_s",
+    ];
     assert_eq!(names(&got), keys);
     let folds: Vec<f64> =
         got["bifurcations"].as_array().unwrap().iter().map(|fold| fold["frequency_hz"].as_f64().unwrap()).collect();

@@ -11,7 +11,7 @@ use super::{near, number, of_kind};
 use crate::time_domain::{SettleOptions, StroboscopicMap, settle};
 use crate::{
     BifurcationKind, Branch, BranchEnd, Coordinate, Forced, NotSearched, OriginKind, OtherBranches, OtherOptions,
-    SearchOptions, Searched, TraceOptions, phase_zero_states, trace_branches,
+    SearchOptions, Searched, TraceOptions, phase_zero_states, trace_branches, trace_singular_curves,
 };
 use resonarm_dynamics::structure::Dof;
 
@@ -180,6 +180,23 @@ fn an_isola_is_listed_once_beside_the_branches_that_leave_others() {
     let (.., found) = beside(&case, ends(&case), &all);
     let expected = numbers(&case["isolas"][0]["folds_rad_s"]);
     assert_near(&frequencies(only(&found), BifurcationKind::Fold), &expected, 1e-6);
+}
+
+/// An isola exists from its birth to its merger with the branch: its folds turn back there as the load varies. The figures
+/// of independent code have four digits.
+#[test]
+fn the_folds_of_an_isola_lead_to_its_birth_and_its_merger() {
+    let case = case("absorber 0.15 N");
+    let (forced, _, options, found) = searched(&case, ends(&case), &SearchOptions::default());
+    for (to_n, [load_n, rad_s]) in [(0.1, [0.1255, 1.797]), (0.3, [0.1818, 1.436])] {
+        let along = TraceOptions::new(&forced, Coordinate::Amplitude, [0.0, to_n], options.read.clone());
+        let coordinates = [Coordinate::FrequencyHz, Coordinate::Amplitude];
+        let curves = trace_singular_curves(&forced, only(&found), coordinates, &along);
+        let turns: Vec<_> = curves.into_iter().flat_map(|(_, curve)| curve.unwrap().turns).collect();
+        let [turn] = &turns[..] else { panic!("{turns:?}") };
+        near(turn.point.mu, load_n, 5e-4);
+        near(TAU * turn.point.lambda, rad_s, 5e-4);
+    }
 }
 
 /// From a state beside a stable response of an isola the structure settles on it by integration in time, far above the
