@@ -41,9 +41,7 @@ _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
 _Drive = tuple[list[tuple[str, float]], float, float, list[tuple[int, float, float]]]
 _Origin = tuple[str, float, int | None, int, bool]
-_Searched = tuple[
-    str | None, list[float], int, list[float], tuple[float, float] | None, int, list[float] | None
-]
+_Searched = tuple[str | None, list[float], int, list[float], tuple[float, float] | None, int, list[float] | None]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]

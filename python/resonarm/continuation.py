@@ -49,8 +49,8 @@ class Origin(NamedTuple):
     """The place where a branch begins."""
 
     kind: str
-    """`branch-point` or `period-doubling` for a branch that leaves another one there; `detached`, or with another period
-    `sub-harmonic`, for one to which no other leads."""
+    """`branch-point` or `period-doubling` for a branch that leaves another one there; `detached`, or with another
+    period `sub-harmonic`, for one to which no other leads."""
     value: float
     """The parameter there, or where the branch was found."""
     branch: int | None
@@ -302,13 +302,13 @@ def continuation(
         for others in (traced.isolas, traced.branches)
     )
     left_out = tuple((Origin(*origin), reason) for origin, reason in traced.left_out)
-    reason, frequencies_hz, starts, largest, loads, attached, sought = traced.searched
+    reason, frequencies_hz, starts, largest, along, attached, sought = traced.searched
     searched = Searched(
         reason,
         tuple(frequencies_hz),
         starts,
         dict(zip(read, largest, strict=False)),
-        loads,
+        along,
         attached,
         None if sought is None else tuple(sought),
     )

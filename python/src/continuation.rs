@@ -101,8 +101,15 @@ pub fn trace_branch(
     let mut search = if further { SearchOptions::further() } else { SearchOptions::default() };
     search.sub_harmonics |= leaving;
     let wanted = OtherOptions { leaving, search: Some(search) };
-    let request =
-        BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, wanted, curves, settings };
+    let request = BranchRequest {
+        forced: drive.forced(structure)?,
+        frequency_hz: drive.2,
+        varied,
+        wanted,
+        asked: leaving || further,
+        curves,
+        settings,
+    };
     let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
     let Found { branch, others, left_out, searched, curves, early } =
         py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
@@ -127,6 +134,8 @@ struct BranchRequest {
     frequency_hz: f64,
     varied: Coordinate,
     wanted: OtherOptions,
+    /// Whether other branches were asked for.
+    asked: bool,
     curves: Option<(Coordinate, f64)>,
     settings: Settings,
 }
@@ -178,10 +187,12 @@ impl BranchRequest {
         let found = trace_branches(&self.forced, &branch, self.varied, options, &self.wanted);
         let mut others = Vec::new();
         for OtherBranch { origin, traced } in found.branches {
-            others.push((origin, keep(traced, &mut early)));
+            // Without a request for other branches one of them that ends early has no consequence.
+            let mut without = None;
+            others.push((origin, keep(traced, if self.asked { &mut early } else { &mut without })));
         }
         for (_, reason) in &found.left_out {
-            if let NotFollowed::Failed(reason) = reason {
+            if let (NotFollowed::Failed(reason), true) = (reason, self.asked) {
                 early.get_or_insert(reason.clone());
             }
         }

@@ -23,9 +23,9 @@ use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use crate::start_state::StateFlag;
 use resonarm::analysis::{
-    self, Assess, Beat, Bifurcation, Branch, BranchEnd, Coordinate, Forced, NotFollowed, Orbit, Origin, OriginKind,
-    OtherBranch, OtherOptions, SearchOptions, Searched, Stability, TraceOptions, Unlocated, phase_zero_state, trace,
-    trace_branches, trace_singular_curves,
+    self, Assess, Beat, Bifurcation, Branch, BranchEnd, Coordinate, EndedEarly, Forced, NotFollowed, Orbit, Origin,
+    OriginKind, OtherBranch, OtherOptions, SearchOptions, Searched, Stability, TraceOptions, Unlocated,
+    phase_zero_state, trace, trace_branches, trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -367,13 +367,16 @@ impl Continue {
         search.sub_harmonics |= self.branches;
         let wanted = OtherOptions { leaving: self.branches, search: Some(search) };
         let found = trace_branches(&forced, &branch, coordinate, &options, &wanted);
+        // Without a request for other branches one of them that ends early is marked, and the command has not failed.
+        let asked = self.search || self.branches;
+        let as_far = |traced: Result<Branch, EndedEarly<Branch>>| traced.unwrap_or_else(|ended| *ended.so_far);
         let mut others = Vec::new();
         for OtherBranch { origin, traced } in found.branches {
-            others.push((origin, early.keep(&name, traced)?));
+            others.push((origin, if asked { early.keep(&name, traced)? } else { as_far(traced) }));
         }
         // A branch that can't be followed is reported at the end: the rest are results all the same.
         for (_, reason) in &found.left_out {
-            if let NotFollowed::Failed(reason) = reason {
+            if let (NotFollowed::Failed(reason), true) = (reason, asked) {
                 early.keep_any::<Branch>(&name, Err(reason.clone().into()))?;
             }
         }
