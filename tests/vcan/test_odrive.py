@@ -43,10 +43,11 @@ SO_RCVBUFFORCE = 33
 """Of Linux, which Python does not name: the size of a socket's buffer beyond what the system allows to users."""
 
 
-def bus():
-    """A bus whose buffer holds what comes while the client is stopped: it asks once, and an answer that the kernel drops
-    never comes again. By default there is room for some 270 frames, a second of two axes."""
-    opened = can.Bus(interface="socketcan", channel="vcan0")
+def bus(axis):
+    """A bus with the frames of an axis, whose buffer holds what comes while the client is stopped: it asks once, and an
+    answer that the kernel drops never comes again. By default there is room for some 270 frames."""
+    filters = [{"can_id": axis << 5, "can_mask": 0x7E0}]
+    opened = can.Bus(interface="socketcan", channel="vcan0", can_filters=filters)
     opened.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 1 << 26)
     return opened
 
@@ -55,7 +56,7 @@ class Axis:
     """An axis as the client sees it."""
 
     def __init__(self, number):
-        self.drive = Client(number, bus())
+        self.drive = Client(number, bus(number))
 
     async def reach(self, state):
         """Asks for a state until the heartbeat says it."""
@@ -73,6 +74,8 @@ class Axis:
         for _ in range(50):
             self.drive.set_input_torque(torque_nm)
             await asyncio.sleep(0.02)
+        # The client may be behind. What follows the answer is from now.
+        await self.drive.get_bus_voltage_current()
         turns = []
         self.drive.feedback_callback = lambda message, _: turns.append(message.data["Pos_Estimate"])
         await self.until(lambda: len(turns) > 20)
