@@ -122,6 +122,7 @@ mod tests {
             ("identify" | "compare" | "inspect" | "resim", _) => "x",
             ("replay", _) => "x --bus vcan0",
             ("export", _) => "x --to csv",
+            ("plot", _) => "x --of psd",
             ("cut" | "merge" | "import" | "diff" | "recover", _) => "x y",
             ("basins", _) => "--frequency-hz 1",
             ("sweep", _) => "--from-hz 1 --to-hz 2",
@@ -253,6 +254,11 @@ mod tests {
         conformance --pid: the case is left out
         replay --from-s: the beginning
         replay --to-s: the end
+        plot --from-s: the beginning
+        plot --to-s: the end
+        plot --from-hz: 0, of srs that of two turns in the record
+        plot --to-hz: half of the sample rate, of srs a tenth
+        plot --segment-s: a power of two of samples, up to a fifth of the record
         identify --from-hz: that of the recorded excitation, or 1
         identify --to-hz: that of the recorded excitation, or 100
         identify --segment-s: whole periods, or an eighth of the record

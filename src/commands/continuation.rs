@@ -87,7 +87,7 @@ pub(crate) struct Continue {
     /// points/17 in the JSON of this command, sweeps/0/points/3 in that of sweep, motions/0 in that of basins, or a time
     /// in seconds in a recording, from which on the load comes to phase 0. A response may repeat after several periods of
     /// the load, up to 12.
-    #[arg(long, help_heading = heading::COMPUTATION, value_name = "STATE", allow_hyphen_values = true)]
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "STATE", allow_hyphen_values = true, hide_short_help = true)]
     from_state: Option<StateFlag>,
     /// Frequency of the excitation if it does not vary, Hz.
     #[arg(long, help_heading = heading::LOADS, value_name = "F")]

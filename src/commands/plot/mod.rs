@@ -22,9 +22,10 @@ use resonarm_numeric::number::{rounded, short};
 const EXAMPLES: &str = "\
 Examples:
   resonarm plot run.mcap --of time --channels acceleration_c_m_s2
-  resonarm plot run.mcap --of psd --channels acceleration_b_m_s2,acceleration_c_m_s2 --plot psd
-  resonarm plot run.mcap --of frf --reference head_force_x_n --channels acceleration_c_x_m_s2 --plot frf
-  resonarm plot shock.mcap --of srs --channels acceleration_b_x_m_s2 --quality 10 --json
+  resonarm plot run.mcap --of psd --channels acceleration_b_m_s2 --plot psd
+  resonarm plot run.mcap --of frf --reference head_force_x_n \\
+      --channels acceleration_c_x_m_s2 --plot frf
+  resonarm plot shock.mcap --of srs --channels acceleration_b_x_m_s2 --json
 
 psd, spectrogram, frf and coherence average segments of the record as SciPy's welch and csd do with detrend=False: densities \
 are one-sided, in unit²/Hz. A resonance whose half-power bandwidth is not several lines wide comes out too low and too wide.

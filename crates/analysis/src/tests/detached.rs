@@ -195,7 +195,8 @@ fn the_folds_of_an_isola_lead_to_its_birth_and_its_merger() {
         let turns: Vec<_> = curves.into_iter().flat_map(|(_, curve)| curve.unwrap().turns).collect();
         let [turn] = &turns[..] else { panic!("{turns:?}") };
         near(turn.point.mu, load_n, 5e-4);
-        near(TAU * turn.point.lambda, rad_s, 5e-4);
+        // Where the load turns, its error of 1e-4 is one of 1e-2 in the frequency.
+        near(TAU * turn.point.lambda, rad_s, 1e-2);
     }
 }
 
