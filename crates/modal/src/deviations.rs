@@ -97,24 +97,23 @@ impl Covariance {
     }
 }
 
-/// Returns the covariance of a fit whose runs have the variances of noise that their weights come from; none if there are no
-/// weights.
-pub(crate) fn covariance(problem: &Problem, fit: &Fit, variances: &[Variances]) -> Covariance {
+/// Returns the covariance of a fit; either all runs have weights or none.
+pub(crate) fn covariance(problem: &Problem, fit: &Fit) -> Covariance {
     let inverse = fit.covariance();
-    if variances.is_empty() {
-        let residues = problem.runs.iter().zip(&fit.runs).map(|(run, found)| uniform(run, found)).collect();
-        return Covariance { poles: inverse, residues };
+    let mut found = Covariance { poles: inverse.clone(), residues: Vec::new() };
+    if problem.runs.iter().any(|run| run.noise.is_some()) {
+        found.poles.fill(0.0);
     }
-    let size = 2 * fit.poles.len();
-    let mut poles = vec![0.0; size * size];
-    let mut residues = Vec::new();
-    for ((run, found), variances) in problem.runs.iter().zip(&fit.runs).zip(variances) {
-        let weighted = Weighted::new(run, found, variances, &inverse);
-        let part = weighted.poles();
-        poles.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
-        residues.push(weighted.residues());
+    for (run, fit) in problem.runs.iter().zip(&fit.runs) {
+        let Some(variances) = &run.noise else {
+            found.residues.push(uniform(run, fit));
+            continue;
+        };
+        let weighted = Weighted::new(run, fit, variances, &inverse);
+        found.poles.iter_mut().zip(weighted.poles()).for_each(|(sum, part)| *sum += part);
+        found.residues.push(weighted.residues());
     }
-    Covariance { poles, residues }
+    found
 }
 
 /// Spreads for uniform noise of each output and exact references.

@@ -6,7 +6,6 @@ use crate::complex::magnitude;
 use crate::deviations::Covariance;
 use crate::fit::{Fit, Problem};
 use crate::modes::{Doubt, Mode, RunReport};
-use crate::noise::Variances;
 use crate::order::{Excess, MOST_UNCERTAIN};
 use crate::pole::{block, frequency_hz};
 
@@ -25,7 +24,6 @@ pub(crate) fn doubt(
     problem: &Problem,
     fit: &Fit,
     covariance: &Covariance,
-    variances: &[Variances],
     reports: &[RunReport],
     excess: Option<Excess>,
 ) {
@@ -54,15 +52,16 @@ pub(crate) fn doubt(
         if lines < LEAST_LINES {
             doubts.push(Doubt::TooShort { lines });
         }
-        doubts.extend(noisy_references(problem, variances, mode.frequency_hz, bandwidth_hz));
+        doubts.extend(noisy_references(problem, mode.frequency_hz, bandwidth_hz));
         doubts.extend(close(fit, covariance, index));
     }
 }
 
 /// References whose noise is a large part of their power in a half-power band, or at the line next to its centre.
-fn noisy_references(problem: &Problem, variances: &[Variances], frequency_hz: f64, bandwidth_hz: f64) -> Vec<Doubt> {
+fn noisy_references(problem: &Problem, frequency_hz: f64, bandwidth_hz: f64) -> Vec<Doubt> {
     let mut found = Vec::new();
-    for (run, variances) in problem.runs.iter().zip(variances) {
+    for run in &problem.runs {
+        let Some(variances) = &run.noise else { continue };
         let lines = &run.grid.frequency_hz;
         let distance = |line: &usize| (lines[*line] - frequency_hz).abs();
         let mut near: Vec<usize> = (0..lines.len()).filter(|line| distance(line) <= 0.5 * bandwidth_hz).collect();

@@ -47,6 +47,10 @@ const SMALL_STEP: f64 = 1e-3;
 const CORRECTIONS: usize = 3;
 const LEAST_CORRECTION: f64 = 1e-6;
 
+/// Rounding errors of spectra and fits, as a part of the power of a response: what is below it is no residual of the model, and
+/// no mode explains it.
+pub(crate) const ROUNDING: f64 = 1e-22;
+
 /// Runs that are fitted with common poles.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem {
@@ -72,7 +76,7 @@ pub(crate) struct Sums {
 pub(crate) struct Output {
     /// Linear unknowns, in the places of [`Layout`].
     pub unknowns: Vec<f64>,
-    /// Sum of the weighted squares of the residual.
+    /// Sum of the weighted squares of the residual, with rounding errors.
     pub square: f64,
     /// Bᵀ e.
     slopes: Vec<f64>,
@@ -322,6 +326,7 @@ fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: 
     let mut unknowns = right;
     let count = unknowns.len();
     sums.solve(&mut unknowns);
+    let power: f64 = residual(target, &[], &[], weights).square;
     let mut found = residual(target, all, &unknowns, weights);
     for attempt in 0..CORRECTIONS {
         let products = &found.products[..count];
@@ -331,7 +336,7 @@ fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: 
         unknowns.iter_mut().zip(&correction).for_each(|(unknown, change)| *unknown += change);
         if gain <= LEAST_CORRECTION * found.square || attempt == CORRECTIONS - 1 {
             // |e − A δ|² = |e|² − δᵀ Aᵀ e, and Bᵀ(e − A δ) = Bᵀ e − G_BA δ.
-            let square = (found.square - gain).max(0.0);
+            let square = (found.square - gain).max(0.0) + ROUNDING * power;
             let slopes = (count..all.len())
                 .map(|row| {
                     let known = &sums.gram[row * sums.columns..row * sums.columns + count];
@@ -343,7 +348,8 @@ fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: 
         }
         found = residual(target, all, &unknowns, weights);
     }
-    Output { unknowns, square: found.square, slopes: found.products[count..].to_vec(), residual: found.values }
+    let square = found.square + ROUNDING * power;
+    Output { unknowns, square, slopes: found.products[count..].to_vec(), residual: found.values }
 }
 
 impl Fit {

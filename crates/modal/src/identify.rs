@@ -11,8 +11,8 @@ use crate::error::ModalError;
 use crate::fit::{Fit, Problem};
 use crate::model::{Quantity, ResidueKind};
 use crate::modes::{ChannelNoise, Floor, Identification, ResidualTerms, RunReport, modes, places};
-use crate::noise::{Variances, weigh, weigh_and_correct};
-use crate::order::{excess, select};
+use crate::noise::{correct, weigh};
+use crate::order::{Excess, excess, select};
 use crate::pole::{damping_ratio, frequency_hz};
 use crate::run::{Band, Record, ResponseFunction, Run, TransientModel};
 use crate::spectra::{CrossSpectra, Estimator, FrequencyResponses, Segments, Signals};
@@ -169,12 +169,11 @@ fn identify(
         return Err(ModalError::NoModes);
     }
     check_lines(&problem, poles.len())?;
-    let (fit, variances) = finish(&mut problem, &poles, weighted);
-    let covariance = covariance(&problem, &fit, &variances);
+    let (fit, excess) = finish(&mut problem, &poles, weighted);
+    let covariance = covariance(&problem, &fit);
     let mut modes = modes(&problem, &fit, &covariance, &options.floor);
-    let runs = reports(&problem, &fit, &variances);
-    let excess = excess(&problem, &fit);
-    doubt(&mut modes, &problem, &fit, &covariance, &variances, &runs, excess);
+    let runs = reports(&problem, &fit);
+    doubt(&mut modes, &problem, &fit, &covariance, &runs, excess);
     modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let residual_terms = residual_terms(&problem, &fit);
     Ok(Identification { modes, stabilisation, quantity: options.quantity, residual_terms, runs })
@@ -191,27 +190,31 @@ fn check_lines(problem: &Problem, modes: usize) -> Result<(), ModalError> {
     Ok(())
 }
 
-/// The last fit: without weights, with weights, and with weights and the most likely references.
-fn finish(problem: &mut Problem, poles: &[Complex<f64>], weighted: bool) -> (Fit, Vec<Variances>) {
+/// The last fit: without weights, with weights, and with weights and the most likely references. The residual is judged before
+/// the references are corrected.
+fn finish(problem: &mut Problem, poles: &[Complex<f64>], weighted: bool) -> (Fit, Option<Excess>) {
     problem.runs.iter_mut().for_each(Run::reset);
     let fit = problem.minimise(poles, FIRST);
     if !weighted {
-        return (fit, Vec::new());
+        let excess = excess(problem, &fit);
+        return (fit, excess);
     }
     weigh(problem, &fit);
     let fit = problem.minimise(&fit.poles, WEIGHTED);
-    let variances = weigh_and_correct(problem, &fit);
-    (problem.minimise(&fit.poles, WEIGHTED), variances)
+    weigh(problem, &fit);
+    let excess = excess(problem, &fit);
+    correct(problem, &fit);
+    (problem.minimise(&fit.poles, WEIGHTED), excess)
 }
 
-fn reports(problem: &Problem, fit: &Fit, variances: &[Variances]) -> Vec<RunReport> {
+fn reports(problem: &Problem, fit: &Fit) -> Vec<RunReport> {
     let of_run = |(index, run): (usize, &Run)| {
         let noise = |dof: usize, variance: f64, known: Option<f64>| ChannelNoise {
             dof,
             estimated: libm::sqrt(variance),
             known,
         };
-        let variances = variances.get(index);
+        let variances = run.noise.as_ref();
         let reference = |(input, variance): (usize, &f64)| {
             noise(run.pairs.dofs(0, input)[0], *variance, run.reference_noise[input])
         };

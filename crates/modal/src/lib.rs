@@ -12,6 +12,9 @@
 #![cfg_attr(not(test), no_std)]
 
 extern crate alloc;
+// The example of closed-form records names the crate; tests share it.
+#[cfg(test)]
+extern crate self as resonarm_modal;
 
 mod cholesky;
 mod columns;

@@ -22,15 +22,13 @@ use resonarm_numeric::linear_solve::solve_complex;
 
 use crate::cholesky::Cholesky;
 use crate::columns::Columns;
-use crate::fit::{Fit, Problem, RunFit};
+use crate::fit::{Fit, Problem, ROUNDING, RunFit};
 use crate::run::Run;
 
 /// Rounds of the regression, each with the weights of the one before.
 const ROUNDS: usize = 15;
 /// A variance falls at most to this part in a round.
 const LEAST_PART: f64 = 1e-3;
-/// Least variance, as a part of the mean power of the response: rounding errors of a perfect measurement.
-const LEAST_VARIANCE: f64 = 1e-28;
 
 /// Variances of complex values at a line: those of a sample, as spectra are divided by √N.
 #[derive(Clone, Debug)]
@@ -89,7 +87,7 @@ pub(crate) fn variances(run: &Run, found: &RunFit, gains: &Columns) -> Variances
     let least: Vec<f64> = (0..run.outputs())
         .map(|output| {
             let power: f64 = powers(&run.measured_responses, output, lines).iter().sum();
-            (LEAST_VARIANCE * power / lines as f64).max(f64::MIN_POSITIVE)
+            (ROUNDING * power / lines as f64).max(f64::MIN_POSITIVE)
         })
         .collect();
     let mut found = Variances {
@@ -198,12 +196,12 @@ fn set_weights(run: &mut Run, gains: &Columns, variances: &Variances) {
     run.weights = weights;
 }
 
-/// Puts the most likely references in place of the measured ones, given a fit to the measured ones.
-fn correct(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Variances) {
+/// Puts the most likely references of a run in place of the measured ones.
+fn correct_run(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Variances) {
     let (lines, inputs, outputs) = (run.grid.lines(), run.inputs(), run.outputs());
     let mut references = vec![Vec::with_capacity(lines); inputs];
     let mut responses = vec![Vec::with_capacity(lines); outputs];
-    let residual = Residuals { found };
+    let residuals = Residuals { found };
     for line in 0..lines {
         let gain = |output: usize, input: usize| gains.value(output * inputs + input, line);
         let mut matrix = vec![Complex::new(0.0, 0.0); inputs * inputs];
@@ -212,7 +210,7 @@ fn correct(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Variances
             let by_variance = 1.0 / variances.responses[output];
             for i in 0..inputs {
                 let scaled = gain(output, i).conj() * by_variance;
-                shift[i] += scaled * residual.value(output, line);
+                shift[i] += scaled * residuals.value(output, line);
                 for j in 0..inputs {
                     matrix[i * inputs + j] += scaled * gain(output, j) * variances.references[j];
                 }
@@ -250,25 +248,65 @@ impl Residuals<'_> {
     }
 }
 
-/// Sets the weights of all runs from the residuals of a fit.
-pub(crate) fn weigh(problem: &mut Problem, fit: &Fit) -> Vec<Variances> {
-    let mut all = Vec::new();
+/// Sets the weights of all runs from the residuals of a fit to the measured references.
+pub(crate) fn weigh(problem: &mut Problem, fit: &Fit) {
     for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
         let gains = gains(found);
         let variances = variances(run, found, &gains);
         set_weights(run, &gains, &variances);
-        all.push(variances);
+        run.noise = Some(variances);
     }
-    all
 }
 
-/// Sets the weights of all runs, and the most likely references, from a fit to the measured ones.
-pub(crate) fn weigh_and_correct(problem: &mut Problem, fit: &Fit) -> Vec<Variances> {
-    let all = weigh(problem, fit);
-    for ((run, found), variances) in problem.runs.iter_mut().zip(&fit.runs).zip(&all) {
-        correct(run, found, &gains(found), variances);
+/// Puts the most likely references of all runs in place of the measured ones, given a fit to those and variances that come
+/// from it.
+pub(crate) fn correct(problem: &mut Problem, fit: &Fit) {
+    for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
+        if let Some(variances) = run.noise.clone() {
+            correct_run(run, found, &gains(found), &variances);
+        }
     }
-    all
+}
+
+/// Power of the residuals of a run over their variances, at every line.
+pub(crate) struct Normalised {
+    /// Sum over the outputs, whose mean is their number if the residuals are noise.
+    pub power: Vec<f64>,
+    /// Variance of that sum: the number of outputs, and more where the noise of the references makes their residuals alike.
+    pub variance: Vec<f64>,
+}
+
+/// Returns Σₒ |eₒ|²/Cₒₒ of a run at every line, C being the covariance of the residuals of all outputs, and its variance Σₒₚ
+/// |Cₒₚ|²/(Cₒₒ Cₚₚ), that of complex Gaussian noise.
+pub(crate) fn normalised(run: &Run, found: &RunFit) -> Normalised {
+    let (outputs, inputs) = (run.outputs(), run.inputs());
+    let (gains, residuals) = (gains(found), Residuals { found });
+    let variances = run.noise.clone().unwrap_or_else(|| Variances {
+        // The real and the imaginary part have this variance each.
+        responses: (0..outputs).map(|output| 2.0 * found.variance(run, output)).collect(),
+        references: vec![0.0; inputs],
+    });
+    let noisy = variances.references.iter().any(|variance| *variance > 0.0);
+    let at_line = |line: usize| {
+        let through: Vec<Complex<f64>> = (0..outputs * inputs)
+            .map(|k| gains.value(k, line) * libm::sqrt(variances.references[k % inputs]))
+            .collect();
+        let of_output = |output: usize| &through[output * inputs..(output + 1) * inputs];
+        let own =
+            |output: usize| variances.responses[output] + of_output(output).iter().map(Complex::norm_sqr).sum::<f64>();
+        let totals: Vec<f64> = (0..outputs).map(own).collect();
+        let powers = totals.iter().enumerate().map(|(output, total)| residuals.value(output, line).norm_sqr() / total);
+        let mut variance = outputs as f64;
+        for a in 0..if noisy { outputs } else { 0 } {
+            for b in 0..a {
+                let common: Complex<f64> = of_output(a).iter().zip(of_output(b)).map(|(a, b)| a * b.conj()).sum();
+                variance += 2.0 * common.norm_sqr() / (totals[a] * totals[b]);
+            }
+        }
+        (powers.sum::<f64>(), variance)
+    };
+    let (power, variance) = (0..run.grid.lines()).map(at_line).unzip();
+    Normalised { power, variance }
 }
 
 /// Returns −2 ln L of a fit with the variances that follow from its own residuals: Σ 2 (ln v + |e|²/v).

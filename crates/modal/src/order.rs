@@ -8,7 +8,6 @@
 //! a false pole protect it. So each suspect is left out once more, the other modes are fitted again with new weights, and the
 //! whole likelihoods are compared.
 
-use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
@@ -16,9 +15,10 @@ use nalgebra::Complex;
 
 use crate::complex::magnitude;
 use crate::fit::{Fit, Problem};
-use crate::noise::{Residuals, likelihood, median, weigh};
+use crate::noise::{Normalised, likelihood, median, normalised, weigh};
 use crate::pole::{block, damping_ratio, deviations, pole};
 use crate::run::Band;
+use crate::spectra::distribution::chi_square_survival;
 
 /// Factor on the penalty.
 const FACTOR: f64 = 1.5;
@@ -28,8 +28,11 @@ pub(crate) const MOST_DAMPING: f64 = 0.3;
 pub(crate) const MOST_UNCERTAIN: f64 = 0.3;
 /// Modes that are added at most.
 const ADDED: usize = 4;
-/// A residual is white if its smoothed power exceeds its median by less than this many standard deviations.
-const WHITE: f64 = 6.0;
+/// A residual is white if its smoothed power would exceed its median as much with more than this probability, anywhere in
+/// the band, were it noise.
+const CHANCE: f64 = 1e-4;
+/// Standard deviations above the median from which that probability is computed.
+const HIGH: f64 = 4.0;
 /// Lines over which a residual is smoothed: at least these, and a 200th of all.
 const LEAST_SMOOTHED: usize = 8;
 const SMOOTHED_PART: usize = 200;
@@ -102,10 +105,17 @@ pub(crate) fn select(
         }
     }
     fit = leave_out(problem, fit.poles, band)?;
+    if weighted {
+        // The weights so far come from fits that were far from the end, or had false poles.
+        weigh(problem, &fit);
+        fit = problem.minimise(&fit.poles, WEIGHTED);
+    }
     for _ in 0..ADDED {
-        match add(problem, &fit, band) {
-            Some(better) => fit = better,
-            None => break,
+        let Some(better) = add(problem, &fit, band) else { break };
+        fit = better;
+        if weighted {
+            weigh(problem, &fit);
+            fit = problem.minimise(&fit.poles, WEIGHTED);
         }
     }
     let mut poles = if weighted { without_twins(problem, fit) } else { fit.poles };
@@ -146,35 +156,48 @@ fn leave_out(problem: &Problem, mut poles: Vec<Complex<f64>>, band: Band) -> Opt
     }
 }
 
-/// Returns the line where the weighted residuals of all runs with the same lines, smoothed over neighbouring lines, exceed
-/// their median the most, if that is more than noise does.
+/// Returns the line where the residuals of all runs with the same lines, over their variances and smoothed over neighbouring
+/// lines, exceed their median the most, if that is more than noise does.
 pub(crate) fn excess(problem: &Problem, fit: &Fit) -> Option<Excess> {
-    let mut grids: Vec<(&[f64], Vec<f64>, usize)> = Vec::new();
+    struct Sums<'a> {
+        frequency_hz: &'a [f64],
+        power: Vec<f64>,
+        variance: Vec<f64>,
+        outputs: usize,
+    }
+    let mut all: Vec<Sums<'_>> = Vec::new();
     for (run, found) in problem.runs.iter().zip(&fit.runs) {
-        let lines = run.grid.lines();
-        let at = grids.iter().position(|(frequency_hz, ..)| *frequency_hz == run.grid.frequency_hz.as_slice());
-        let at = at.unwrap_or_else(|| {
-            grids.push((&run.grid.frequency_hz, vec![0.0; lines], 0));
-            grids.len() - 1
-        });
-        let residuals = Residuals { found };
-        for output in 0..run.outputs() {
-            let weight = |line: usize| if run.weights.count() > 0 { run.weights.value(output, line).re } else { 1.0 };
-            let power: Vec<f64> =
-                (0..lines).map(|line| weight(line) * residuals.value(output, line).norm_sqr()).collect();
-            let smooth = moving_average(&power, smoothed(lines));
-            let middle = median(&mut smooth.clone()).max(f64::MIN_POSITIVE);
-            grids[at].1.iter_mut().zip(smooth).for_each(|(sum, value)| *sum += value / middle);
-            grids[at].2 += 1;
+        let frequency_hz = run.grid.frequency_hz.as_slice();
+        let normalised = normalised(run, found);
+        if let Some(sums) = all.iter_mut().find(|sums| sums.frequency_hz == frequency_hz) {
+            sums.power.iter_mut().zip(normalised.power).for_each(|(sum, power)| *sum += power);
+            sums.variance.iter_mut().zip(normalised.variance).for_each(|(sum, variance)| *sum += variance);
+            sums.outputs += run.outputs();
+        } else {
+            let Normalised { power, variance } = normalised;
+            all.push(Sums { frequency_hz, power, variance, outputs: run.outputs() });
         }
     }
     let mut worst: Option<(f64, Excess)> = None;
-    for (frequency_hz, sums, outputs) in grids {
-        let most = 1.0 + WHITE / libm::sqrt((smoothed(frequency_hz.len()) * outputs) as f64);
-        let Some(line) = (0..sums.len()).max_by(|a, b| sums[*a].total_cmp(&sums[*b])) else { continue };
-        let ratio = sums[line] / outputs as f64;
-        if ratio >= most && worst.is_none_or(|(factor, _)| ratio / most > factor) {
-            worst = Some((ratio / most, Excess { frequency_hz: frequency_hz[line], ratio }));
+    for Sums { frequency_hz, power, variance, outputs } in all {
+        let width = smoothed(frequency_hz.len());
+        let (power, variance) = (moving_average(&power, width), moving_average(&variance, width));
+        let middle = median(&mut power.clone()).max(f64::MIN_POSITIVE);
+        let trials = (frequency_hz.len() / width).max(1) as f64;
+        for (line, frequency_hz) in frequency_hz.iter().enumerate() {
+            let deviation = libm::sqrt(variance[line] / width as f64) / outputs as f64;
+            let ratio = power[line] / middle;
+            if ratio < 1.0 + HIGH * deviation {
+                continue;
+            }
+            // A mean of exponentially distributed powers is about χ²-distributed over its degrees of freedom ν, with the
+            // relative variance 2/ν.
+            let freedom = 2.0 / (deviation * deviation);
+            let chance = trials * chi_square_survival(ratio * freedom, freedom);
+            let above = (ratio - 1.0) / deviation;
+            if chance < CHANCE && worst.is_none_or(|(most, _)| above > most) {
+                worst = Some((above, Excess { frequency_hz: *frequency_hz, ratio }));
+            }
         }
     }
     worst.map(|(_, excess)| excess)
@@ -233,17 +256,6 @@ fn add(problem: &Problem, fit: &Fit, band: Band) -> Option<Fit> {
     if gain(&best) < penalty { None } else { best }
 }
 
-/// Fits without weights, and then twice with weights from the residuals.
-fn fit_anew(problem: &mut Problem, poles: &[Complex<f64>]) -> Fit {
-    problem.runs.iter_mut().for_each(crate::run::Run::reset);
-    let mut fit = problem.minimise(poles, FINAL);
-    for _ in 0..2 {
-        weigh(problem, &fit);
-        fit = problem.minimise(&fit.poles, FINAL);
-    }
-    fit
-}
-
 /// Poles near to another, narrowest first.
 fn suspects(poles: &[Complex<f64>]) -> Vec<usize> {
     let near = |mode: usize, other: usize| {
@@ -257,25 +269,39 @@ fn suspects(poles: &[Complex<f64>]) -> Vec<usize> {
     found
 }
 
-/// Leaves out poles beside others without which the likelihood, with new weights, is as good.
-fn without_twins(problem: &mut Problem, fit: Fit) -> Vec<Complex<f64>> {
-    if suspects(&fit.poles).is_empty() {
-        return fit.poles;
-    }
+/// Leaves out poles beside others without which the likelihood, with new weights, is as good. The weights are those of the
+/// fit.
+fn without_twins(problem: &mut Problem, mut fit: Fit) -> Vec<Complex<f64>> {
     let penalty = penalty(problem);
-    let mut fit = fit_anew(problem, &fit.poles);
-    let mut least = likelihood(problem, &fit);
+    let mut least = None;
     'round: loop {
         for suspect in suspects(&fit.poles) {
+            let least_now = *least.get_or_insert_with(|| likelihood(problem, &fit));
             let mut others = fit.poles.clone();
             others.remove(suspect);
-            let tried = fit_anew(problem, &others);
-            let value = likelihood(problem, &tried);
-            if value - least < penalty {
-                (fit, least) = (tried, value);
+            let (tried, value) = fit_anew(problem, &others, least_now + CLEAR * penalty);
+            if value - least_now < penalty {
+                (fit, least) = (tried, Some(value));
                 continue 'round;
             }
         }
         return fit.poles;
     }
+}
+
+/// Fits without weights, and then twice with weights from the residuals, and returns the likelihood. If that is above `most`
+/// after the first time, the second one is left out.
+fn fit_anew(problem: &mut Problem, poles: &[Complex<f64>], most: f64) -> (Fit, f64) {
+    problem.runs.iter_mut().for_each(crate::run::Run::reset);
+    let mut fit = problem.minimise(poles, FINAL);
+    let mut value = f64::NEG_INFINITY;
+    for _ in 0..2 {
+        if value > most {
+            break;
+        }
+        weigh(problem, &fit);
+        fit = problem.minimise(&fit.poles, FINAL);
+        value = likelihood(problem, &fit);
+    }
+    (fit, value)
 }

@@ -9,6 +9,7 @@ use resonarm_numeric::dft::Lines;
 use crate::columns::{Columns, Lane};
 use crate::error::ModalError;
 use crate::model::{Grid, Quantity};
+use crate::noise::Variances;
 use crate::spectra::SpectraError;
 
 /// A record is at rest where the standard deviation is below this part of the peak.
@@ -91,6 +92,8 @@ pub(crate) struct Run {
     /// Spectra that are fitted: with the force of least noise in place of the measured one, see [`crate::noise`].
     pub references: Columns,
     pub responses: Columns,
+    /// Variances of noise, from which the weights come; `None` while there are no weights.
+    pub noise: Option<Variances>,
     /// Weights of the squared residuals of each response; none while all are 1.
     pub weights: Columns,
     pub transient: bool,
@@ -163,6 +166,7 @@ impl Run {
             measured_responses: responses.clone(),
             references,
             responses,
+            noise: None,
             weights: Columns::default(),
             transient: match transient {
                 TransientModel::Automatic => !rests(record),
@@ -219,6 +223,7 @@ impl Run {
             measured_responses: responses.clone(),
             references,
             responses,
+            noise: None,
             weights: Columns::default(),
             transient: false,
             pairs: Pairs::Each(functions.iter().map(|function| [function.reference, function.response]).collect()),
@@ -246,12 +251,7 @@ impl Run {
 
     /// Discards weights and corrections: the spectra are those that were measured.
     pub fn reset(&mut self) {
-        self.weights = Columns::default();
-        self.restore();
-    }
-
-    /// Discards the corrections of [`crate::noise`].
-    pub fn restore(&mut self) {
+        (self.noise, self.weights) = (None, Columns::default());
         self.references = self.measured_references.clone();
         self.responses = self.measured_responses.clone();
     }

@@ -14,7 +14,7 @@
 //! Windowed segments leak: a resonance whose half-power bandwidth 2ζf is not several lines wide comes out too low and too
 //! wide, however many segments are averaged.
 
-mod distribution;
+pub(crate) mod distribution;
 mod error;
 mod responses;
 mod shock;

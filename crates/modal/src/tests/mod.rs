@@ -1,7 +1,13 @@
+#[path = "../../examples/scatter/closed_form.rs"]
+mod closed_form;
 mod fit;
 mod generator;
+mod levels;
 mod reference;
+mod scatter;
 mod spectra;
+mod speed;
+mod surveys;
 
 use nalgebra::Complex;
 use serde_json::Value;

@@ -1,0 +1,275 @@
+//! Records in closed form: the exact response of known modes to a force that began long ago, cut out, with noise.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+use resonarm_modal::{Band, Channel, Mode, Record};
+use resonarm_numeric::dft::Fft;
+use resonarm_numeric::noise::Noise;
+
+/// Band that the fits use, Hz, and that of the force around it.
+pub const BAND: Band = Band { from_hz: 8.0, to_hz: 195.0 };
+const FORCE_HZ: [f64; 2] = [5.0, 200.0];
+pub const RATE_HZ: f64 = 1000.0;
+
+/// A mode that a structure has.
+#[derive(Clone, Debug)]
+pub struct Truth {
+    pub frequency_hz: f64,
+    pub damping_ratio: f64,
+    /// Components of the shape for unit modal mass, by degree of freedom.
+    pub shape: Vec<f64>,
+}
+
+/// What the force is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Force {
+    /// Stationary random noise of this root mean square, N.
+    Random(f64),
+    /// A blow of this peak, N, about 6 ms long, 8 ms after the start.
+    Blow(f64),
+}
+
+/// Noise of the readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Readings {
+    /// Noise of the responses so many decibels below each, and none of the force.
+    Ratio(f64),
+    /// Standard deviations of the noise of responses and force, which are known to the identification.
+    Instruments { response: f64, force: f64 },
+}
+
+/// A case: a structure and a test.
+#[derive(Clone, Debug)]
+pub struct Case {
+    pub name: &'static str,
+    pub modes: Vec<Truth>,
+    /// Degrees of freedom of the force, one run for each.
+    pub references: Vec<usize>,
+    pub seconds: f64,
+    pub force: Force,
+    pub readings: Readings,
+}
+
+/// Force and responses of a run.
+pub struct Samples {
+    pub force: Vec<f64>,
+    pub responses: Vec<Vec<f64>>,
+}
+
+fn mode(frequency_hz: f64, damping_ratio: f64, shape: &[f64]) -> Truth {
+    Truth { frequency_hz, damping_ratio, shape: shape.to_vec() }
+}
+
+/// Modes at 31, 58 and 120 Hz with damping ratios; degrees of freedom tip and middle.
+pub fn three(damping: [f64; 3]) -> Vec<Truth> {
+    let shapes = [[0.9, 0.4], [-0.7, 0.8], [0.6, -0.5]];
+    let modes = [31.0, 58.0, 120.0].into_iter().zip(damping).zip(shapes);
+    modes.map(|((frequency_hz, damping_ratio), shape)| mode(frequency_hz, damping_ratio, &shape)).collect()
+}
+
+/// Two modes, `separation` half-power bandwidths apart, and two degrees of freedom.
+pub fn pair(separation: f64, damping_ratio: f64) -> Vec<Truth> {
+    let second_hz = 50.0 + separation * 2.0 * damping_ratio * 50.0;
+    vec![mode(50.0, damping_ratio, &[0.9, 0.4]), mode(second_hz, damping_ratio, &[-0.7, 0.8])]
+}
+
+/// `count` modes from 20 to 180 Hz with random places, damping ratios from 0.5 to 1.5 % and shapes of three degrees of freedom.
+pub fn many(count: usize) -> Vec<Truth> {
+    let mut noise = Noise::new(count as u64, 0);
+    let mut between = |low: f64, high: f64| low + (high - low) * noise.uniform();
+    (0..count)
+        .map(|k| {
+            let frequency_hz = 20.0 + 160.0 * k as f64 / (count - 1) as f64 + between(-6.0, 6.0);
+            let damping_ratio = 0.01 * between(0.5, 1.5);
+            let mut component = || between(0.4, 1.0) * if between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+            let shape = [component(), component(), component()];
+            mode(frequency_hz, damping_ratio, &shape)
+        })
+        .collect()
+}
+
+/// All cases.
+pub fn cases() -> Vec<Case> {
+    let case = |name, modes, seconds, readings| Case {
+        name,
+        modes,
+        references: vec![0],
+        seconds,
+        force: Force::Random(1.0),
+        readings,
+    };
+    let plain = |name, modes| case(name, modes, 20.0, Readings::Ratio(40.0));
+    let two = |name, modes| Case { references: vec![0, 1], ..plain(name, modes) };
+    let noisy = |name, modes, seconds, force| Case {
+        force,
+        ..case(name, modes, seconds, Readings::Instruments { response: 0.0247, force: 0.0115 })
+    };
+    let same = |damping: f64| three([damping; 3]);
+    vec![
+        plain("three 0.1 %", same(0.001)),
+        plain("three 1 %", same(0.01)),
+        plain("three 2 %", same(0.02)),
+        plain("three 5 %", same(0.05)),
+        plain("three 10 %", same(0.1)),
+        case("three 2 %, 60 dB", same(0.02), 20.0, Readings::Ratio(60.0)),
+        case("three 2 %, 20 dB", same(0.02), 20.0, Readings::Ratio(20.0)),
+        case("three 0.1 %, 60 dB", same(0.001), 20.0, Readings::Ratio(60.0)),
+        case("three 0.1 %, 20 dB", same(0.001), 20.0, Readings::Ratio(20.0)),
+        case("three 10 %, 20 dB", same(0.1), 20.0, Readings::Ratio(20.0)),
+        case("three 1 %, 10 s", same(0.01), 10.0, Readings::Ratio(40.0)),
+        plain("pair 0.5, 1 reference", pair(0.5, 0.01)),
+        two("pair 0.5, 2 references", pair(0.5, 0.01)),
+        plain("pair 1, 1 reference", pair(1.0, 0.01)),
+        plain("pair 2, 1 reference", pair(2.0, 0.01)),
+        plain("pair 0.5 of 5 %, 1 reference", pair(0.5, 0.05)),
+        plain("2 modes", many(2)),
+        plain("4 modes", many(4)),
+        plain("6 modes", many(6)),
+        plain("8 modes", many(8)),
+        noisy("noisy force, 1/1.5/2 %", three([0.01, 0.015, 0.02]), 10.0, Force::Random(5.0)),
+        noisy("noisy force, 10 %", same(0.1), 10.0, Force::Random(5.0)),
+        noisy("noisy force, 0.1 %", same(0.001), 10.0, Force::Random(5.0)),
+        noisy("noisy force, 50 and 51 Hz", pair(1.0, 0.01), 10.0, Force::Random(5.0)),
+        noisy("blow, 2 %", same(0.02), 8.0, Force::Blow(300.0)),
+    ]
+}
+
+/// Accelerance of an output over a reference, s² φₒφᵢ/(s² + 2ζωs + ω²) over all modes.
+pub fn accelerance(modes: &[Truth], frequency_hz: f64, output: usize, reference: usize) -> Complex<f64> {
+    let s = Complex::new(0.0, TAU * frequency_hz);
+    let term = |mode: &Truth| {
+        let omega = TAU * mode.frequency_hz;
+        let stiffness = s * s + s * (2.0 * mode.damping_ratio * omega) + omega * omega;
+        s * s * (mode.shape[output] * mode.shape[reference]) / stiffness
+    };
+    modes.iter().map(term).sum()
+}
+
+impl Case {
+    /// The samples of all runs for a seed.
+    pub fn samples(&self, seed: u64) -> Vec<Samples> {
+        let runs = self.references.iter().enumerate();
+        runs.map(|(run, reference)| self.run(*reference, Noise::new(seed, run as u64))).collect()
+    }
+
+    fn run(&self, reference: usize, mut noise: Noise) -> Samples {
+        let samples = (self.seconds * RATE_HZ) as usize;
+        let fft = Fft::at_least(2 * samples);
+        let length = fft.length();
+        let spacing_hz = RATE_HZ / length as f64;
+        let mut force = vec![Complex::new(0.0, 0.0); length];
+        match self.force {
+            Force::Random(rms) => {
+                let [first, last] = FORCE_HZ.map(|f| (f / spacing_hz).ceil() as usize);
+                // Lines of both signs carry the power.
+                let scale = rms / (4.0 * (last - first) as f64).sqrt();
+                for line in &mut force[first..last] {
+                    *line = Complex::new(noise.normal(), noise.normal()) * scale;
+                }
+            }
+            Force::Blow(peak) => {
+                // A Gaussian pulse of 1.5 ms, whose spectrum ends below half the sample rate.
+                for (line, value) in force[..length / 2].iter_mut().enumerate() {
+                    let omega = TAU * line as f64 * spacing_hz;
+                    let size = libm::exp(-0.5 * (omega * 0.0015).powi(2)) * peak * 0.0015 * TAU.sqrt() * spacing_hz;
+                    let (sine, cosine) = libm::sincos(-omega * 0.008);
+                    *value = Complex::new(cosine, sine) * size;
+                }
+                force[0] *= 0.5;
+            }
+        }
+        // A random record is cut from the end, when the response has lasted for long; a blow begins at rest.
+        let from = if matches!(self.force, Force::Blow(_)) { 0 } else { length - samples };
+        let cut = |spectrum: &[Complex<f64>]| {
+            let mut values = spectrum.to_vec();
+            fft.backward(&mut values);
+            values[from..from + samples].iter().map(|value| 2.0 * value.re).collect::<Vec<f64>>()
+        };
+        let outputs = self.modes[0].shape.len();
+        let mut responses: Vec<Vec<f64>> = (0..outputs)
+            .map(|output| {
+                let line = |(line, value): (usize, &Complex<f64>)| {
+                    if *value == Complex::new(0.0, 0.0) {
+                        *value
+                    } else {
+                        value * accelerance(&self.modes, line as f64 * spacing_hz, output, reference)
+                    }
+                };
+                cut(&force.iter().enumerate().map(line).collect::<Vec<_>>())
+            })
+            .collect();
+        let mut force = cut(&force);
+        let mut add = |channel: &mut Vec<f64>, sigma: f64| {
+            channel.iter_mut().for_each(|value| *value += sigma * noise.normal());
+        };
+        match self.readings {
+            Readings::Ratio(decibels) => {
+                for response in &mut responses {
+                    let rms = (response.iter().map(|x| x * x).sum::<f64>() / samples as f64).sqrt();
+                    add(response, rms * libm::pow(10.0, -decibels / 20.0));
+                }
+            }
+            Readings::Instruments { response, force: sigma } => {
+                add(&mut force, sigma);
+                responses.iter_mut().for_each(|channel| add(channel, response));
+            }
+        }
+        Samples { force, responses }
+    }
+
+    /// The records of all runs.
+    pub fn records<'a>(&self, samples: &'a [Samples]) -> Vec<Record<'a>> {
+        let known = |which: fn(f64, f64) -> f64| match self.readings {
+            Readings::Ratio(_) => None,
+            Readings::Instruments { response, force } => Some(which(response, force)),
+        };
+        let record = |(reference, samples): (&usize, &'a Samples)| Record {
+            rate_hz: RATE_HZ,
+            references: vec![Channel { dof: *reference, samples: &samples.force, noise: known(|_, force| force) }],
+            responses: samples
+                .responses
+                .iter()
+                .enumerate()
+                .map(|(dof, samples)| Channel { dof, samples, noise: known(|response, _| response) })
+                .collect(),
+        };
+        self.references.iter().zip(samples).map(record).collect()
+    }
+}
+
+/// Errors of a mode in deviations.
+#[derive(Clone, Debug, Default)]
+pub struct Errors {
+    pub frequency: Vec<f64>,
+    pub damping: Vec<f64>,
+    pub shape: Vec<f64>,
+    /// Relative errors of the damping ratios, and of the shapes.
+    pub damping_part: Vec<f64>,
+    pub shape_part: Vec<f64>,
+}
+
+impl Errors {
+    /// Adds the errors of as many modes as there are.
+    pub fn add(&mut self, found: &[Mode], truth: &[Truth]) {
+        for (mode, truth) in found.iter().zip(truth) {
+            self.frequency.push((mode.frequency_hz - truth.frequency_hz) / mode.computed.frequency_hz);
+            self.damping.push((mode.damping_ratio - truth.damping_ratio) / mode.computed.damping_ratio);
+            self.damping_part.push(mode.damping_ratio / truth.damping_ratio - 1.0);
+            let Some(shape) = &mode.shape else { continue };
+            let sign = truth.shape[shape.driving_point].signum();
+            for component in &shape.components {
+                let expected = sign * truth.shape[component.dof];
+                self.shape.push((component.value.re - expected) / component.deviation.re);
+                self.shape_part.push(component.value.re / expected - 1.0);
+            }
+        }
+    }
+}
+
+/// Mean and standard deviation.
+pub fn moments(values: &[f64]) -> [f64; 2] {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    [mean, (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()]
+}
