@@ -1,8 +1,8 @@
 //! Noise of responses and references: its estimate, the weights that follow, and the references of least noise.
 //!
 //! The residual of output o has the variance σₒ² + Σᵢ |Gₒᵢ|² σᵢ², since the measured references Uᵢ carry noise σᵢ that the
-//! structure does not see: at a sharp resonance it exceeds the noise of the response by far. σₒ² and σᵢ² follow from a
-//! regression of |e|² over all lines and outputs, with the weights 1/variance² of exponentially distributed |e|².
+//! structure does not see: at a sharp resonance it exceeds the noise of the response by far. σₒ² and σᵢ² are the most likely
+//! ones for |e|² over all lines and outputs: a regression with the weights 1/variance² of exponentially distributed |e|².
 //!
 //! A fit with the measured references is too low by about σᵢ²/|Uᵢ|². With C = diag σₒ² + Σᵢ σᵢ² gᵢ gᵢᴴ the covariance of the
 //! residuals of all outputs at a line, the most likely references are
@@ -29,6 +29,9 @@ use crate::run::Run;
 const ROUNDS: usize = 15;
 /// A variance falls at most to this part in a round.
 const LEAST_PART: f64 = 1e-3;
+/// Least part of a step, and least change of the likelihood.
+const LEAST_STEP: f64 = 1e-3;
+const LEAST_CHANGE: f64 = 1e-6;
 
 /// Variances of complex values at a line: those of a sample, as spectra are divided by √N.
 #[derive(Clone, Debug)]
@@ -72,82 +75,152 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     }
 }
 
-/// Estimates the variances of a run from the residuals of a fit.
+/// Estimates the variances of a run from the residuals of a fit: the most likely ones, were the residuals of the outputs
+/// independent.
 pub(crate) fn variances(run: &Run, found: &RunFit, gains: &Columns) -> Variances {
-    let (lines, inputs) = (run.grid.lines(), run.inputs());
-    let residuals: Vec<Vec<f64>> = found
-        .outputs
-        .iter()
-        .map(|output| {
-            let (re, im) = output.residual.split_at(output.residual.len() / 2);
-            re.as_flattened().iter().zip(im.as_flattened()).take(lines).map(|(re, im)| re * re + im * im).collect()
-        })
-        .collect();
-    let squared: Vec<Vec<f64>> = (0..gains.count()).map(|index| powers(gains, index, lines)).collect();
-    let least: Vec<f64> = (0..run.outputs())
-        .map(|output| {
-            let power: f64 = powers(&run.measured_responses, output, lines).iter().sum();
-            (ROUNDING * power / lines as f64).max(f64::MIN_POSITIVE)
-        })
-        .collect();
-    let mut found = Variances {
-        // The median of an exponential distribution of mean 1 is ln 2.
-        responses: residuals
-            .iter()
-            .zip(&least)
-            .map(|(residual, least)| (median(&mut residual.clone()) / core::f64::consts::LN_2).max(*least))
-            .collect(),
-        references: vec![0.0; inputs],
-    };
-    for _ in 0..ROUNDS {
-        regress(&residuals, &squared, run.noisy_references, &mut found);
-        found.responses.iter_mut().zip(&least).for_each(|(variance, least)| *variance = variance.max(*least));
-    }
-    found
+    Regression::new(run, found, gains).variances(run.inputs())
 }
 
-/// A round of the regression of |e|² on σₒ² + Σᵢ |Gₒᵢ|² σᵢ² with the weights of the variances so far.
-fn regress(residuals: &[Vec<f64>], squared: &[Vec<f64>], noisy: bool, found: &mut Variances) {
-    let inputs = found.references.len();
-    // For each output: Σ w, Σ w |Gᵢ|², Σ w |e|²; over all outputs: what is left for the references without σₒ².
-    let mut own = Vec::with_capacity(residuals.len());
-    let (mut shared, mut right, mut sizes) = (vec![0.0; inputs * inputs], vec![0.0; inputs], vec![0.0; inputs]);
-    for (output, residual) in residuals.iter().enumerate() {
-        let gain = |input: usize, line: usize| squared[output * inputs + input][line];
-        let (mut weight_sum, mut powers, mut sums) = (0.0, 0.0, vec![0.0; inputs]);
-        let (mut products, mut moments) = (vec![0.0; inputs * inputs], vec![0.0; inputs]);
-        for (line, power) in residual.iter().enumerate() {
-            let inner: f64 = (0..inputs).map(|i| found.references[i] * gain(i, line)).sum();
-            // Relative to the variance of the response, so that squares neither overflow nor vanish.
-            let relative = found.responses[output] / (found.responses[output] + inner);
-            let weight = relative * relative;
-            weight_sum += weight;
-            powers += weight * power;
-            for i in 0..inputs {
-                sums[i] += weight * gain(i, line);
-                moments[i] += weight * gain(i, line) * power;
-                for j in 0..inputs {
-                    products[i * inputs + j] += weight * gain(i, line) * gain(j, line);
+/// Regression of |e|² on σₒ² + Σᵢ |Gₒᵢ|² σᵢ².
+struct Regression {
+    /// |e|² of each output and line.
+    residuals: Vec<Vec<f64>>,
+    /// |G|² of output o and reference i at o · references + i.
+    gains: Vec<Vec<f64>>,
+    /// Least variances of the outputs.
+    least: Vec<f64>,
+    /// Whether references have noise.
+    noisy: bool,
+}
+
+impl Regression {
+    fn new(run: &Run, found: &RunFit, gains: &Columns) -> Regression {
+        let lines = run.grid.lines();
+        let power_of = |output: &crate::fit::Output| {
+            let (re, im) = output.residual.split_at(output.residual.len() / 2);
+            re.as_flattened().iter().zip(im.as_flattened()).take(lines).map(|(re, im)| re * re + im * im).collect()
+        };
+        let least = (0..run.outputs()).map(|output| {
+            let power: f64 = powers(&run.measured_responses, output, lines).iter().sum();
+            (ROUNDING * power / lines as f64).max(f64::MIN_POSITIVE)
+        });
+        Regression {
+            residuals: found.outputs.iter().map(power_of).collect(),
+            gains: (0..gains.count()).map(|index| powers(gains, index, lines)).collect(),
+            least: least.collect(),
+            noisy: run.noisy_references,
+        }
+    }
+
+    /// Returns the variances that maximise the likelihood of exponentially distributed |e|².
+    ///
+    /// Each round solves the regression with weights from the variances so far, R. A. Fisher's scoring. Where the solution is
+    /// less likely, which happens while a variance is far too small and its few lines have all the weight, the step is halved.
+    fn variances(&self, inputs: usize) -> Variances {
+        // The median of an exponential distribution of mean 1 is ln 2.
+        let middle = |residual: &Vec<f64>| median(&mut residual.clone()) / core::f64::consts::LN_2;
+        let responses = self.residuals.iter().map(middle).zip(&self.least).map(|(value, least)| value.max(*least));
+        let mut found = Variances { responses: responses.collect(), references: vec![0.0; inputs] };
+        let mut value = self.likelihood(&found);
+        for _ in 0..ROUNDS {
+            let solution = self.solve(&found);
+            let mut part = 1.0;
+            let step = loop {
+                let between = |from: &[f64], to: &[f64]| {
+                    from.iter().zip(to).map(|(from, to)| from + part * (to - from)).collect::<Vec<f64>>()
+                };
+                let tried = Variances {
+                    responses: between(&found.responses, &solution.responses),
+                    references: between(&found.references, &solution.references),
+                };
+                let tried_value = self.likelihood(&tried);
+                if tried_value <= value {
+                    break Some((tried, tried_value));
+                }
+                part *= 0.5;
+                if part < LEAST_STEP {
+                    break None;
+                }
+            };
+            let Some((tried, tried_value)) = step else { break };
+            let change = value - tried_value;
+            (found, value) = (tried, tried_value);
+            if change < LEAST_CHANGE {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Returns the noise of the references that a response shows at a line.
+    fn through(&self, variances: &Variances, output: usize, line: usize) -> f64 {
+        let inputs = variances.references.len();
+        variances
+            .references
+            .iter()
+            .zip(&self.gains[output * inputs..])
+            .map(|(variance, gain)| variance * gain[line])
+            .sum()
+    }
+
+    /// Returns −ln L = Σ ln v + |e|²/v.
+    fn likelihood(&self, variances: &Variances) -> f64 {
+        let of_output = |(output, residual): (usize, &Vec<f64>)| {
+            let own = variances.responses[output];
+            let line = |(line, power): (usize, &f64)| {
+                let variance = own + self.through(variances, output, line);
+                libm::log(variance) + power / variance
+            };
+            residual.iter().enumerate().map(line).sum::<f64>()
+        };
+        self.residuals.iter().enumerate().map(of_output).sum()
+    }
+
+    /// Solves the regression with the weights of these variances.
+    fn solve(&self, variances: &Variances) -> Variances {
+        let inputs = variances.references.len();
+        // For each output: Σ w, Σ w |Gᵢ|², Σ w |e|²; over all outputs: what is left for the references without σₒ².
+        let mut own = Vec::with_capacity(self.residuals.len());
+        let (mut shared, mut right, mut sizes) = (vec![0.0; inputs * inputs], vec![0.0; inputs], vec![0.0; inputs]);
+        for (output, residual) in self.residuals.iter().enumerate() {
+            let gain = |input: usize, line: usize| self.gains[output * inputs + input][line];
+            let (mut weight_sum, mut powers, mut sums) = (0.0, 0.0, vec![0.0; inputs]);
+            let (mut products, mut moments) = (vec![0.0; inputs * inputs], vec![0.0; inputs]);
+            for (line, power) in residual.iter().enumerate() {
+                // Relative to the variance of the response, so that squares neither overflow nor vanish.
+                let response = variances.responses[output];
+                let relative = response / (response + self.through(variances, output, line));
+                let weight = relative * relative;
+                weight_sum += weight;
+                powers += weight * power;
+                for i in 0..inputs {
+                    sums[i] += weight * gain(i, line);
+                    moments[i] += weight * gain(i, line) * power;
+                    for j in 0..inputs {
+                        products[i * inputs + j] += weight * gain(i, line) * gain(j, line);
+                    }
                 }
             }
-        }
-        let scale = 1.0 / (found.responses[output] * found.responses[output]);
-        for i in 0..inputs {
-            right[i] += scale * (moments[i] - sums[i] * powers / weight_sum);
-            sizes[i] += scale * products[i * inputs + i];
-            for j in 0..inputs {
-                shared[i * inputs + j] += scale * (products[i * inputs + j] - sums[i] * sums[j] / weight_sum);
+            let scale = 1.0 / (variances.responses[output] * variances.responses[output]);
+            for i in 0..inputs {
+                right[i] += scale * (moments[i] - sums[i] * powers / weight_sum);
+                sizes[i] += scale * products[i * inputs + i];
+                for j in 0..inputs {
+                    shared[i * inputs + j] += scale * (products[i * inputs + j] - sums[i] * sums[j] / weight_sum);
+                }
             }
+            own.push((weight_sum, sums, powers));
         }
-        own.push((weight_sum, sums, powers));
-    }
-    if noisy {
-        (0..inputs).for_each(|i| shared[i * inputs + i] += 1e-12 * sizes[i]);
-        found.references = non_negative(&shared, &right);
-    }
-    for ((weight_sum, sums, powers), variance) in own.into_iter().zip(&mut found.responses) {
-        let inner: f64 = sums.iter().zip(&found.references).map(|(sum, reference)| sum * reference).sum();
-        *variance = ((powers - inner) / weight_sum).max(LEAST_PART * *variance);
+        let mut references = vec![0.0; inputs];
+        if self.noisy {
+            (0..inputs).for_each(|i| shared[i * inputs + i] += 1e-12 * sizes[i]);
+            references = non_negative(&shared, &right);
+        }
+        let response = |(output, (weight_sum, sums, powers)): (usize, (f64, Vec<f64>, f64))| {
+            let inner: f64 = sums.iter().zip(&references).map(|(sum, reference)| sum * reference).sum();
+            ((powers - inner) / weight_sum).max(LEAST_PART * variances.responses[output]).max(self.least[output])
+        };
+        Variances { responses: own.into_iter().enumerate().map(response).collect(), references }
     }
 }
 
@@ -311,20 +384,9 @@ pub(crate) fn normalised(run: &Run, found: &RunFit) -> Normalised {
 
 /// Returns −2 ln L of a fit with the variances that follow from its own residuals: Σ 2 (ln v + |e|²/v).
 pub(crate) fn likelihood(problem: &Problem, fit: &Fit) -> f64 {
-    let mut sum = 0.0;
-    for (run, found) in problem.runs.iter().zip(&fit.runs) {
-        let (gains, inputs) = (gains(found), run.inputs());
-        let variances = variances(run, found, &gains);
-        let residuals = Residuals { found };
-        for output in 0..run.outputs() {
-            let gain: Vec<Vec<f64>> =
-                (0..inputs).map(|input| powers(&gains, output * inputs + input, run.grid.lines())).collect();
-            for line in 0..run.grid.lines() {
-                let inner: f64 = variances.references.iter().zip(&gain).map(|(v, gain)| v * gain[line]).sum();
-                let variance = variances.responses[output] + inner;
-                sum += 2.0 * (libm::log(variance) + residuals.value(output, line).norm_sqr() / variance);
-            }
-        }
-    }
-    sum
+    let of_run = |(run, found): (&Run, &RunFit)| {
+        let regression = Regression::new(run, found, &gains(found));
+        2.0 * regression.likelihood(&regression.variances(run.inputs()))
+    };
+    problem.runs.iter().zip(&fit.runs).map(of_run).sum()
 }

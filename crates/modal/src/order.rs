@@ -104,23 +104,33 @@ pub(crate) fn select(
             fit = problem.minimise(&fit.poles, WEIGHTED);
         }
     }
-    fit = leave_out(problem, fit.poles, band)?;
-    if weighted {
-        // The weights so far come from fits that were far from the end, or had false poles.
-        weigh(problem, &fit);
-        fit = problem.minimise(&fit.poles, WEIGHTED);
-    }
+    fit = settle(problem, fit.poles, band, weighted)?;
     for _ in 0..ADDED {
         let Some(better) = add(problem, &fit, band) else { break };
-        fit = better;
-        if weighted {
-            weigh(problem, &fit);
-            fit = problem.minimise(&fit.poles, WEIGHTED);
+        let count = fit.poles.len();
+        fit = settle(problem, better.poles, band, weighted)?;
+        if fit.poles.len() <= count {
+            break;
         }
     }
     let mut poles = if weighted { without_twins(problem, fit) } else { fit.poles };
     poles.sort_by(|a, b| a.im.total_cmp(&b.im));
     Some(poles)
+}
+
+/// Leaves out modes, with new weights after each time, until all stay: weights of a fit that was far from its end, or had a
+/// false pole, can protect one.
+fn settle(problem: &mut Problem, mut poles: Vec<Complex<f64>>, band: Band, weighted: bool) -> Option<Fit> {
+    let mut settled = None;
+    loop {
+        let fit = leave_out(problem, poles, band)?;
+        if !weighted || settled == Some(fit.poles.len()) {
+            return Some(fit);
+        }
+        settled = Some(fit.poles.len());
+        weigh(problem, &fit);
+        poles = fit.poles;
+    }
 }
 
 /// Leaves out modes outside the band, with an uncertain damping ratio, or without gain.

@@ -55,6 +55,21 @@ fn deviations_are_those_of_the_scatter() {
     assert!(bias.len() >= 27 && bias.iter().all(|bias| bias.abs() < 0.1), "{bias:?}");
 }
 
+/// Records in which a plain regression for the variances lets that of a response collapse, and the weights then make up a mode
+/// at the end of the band.
+#[test]
+fn variances_do_not_collapse() {
+    let case = case("noisy force, 1/1.5/2 %");
+    for seed in [52, 66] {
+        let found = identify(&case, seed);
+        assert_eq!(found.modes.len(), 3, "seed {seed}");
+        for channel in found.runs[0].reference_noise.iter().chain(&found.runs[0].response_noise) {
+            assert!((channel.estimated / channel.known.unwrap() - 1.0).abs() < 0.1, "seed {seed}: {channel:?}");
+        }
+        assert!(found.modes.iter().all(|mode| mode.deviations().is_ok()), "seed {seed}");
+    }
+}
+
 /// After a blow the response is a decay, as a transient is: with both in the model, the fit goes wrong.
 #[test]
 fn a_blow_has_no_transient_beside_its_response() {
