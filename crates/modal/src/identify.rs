@@ -50,7 +50,7 @@ pub struct Options {
     pub transient: TransientModel,
     /// Highest order of the stabilisation diagram, 4 to 200; 40 by default.
     pub order: usize,
-    /// Largest number of clusters from which the fit starts, those with the largest share; 24 by default. Modes that have no
+    /// Largest number of clusters from which the fit starts, those with the largest share; 64 by default. Modes that have no
     /// cluster can still be added.
     pub most_clusters: usize,
     /// Where the fit starts; automatically by default.
@@ -68,7 +68,7 @@ impl Options {
             residues: ResidueKind::default(),
             transient: TransientModel::default(),
             order: 40,
-            most_clusters: 24,
+            most_clusters: 64,
             start: Start::default(),
             floor: Floor::default(),
         }
@@ -156,7 +156,8 @@ fn identify(
     let poles = match &options.start {
         Start::Chosen(poles) => poles.clone(),
         Start::Automatic => {
-            let clusters = stabilisation.clusters.iter().take(options.most_clusters);
+            let most = options.most_clusters.min(most_modes(&problem));
+            let clusters = stabilisation.clusters.iter().take(most);
             let mut start: Vec<Complex<f64>> = clusters.map(|cluster| cluster.pole).collect();
             if start.is_empty() {
                 start.extend(largest_peak(&measured.responses, &measured.frequency_hz));
@@ -188,6 +189,12 @@ fn check_lines(problem: &Problem, modes: usize) -> Result<(), ModalError> {
         }
     }
     Ok(())
+}
+
+/// Returns the number of modes from which a fit may start: the unknowns of an output are at most half of its data.
+fn most_modes(problem: &Problem) -> usize {
+    let fits = |modes: usize| problem.runs.iter().all(|run| problem.layout(run, modes).unknowns() <= run.grid.lines());
+    (1..).find(|modes| !fits(*modes)).unwrap_or(1) - 1
 }
 
 /// The last fit: without weights, with weights, and with weights and the most likely references. The residual is judged before

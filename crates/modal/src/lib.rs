@@ -4,8 +4,22 @@
 //! [`spectra`] averages windowed segments into power and cross spectra ([`spectra::CrossSpectra`]) and frequency
 //! responses ([`spectra::FrequencyResponses`]), as a signal analyser does.
 //!
-//! Channels are slices of samples at equal intervals. Units are those of the caller: a force in N and an acceleration in
-//! m/s² give frequency responses in (m/s²)/N and residues in 1/(kg·rad/s).
+//! [`identify_records`] finds the modes of a structure from records of forces and responses, [`identify_responses`] from
+//! measured frequency responses. Both return an [`Identification`]:
+//!
+//! 1. Poles over rising orders, by the poly-reference least-squares complex frequency-domain estimator from averaged frequency
+//!    responses, form a stabilisation diagram; clusters of them are the start.
+//! 2. The whole record's spectra without a window are fitted by maximum likelihood, with common poles, free residues and the
+//!    transient of the record. Averaged frequency responses would be biased by leakage, however good a fit looks.
+//! 3. The likelihood decides on the number of modes.
+//! 4. Weights follow from the noise of responses and forces, which the residuals show.
+//! 5. Every figure has a standard deviation, which counts the noise that all responses have from the force in common. Where
+//!    none can be stated honestly, [`Mode::deviations`] says why.
+//!
+//! [`compare_levels`] tells a nonlinear structure from a linear one by two levels of excitation.
+//!
+//! Channels are slices of samples at equal intervals, and numbers name their degrees of freedom. Units are those of the
+//! caller: with forces in N and accelerations in m/s², shapes are in 1/√kg and modal masses in kg.
 //!
 //! `no_std`: no clock, no thread, no file, no socket. Transcendental functions are from `libm`, and every sum has a fixed
 //! order, so that results are bit-identical on every machine.

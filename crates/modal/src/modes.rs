@@ -65,9 +65,9 @@ pub enum Doubt {
         /// Deviation over damping ratio, above 0.3.
         ratio: f64,
     },
-    /// The half-power bandwidth has less than one line, and the record is not at rest at its ends.
+    /// The half-power bandwidth has too few lines, and the record is not at rest at its ends.
     TooShort {
-        /// Lines in the bandwidth 2ζf, below 1.
+        /// Lines in the bandwidth 2ζf, below 0.3.
         lines: f64,
     },
     /// The noise of a reference is a large part of its power near the mode, so that deviations to first order don't hold.

@@ -130,6 +130,7 @@ pub fn cases() -> Vec<Case> {
         noisy("noisy force, 1/1.5/2 %", three([0.01, 0.015, 0.02]), 10.0, Force::Random(5.0)),
         noisy("noisy force, 10 %", same(0.1), 10.0, Force::Random(5.0)),
         noisy("noisy force, 0.1 %", same(0.001), 10.0, Force::Random(5.0)),
+        noisy("noisy force, 0.1 %, 5 s", same(0.001), 5.0, Force::Random(5.0)),
         noisy("noisy force, 50 and 51 Hz", pair(1.0, 0.01), 10.0, Force::Random(5.0)),
         noisy("blow, 2 %", same(0.02), 8.0, Force::Blow(300.0)),
     ]
