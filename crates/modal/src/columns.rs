@@ -135,6 +135,16 @@ pub(crate) fn residual(
     found
 }
 
+/// Writes weight · Σ coefficient · column to `target`.
+pub(crate) fn combine(columns: &[&[Lane]], coefficients: &[f64], weights: Option<&[Lane]>, target: &mut [Lane]) {
+    four_wide(Combine { columns, coefficients, weights, target });
+}
+
+/// Adds conj(gain) · column to `target`, line by line; each as real and imaginary parts.
+pub(crate) fn add_conjugate_product(target: [&mut [Lane]; 2], gain: [&[Lane]; 2], column: [&[Lane]; 2]) {
+    four_wide(ConjugateProduct { target, gain, column });
+}
+
 /// [`gram`] as a task; only the upper triangle is filled.
 struct Gram<'a> {
     columns: &'a [&'a [Lane]],
@@ -249,6 +259,61 @@ impl Task for Rest<'_> {
             for j in (0..size[1]).step_by(COLUMNS) {
                 let right = [0, 1, 2, 3].map(|k| &self.columns[(j + k).min(size[1] - 1)][block.clone()]);
                 add_tile(&mut self.found.products, size, [0, j], tile([&*weighted], right));
+            }
+        }
+    }
+}
+
+/// [`combine`] as a task.
+struct Combine<'a> {
+    columns: &'a [&'a [Lane]],
+    coefficients: &'a [f64],
+    weights: Option<&'a [Lane]>,
+    target: &'a mut [Lane],
+}
+
+impl Task for Combine<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for start in (0..self.target.len()).step_by(BLOCK) {
+            let block = start..(start + BLOCK).min(self.target.len());
+            let target = &mut self.target[block.clone()];
+            target.fill([0.0; LANES]);
+            for (column, coefficient) in self.columns.iter().zip(self.coefficients) {
+                for (target, value) in target.iter_mut().zip(&column[block.clone()]) {
+                    (0..LANES).for_each(|lane| target[lane] += coefficient * value[lane]);
+                }
+            }
+            if let Some(weights) = self.weights {
+                for (target, weight) in target.iter_mut().zip(&weights[block]) {
+                    (0..LANES).for_each(|lane| target[lane] *= weight[lane]);
+                }
+            }
+        }
+    }
+}
+
+/// [`add_conjugate_product`] as a task.
+struct ConjugateProduct<'a> {
+    target: [&'a mut [Lane]; 2],
+    gain: [&'a [Lane]; 2],
+    column: [&'a [Lane]; 2],
+}
+
+impl Task for ConjugateProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [re, im] = self.target;
+        let gain = self.gain[0].iter().zip(self.gain[1]);
+        let column = self.column[0].iter().zip(self.column[1]);
+        for (((re, im), (a, b)), (c, d)) in re.iter_mut().zip(im).zip(gain).zip(column) {
+            for lane in 0..LANES {
+                re[lane] += a[lane] * c[lane] + b[lane] * d[lane];
+                im[lane] += a[lane] * d[lane] - b[lane] * c[lane];
             }
         }
     }

@@ -16,7 +16,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::columns::{Columns, LANES, Lane, gram, products};
+use crate::columns::{Columns, Lane, add_conjugate_product, combine, gram, products};
 use crate::fit::{Fit, Problem, RunFit};
 use crate::model::Layout;
 use crate::noise::{Variances, gains};
@@ -79,7 +79,6 @@ impl Covariance {
     /// poles in common, which each run's noise has moved.
     fn joint(&self, x: &Spread, y: &Spread, own: Block, same_run: bool) -> Block {
         let size = x.sensitivity[0].len();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut block = [[0.0; 2]; 2];
         for i in 0..2 {
             for j in 0..2 {
@@ -131,7 +130,7 @@ fn uniform(run: &Run, found: &RunFit) -> Vec<Vec<Vec<Spread>>> {
                 for (j, column) in unknowns.clone().enumerate() {
                     let mut unit = vec![0.0; layout.unknowns()];
                     unit[column] = variance;
-                    found.sums(output).solve(&mut unit);
+                    found.solve(found.group(output), &mut unit);
                     unknowns.clone().enumerate().for_each(|(i, row)| own[skipped + i][skipped + j] = unit[row]);
                 }
                 Spread {
@@ -159,7 +158,8 @@ fn rows(sensitivity: &[f64], layout: &Layout, reference: usize, mode: usize) -> 
     }
 }
 
-/// A run with weights.
+/// A run with weights. With P = w (B − A A⁺B) the error of the poles is, from the own noise of output o, P Cₒ with the small
+/// matrix Cₒ = Sₒ H⁻¹/vₒ.
 struct Weighted<'a> {
     run: &'a Run,
     found: &'a RunFit,
@@ -167,55 +167,90 @@ struct Weighted<'a> {
     gains: Columns,
     /// A⁺D of each output.
     sensitivities: Vec<Vec<f64>>,
-    /// For each output the columns z of δp from its own noise.
-    own: Vec<Columns>,
+    /// Columns P of each group of outputs with the same weights.
+    perpendicular: Vec<Columns>,
+    /// Cₒ of each output, by columns.
+    pole_coefficients: Vec<Vec<Vec<f64>>>,
     /// For each reference the columns z of δp from its noise.
     common: Vec<Columns>,
+}
+
+/// Errors A⁺e of a residue in a group of outputs with the same weights.
+struct ResidueErrors {
+    /// Columns z for the real and the imaginary part.
+    columns: Columns,
+    /// Sums of their products with P, by rows.
+    with_poles: Vec<f64>,
 }
 
 impl<'a> Weighted<'a> {
     /// Prepares the columns of the errors of the poles; `inverse` is H⁻¹ by rows.
     fn new(run: &'a Run, found: &'a RunFit, variances: &'a Variances, inverse: &[f64]) -> Weighted<'a> {
         let layout = &found.layout;
-        let (size, lines) = (2 * layout.modes, run.grid.lines());
-        let gains = gains(found);
-        let sensitivities: Vec<Vec<f64>> = (0..run.outputs()).map(|output| found.sensitivity(output)).collect();
-        let mut common = vec![Columns::zeros(lines, size); run.inputs()];
-        let mut own = Vec::new();
-        for (output, sensitivity) in sensitivities.iter().enumerate() {
-            let by_variance = 1.0 / found.variance(run, output).max(f64::MIN_POSITIVE);
-            let mut columns = Columns::zeros(lines, size);
-            for column in 0..size {
-                // J H⁻¹/v = (B S − A A⁺D) H⁻¹/v, as coefficients of the columns A and B.
-                let pole = |row: usize| by_variance * inverse[row * size + column];
-                let mut coefficients = vec![0.0; layout.unknowns() + layout.slopes()];
-                for (unknown, row) in sensitivity.chunks_exact(size).enumerate() {
-                    coefficients[unknown] = -row.iter().enumerate().map(|(k, t)| t * pole(k)).sum::<f64>();
+        let (size, slopes, lines) = (2 * layout.modes, layout.slopes(), run.grid.lines());
+        let all: Vec<&[Lane]> = found.columns.iter().collect();
+        let perpendicular: Vec<Columns> = (0..found.groups())
+            .map(|group| {
+                let mut columns = Columns::zeros(lines, slopes);
+                for slope in 0..slopes {
+                    let mut coefficients = vec![0.0; layout.unknowns() + slopes];
+                    let known = found.explained(group).iter().skip(slope).step_by(slopes);
+                    coefficients.iter_mut().zip(known).for_each(|(coefficient, known)| *coefficient = -known);
+                    coefficients[layout.unknowns() + slope] = 1.0;
+                    combine(&all, &coefficients, run.weights_of(group), columns.column_mut(slope));
                 }
+                columns
+            })
+            .collect();
+        let gains = gains(found);
+        let mut common = vec![Columns::zeros(lines, size); run.inputs()];
+        let mut pole_coefficients = Vec::new();
+        let mut error = Columns::zeros(lines, 1);
+        for (output, fit) in found.outputs.iter().enumerate() {
+            let by_variance = 1.0 / found.variance(run, output).max(f64::MIN_POSITIVE);
+            let part: Vec<&[Lane]> = perpendicular[found.group(output)].iter().collect();
+            let mut of_output = Vec::new();
+            for column in 0..size {
+                let pole = |row: usize| by_variance * inverse[row * size + column];
+                let mut coefficients = vec![0.0; slopes];
                 for mode in 0..layout.modes {
                     let [re, im] = [pole(2 * mode), pole(2 * mode + 1)];
-                    for (place, [x, y]) in layout.slopes_of(mode, &found.outputs[output].unknowns) {
-                        coefficients[layout.unknowns() + place] += x * re - y * im;
-                        coefficients[layout.unknowns() + place + 1] += y * re + x * im;
+                    for (place, [x, y]) in layout.slopes_of(mode, &fit.unknowns) {
+                        coefficients[place] += x * re - y * im;
+                        coefficients[place + 1] += y * re + x * im;
                     }
                 }
-                let target = columns.column_mut(column);
-                combine(&found.columns, &coefficients, run.weights.column(output), target);
-                for (input, common) in common.iter_mut().enumerate() {
-                    let gain = gains.parts(output * run.inputs() + input);
-                    add_conjugate_product(common.parts_mut(column), gain, columns.parts(column));
+                if variances.references.iter().any(|variance| *variance > 0.0) {
+                    combine(&part, &coefficients, None, error.column_mut(0));
+                    for (input, common) in common.iter_mut().enumerate() {
+                        let gain = gains.parts(output * run.inputs() + input);
+                        add_conjugate_product(common.parts_mut(column), gain, error.parts(0));
+                    }
                 }
+                of_output.push(coefficients);
             }
-            own.push(columns);
+            pole_coefficients.push(of_output);
         }
-        Weighted { run, found, variances, gains, sensitivities, own, common }
+        let sensitivities = (0..run.outputs()).map(|output| found.sensitivity(output)).collect();
+        Weighted { run, found, variances, gains, sensitivities, perpendicular, pole_coefficients, common }
     }
 
     /// Covariance of the poles from the noise of this run.
     fn poles(&self) -> Vec<f64> {
-        let mut sum = vec![0.0; 4 * self.found.layout.modes * self.found.layout.modes];
-        let own = self.own.iter().zip(&self.variances.responses);
-        for (columns, variance) in own.chain(self.common.iter().zip(&self.variances.references)) {
+        let size = 2 * self.found.layout.modes;
+        let mut sum = vec![0.0; size * size];
+        let squares: Vec<Vec<f64>> =
+            self.perpendicular.iter().map(|columns| gram(&columns.iter().collect::<Vec<_>>(), None)).collect();
+        for (output, coefficients) in self.pole_coefficients.iter().enumerate() {
+            let square = &squares[self.found.group(output)];
+            for (column, right) in coefficients.iter().enumerate() {
+                let product: Vec<f64> = square.chunks_exact(right.len()).map(|row| dot(row, right)).collect();
+                for (row, left) in coefficients.iter().enumerate() {
+                    sum[row * size + column] += 0.5 * self.variances.responses[output] * dot(left, &product);
+                }
+            }
+        }
+        for (columns, variance) in self.common.iter().zip(&self.variances.references) {
             let part = gram(&columns.iter().collect::<Vec<_>>(), None);
             sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += 0.5 * variance * part);
         }
@@ -234,30 +269,40 @@ impl<'a> Weighted<'a> {
                 Pairs::Each(_) => None,
             };
             for mode in 0..layout.modes {
-                let columns: Vec<Columns> =
-                    (0..self.run.outputs()).map(|output| self.residue_columns(output, reference, mode)).collect();
-                for (output, own) in columns.iter().enumerate() {
-                    let spread =
-                        self.spread([output, reference, mode], own, drive.map(|drive| (drive, &columns[drive])));
-                    all[output][reference].push(spread);
+                let errors: Vec<ResidueErrors> =
+                    (0..self.found.groups()).map(|group| self.residue_errors(group, reference, mode)).collect();
+                let of = |output: usize| &errors[self.found.group(output)];
+                // The error at the driving point from the noise of each reference.
+                let driven: Vec<Columns> = drive.map_or_else(Vec::new, |drive| {
+                    (0..self.run.inputs()).map(|input| self.through(drive, input, &of(drive).columns)).collect()
+                });
+                for (output, spreads) in all.iter_mut().enumerate() {
+                    let mut spread = self.spread(output, of(output), &driven);
+                    if drive == Some(output) {
+                        spread.with_drive = spread.own;
+                    }
+                    spread.sensitivity = rows(&self.sensitivities[output], layout, reference, mode);
+                    spreads[reference].push(spread);
                 }
             }
         }
         all
     }
 
-    /// Columns z of A⁺e for the real and the imaginary part of a residue.
-    fn residue_columns(&self, output: usize, reference: usize, mode: usize) -> Columns {
+    fn residue_errors(&self, group: usize, reference: usize, mode: usize) -> ResidueErrors {
         let layout = &self.found.layout;
         let unknowns = layout.residue(reference, mode);
+        let all: Vec<&[Lane]> = self.found.columns.iter().collect();
         let mut columns = Columns::zeros(self.run.grid.lines(), 2);
         for (part, unknown) in (2 - unknowns.len()..2).zip(unknowns) {
             let mut coefficients = vec![0.0; layout.unknowns()];
             coefficients[unknown] = 1.0;
-            self.found.sums(output).solve(&mut coefficients);
-            combine(&self.found.columns, &coefficients, self.run.weights.column(output), columns.column_mut(part));
+            self.found.solve(group, &mut coefficients);
+            combine(&all, &coefficients, self.run.weights_of(group), columns.column_mut(part));
         }
-        columns
+        let poles: Vec<&[Lane]> = self.perpendicular[group].iter().collect();
+        let with_poles = products(&columns.iter().collect::<Vec<_>>(), &poles);
+        ResidueErrors { columns, with_poles }
     }
 
     /// Columns of an output's error as the noise of a reference makes it.
@@ -270,43 +315,38 @@ impl<'a> Weighted<'a> {
         found
     }
 
-    fn spread(
-        &self,
-        [output, reference, mode]: [usize; 3],
-        columns: &Columns,
-        drive: Option<(usize, &Columns)>,
-    ) -> Spread {
-        let all: Vec<&[Lane]> = columns.iter().collect();
+    /// Spread of a residue without its sensitivity. `driven` are the columns of the error at the driving point.
+    fn spread(&self, output: usize, errors: &ResidueErrors, driven: &[Columns]) -> Spread {
         let size = 2 * self.found.layout.modes;
         let (mut own, mut with_drive) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
-        let mut with_poles = [vec![0.0; size], vec![0.0; size]];
-        let mut add_poles = |columns: &[&[Lane]], poles: &Columns, variance: f64| {
-            let sums = products(columns, &poles.iter().collect::<Vec<_>>());
-            for (target, row) in with_poles.iter_mut().zip(sums.chunks_exact(size)) {
-                target.iter_mut().zip(row).for_each(|(target, sum)| *target += 0.5 * variance * sum);
-            }
-        };
+        let all: Vec<&[Lane]> = errors.columns.iter().collect();
         let half = 0.5 * self.variances.responses[output];
         add_block(&mut own, &products(&all, &all), half);
-        add_poles(&all, &self.own[output], self.variances.responses[output]);
-        if drive.is_some_and(|(drive, _)| drive == output) {
-            add_block(&mut with_drive, &products(&all, &all), half);
-        }
+        let slopes = self.found.layout.slopes();
+        let mut with_poles = [0, 1].map(|part| {
+            let row = &errors.with_poles[part * slopes..(part + 1) * slopes];
+            self.pole_coefficients[output]
+                .iter()
+                .map(|coefficients| half * dot(row, coefficients))
+                .collect::<Vec<f64>>()
+        });
         for (input, variance) in self.variances.references.iter().enumerate() {
             if *variance == 0.0 {
                 continue;
             }
-            let through = self.through(output, input, columns);
+            let through = self.through(output, input, &errors.columns);
             let through: Vec<&[Lane]> = through.iter().collect();
             add_block(&mut own, &products(&through, &through), 0.5 * variance);
-            add_poles(&through, &self.common[input], *variance);
-            if let Some((drive, columns)) = drive {
-                let driven = self.through(drive, input, columns);
-                add_block(&mut with_drive, &products(&through, &driven.iter().collect::<Vec<_>>()), 0.5 * variance);
+            let sums = products(&through, &self.common[input].iter().collect::<Vec<_>>());
+            for (target, row) in with_poles.iter_mut().zip(sums.chunks_exact(size)) {
+                target.iter_mut().zip(row).for_each(|(target, sum)| *target += 0.5 * variance * sum);
+            }
+            if let Some(driven) = driven.get(input) {
+                let sums = products(&through, &driven.iter().collect::<Vec<_>>());
+                add_block(&mut with_drive, &sums, 0.5 * variance);
             }
         }
-        let sensitivity = rows(&self.sensitivities[output], &self.found.layout, reference, mode);
-        Spread { own, with_drive, with_poles, sensitivity }
+        Spread { own, with_drive, with_poles, sensitivity: [Vec::new(), Vec::new()] }
     }
 }
 
@@ -315,27 +355,6 @@ fn add_block(block: &mut Block, sums: &[f64], factor: f64) {
     block.as_flattened_mut().iter_mut().zip(sums).for_each(|(value, sum)| *value += factor * sum);
 }
 
-/// Writes weight · Σ coefficient · column to `target`.
-fn combine(columns: &Columns, coefficients: &[f64], weights: &[Lane], target: &mut [Lane]) {
-    target.fill([0.0; LANES]);
-    for (column, coefficient) in columns.iter().zip(coefficients) {
-        for (target, value) in target.iter_mut().zip(column) {
-            (0..LANES).for_each(|lane| target[lane] += coefficient * value[lane]);
-        }
-    }
-    for (target, weight) in target.iter_mut().zip(weights) {
-        (0..LANES).for_each(|lane| target[lane] *= weight[lane]);
-    }
-}
-
-/// Adds conj(gain) · column, line by line.
-fn add_conjugate_product(target: [&mut [Lane]; 2], gain: [&[Lane]; 2], column: [&[Lane]; 2]) {
-    let [re, im] = target;
-    for n in 0..re.len() {
-        for lane in 0..LANES {
-            let (a, b) = ([gain[0][n][lane], gain[1][n][lane]], [column[0][n][lane], column[1][n][lane]]);
-            re[n][lane] += a[0] * b[0] + a[1] * b[1];
-            im[n][lane] += a[0] * b[1] - a[1] * b[0];
-        }
-    }
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -25,7 +25,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 
 use crate::cholesky::Cholesky;
-use crate::columns::{Columns, Lane, gram, products, residual};
+use crate::columns::{Columns, Lane, combine, gram, products, residual};
 use crate::complex::magnitude;
 use crate::model::{Layout, ResidueKind};
 use crate::run::Run;
@@ -60,7 +60,7 @@ pub(crate) struct Problem {
 
 /// Sums of products for the outputs that have the same weights.
 #[derive(Clone, Debug)]
-pub(crate) struct Sums {
+struct Sums {
     /// G over all columns, those of A first.
     gram: Vec<f64>,
     columns: usize,
@@ -92,7 +92,7 @@ pub(crate) struct RunFit {
     pub gain: [Columns; 2],
     /// Columns A and B.
     pub columns: Columns,
-    /// One if the outputs have no weights, else one for each output.
+    /// One if the outputs have the same weights, else one for each output.
     sums: Vec<Sums>,
     pub outputs: Vec<Output>,
 }
@@ -121,8 +121,28 @@ impl RunFit {
         self.outputs[output].square / self.freedom(run)
     }
 
-    pub fn sums(&self, output: usize) -> &Sums {
-        &self.sums[if self.sums.len() > 1 { output } else { 0 }]
+    /// Number of groups of outputs with the same weights.
+    pub fn groups(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// Group of an output.
+    pub fn group(&self, output: usize) -> usize {
+        if self.sums.len() > 1 { output } else { 0 }
+    }
+
+    fn sums(&self, output: usize) -> &Sums {
+        &self.sums[self.group(output)]
+    }
+
+    /// Overwrites b by G_AA⁻¹ b of a group.
+    pub fn solve(&self, group: usize, b: &mut [f64]) {
+        self.sums[group].factor.solve(b);
+    }
+
+    /// A⁺ B of a group by rows.
+    pub fn explained(&self, group: usize) -> &[f64] {
+        &self.sums[group].sensitivity
     }
 
     /// S of an output: for each pole, the places of pairs of columns of B and their coefficients.
@@ -192,11 +212,6 @@ impl Sums {
         }
         Sums { gram, columns, factor, schur, sensitivity }
     }
-
-    /// Overwrites b by G_AA⁻¹ b.
-    pub fn solve(&self, b: &mut [f64]) {
-        self.factor.solve(b);
-    }
 }
 
 /// Σ over the pairs of (x p + y q) and (x q − y p) of a row: its products with the derivatives of a pole.
@@ -262,9 +277,14 @@ impl Problem {
         let gain = run.grid.gain_columns(poles, self.residues);
         let columns = run.grid.columns(poles, &run.references, &layout, &gain);
         let all: Vec<&[Lane]> = columns.iter().collect();
-        let (sums, right): (Vec<Sums>, Vec<Vec<f64>>) = if run.weights.count() == 0 {
-            let sums = Sums::new(gram(&all, None), all.len(), layout.unknowns());
-            let targets: Vec<&[Lane]> = run.responses.iter().collect();
+        let (sums, right): (Vec<Sums>, Vec<Vec<f64>>) = if run.weights.count() <= 1 {
+            let weights = run.weights_of(0);
+            let sums = Sums::new(gram(&all, weights), all.len(), layout.unknowns());
+            let mut weighted = Columns::zeros(run.grid.lines(), run.outputs());
+            for (output, target) in run.responses.iter().enumerate() {
+                combine(&[target], &[1.0], weights, weighted.column_mut(output));
+            }
+            let targets: Vec<&[Lane]> = weighted.iter().collect();
             let flat = products(&all[..layout.unknowns()], &targets);
             let right = |output: usize| flat.iter().skip(output).step_by(targets.len()).copied().collect();
             (vec![sums], (0..targets.len()).map(right).collect())
@@ -325,13 +345,13 @@ impl Problem {
 fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: &Sums, right: Vec<f64>) -> Output {
     let mut unknowns = right;
     let count = unknowns.len();
-    sums.solve(&mut unknowns);
+    sums.factor.solve(&mut unknowns);
     let power: f64 = residual(target, &[], &[], weights).square;
     let mut found = residual(target, all, &unknowns, weights);
     for attempt in 0..CORRECTIONS {
         let products = &found.products[..count];
         let mut correction = products.to_vec();
-        sums.solve(&mut correction);
+        sums.factor.solve(&mut correction);
         let gain: f64 = correction.iter().zip(products).map(|(change, product)| change * product).sum();
         unknowns.iter_mut().zip(&correction).for_each(|(unknown, change)| *unknown += change);
         if gain <= LEAST_CORRECTION * found.square || attempt == CORRECTIONS - 1 {

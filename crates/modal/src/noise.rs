@@ -29,6 +29,8 @@ use crate::run::Run;
 const ROUNDS: usize = 15;
 /// A variance falls at most to this part in a round.
 const LEAST_PART: f64 = 1e-3;
+/// Most outputs of a run that have their own weights.
+const OWN_WEIGHTS: usize = 8;
 /// Least part of a step, and least change of the likelihood.
 const LEAST_STEP: f64 = 1e-3;
 const LEAST_CHANGE: f64 = 1e-6;
@@ -253,18 +255,33 @@ impl Columns {
     }
 }
 
-/// Sets the weights 1/(σₒ² + Σᵢ |Gₒᵢ|² σᵢ²) of a run.
+/// Sets the weights of a run: 1/(σₒ² + Σᵢ |Gₒᵢ|² σᵢ²) for each output, or for many outputs the same for all, 1/⟨1 + Σᵢ |Gₒᵢ|²
+/// σᵢ²/σₒ²⟩ with the mean over the outputs. One matrix of sums then serves all outputs, where each would need its own. The
+/// covariance holds for any weights.
 fn set_weights(run: &mut Run, gains: &Columns, variances: &Variances) {
-    let (lines, inputs) = (run.grid.lines(), run.inputs());
-    let mut weights = Columns::zeros(lines, run.outputs());
-    for output in 0..run.outputs() {
+    let (lines, inputs, outputs) = (run.grid.lines(), run.inputs(), run.outputs());
+    let total = |output: usize| {
         let mut total = vec![variances.responses[output]; lines];
         for (input, variance) in variances.references.iter().enumerate() {
             let powers = powers(gains, output * inputs + input, lines);
             total.iter_mut().zip(powers).for_each(|(total, power)| *total += variance * power);
         }
-        let values: Vec<Complex<f64>> = total.iter().map(|total| Complex::new(1.0 / total, 1.0 / total)).collect();
-        weights.set(output, &values);
+        total
+    };
+    let columns: Vec<Vec<f64>> = if outputs > OWN_WEIGHTS {
+        let mut mean = vec![0.0; lines];
+        for output in 0..outputs {
+            let scale = 1.0 / (outputs as f64 * variances.responses[output]);
+            mean.iter_mut().zip(total(output)).for_each(|(mean, total)| *mean += scale * total);
+        }
+        vec![mean]
+    } else {
+        (0..outputs).map(total).collect()
+    };
+    let mut weights = Columns::zeros(lines, columns.len());
+    for (index, totals) in columns.iter().enumerate() {
+        let values: Vec<Complex<f64>> = totals.iter().map(|total| Complex::new(1.0 / total, 1.0 / total)).collect();
+        weights.set(index, &values);
     }
     run.weights = weights;
 }

@@ -94,7 +94,7 @@ pub(crate) struct Run {
     pub responses: Columns,
     /// Variances of noise, from which the weights come; `None` while there are no weights.
     pub noise: Option<Variances>,
-    /// Weights of the squared residuals of each response; none while all are 1.
+    /// Weights of the squared residuals of each response, or one column for all; none while all are 1.
     pub weights: Columns,
     pub transient: bool,
     /// Degrees of freedom of references and responses. In a set of frequency responses each output has its own reference.
@@ -246,7 +246,11 @@ impl Run {
 
     /// Weights of an output, if there are any.
     pub fn weights_of(&self, output: usize) -> Option<&[Lane]> {
-        (self.weights.count() > 0).then(|| self.weights.column(output))
+        match self.weights.count() {
+            0 => None,
+            1 => Some(self.weights.column(0)),
+            _ => Some(self.weights.column(output)),
+        }
     }
 
     /// Discards weights and corrections: the spectra are those that were measured.
