@@ -157,7 +157,7 @@ impl RunFit {
         let coefficients = self.coefficients(output);
         let mut found = Vec::new();
         for row in sums.sensitivity.chunks_exact(slopes.max(1)) {
-            found.extend(coefficients.iter().flat_map(|pairs| combine(row, pairs)));
+            found.extend(coefficients.iter().flat_map(|pairs| pole_products(row, pairs)));
         }
         found
     }
@@ -215,7 +215,7 @@ impl Sums {
 }
 
 /// Σ over the pairs of (x p + y q) and (x q − y p) of a row: its products with the derivatives of a pole.
-fn combine(row: &[f64], pairs: &[(usize, [f64; 2])]) -> [f64; 2] {
+fn pole_products(row: &[f64], pairs: &[(usize, [f64; 2])]) -> [f64; 2] {
     let mut sums = [0.0; 2];
     for (place, [x, y]) in pairs {
         let (p, q) = (row[*place], row[place + 1]);
@@ -252,18 +252,18 @@ impl Problem {
                 let rows: Vec<Vec<f64>> = sums
                     .schur
                     .chunks_exact(slopes.max(1))
-                    .map(|row| coefficients.iter().flat_map(|pairs| combine(row, pairs)).collect())
+                    .map(|row| coefficients.iter().flat_map(|pairs| pole_products(row, pairs)).collect())
                     .collect();
                 for column in 0..size {
                     let column_values: Vec<f64> = rows.iter().map(|row| row[column]).collect();
                     for (pole, pairs) in coefficients.iter().enumerate() {
-                        for (k, value) in combine(&column_values, pairs).into_iter().enumerate() {
+                        for (k, value) in pole_products(&column_values, pairs).into_iter().enumerate() {
                             fit.information[(2 * pole + k) * size + column] += value * by_variance;
                         }
                     }
                 }
                 for (pole, pairs) in coefficients.iter().enumerate() {
-                    for (k, value) in combine(&output.slopes, pairs).into_iter().enumerate() {
+                    for (k, value) in pole_products(&output.slopes, pairs).into_iter().enumerate() {
                         fit.gradient[2 * pole + k] += value * by_variance;
                     }
                 }

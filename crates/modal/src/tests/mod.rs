@@ -6,7 +6,6 @@ mod levels;
 mod reference;
 mod scatter;
 mod spectra;
-mod speed;
 mod surveys;
 
 use nalgebra::Complex;
