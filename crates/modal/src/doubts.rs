@@ -29,11 +29,18 @@ pub(crate) fn doubt(
     excess: Option<Excess>,
 ) {
     let mut common: Vec<Doubt> = Vec::new();
-    for channel in reports.iter().flat_map(|report| report.reference_noise.iter().chain(&report.response_noise)) {
-        if let Some(known) = channel.known
-            && channel.estimated > ABOVE_NOISE * known
-        {
-            common.push(Doubt::AboveInstrument { dof: channel.dof, ratio: channel.estimated / known });
+    for report in reports {
+        let references = report.reference_noise.iter().map(|channel| (channel, true));
+        for (channel, is_reference) in references.chain(report.response_noise.iter().map(|channel| (channel, false))) {
+            if let Some(known) = channel.known
+                && channel.estimated > ABOVE_NOISE * known
+            {
+                common.push(Doubt::AboveInstrument {
+                    dof: channel.dof,
+                    is_reference,
+                    ratio: channel.estimated / known,
+                });
+            }
         }
     }
     if let Some(Excess { frequency_hz, ratio }) = excess {

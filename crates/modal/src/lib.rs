@@ -53,7 +53,7 @@ pub use identify::{Options, Start, identify_records, identify_responses};
 pub use model::{Quantity, ResidueKind};
 pub use modes::{
     ChannelNoise, Component, Doubt, Floor, Identification, Mode, PoleDeviations, ResidualTerms, Residue, RunReport,
-    Shape, Warning, assurance,
+    Shape, Warning, assurance, normal,
 };
 pub use run::{Band, Channel, Record, ResponseFunction, TransientModel};
 pub use start::{Cluster, OrderPoles, Stabilisation};

@@ -20,16 +20,28 @@ const LEAST_POINTS: usize = 3;
 /// Systematic errors of the instruments, as parts of each value; they are added to the deviations (root of the sum of
 /// squares). All 0 by default.
 ///
-/// A force that a converter holds between its samples has images above half the sample rate. With a converter of five
-/// integrators (sinc⁵), frequencies were right to 2.5e-8 and damping ratios to 5e-7; shapes to about 3 (f/(fs − f))⁶.
+/// A force that is held between its samples has images above half the sample rate, which the readings fold onto the band. Of
+/// converters with N integrators (sincᴺ) the share of an image at fs − f is (f/(fs − f))ᴺ⁺¹: with N = 5, frequencies were right to
+/// 2.5e-8 and damping ratios to 5e-7; residues and shapes to about 3 (f/(fs − f))⁶.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Floor {
     /// Relative error of natural frequencies.
     pub frequency: f64,
     /// Relative error of damping ratios.
     pub damping_ratio: f64,
-    /// Relative error of residues and shapes.
+    /// Relative error of residues and shapes, multiplied by (f/(fs − f)) to the power `image_order`, with f the frequency of the
+    /// mode and fs the sample rate. Frequency responses have no sample rate: there the power must be 0.
     pub shape: f64,
+    /// That power; 0 for an error that does not depend on the frequency.
+    pub image_order: u8,
+}
+
+impl Floor {
+    /// Relative error of residues and shapes at a frequency.
+    fn shape_at(&self, frequency_hz: f64, rate_hz: f64) -> f64 {
+        let share = frequency_hz / (rate_hz - frequency_hz);
+        (0..self.image_order).fold(self.shape, |floor, _| floor * share)
+    }
 }
 
 /// Standard deviations of a pole.
@@ -50,6 +62,8 @@ pub enum Doubt {
     AboveInstrument {
         /// Degree of freedom of the channel.
         dof: usize,
+        /// Whether the channel is a reference.
+        is_reference: bool,
         /// Estimated standard deviation of the noise over the known one, above 1.5.
         ratio: f64,
     },
@@ -137,6 +151,9 @@ pub struct Component {
     pub value: Complex<f64>,
     /// Standard deviations of its real and its imaginary part.
     pub deviation: Complex<f64>,
+    /// Covariances of its real part with that of the driving point's component, and of the imaginary parts. The deviation of a
+    /// sum of both components, such as the motion along another direction at the driving point, follows from them.
+    pub with_driving_point: Complex<f64>,
 }
 
 /// A mode shape, scaled to unit modal mass at a driving point: a = 2jωR with the damped frequency ω = Im λ, φ_d = √a_d, φₒ =
@@ -164,8 +181,7 @@ impl Shape {
     /// of their real parts.
     pub fn normal(&self) -> Vec<(usize, f64)> {
         let values: Vec<Complex<f64>> = self.components.iter().map(|component| component.value).collect();
-        let direction = direction(&values);
-        self.components.iter().map(|component| (component.dof, (component.value * direction.conj()).re)).collect()
+        self.components.iter().map(|component| component.dof).zip(normal(&values)).collect()
     }
 }
 
@@ -290,6 +306,13 @@ pub fn assurance(a: &[Complex<f64>], b: &[Complex<f64>]) -> f64 {
     product.norm_sqr() / (power(a) * power(b))
 }
 
+/// Returns the normal shape of complex components: their parts along the principal axis of the shape in the complex plane, with
+/// the sign of their real parts.
+pub fn normal(values: &[Complex<f64>]) -> Vec<f64> {
+    let direction = direction(values);
+    values.iter().map(|value| (value * direction.conj()).re).collect()
+}
+
 /// Returns the modal phase collinearity of a shape, ((Sxx − Syy)² + 4 Sxy²)/(Sxx + Syy)² with the sums of products of real and
 /// imaginary parts.
 fn collinearity(values: &[Complex<f64>]) -> f64 {
@@ -328,17 +351,18 @@ pub(crate) fn modes(problem: &Problem, fit: &Fit, covariance: &Covariance, floor
     (0..fit.poles.len())
         .map(|index| {
             let pole = fit.poles[index];
+            let shape_floor = floor.shape_at(frequency_hz(pole), problem.runs[0].grid.rate_hz);
             let [frequency, damping] = deviations(pole, block(&covariance.poles, fit.poles.len(), index));
             let residues: Vec<Residue> = places
                 .iter()
                 .map(|place| {
                     let [reference, response] = problem.runs[place.run].pairs.dofs(place.output, place.reference);
                     let value = residue(fit, *place, index);
-                    let deviation = spread(covariance.of(*place, index), floor.shape * magnitude(value));
+                    let deviation = spread(covariance.of(*place, index), shape_floor * magnitude(value));
                     Residue { reference, response, run: place.run, value, deviation }
                 })
                 .collect();
-            let shape = shape(problem, fit, covariance, floor, index, &places);
+            let shape = shape(problem, fit, covariance, shape_floor, index, &places);
             Mode {
                 pole,
                 frequency_hz: frequency_hz(pole),
@@ -383,7 +407,7 @@ fn shape(
     problem: &Problem,
     fit: &Fit,
     covariance: &Covariance,
-    floor: &Floor,
+    floor: f64,
     mode: usize,
     places: &[Place],
 ) -> Option<Shape> {
@@ -408,10 +432,17 @@ fn shape(
             continue;
         }
         let value = if dof == driving_point { scale } else { turn * residue(fit, *place, mode) / scale };
-        let block = if dof == driving_point {
-            turned(turn / (scale * 2.0), covariance.of(*drive, mode), turn / (scale * 2.0))
+        // δφ_d = turn/(2 φ_d) δR_d.
+        let of_drive = turn / (scale * 2.0);
+        let (block, common) = if dof == driving_point {
+            let block = turned(of_drive, covariance.of(*drive, mode), of_drive);
+            (block, block)
         } else {
             let (own, other) = (turn / scale, -value / (driven * 2.0) * turn);
+            let (with_own, with_other) = (
+                turned(own, covariance.with_drive(*place, *drive, mode), of_drive),
+                turned(other, covariance.of(*drive, mode), of_drive),
+            );
             let joint = turned(own, covariance.with_drive(*place, *drive, mode), other);
             let parts = [
                 turned(own, covariance.of(*place, mode), own),
@@ -419,11 +450,14 @@ fn shape(
                 joint,
                 [[joint[0][0], joint[1][0]], [joint[0][1], joint[1][1]]],
             ];
-            parts.iter().fold([[0.0; 2]; 2], |sum, part| {
-                [[sum[0][0] + part[0][0], sum[0][1] + part[0][1]], [sum[1][0] + part[1][0], sum[1][1] + part[1][1]]]
-            })
+            (sum_of_blocks(&parts), sum_of_blocks(&[with_own, with_other]))
         };
-        components.push(Component { dof, value, deviation: spread(block, floor.shape * magnitude(value)) });
+        components.push(Component {
+            dof,
+            value,
+            deviation: spread(block, floor * magnitude(value)),
+            with_driving_point: Complex::new(common[0][0], common[1][1]),
+        });
     }
     components.sort_by_key(|component| component.dof);
     let values: Vec<Complex<f64>> = components.iter().map(|component| component.value).collect();
@@ -434,9 +468,15 @@ fn shape(
         driving_point,
         components,
         modal_mass: 1.0 / size,
-        modal_mass_deviation: libm::hypot(libm::sqrt(along.max(0.0)) / size, floor.shape) / size,
+        modal_mass_deviation: libm::hypot(libm::sqrt(along.max(0.0)) / size, floor) / size,
         collinearity: collinearity(&values),
         phase_deviation_deg: phase_deviation_deg(&values),
+    })
+}
+
+fn sum_of_blocks(parts: &[Block]) -> Block {
+    parts.iter().fold([[0.0; 2]; 2], |sum, part| {
+        [[sum[0][0] + part[0][0], sum[0][1] + part[0][1]], [sum[1][0] + part[1][0], sum[1][1] + part[1][1]]]
     })
 }
 

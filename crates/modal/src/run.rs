@@ -14,8 +14,12 @@ use crate::spectra::SpectraError;
 
 /// A record is at rest where the standard deviation is below this part of the peak.
 const REST: f64 = 1e-3;
-/// The first sample of a record at rest whose force begins at once is below this part of the peak.
+/// … or below this many standard deviations of the instrument's noise, if that is more.
+const NOISY_REST: f64 = 1.2;
+/// The first sample of a record at rest whose force begins at once is below this part of the peak, or this many standard
+/// deviations of the noise.
 const FIRST_REST: f64 = 0.03;
+const FIRST_NOISY_REST: f64 = 6.0;
 /// The end of a record is its last 1/`END_PART`, at least `LEAST_END` samples.
 const END_PART: usize = 50;
 const LEAST_END: usize = 20;
@@ -72,7 +76,8 @@ pub struct ResponseFunction<'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TransientModel {
     /// A record that is at rest at both ends has no transient, all others do. Rest is a standard deviation below 0.1 % of
-    /// the peak in the last 2 % of every response, and before the force begins; if that is at once, a first sample below 3 %.
+    /// the peak, or 1.2 times the known noise of the instrument, in the last 2 % of every response, and before the force begins;
+    /// if that is at once, a first sample below 3 % of the peak, or six times the noise.
     #[default]
     Automatic,
     /// Every record has a transient. After an impact it can't be told from the response, which is a decay itself: the poles
@@ -331,12 +336,15 @@ fn rests(record: &Record<'_>) -> bool {
     record.responses.iter().all(|channel| {
         let peak = peak(channel.samples);
         let (quiet, tail) = (&channel.samples[..onset], &channel.samples[samples - end..]);
+        let noise = channel.noise.unwrap_or(0.0);
+        let still = (REST * peak).max(NOISY_REST * noise);
         let begins = if onset < LEAST_QUIET {
-            channel.samples.first().is_some_and(|first| first.abs() < FIRST_REST * peak)
+            let least = (FIRST_REST * peak).max(FIRST_NOISY_REST * noise);
+            channel.samples.first().is_some_and(|first| first.abs() < least)
         } else {
-            deviation(quiet) < REST * peak
+            deviation(quiet) < still
         };
-        begins && deviation(tail) < REST * peak
+        begins && deviation(tail) < still
     })
 }
 

@@ -64,6 +64,18 @@ pub struct Cluster {
     pub share: f64,
 }
 
+/// Returns the radius of a cluster about a pole.
+fn radius(pole: Complex<f64>) -> f64 {
+    (RADIUS * pole.re.abs()).max(LEAST_RADIUS * magnitude(pole))
+}
+
+impl Cluster {
+    /// Returns whether a pole is in the cluster: within 0.35 |Re λ| of its centre, or 0.0002 |λ| if that is more.
+    pub fn contains(&self, pole: Complex<f64>) -> bool {
+        magnitude(pole - self.pole) < radius(self.pole)
+    }
+}
+
 /// A stabilisation diagram: poles of all orders, and clusters of them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stabilisation {
@@ -239,7 +251,6 @@ fn clusters(orders: &[OrderPoles]) -> Vec<Cluster> {
         .filter(|order| order.order >= LEAST_ORDER)
         .flat_map(|order| order.poles.iter().map(|pole| (order.order, *pole)))
         .collect();
-    let radius = |pole: Complex<f64>| (RADIUS * pole.re.abs()).max(LEAST_RADIUS * magnitude(pole));
     let near = |centre: Complex<f64>, pole: Complex<f64>| {
         let radius = radius(centre);
         (pole - centre).norm_sqr() < radius * radius

@@ -245,6 +245,8 @@ pub struct Errors {
     pub frequency: Vec<f64>,
     pub damping: Vec<f64>,
     pub shape: Vec<f64>,
+    /// Of the sum of the driving point's component and each other one, whose errors are not independent.
+    pub sum: Vec<f64>,
     /// Relative errors of the damping ratios, and of the shapes.
     pub damping_part: Vec<f64>,
     pub shape_part: Vec<f64>,
@@ -259,8 +261,14 @@ impl Errors {
             self.damping_part.push(mode.damping_ratio / truth.damping_ratio - 1.0);
             let Some(shape) = &mode.shape else { continue };
             let sign = truth.shape[shape.driving_point].signum();
+            let driving = shape.components.iter().find(|component| component.dof == shape.driving_point);
             for component in &shape.components {
                 let expected = sign * truth.shape[component.dof];
+                if let Some(driving) = driving.filter(|driving| driving.dof != component.dof) {
+                    let sum = component.value.re + driving.value.re - expected - truth.shape[driving.dof].abs();
+                    let variance = component.deviation.re.powi(2) + driving.deviation.re.powi(2);
+                    self.sum.push(sum / (variance + 2.0 * component.with_driving_point.re).sqrt());
+                }
                 self.shape.push((component.value.re - expected) / component.deviation.re);
                 self.shape_part.push(component.value.re / expected - 1.0);
             }

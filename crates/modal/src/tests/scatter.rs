@@ -43,7 +43,9 @@ fn deviations_are_those_of_the_scatter() {
             }
         }
     }
-    for (what, errors) in [("frequency", &all.frequency), ("damping", &all.damping), ("shape", &all.shape)] {
+    for (what, errors) in
+        [("frequency", &all.frequency), ("damping", &all.damping), ("shape", &all.shape), ("sum", &all.sum)]
+    {
         let [mean, deviation] = moments(errors);
         let inside = errors.iter().filter(|z| z.abs() < 2.0).count() as f64 / errors.len() as f64;
         let largest = errors.iter().fold(0.0_f64, |largest, z| largest.max(z.abs()));
