@@ -64,11 +64,15 @@ class Recording:
 
     def column(self, topic, names):
         """Quantities at full rate, a row a sample; the samples must follow each other from 0 without a gap."""
-        rows = []
-        for batch in self.topics[topic]:
-            assert batch.first_step == sum(len(row) for row in rows)
-            rows.append(np.stack([np.array(getattr(batch, name)) for name in names], axis=1))
+        rows = self.batches(topic, names)
+        counts = [len(row) for row in rows]
+        assert [batch.first_step for batch in self.topics[topic]] == [0, *accumulate(counts)][:-1]
         return np.concatenate(rows)
+
+    def batches(self, topic, names):
+        """Quantities at full rate, an array with a row a sample for each batch: between two batches samples may be
+        missing where a run in real time recorded less than it computed, which its report counts."""
+        return [np.stack([np.array(getattr(batch, name)) for name in names], axis=1) for batch in self.topics[topic]]
 
     @cached_property
     def states(self):

@@ -149,7 +149,7 @@ fn what_makes_no_element_is_said() {
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip\"\nstiffness3_n_m3 = 1"), @r#"structure: `tip` is not a place: write point and axis, as in "tip.x""#);
     insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: there is no joint 1: a structure of modes has no joints; name a point and an axis");
     insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip.x\"\nstiffness3_nm_rad3 = 1"), @"structure.elements, number 1: `stiffness3_nm_rad3` has the unit of a joint, and the element is at an axis: give `stiffness3_n_m3`");
-    insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m");
+    insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m, preload_n");
     insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\""), @"structure.elements, number 1: `stiffness_n_m` is missing");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_nm_s_rad = 1"), @"structure.elements, number 1: there is no `damping_nm_s_rad` here, did you mean `damping_n_s_m`?: the keys are stiffness_n_m, damping_n_s_m");
