@@ -23,10 +23,11 @@ use nalgebra::Complex;
 use resonarm_dynamics::structure::{Assembly, Dof, Law, Linear, Parameter};
 use resonarm_numeric::registers::{Task, widest};
 
+use super::dense::dot;
 use super::linear::dynamic_stiffness_solve;
 use super::samples::Samples;
 use super::spectral::{operator, project};
-use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_rest};
+use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, Weights, direction_at_rest};
 use super::{Coordinate, Forced};
 use crate::continuation::System;
 use crate::forced::Component;
@@ -83,27 +84,48 @@ struct Evaluated {
     amplitude: f64,
 }
 
-/// Adds the product of a column of weights and a row to a block of rows.
-struct AddProduct<'a> {
+/// Adds the products of columns of weights and rows to a block of rows.
+struct AddProducts<'a> {
     block: &'a mut [f64],
-    weights: &'a [f64],
-    row: &'a [f64],
+    /// Each product's weights in a column of a block with this many columns, and its row.
+    weights: &'a [[f64; TOGETHER]],
+    rows: &'a [Vec<f64>; TOGETHER],
 }
 
-impl Task for AddProduct<'_> {
+/// Products that are added at once. Each sum has them added in their order, as if they came one by one.
+const TOGETHER: usize = 8;
+
+impl Task for AddProducts<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        for (sums, weight) in self.block.chunks_exact_mut(self.row.len()).zip(self.weights) {
-            sums.iter_mut().zip(self.row).for_each(|(sum, value)| *sum += weight * value);
+        let columns = self.rows[0].len();
+        let rows: [&[f64]; TOGETHER] = core::array::from_fn(|product| &self.rows[product][..columns]);
+        for (sums, weights) in self.block.chunks_exact_mut(columns).zip(self.weights) {
+            for (c, sum) in sums.iter_mut().enumerate() {
+                let mut value = *sum;
+                for (weight, row) in weights.iter().zip(&rows) {
+                    value += weight * row[c];
+                }
+                *sum = value;
+            }
         }
     }
 }
 
-/// Returns the size of the unknowns under a static unit drive: m or rad over N or N·m.
+/// Returns the size of the elements' displacements, or of a chain's coordinates, under a static unit drive: m or rad over N or
+/// N·m.
 pub(super) fn unit_deflection(forced: &Forced) -> f64 {
-    let unknowns = Unknowns::new(forced);
+    unit_size(forced, &Unknowns::by_places(forced, 1))
+}
+
+/// Returns the size of the unknowns under a static unit drive.
+pub(super) fn unit_state(forced: &Forced) -> f64 {
+    unit_size(forced, &Unknowns::new(forced))
+}
+
+fn unit_size(forced: &Forced, unknowns: &Unknowns) -> f64 {
     match &unknowns.body {
         Body::Condensed(condensed) => {
             let mut compliance = Compliance::default();
@@ -211,6 +233,22 @@ impl Balance {
         };
         balance.set_harmonics(harmonics);
         balance
+    }
+
+    /// Returns the balance with the displacements of the elements as unknowns, and a response X in these; `None` if they are
+    /// its unknowns.
+    pub fn by_places(&self, x: &[f64]) -> Option<(Balance, Vec<f64>)> {
+        let unknowns = Unknowns::by_places(&self.forced, self.period());
+        if unknowns.count() == self.unknowns.count() {
+            return None;
+        }
+        let Body::Condensed(condensed) = &unknowns.body else { return None };
+        let displacement = |(q, phi): (&[f64], &Vec<f64>)| dot(q, phi);
+        let rows = x.chunks_exact(self.unknowns.count());
+        let x = rows.flat_map(|q| condensed.places.iter().map(move |phi| displacement((q, phi)))).collect();
+        let mut balance = Balance { samples: Samples::new(&self.forced, &unknowns), unknowns, ..self.clone() };
+        balance.set_harmonics(self.harmonics);
+        Some((balance, x))
     }
 
     /// Changes the number of harmonics H.
@@ -418,37 +456,61 @@ impl Balance {
         let (samples, operator, by_frequency) = (&self.samples, &mut self.operator, &mut self.by_frequency);
         for history in &samples.histories {
             let element = &self.forced.assembly.elements()[history.element];
-            let moves = |i: &usize| (0..count).any(|j| history.direction[j * m + i] != 0.0);
-            let active: Vec<usize> = (0..m).filter(moves).collect();
-            if active.is_empty() {
+            // The displacement of a chain's element has a direction of its own at each sample; that of others is a sum of
+            // unknowns with fixed weights, and is taken as the only unknown until the end.
+            let spread: Vec<Weights> = match &self.unknowns.body {
+                Body::Condensed(condensed) => vec![condensed.of_element[history.element].clone()],
+                Body::Chain => {
+                    let moves = |i: &usize| (0..count).any(|j| history.direction[j * m + i] != 0.0);
+                    (0..m).filter(moves).map(|i| vec![(i, 1.0)]).collect()
+                }
+            };
+            let (active, turns) = (spread.len(), matches!(self.unknowns.body, Body::Chain));
+            let direction = |j: usize, i: usize| if turns { history.direction[j * m + spread[i][0].0] } else { 1.0 };
+            if active == 0 {
                 continue;
             }
             let basis = |j: usize| samples.functions(j, rows);
             // Row by row of the element's own unknowns, all columns beside each other.
-            let columns = rows * active.len() + 1;
-            let mut block = vec![0.0; rows * active.len() * columns];
-            let mut weights = vec![0.0; rows * active.len()];
+            let columns = rows * active + 1;
+            let mut block = vec![0.0; rows * active * columns];
+            let mut weights = vec![[0.0; TOGETHER]; rows * active];
+            let mut changes: [Vec<f64>; TOGETHER] = core::array::from_fn(|_| vec![0.0; columns]);
+            let mut waiting = 0;
             let add = |j: usize, by: &[f64]| {
                 let by_state = match *element.law() {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };
                 let functions = samples.functions(j, rows).0;
-                for (r, of_function) in weights.chunks_exact_mut(active.len()).enumerate() {
+                for (r, of_function) in weights.chunks_exact_mut(active).enumerate() {
                     let scale = by_state * functions[r] * if r == 0 { 1.0 } else { 2.0 } / count as f64;
-                    for (weight, &i) in of_function.iter_mut().zip(&active) {
-                        *weight = scale * history.direction[j * m + i];
+                    for (i, weight) in of_function.iter_mut().enumerate() {
+                        weight[waiting] = scale * direction(j, i);
                     }
                 }
-                widest(AddProduct { block: &mut block, weights: &weights, row: by });
+                changes[waiting].copy_from_slice(by);
+                waiting += 1;
+                if waiting == TOGETHER {
+                    widest(AddProducts { block: &mut block, weights: &weights, rows: &changes });
+                    waiting = 0;
+                }
             };
-            history.derivative(m, &active, basis, self.frequency_hz, add);
-            let place = |c: usize| c / active.len() * m + active[c % active.len()];
+            history.derivative(direction, active, basis, self.frequency_hz, add);
+            // Products that are too few for a whole set: the others are zero.
+            if waiting > 0 {
+                changes[waiting..].iter_mut().for_each(|row| row.fill(0.0));
+                widest(AddProducts { block: &mut block, weights: &weights, rows: &changes });
+            }
             for (r, sums) in block.chunks_exact(columns).enumerate() {
-                let row = place(r);
-                by_frequency[row] += sums[columns - 1];
-                for (c, sum) in sums[..columns - 1].iter().enumerate() {
-                    operator[place(c) * size + row] += sum;
+                for (i, weight) in &spread[r % active] {
+                    let row = r / active * m + i;
+                    by_frequency[row] += weight * sums[columns - 1];
+                    for (c, sum) in sums[..columns - 1].iter().enumerate() {
+                        for (k, other) in &spread[c % active] {
+                            operator[(c / active * m + k) * size + row] += weight * other * sum;
+                        }
+                    }
                 }
             }
         }
@@ -621,20 +683,20 @@ impl Balance {
     fn rows(&self, matrix: &mut [f64], stride: usize) {
         let (m, size) = (self.unknowns.count(), self.load.len());
         let columns = || self.operator.chunks_exact(size);
-        if let Body::Chain = self.unknowns.body {
+        let Body::Condensed(condensed) = &self.unknowns.body else {
             for (out, operator) in matrix.chunks_mut(stride).zip(columns()) {
                 let rows = operator.iter().zip(&self.row_scales);
                 out.iter_mut().zip(rows).for_each(|(out, (operator, scale))| *out = operator * scale);
             }
             return;
-        }
+        };
         for (column, (out, operator)) in matrix.chunks_mut(stride).zip(columns()).enumerate() {
-            out[..size].fill(0.0);
+            let coupled = &condensed.coupled[column % m];
             for k in 0..=self.harmonics {
                 let (compliance, rows) = (&self.compliances[k], Pair::of(k, m));
                 for i in 0..m {
                     let mut value = [0.0; 2];
-                    for j in 0..m {
+                    for &j in coupled {
                         let part = times(compliance.places[i * m + j][0], rows.at(operator, j));
                         (0..2).for_each(|d| value[d] += part[d]);
                     }

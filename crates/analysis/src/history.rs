@@ -179,27 +179,26 @@ impl History {
     /// For each sample in order, calls `with` with the derivative of the state that counts there, a row over the
     /// unknowns and,
     /// last, the frequency. `basis` gives the functions of the unknowns, and their derivatives by time, at a sample;
-    /// unknown `active[i]` of function r is in the column r · active + i.
+    /// `direction` the derivative of x by the unknown i at a sample. Unknown i of function r is in the column r · `active` + i.
     pub fn derivative<'a>(
         &self,
-        unknowns: usize,
-        active: &[usize],
+        direction: impl Fn(usize, usize) -> f64,
+        active: usize,
         basis: impl Fn(usize) -> (&'a [f64], &'a [f64]),
         frequency_hz: f64,
         mut with: impl FnMut(usize, &[f64]),
     ) {
         let (samples, count) = (self.position.len(), basis(0).0.len());
-        let columns = count * active.len() + 1;
+        let columns = count * active + 1;
         let product: f64 = self.steps.iter().map(|step| step.by_state * step.free).product();
-        let direction = |j: usize, i: usize| self.direction[j * unknowns + active[i]];
         let (mut row, mut counted) = (vec![0.0; columns], vec![0.0; columns]);
         let advance = |row: &mut [f64], counted: &mut [f64], j: usize| {
             let before = (j + samples - 1) % samples;
             let (step, [here, last]) = (&self.steps[j], [j, before].map(&basis));
-            for i in 0..active.len() {
+            for i in 0..active {
                 let directions = [direction(j, i), direction(before, i)];
                 let (row, counted) = (&mut row[i..columns - 1], &mut counted[i..columns - 1]);
-                widest(Advance { step, row, counted, stride: active.len(), directions, here, last });
+                widest(Advance { step, row, counted, stride: active, directions, here, last });
             }
             let [v0, v] = [self.velocity[before], self.velocity[j]];
             let rates = (step.by_velocity[0] * v0 + step.by_velocity[1] * v) / frequency_hz;
@@ -216,7 +215,7 @@ impl History {
                 with(j % samples, &counted);
             }
         } else if self.steps[0].by_change > 0.0 {
-            self.stuck_derivative(direction, active.len(), |j| basis(j).0, with);
+            self.stuck_derivative(direction, active, |j| basis(j).0, with);
         }
     }
 

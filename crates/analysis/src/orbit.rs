@@ -89,7 +89,8 @@ impl TraceOptions {
         let tolerance = |element: &Element| TOLERANCES.of(element.law(), TAU * highest_hz * deflection);
         // The largest of all: the others' harmonics do not make up for those of one.
         branch.truncation = forced.assembly.elements().iter().map(tolerance).fold(TOLERANCES.polynomial, f64::max);
-        let state_floor = if deflection > 0.0 && deflection.is_finite() { STATE_FLOOR * deflection } else { 1e-6 };
+        let state = super::balance::unit_state(forced) * amplitude;
+        let state_floor = if state > 0.0 && state.is_finite() { STATE_FLOOR * state } else { 1e-6 };
         branch.continuation = ContinuationSettings { largest_step: LARGEST_STEP, state_floor, ..branch.continuation };
         TraceOptions { branch, read, assess: Assess::default(), near: None }
     }

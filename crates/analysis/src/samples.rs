@@ -12,7 +12,7 @@ use resonarm_dynamics::structure::{
 use super::Forced;
 use super::history::{History, has_history};
 use super::ramp::Ramp;
-use super::unknowns::{Body, Unknowns};
+use super::unknowns::{Body, Unknowns, Weights};
 use crate::fourier::{Basis, uniform};
 
 /// Signals over a period.
@@ -195,10 +195,10 @@ impl Samples {
         let step_s = TAU / (self.omega_rad_s * samples as f64);
         if let Body::Condensed(condensed) = &unknowns.body {
             for (e, element) in forced.assembly.elements().iter().enumerate() {
-                self.along_one([e, condensed.of_element[e]], m, element, [step_s, frequency_hz]);
+                self.along_one(e, &condensed.of_element[e], element, [step_s, frequency_hz]);
             }
-            for (polynomial, places) in forced.assembly.polynomials().iter().zip(&condensed.of_polynomial) {
-                self.along_places(polynomial, places, m);
+            for (polynomial, displacements) in forced.assembly.polynomials().iter().zip(&condensed.of_polynomial) {
+                self.along_places(polynomial, displacements, m);
             }
         } else {
             self.along_links(forced, unknowns, [step_s, frequency_hz]);
@@ -208,19 +208,24 @@ impl Samples {
         }
     }
 
-    /// Adds the part of a polynomial whose displacements are unknowns, of `m`.
-    fn along_places(&mut self, polynomial: &Polynomial, places: &[usize], m: usize) {
-        let (samples, size) = (self.count(), places.len());
+    /// Adds the part of a polynomial whose displacements are sums of unknowns, of `m`.
+    fn along_places(&mut self, polynomial: &Polynomial, displacements: &[Weights], m: usize) {
+        let (samples, size) = (self.count(), displacements.len());
         let [mut x, mut forces] = [[0.0; MOST_DISPLACEMENTS]; 2];
         let mut stiffness = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
         for j in 0..samples {
-            x.iter_mut().zip(places).for_each(|(x, place)| *x = self.motion[0][j * m + place]);
+            let motion = &self.motion[0][j * m..(j + 1) * m];
+            x.iter_mut().zip(displacements).for_each(|(x, weights)| *x = sum(weights, motion));
             polynomial.forces(&x[..size], &mut forces[..size]);
             polynomial.stiffness(&x[..size], &mut stiffness);
-            for (i, row) in places.iter().enumerate() {
-                self.load[row * samples + j] += forces[i];
-                for (k, column) in places.iter().enumerate() {
-                    self.by[0][(row * m + column) * samples + j] += stiffness[i * size + k];
+            for (i, rows) in displacements.iter().enumerate() {
+                for &(row, weight) in rows {
+                    self.load[row * samples + j] += weight * forces[i];
+                    for (k, columns) in displacements.iter().enumerate() {
+                        for &(column, other) in columns {
+                            self.by[0][(row * m + column) * samples + j] += weight * other * stiffness[i * size + k];
+                        }
+                    }
                 }
             }
         }
@@ -286,29 +291,36 @@ impl Samples {
         }
     }
 
-    /// Adds the part of an element whose displacement is an unknown: its number and that of the unknown, of `m`.
-    fn along_one(&mut self, [e, place]: [usize; 2], m: usize, element: &Element, [step_s, frequency_hz]: [f64; 2]) {
+    /// Adds the part of an element whose displacement is a sum of unknowns.
+    fn along_one(&mut self, e: usize, weights: &Weights, element: &Element, [step_s, frequency_hz]: [f64; 2]) {
         let samples = self.count();
+        let m = self.motion[0].len() / samples;
         let history = self.histories.iter().position(|history| history.element == e);
         if let Some(history) = history {
             let history = &mut self.histories[history];
-            history.position.extend(self.motion[0].iter().skip(place).step_by(m));
-            history.velocity.extend(self.motion[1].iter().skip(place).step_by(m));
+            history.position.extend(self.motion[0].chunks_exact(m).map(|motion| sum(weights, motion)));
+            history.velocity.extend(self.motion[1].chunks_exact(m).map(|motion| sum(weights, motion)));
             history.direction.resize(m * samples, 0.0);
-            history.direction.iter_mut().skip(place).step_by(m).for_each(|along| *along = 1.0);
+            for (place, weight) in weights {
+                history.direction.iter_mut().skip(*place).step_by(m).for_each(|along| *along = *weight);
+            }
             history.run(element.law(), step_s, frequency_hz);
         }
-        let (at, pair) = (place * samples, (place * m + place) * samples);
         for j in 0..samples {
-            let [x, v] = [0, 1].map(|d| self.motion[d][j * m + place]);
+            let [x, v] = [0, 1].map(|d| sum(weights, &self.motion[d][j * m..(j + 1) * m]));
             let (reaction, by_step) = match history {
                 Some(history) => (element_force(element, [x, v], self.histories[history].mean[j]), 0.0),
                 None => between_samples(element, [x, v], step_s),
             };
-            self.load[at + j] += reaction.force;
-            self.by[0][pair + j] += reaction.by_position;
-            self.by[1][pair + j] += reaction.by_velocity;
-            self.by_step[at + j] += by_step;
+            for &(row, weight) in weights {
+                self.load[row * samples + j] += weight * reaction.force;
+                self.by_step[row * samples + j] += weight * by_step;
+                for &(column, other) in weights {
+                    let (cell, both) = ((row * m + column) * samples + j, weight * other);
+                    self.by[0][cell] += both * reaction.by_position;
+                    self.by[1][cell] += both * reaction.by_velocity;
+                }
+            }
         }
     }
 
@@ -365,6 +377,11 @@ impl Samples {
     }
 }
 
+/// Returns a displacement, or its rate, from those of the unknowns.
+fn sum(weights: &Weights, of: &[f64]) -> f64 {
+    weights.iter().map(|(place, weight)| weight * of[*place]).sum()
+}
+
 /// Adds a cos kτ + b sin kτ to a signal.
 fn add_sine(signal: &mut [f64], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64; 2]) {
     signal.iter_mut().zip(cosines.iter().zip(sines)).for_each(|(value, (c, s))| *value += a * c + b * s);
@@ -374,9 +391,9 @@ fn add_sine(signal: &mut [f64], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64
 pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: &[f64], v: &[f64]) -> Geometry {
     let mut direction = [0.0; MOST_COORDINATES];
     if let Body::Condensed(condensed) = &unknowns.body {
-        let place = condensed.of_element[element];
-        direction[place] = 1.0;
-        return Geometry { position: u[place], velocity: v[place], direction, curvature: None };
+        let weights = &condensed.of_element[element];
+        weights.iter().for_each(|(place, weight)| direction[*place] = *weight);
+        return Geometry { position: sum(weights, u), velocity: sum(weights, v), direction, curvature: None };
     }
     let (at, element, n) = (forced.assembly.at(u), &forced.assembly.elements()[element], u.len());
     at.element_direction(element, &mut direction);

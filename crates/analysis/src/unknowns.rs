@@ -1,14 +1,15 @@
 //! The unknowns of harmonic balance.
 //!
 //! For a chain they are all its coordinates, since every force is nonlinear in them. For modes they are only the
-//! displacements u of the elements, each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics
-//! satisfy
+//! displacements u of the elements, each place once; or, of forces that are not smooth and need many harmonics, the
+//! coordinates of the modes if these are fewer. With the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics satisfy
 //!
 //! ```text
 //! uₖ + H_uu(ikΩ) Qₖ(u) − H_ud(ikΩ) pₖ = 0
 //! ```
 //!
-//! Q being the forces at the places, p the drive's at d. The number of modes costs only the sums in H.
+//! Q being the forces at the places, p the drive's at d. The number of modes costs only the sums in H. The coordinates of the
+//! modes are places, too: φ is 1 for one mode each, and an element's displacement is a sum of several places.
 //!
 //! A rigid mode, ω = 0, has no compliance at rest. As long as no element sees it, nothing drives its mean, which is 0;
 //! a structure with such an element is rejected ([`Condensed::held_by_element`]).
@@ -47,13 +48,18 @@ pub(super) enum Body {
     Condensed(Condensed),
 }
 
+/// A displacement as a sum over places, each with its weight.
+pub(super) type Weights = Vec<(usize, f64)>;
+
 /// Modes seen from the places of the elements.
 #[derive(Clone, Debug)]
 pub(super) struct Condensed {
-    /// The place of each element with one displacement.
-    pub of_element: Vec<usize>,
-    /// The places of each polynomial.
-    pub of_polynomial: Vec<Vec<usize>>,
+    /// The displacement of each element with one.
+    pub of_element: Vec<Weights>,
+    /// The displacements of each polynomial.
+    pub of_polynomial: Vec<Vec<Weights>>,
+    /// For each place, those whose displacements its forces depend on.
+    pub coupled: Vec<Vec<usize>>,
     /// φ of each mode at each place.
     pub places: Vec<Vec<f64>>,
     /// φ of each mode at the drive.
@@ -87,6 +93,20 @@ impl Unknowns {
 
     /// The unknowns of responses with `period` periods of the drive.
     pub fn with_period(forced: &Forced, period: usize) -> Unknowns {
+        let by_places = Unknowns::by_places(forced, period);
+        match by_places.body {
+            Body::Condensed(condensed)
+                if !forced.assembly.is_smooth() && condensed.modes.len() < condensed.places.len() =>
+            {
+                let condensed = condensed.by_modes();
+                Unknowns { count: condensed.places.len(), body: Body::Condensed(condensed), period }
+            }
+            _ => by_places,
+        }
+    }
+
+    /// The same with the displacements of the elements, even if the modes are fewer.
+    pub fn by_places(forced: &Forced, period: usize) -> Unknowns {
         let assembly = &forced.assembly;
         match &assembly.spec().body {
             BodySpec::Chain(_) => Unknowns { body: Body::Chain, count: assembly.coordinates(), period },
@@ -130,6 +150,17 @@ pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     direction
 }
 
+/// Returns the places that forces couple with each place: an element those of its displacement, a polynomial those of all of
+/// its own.
+fn coupled(count: usize, of_element: &[Weights], of_polynomial: &[Vec<Weights>]) -> Vec<Vec<usize>> {
+    let polynomials = of_polynomial.iter().map(|displacements| displacements.concat());
+    let groups: Vec<Weights> = of_element.iter().cloned().chain(polynomials).collect();
+    let has = |group: &Weights, place: usize| group.iter().any(|(own, _)| *own == place);
+    let are_coupled =
+        |one: usize, other: usize| one == other || groups.iter().any(|group| has(group, one) && has(group, other));
+    (0..count).map(|one| (0..count).filter(|other| are_coupled(one, *other)).collect()).collect()
+}
+
 impl Condensed {
     /// Without elements the one place is that of the drive.
     fn new(forced: &Forced, modes: Vec<[f64; 2]>) -> Condensed {
@@ -154,13 +185,34 @@ impl Condensed {
             }
             place
         };
-        let of_element = assembly.elements().iter().map(|element| place_of(element.at(), element.to())).collect();
+        let alone = |place: usize| vec![(place, 1.0)];
+        let of_element: Vec<Weights> =
+            assembly.elements().iter().map(|element| alone(place_of(element.at(), element.to()))).collect();
         let polynomials = assembly.polynomials().iter();
-        let of_polynomial = polynomials.map(|of| of.at().iter().map(|at| place_of(*at, None)).collect()).collect();
+        let of_polynomial: Vec<Vec<Weights>> =
+            polynomials.map(|of| of.at().iter().map(|at| alone(place_of(*at, None))).collect()).collect();
         if places.is_empty() {
             places.push(drive.clone());
         }
-        Condensed { of_element, of_polynomial, places, drive, modes }
+        let coupled = coupled(places.len(), &of_element, &of_polynomial);
+        Condensed { of_element, of_polynomial, coupled, places, drive, modes }
+    }
+
+    /// The same with the coordinates of the modes as places.
+    fn by_modes(self) -> Condensed {
+        let Condensed { of_element, of_polynomial, places, drive, modes, .. } = self;
+        let spread = |weights: &Weights| -> Weights {
+            let along = |mode: usize| weights.iter().map(|(place, weight)| weight * places[*place][mode]).sum();
+            let all = (0..modes.len()).map(|mode| (mode, along(mode)));
+            all.filter(|(_, weight): &(usize, f64)| *weight != 0.0).collect()
+        };
+        let of_element: Vec<Weights> = of_element.iter().map(spread).collect();
+        let of_polynomial: Vec<Vec<Weights>> =
+            of_polynomial.iter().map(|displacements| displacements.iter().map(spread).collect()).collect();
+        let coupled = coupled(modes.len(), &of_element, &of_polynomial);
+        let unit = |place: usize| (0..modes.len()).map(|mode| f64::from(u8::from(mode == place))).collect();
+        let places = (0..modes.len()).map(unit).collect();
+        Condensed { of_element, of_polynomial, coupled, places, drive, modes }
     }
 
     /// Returns the rigid mode that an element of the structure alone holds, from 0, with the element's number, from 1.
@@ -168,11 +220,13 @@ impl Condensed {
         let rigid = self.modes.iter().enumerate().filter(|(_, mode)| mode[0] == 0.0).map(|(mode, _)| mode);
         let elements = assembly.elements().iter().map(Element::number).zip(&self.of_element);
         let polynomials = assembly.polynomials().iter().map(Polynomial::number).zip(&self.of_polynomial);
-        let elements = elements.map(|(number, place)| (number, core::slice::from_ref(place)));
-        let all: Vec<(usize, &[usize])> =
-            elements.chain(polynomials.map(|(number, places)| (number, &places[..]))).collect();
-        let by =
-            |mode: usize| all.iter().find(|(_, places)| places.iter().any(|&place| self.places[place][mode] != 0.0));
+        let elements = elements.map(|(number, weights)| (number, core::slice::from_ref(weights)));
+        let all: Vec<(usize, &[Weights])> =
+            elements.chain(polynomials.map(|(number, displacements)| (number, &displacements[..]))).collect();
+        let sees = |displacements: &[Weights], mode: usize| {
+            displacements.iter().flatten().any(|(place, _)| self.places[*place][mode] != 0.0)
+        };
+        let by = |mode: usize| all.iter().find(|(_, displacements)| sees(displacements, mode));
         rigid.into_iter().find_map(|mode| by(mode).map(|(number, _)| [mode, *number]))
     }
 

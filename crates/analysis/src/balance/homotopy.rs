@@ -113,9 +113,13 @@ impl Homotopy {
                     }
                 }
                 Body::Condensed(condensed) => {
-                    let (own, [stiffness, damping]) = (condensed.of_element[e] * (m + 1), linear_part(element));
-                    start.stiffness[own] += stiffness + added;
-                    start.damping[own] += damping;
+                    let [stiffness, damping] = linear_part(element);
+                    for (i, weight) in &condensed.of_element[e] {
+                        for (j, other) in &condensed.of_element[e] {
+                            start.stiffness[i * m + j] += weight * other * (stiffness + added);
+                            start.damping[i * m + j] += weight * other * damping;
+                        }
+                    }
                 }
             }
         }
@@ -129,10 +133,12 @@ impl Homotopy {
             }
             Body::Condensed(condensed) => {
                 let ratios: Vec<f64> = condensed.modes.iter().map(|mode| mode[1]).collect();
-                // The dampers between points add c φ² to 2ζω.
+                // The dampers between points add φᵀCφ to 2ζω.
                 let by_elements = |mode: usize| -> f64 {
-                    let of_place = |(i, phi): (usize, &Vec<f64>)| start.damping[i * (m + 1)] * phi[mode] * phi[mode];
-                    condensed.places.iter().enumerate().map(of_place).sum()
+                    let of_pair = |(pair, damping): (usize, &f64)| {
+                        damping * condensed.places[pair / m][mode] * condensed.places[pair % m][mode]
+                    };
+                    start.damping.iter().enumerate().map(of_pair).sum()
                 };
                 let all = condensed.modes.iter().enumerate().filter(|(_, [omega, _])| *omega > 0.0);
                 let all = all.map(|(mode, [omega, zeta])| zeta + 0.5 * by_elements(mode) / omega);

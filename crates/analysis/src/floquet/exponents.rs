@@ -173,6 +173,7 @@ fn guesses(
     let own = Condensed {
         of_element: condensed.of_element.clone(),
         of_polynomial: condensed.of_polynomial.clone(),
+        coupled: condensed.coupled.clone(),
         places: condensed.places.iter().map(|phi| pick(phi)).collect(),
         drive: pick(&condensed.drive),
         modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),

@@ -176,7 +176,12 @@ impl Floquet {
     /// Returns the stability of the response X of a balance; `None` if the multipliers can't be computed.
     pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
         let conservative = balance.forced.is_conservative();
-        self.multipliers(balance, x).map(|found| Stability { conservative, ..found })
+        // The impulses of the flow act at one place each.
+        let found = match balance.by_places(x) {
+            Some((by_places, x)) => self.multipliers(&by_places, &x),
+            None => self.multipliers(balance, x),
+        };
+        found.map(|found| Stability { conservative, ..found })
     }
 
     /// Computes the multipliers and their accuracy.

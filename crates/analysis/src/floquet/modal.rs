@@ -82,7 +82,7 @@ impl Impulse {
         let (stiffness, damping) = (diagonal(0), diagonal(1));
         let pairs = (0..m * m).map(|pair| [pair / m, pair % m]).filter(|[i, j]| i != j);
         let coupled = pairs.map(|pair| (pair, of.by(0, pair, point))).filter(|(_, s)| *s != 0.0).collect();
-        let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element];
+        let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element][0].0;
         let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point, points))).collect();
         let implicit = damping.iter().any(|g| *g != 0.0).then(|| {
             let cell = |(at, c): (usize, &f64)| f64::from(u8::from(at / m == at % m)) + 0.5 * h * c * damping[at % m];

@@ -10,6 +10,7 @@ use super::super::balance::Balance;
 use super::super::branch::reading;
 use super::super::start::start;
 use super::{near, number};
+use crate::continuation::System;
 use crate::{AnalysisError, BifurcationKind, BranchEnd, Coordinate, EndedEarly, Forced, TraceOptions};
 use resonarm_dynamics::structure::{
     Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
@@ -184,4 +185,22 @@ fn a_start_that_fails_says_what_was_tried() {
     assert_eq!(attempts.iter().map(|tried| tried.harmonics).collect::<Vec<_>>(), [7, 15, 31]);
     insta::assert_snapshot!(error.to_string().split_once(';').unwrap().0, @"no periodic response was found at 0.079577 Hz. It was searched from rest (the equations were singular or not finite), and by raising the element forces from zero: from the linear structure with 7 harmonics, up to 100 % of the forces (the equations were singular or not finite)");
     assert!(error.to_string().ends_with("). Start elsewhere, lower the excitation, follow the amplitude from a smaller one, or give a state of the response"), "{error}");
+}
+
+/// A structure with more elements than modes has the coordinates of the modes as unknowns. Its response solves the balance
+/// of the elements' displacements, too.
+#[test]
+fn a_response_by_modes_is_one_by_places() {
+    let case = cases("systems").into_iter().find(|case| case["name"] == "NLvib07 1 N").unwrap();
+    let (forced, hz) = (forced(&case), 0.2);
+    let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [hz, 2.0 * hz], vec![read]);
+    let mut balance = Balance::new(&forced, hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
+    let found = start(&mut balance, &options).unwrap();
+    let (mut by_places, x) = balance.by_places(&found.point().x).unwrap();
+    assert_eq!([&balance, &by_places].map(|balance| balance.unknowns.count()), [3, 5]);
+    let (mut residual, mut matrix) = (vec![0.0; x.len()], vec![0.0; (x.len() + 1) * (x.len() + 1)]);
+    assert!(by_places.evaluate(&x, hz, &mut residual, &mut matrix));
+    let largest = |of: &[f64]| of.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    assert!(largest(&residual) < 1e-9 * largest(&x), "{:e}", largest(&residual));
 }
