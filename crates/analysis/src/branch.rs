@@ -37,7 +37,8 @@ pub fn trace(
 ) -> Result<Branch, EndedEarly<Branch>> {
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
-    let continuation = start(&mut balance, options)?;
+    let continuation = start(&mut balance, options)
+        .map_err(|error| balance.unknowns.undamped_at(balance.omega_rad_s(), balance.harmonics()).unwrap_or(error))?;
     let [at, missed] = [options.branch.from, options.branch.to].map(|value| balance.place(value));
     let branch = Tracer::new(balance, options).run(continuation)?;
     if branch.end == BranchEnd::AtStart {

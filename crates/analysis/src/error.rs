@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::StartAttempt;
 use super::continuation::StepRefusal;
 use resonarm_dynamics::structure::{StepError, StructureError};
-use resonarm_numeric::number::{rounded, short};
+use resonarm_numeric::number::{rounded, short, significant};
 
 /// A value of the parameter of a continuation, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -239,6 +239,19 @@ pub enum AnalysisError {
         mode: usize,
         /// The first such element, from 1.
         element: usize,
+    },
+    /// A branch would begin exactly where a harmonic has the natural frequency of an undamped mode.
+    #[error(
+        "harmonic {harmonic} of the first frequency is at {natural_hz} Hz, exactly the natural frequency of mode {mode}, which has no \
+         damping of its own; begin a little beside it, or give the mode a damping ratio", natural_hz = significant(.natural_hz, 7)
+    )]
+    AtUndampedMode {
+        /// The mode, from 1.
+        mode: usize,
+        /// Its natural frequency, Hz.
+        natural_hz: f64,
+        /// The harmonic that has this frequency.
+        harmonic: usize,
     },
     /// Small vibrations of the structure are not linear.
     #[error(

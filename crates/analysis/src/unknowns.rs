@@ -31,6 +31,9 @@ use crate::AnalysisError;
 /// Displacements between points below this fraction of those of the points are rounding.
 const RIGID: f64 = 1e-9;
 
+/// A harmonic nearer than this, as a fraction, to the natural frequency of an undamped mode is at the pole of H.
+const AT_POLE: f64 = 1e-9;
+
 /// The unknowns of a structure.
 #[derive(Clone, Debug)]
 pub(super) struct Unknowns {
@@ -126,6 +129,21 @@ impl Unknowns {
             Some([mode, element]) => Err(AnalysisError::HeldByElement { mode: mode + 1, element }),
             None => Ok(()),
         }
+    }
+
+    /// Returns the error if one of so many harmonics of a rate has the natural frequency of a mode without damping of its
+    /// own, where H has a pole, even though elements may damp the mode.
+    pub fn undamped_at(&self, rate_rad_s: f64, harmonics: usize) -> Option<AnalysisError> {
+        let Body::Condensed(condensed) = &self.body else { return None };
+        let harmonic = |omega: f64| libm::round(omega / rate_rad_s);
+        let is_at = |omega: f64| (harmonic(omega) * rate_rad_s / omega - 1.0).abs() < AT_POLE;
+        let at = |&[omega, zeta]: &[f64; 2]| {
+            zeta == 0.0 && omega > 0.0 && is_at(omega) && (1.0..=harmonics as f64).contains(&harmonic(omega))
+        };
+        let mode = condensed.modes.iter().position(at)?;
+        let omega = condensed.modes[mode][0];
+        let harmonic = harmonic(omega) as usize;
+        Some(AnalysisError::AtUndampedMode { mode: mode + 1, natural_hz: omega / TAU, harmonic })
     }
 
     /// Number of unknowns of a harmonic, m.

@@ -30,6 +30,35 @@ impl fmt::Display for Rounded {
     }
 }
 
+/// A number with `digits` significant digits, plain from 1e-4 to 1e6, otherwise with a power of ten.
+#[derive(Clone, Copy, Debug)]
+pub struct Significant {
+    value: f64,
+    digits: usize,
+}
+
+/// Formats a number with as many significant digits, for values whose size is not known beforehand.
+pub const fn significant(value: &f64, digits: usize) -> Significant {
+    Significant { value: *value, digits }
+}
+
+impl fmt::Display for Significant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Significant { value, digits } = *self;
+        let others = digits.saturating_sub(1);
+        match value.abs() {
+            size if size == 0.0 || !size.is_finite() => write!(f, "{value}"),
+            size if !(1e-4..1e6).contains(&size) => write!(f, "{value:.others$e}"),
+            size => {
+                // 1 of a number from 10 to 99, −1 of one from 0.1 to 0.99.
+                let exponent = libm::floor(libm::log10(size)) as i32;
+                let places = usize::try_from(others as i32 - exponent).unwrap_or(0);
+                write!(f, "{value:.places$}")
+            }
+        }
+    }
+}
+
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let size = self.0.abs();
@@ -60,6 +89,13 @@ mod tests {
         let texts = [0.0, -1.23456, 999_999_999.25, 1e9, -2.55e300, f64::NAN, f64::INFINITY];
         let texts = texts.map(|x| rounded(&x, 3).to_string());
         assert_eq!(texts, ["0.000", "-1.235", "999999999.250", "1.000e9", "-2.550e300", "NaN", "inf"]);
+    }
+
+    #[test]
+    fn significant_digits_are_as_many_for_small_numbers() {
+        let texts = [0.0, -1.23456, 0.0273, 12345.6, 2.5e6, 3.14159e-5, f64::NAN];
+        let texts = texts.map(|x| significant(&x, 4).to_string());
+        assert_eq!(texts, ["0", "-1.235", "0.02730", "12346", "2.500e6", "3.142e-5", "NaN"]);
     }
 
     proptest! {

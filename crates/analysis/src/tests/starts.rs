@@ -187,6 +187,25 @@ fn a_start_that_fails_says_what_was_tried() {
     assert!(error.to_string().ends_with("). Start elsewhere, lower the excitation, follow the amplitude from a smaller one, or give a state of the response"), "{error}");
 }
 
+/// Exactly at the natural frequency of an undamped mode, and at a third of it, the compliance has a pole, and the error
+/// says so.
+#[test]
+fn a_start_exactly_at_an_undamped_mode_names_it() {
+    let case = cases("systems").into_iter().find(|case| case["name"] == "NLvib02 .19").unwrap();
+    let (forced, natural_hz) = (forced(&case), number(&case["modes"][0], "frequency_hz"));
+    let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+    for harmonic in [1, 3] {
+        let from = natural_hz / harmonic as f64;
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [from, 2.0 * from], vec![read]);
+        let EndedEarly { reason, .. } = crate::trace(&forced, from, Coordinate::FrequencyHz, &options).unwrap_err();
+        let AnalysisError::AtUndampedMode { mode: 1, natural_hz: named_hz, harmonic: named } = reason else {
+            panic!("{reason}")
+        };
+        near(named_hz, natural_hz, 1e-15);
+        assert_eq!(named, harmonic);
+    }
+}
+
 /// A structure with more elements than modes has the coordinates of the modes as unknowns. Its response solves the balance
 /// of the elements' displacements, too.
 #[test]
