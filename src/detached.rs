@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::read_at::ReadAt;
 use resonarm::analysis::{Searched, SubHarmonicSearch};
-use resonarm_numeric::number::rounded;
+use resonarm_numeric::number::{rounded, significant};
 
 /// Returns what was searched, or why nothing was.
 pub(crate) fn document(searched: &Searched, read: &[ReadAt]) -> Value {
@@ -53,7 +53,8 @@ fn in_words(searched: &Searched, found: usize, read: &[ReadAt], load: &str) -> S
         text += &format!(", up to {largest:.2e} {} at {}", at.unit(), at.name);
     }
     if let Some([from, to]) = searched.loads {
-        text += &format!(", and along folds for loads from {} to {} {load}", rounded(&from, 4), rounded(&to, 4));
+        text +=
+            &format!(", and along folds for loads from {} to {} {load}", significant(&from, 3), significant(&to, 3));
     }
     let found = if found == 0 { String::from("none") } else { found.to_string() };
     text + &format!(": found {found}; others may exist\n")

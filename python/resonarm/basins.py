@@ -52,7 +52,7 @@ class Basins:
     periods: NDArray[np.uint64]
     """Periods of the excitation until that was certain."""
     ended_early: str | None
-    """Reason why some stable periodic responses may not be known; None if all are."""
+    """Reason why the branch ended early, so that stable responses are missing; others may exist if it is None, too."""
     motions: tuple[StableMotion, ...]
     """The stable periodic responses, by their largest displacement where the structure is driven first. Those on which
     only states of the grid were found to settle, of up to 12 periods, come last."""

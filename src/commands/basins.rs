@@ -20,7 +20,7 @@ use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;
 use resonarm::study::StateGrid;
 use resonarm_figures::plot::{Figure, Subtitle};
-use resonarm_numeric::number::{rounded, short};
+use resonarm_numeric::number::{short, significant};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -39,8 +39,9 @@ integrated. States that reach no response within --time-constants are marked as 
 ///
 /// The initial states cover two coordinates of the state, at phase 0 of the excitation.
 ///
-/// The stable responses are those of the branch that `continue` follows at this frequency, those in which the structure
-/// settles from beside its unstable ones, and those of up to 12 periods of the load in which undecided states settle.
+/// The stable responses are those of the branch that `continue` follows at this frequency and of the isolas that it finds,
+/// those in which the structure settles from beside the unstable ones of these, and those of up to 12 periods of the load
+/// in which undecided states settle. Others may exist.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Basins {
@@ -170,7 +171,7 @@ impl Basins {
     fn text(&self, document: &Document, grid: &StateGrid, orbits: &[StableOrbit], read: &[ReadAt]) -> String {
         let all = document.cells.len();
         let span = |axis: usize| {
-            let [from, to] = grid.ends[axis].map(|end| rounded(&end, 4));
+            let [from, to] = grid.ends[axis].map(|end| significant(&end, 4));
             format!("{} from {from} to {to}", document.over[axis])
         };
         let mut text = format!("{all} states: {}, {}\n", span(0), span(1));
@@ -208,7 +209,8 @@ impl Document {
     ) -> Figure {
         let labelled = |(k, orbit): (usize, &StableOrbit)| {
             let (at, largest) = (&read[0], orbit.readings[0].largest);
-            format!("reaches response {}: {} to {largest:.2e} {}", k + 1, at.name, at.unit())
+            let period = if orbit.period == 1 { String::new() } else { format!(", {} periods", orbit.period) };
+            format!("reaches response {}: {} to {largest:.2e} {}{period}", k + 1, at.name, at.unit())
         };
         let labels = orbits.iter().enumerate().map(labelled).collect();
         let [x, y] = grid.coordinates;

@@ -52,7 +52,7 @@ fn text_says_where_branches_begin_and_end() {
     branch-point at 0.2582642 Hz: m1.x 1.396327e0 m
     fold at 0.3819160 Hz: m1.x 2.564149e0 m
     largest response of m1.x at 0.3818658 Hz: m1.x 2.564560e0 m
-    responses were searched at 5 frequencies with 10 starts each, up to 1.03e1 m at m1.x, and along folds for loads from 0.1500 to 0.6000 N: found none; others may exist
+    responses were searched at 5 frequencies with 10 starts each, up to 1.03e1 m at m1.x, and along folds for loads from 0.150 to 0.600 N: found none; others may exist
     sub-harmonic responses of 2 and 3 periods were sought near free vibrations at 10 values from 0.3264953 to 0.3948718 Hz; others may exist
     branch 1 from the branch point at 0.2122997 Hz, one of two mirror images: 68 responses, 48 of them unstable
       fold at 0.3631021 Hz: m1.x 2.378670e0 m
@@ -81,7 +81,7 @@ fn an_isola_is_listed_and_drawn() {
     fold at 0.2067620 Hz: mass.x 7.622351e-1 m
     fold at 0.1983937 Hz: mass.x 4.650364e-1 m
     largest response of mass.x at 0.1749469 Hz: mass.x 7.796253e-1 m
-    responses were searched at 5 frequencies with 10 starts each, up to 3.12e0 m at mass.x, and along folds for loads from 0.0932 to 0.3000 N: found 1; others may exist
+    responses were searched at 5 frequencies with 10 starts each, up to 3.12e0 m at mass.x, and along folds for loads from 0.0932 to 0.300 N: found 1; others may exist
     isola 1 between 0.2505883 and 0.3630816 Hz: 43 responses, 32 of them unstable
       neimark-sacker at 0.2753434 Hz: mass.x 1.620086e0 m; beyond it the response beats at 0.017180 Hz (rotation number 0.062394)
       fold at 0.3630816 Hz: mass.x 2.378169e0 m

@@ -430,7 +430,7 @@ fn sweeps_and_basins_of_structures() {
 
     let command = on_oscillator("basins", "--drive tip.x=5 --frequency-hz 11.08 --points 7,7 --plot basins");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
-    49 states: q1_m_sqrt_kg from -0.0273 to 0.0273, q1_dot_m_sqrt_kg_s from -1.9019 to 1.9019
+    49 states: q1_m_sqrt_kg from -0.02732 to 0.02732, q1_dot_m_sqrt_kg_s from -1.902 to 1.902
     response 1: largest tip.x 6.007680e-3 m; reached by 24 of these 49 states
     response 2: largest tip.x 1.821289e-2 m; reached by 25 of these 49 states
     written to basins.csv, basins.json, basins.svg, basins.png, basins.txt
@@ -473,7 +473,7 @@ fn a_branch_without_stability() {
     fold at 11.2802890 Hz: tip.x 1.870850e-2 m
     fold at 10.8842870 Hz: tip.x 9.901828e-3 m
     largest response of tip.x at 11.2570627 Hz: tip.x 1.890093e-2 m
-    responses were searched at 5 frequencies with 10 starts each, up to 7.56e-2 m at tip.x, and along folds for loads from 2.8157 to 10.0000 N: found none; others may exist
+    responses were searched at 5 frequencies with 10 starts each, up to 7.56e-2 m at tip.x, and along folds for loads from 2.82 to 10.0 N: found none; others may exist
     ");
 }
 

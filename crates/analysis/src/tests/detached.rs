@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::starts::{cases as starts, forced};
 use super::{near, number, of_kind};
-use crate::time_domain::{SettleOptions, StroboscopicMap, settle};
+use crate::time_domain::{SettleOptions, StroboscopicMap, reach, settle, stable_orbits};
 use crate::{
     BifurcationKind, Branch, BranchEnd, Coordinate, Forced, NotSearched, OriginKind, OtherBranches, OtherOptions,
     SearchOptions, Searched, TraceOptions, phase_zero_states, trace_branches, trace_singular_curves,
@@ -216,6 +216,22 @@ fn a_response_of_an_isola_is_confirmed_in_time() {
     // 2.008 m is the figure of independent code; that of the branch is 0.051 m.
     let on_isola = settled.iter().find(|settled| (settled.readings[0].largest / 2.008 - 1.0).abs() < 1e-3);
     assert_eq!(on_isola.unwrap().period, Some(1));
+}
+
+/// Basins know the response of the isola, and their states reach beyond it.
+#[test]
+fn basins_know_the_responses_of_isolas() {
+    let case = case("absorber 0.15 N");
+    let (forced, hz) = (forced(&case), 2.0 / TAU);
+    let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+    let (orbits, early) = stable_orbits(&forced, &[read], hz, &|| false).unwrap();
+    assert!(early.is_none());
+    // The figures of independent code, as above.
+    let largest: Vec<f64> = orbits.iter().map(|orbit| orbit.readings[0].largest).collect();
+    let [of_branch, of_isola] = largest[..] else { panic!("{largest:?}") };
+    near(of_branch, 0.051, 1e-2);
+    near(of_isola, 2.008, 1e-3);
+    assert_eq!(reach(&orbits, 0, hz), 1.5 * orbits[1].coordinates[0].largest);
 }
 
 /// A linear structure has one response at each frequency: nothing is searched.

@@ -9,10 +9,17 @@ use super::StroboscopicMap;
 use super::measure::{Measured, measure};
 use crate::EndedEarly;
 use crate::time_domain::{Attractor, BasinOutcome, FixedPoint, SettleOptions, TimeDomainError, fates, follow};
-use crate::{Branch, Coordinate, Forced, Reading, TraceOptions, phase_zero_states, trace};
+use crate::{
+    Branch, Coordinate, Forced, OtherBranch, OtherOptions, Reading, SearchOptions, TraceOptions, phase_zero_states,
+    trace, trace_branches,
+};
 
-/// The branch is traced between these multiples of the frequency to find the responses at it.
+/// The branch is traced between these multiples of the frequency, or of natural frequencies beside it, to find the responses
+/// at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
+/// The nearest natural frequencies within this factor count: the search for isolas tries responses of the order of the
+/// largest on the branch, so that the branch has to pass the resonances of which an isola may be a part.
+const BESIDE_RESONANCE: f64 = 3.0;
 /// A grid of initial states reaches this many times as far as the largest stable response.
 const REACH: f64 = 1.5;
 /// Distance, as a fraction of its size, from an unstable response at which a trajectory starts.
@@ -59,10 +66,21 @@ pub fn reach(orbits: &[StableOrbit], index: usize, frequency_hz: f64) -> f64 {
     REACH * orbits.iter().map(of).fold(0.0, f64::max)
 }
 
+/// Returns the frequencies between which the branch is traced, Hz.
+fn window(forced: &Forced, frequency_hz: f64) -> [f64; 2] {
+    let resonances = || forced.assembly().modes().iter().map(|mode| mode.frequency_hz);
+    let below = resonances().filter(|hz| (frequency_hz / BESIDE_RESONANCE..frequency_hz).contains(hz));
+    let above = resonances().filter(|hz| (frequency_hz..frequency_hz * BESIDE_RESONANCE).contains(hz));
+    let lowest = below.fold(None, |nearest: Option<f64>, hz| Some(nearest.map_or(hz, |nearest| nearest.max(hz))));
+    let highest = above.fold(None, |nearest: Option<f64>, hz| Some(nearest.map_or(hz, |nearest| nearest.min(hz))));
+    [WINDOW[0] * lowest.unwrap_or(frequency_hz), WINDOW[1] * highest.unwrap_or(frequency_hz)]
+}
+
 /// Finds the stable periodic responses of a driven structure at a frequency, in order of the first displacement that is
-/// read: those of the branch over the frequency, traced from ¾ to 4/3 of it, and those in which the structure settles
-/// from beside an unstable response of the branch, as one of twice the period. A branch that ended early is returned,
-/// too; responses beyond its end are missing.
+/// read: those of the branch over the frequency, traced from ¾ to 4/3 of it and past the nearest resonances, of the isolas
+/// that a search finds beside it ([`SearchOptions::default`]), and those in which the structure settles from beside an
+/// unstable response of these, as one of twice the period. A branch that ended early is returned, too; responses beyond its
+/// end are missing.
 ///
 /// # Errors
 /// [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a trajectory can't be followed; [`TimeDomainError::Stopped`]
@@ -74,7 +92,7 @@ pub fn stable_orbits(
     stop: &dyn Fn() -> bool,
 ) -> Result<(Vec<StableOrbit>, Option<EndedEarly<Branch>>), TimeDomainError> {
     let map = StroboscopicMap::new(forced, frequency_hz)?;
-    let window = WINDOW.map(|part| part * frequency_hz);
+    let window = window(forced, frequency_hz);
     let options = TraceOptions::new(forced, Coordinate::FrequencyHz, window, read.to_vec());
     let (branch, early) = match trace(forced, window[0], Coordinate::FrequencyHz, &options) {
         Ok(branch) => (branch, None),
@@ -89,8 +107,11 @@ pub fn stable_orbits(
         }
         Ok(true)
     };
-    for state in phase_zero_states(forced, &branch, frequency_hz, &options) {
-        // Without a stable fixed point here this response of the branch is unstable. The states beside it lead to
+    let wanted = OtherOptions { leaving: false, search: Some(SearchOptions::default()) };
+    let others = trace_branches(forced, &branch, Coordinate::FrequencyHz, &options, &wanted).branches;
+    let branches = core::iter::once(&branch).chain(others.iter().map(OtherBranch::branch));
+    for state in branches.flat_map(|branch| phase_zero_states(forced, branch, frequency_hz, &options)) {
+        // Without a stable fixed point here this response of its branch is unstable. The states beside it lead to
         // others, as of twice the period.
         if !keep(FixedPoint::shoot(&map, &map.to_point(&state), 1))? {
             unstable.push(state);
