@@ -16,6 +16,7 @@ from .protocol import Decoded, Decoder, Encoder, Frame, Network
 from .recording import Recording, RecordingWarning
 from .scenario import Scenario
 from .session import Node, Report, run
+from .spectra import FrequencyResponses, ShockSpectra, Spectra
 from .structures import AccuracyWarning, Chain, Modal, Structure
 from .tables import Element, Link, ModeShape, Term
 
@@ -31,6 +32,7 @@ __all__ = [
     "Encoder",
     "EndedEarly",
     "Frame",
+    "FrequencyResponses",
     "Link",
     "Measurement",
     "Modal",
@@ -46,6 +48,8 @@ __all__ = [
     "ResonarmError",
     "Scenario",
     "Searched",
+    "ShockSpectra",
+    "Spectra",
     "StableMotion",
     "Stepped",
     "Structure",

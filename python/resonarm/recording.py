@@ -7,12 +7,14 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from . import _arrow, _checks, _extras, _resonarm
+from . import _arrow, _checks, _extras, _resonarm, spectra
 from ._checks import LAST
 from ._dtypes import Array, named, rows_of, unit, view
 from .scenario import Scenario
-from .words import RecordingPart
+from .spectra import FrequencyResponses, ShockSpectra, Spectra
+from .words import Detrend, RecordingPart, Window
 
 SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈₉"
 
@@ -165,6 +167,60 @@ class Recording(_resonarm.Recording):
     def events(self) -> Array:
         """All events, as `read` has them."""
         return self.read("events")
+
+    def psd(
+        self,
+        *channels: str,
+        from_s: float | None = None,
+        to_s: float | None = None,
+        segment_s: float | None = None,
+        overlap: float = 0.5,
+        window: Window = "hann",
+        detrend: Detrend = "none",
+    ) -> Spectra:
+        """Power spectral densities of channels, or of vectors of them as `acceleration_b_m_s2`, between two simulated
+        times, s, of the whole recording by default: one-sided, in unit²/Hz, averaged over segments as by SciPy's `welch`
+        with `detrend=False` (Welch 1967).
+
+        `segment_s` is the length of a segment, by default a power of two of samples of at most a fifth of the record;
+        `overlap` the part of a segment, from 0 to below 1, that it shares with the next one. Readings include the droop
+        of the converters.
+
+        Raises ValueError for an unknown channel, states and readings together, and segments that don't fit;
+        ResonarmError if samples are missing.
+        """
+        wanted = (list(channels), [from_s, to_s])
+        return spectra.densities(self, wanted, (segment_s, overlap, window, detrend))
+
+    def frf(
+        self,
+        *channels: str,
+        reference: str,
+        from_s: float | None = None,
+        to_s: float | None = None,
+        segment_s: float | None = None,
+        overlap: float = 0.5,
+        window: Window = "hann",
+        detrend: Detrend = "none",
+    ) -> FrequencyResponses:
+        """Frequency responses H1 of channels to the channel `reference`, as `head_force_x_n`, with their coherence. The
+        other arguments and the errors are those of `psd`. Between readings the droop of the converters cancels out."""
+        wanted = ([reference, *channels], [from_s, to_s])
+        return spectra.frequency_responses(self, wanted, (segment_s, overlap, window, detrend))
+
+    def srs(
+        self,
+        *channels: str,
+        quality: float = 10.0,
+        frequency_hz: ArrayLike | None = None,
+        from_s: float | None = None,
+        to_s: float | None = None,
+    ) -> ShockSpectra:
+        """Shock response spectra of accelerations: the largest absolute accelerations of oscillators of the quality
+        Q = 1/2ζ, above 0.5, on a base that moves as the channel says (Smallwood 1981). `frequency_hz` are their natural
+        frequencies, positive and at most half of the sample rate, by default 12 in an octave up to a tenth of the sample
+        rate, above which samples miss peaks. The errors are those of `psd`."""
+        return spectra.shock_responses(self, (list(channels), [from_s, to_s]), quality, frequency_hz)
 
     def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """Draws the coordinates over time, of the arm α1 and α2, on matplotlib's axes, by default those of a new

@@ -8,6 +8,10 @@ Quantity = Literal["receptance", "mobility", "accelerance"]
 """The quantity of a frequency response (ISO 7626-1)."""
 Scheme = Literal["rk4", "dop853", "gl4", "gl6", "exponential", "exponential8"]
 """An integration scheme."""
+Window = Literal["hann", "rectangular", "hamming", "blackman", "blackman-harris", "flat-top"]
+"""The window of a segment."""
+Detrend = Literal["none", "constant", "linear"]
+"""The trend that is taken off each segment: none, its mean, or the straight line of least squares."""
 Mode = Literal["free", "lockstep", "real-time"]
 """Source of the time of a run: only the simulation, the answers of a partner, or the clock."""
 BusMode = Literal["lockstep", "real-time"]

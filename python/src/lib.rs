@@ -19,6 +19,7 @@ mod recording;
 mod rows;
 mod scenario;
 mod session;
+mod spectra;
 mod structure;
 mod values;
 mod watch;
@@ -51,6 +52,9 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(recording::arm_channels, module)?)?;
     module.add_function(wrap_pyfunction!(recording::known_vectors, module)?)?;
     module.add_function(wrap_pyfunction!(recording::overrun_causes, module)?)?;
+    module.add_function(wrap_pyfunction!(spectra::densities, module)?)?;
+    module.add_function(wrap_pyfunction!(spectra::frequency_responses, module)?)?;
+    module.add_function(wrap_pyfunction!(spectra::shock_responses, module)?)?;
     module.add_class::<log::LogWriter>()?;
     module.add_function(wrap_pyfunction!(log::import_log, module)?)?;
     module.add_class::<protocol::Network>()?;

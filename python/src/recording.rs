@@ -35,6 +35,13 @@ pub struct Reader {
     origin: Origin,
 }
 
+impl Recording {
+    /// The recording of the library.
+    pub fn inner(&self) -> &recording::Recording {
+        &self.inner
+    }
+}
+
 #[pymethods]
 impl Recording {
     #[new]

@@ -75,35 +75,9 @@ impl Kind {
     }
 }
 
-const WINDOWS: [Window; 6] =
-    [Window::Hann, Window::Rectangular, Window::Hamming, Window::Blackman, Window::BlackmanHarris, Window::FlatTop];
-
-const fn window_name(window: Window) -> &'static str {
-    match window {
-        Window::Hann => "hann",
-        Window::Rectangular => "rectangular",
-        Window::Hamming => "hamming",
-        Window::Blackman => "blackman",
-        Window::BlackmanHarris => "blackman-harris",
-        Window::FlatTop => "flat-top",
-    }
-}
-
-const TRENDS: [Detrend; 3] = [Detrend::None, Detrend::Constant, Detrend::Linear];
-
-const fn trend_name(trend: Detrend) -> &'static str {
-    match trend {
-        Detrend::None => "none",
-        Detrend::Constant => "constant",
-        Detrend::Linear => "linear",
-    }
-}
-
 /// The most panels of a figure that can be read.
 const MOST_CHANNELS: usize = 12;
-/// A segment is at most this part of the record by default, so that at least nine half-overlapping ones are averaged; and
-/// this part of a record whose spectra are shown over time.
-const SEGMENT_PART: f64 = 0.2;
+/// A segment is at most this part of a record whose spectra are shown over time.
 const SHORT_SEGMENT_PART: f64 = 0.02;
 
 /// Shows channels of a recording: over time, as spectra, or as distributions.
@@ -134,10 +108,10 @@ pub(crate) struct Plot {
     #[arg(long, help_heading = heading::COMPUTATION, value_name = "PART", default_value_t = 0.5)]
     overlap: f64,
     /// Window of a segment.
-    #[arg(long, help_heading = heading::COMPUTATION, value_parser = flags::one_of(WINDOWS, window_name), default_value = "hann")]
+    #[arg(long, help_heading = heading::COMPUTATION, value_parser = flags::one_of(Window::ALL, Window::name), default_value = "hann")]
     window: Window,
     /// Trend that is taken off each segment: none, constant, its mean, or linear.
-    #[arg(long, help_heading = heading::COMPUTATION, value_parser = flags::one_of(TRENDS, trend_name), default_value = "none")]
+    #[arg(long, help_heading = heading::COMPUTATION, value_parser = flags::one_of(Detrend::ALL, Detrend::name), default_value = "none")]
     detrend: Detrend,
     /// First frequency of the figure, Hz [default: 0, of srs that of two turns in the record].
     #[arg(long, help_heading = heading::RANGE, value_name = "F")]
@@ -308,14 +282,10 @@ impl Plot {
                 length as usize
             }
             None => {
-                let part = if self.of == Kind::Spectrogram { SHORT_SEGMENT_PART } else { SEGMENT_PART };
-                let most = (part * count as f64) as usize;
-                if most < 2 {
-                    return Err(
-                        self.refused(&format!("{count} samples are too few for a spectrum: give a longer range"))
-                    );
-                }
-                1 << most.ilog2()
+                let part = if self.of == Kind::Spectrogram { SHORT_SEGMENT_PART } else { Segments::USUAL_PART };
+                Segments::power_of_two(count, part).ok_or_else(|| {
+                    self.refused(&format!("{count} samples are too few for a spectrum: give a longer range"))
+                })?
             }
         };
         let overlap = (self.overlap * length as f64) as usize;
@@ -347,9 +317,9 @@ impl Plot {
             "from_s": signals.start_s,
             "samples": signals.count(),
             "rate_hz": signals.rate_hz,
-            "window": window_name(self.window),
+            "window": self.window.name(),
             "overlap": self.overlap,
-            "detrend": trend_name(self.detrend),
+            "detrend": self.detrend.name(),
         })
     }
 }

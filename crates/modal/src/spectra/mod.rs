@@ -46,6 +46,9 @@ pub struct Segments {
 }
 
 impl Segments {
+    /// A segment is usually at most this part of a record, so that at least nine half-overlapping ones are averaged.
+    pub const USUAL_PART: f64 = 0.2;
+
     /// Returns half-overlapping segments with Hann's window, without removal of a trend.
     pub fn hann(length: usize) -> Segments {
         Segments { length, overlap: length / 2, window: Window::Hann, detrend: Detrend::None }
@@ -54,6 +57,12 @@ impl Segments {
     /// Returns segments in turn, without window and without removal of a trend: periods, or a whole record.
     pub fn rectangular(length: usize) -> Segments {
         Segments { length, overlap: 0, window: Window::Rectangular, detrend: Detrend::None }
+    }
+
+    /// Returns the largest power of two of samples that is at most this part of a record; `None` of a record that is too short.
+    pub fn power_of_two(samples: usize, part: f64) -> Option<usize> {
+        let most = (part * samples as f64) as usize;
+        (most >= 2).then(|| 1 << most.ilog2())
     }
 
     /// Returns the first samples of the segments of a record.

@@ -26,6 +26,22 @@ pub enum Window {
 }
 
 impl Window {
+    /// All windows.
+    pub const ALL: [Window; 6] =
+        [Window::Hann, Window::Rectangular, Window::Hamming, Window::Blackman, Window::BlackmanHarris, Window::FlatTop];
+
+    /// Returns the name in commands and results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Window::Hann => "hann",
+            Window::Rectangular => "rectangular",
+            Window::Hamming => "hamming",
+            Window::Blackman => "blackman",
+            Window::BlackmanHarris => "blackman-harris",
+            Window::FlatTop => "flat-top",
+        }
+    }
+
     /// Returns the coefficients aⱼ.
     fn coefficients(self) -> &'static [f64] {
         match self {
@@ -66,6 +82,18 @@ pub enum Detrend {
 }
 
 impl Detrend {
+    /// All kinds.
+    pub const ALL: [Detrend; 3] = [Detrend::None, Detrend::Constant, Detrend::Linear];
+
+    /// Returns the name in commands and results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Detrend::None => "none",
+            Detrend::Constant => "constant",
+            Detrend::Linear => "linear",
+        }
+    }
+
     /// Removes the trend from a segment in place.
     pub(super) fn remove(self, samples: &mut [f64]) {
         let count = samples.len() as f64;
