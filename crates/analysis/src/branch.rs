@@ -14,7 +14,8 @@ use super::spectral::largest;
 use super::start::start;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
-use crate::continuation::{Continuation, Cut, Point, Slices, System, at_parameter};
+use crate::continuation::{Continuation, Cut, Point, Slices, StepRefusal, System, at_parameter};
+use crate::dense::{dot, norm};
 use crate::{AnalysisError, EndedEarly};
 
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
@@ -23,6 +24,9 @@ const MOST_HALVINGS: usize = 16;
 const SAME_SHARE: f64 = 0.05;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
 pub(super) const FRACTION: f64 = 1e-7;
+/// A response whose other harmonics are below this fraction of it repeats after fewer periods: a branch of more periods is
+/// further from one of fewer, but for the doubling at which it begins or ends.
+const SHORTER: f64 = 1e-6;
 
 /// Traces a branch of responses with the period of the drive from `options.branch.from` to `options.branch.to`. The
 /// coordinate that doesn't vary is `frequency_hz`, or the amplitude of `forced`.
@@ -175,7 +179,8 @@ impl<'a> Tracer<'a> {
     /// taken again in halves.
     ///
     /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step
-    /// without one, the step has jumped. Where forces aren't smooth, corners change it, too.
+    /// without one, the step has jumped. Where forces aren't smooth, corners change it, too. A step to a response that
+    /// repeats after fewer periods has jumped as well: it has left a branch that meets one of these.
     fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
         let (branch, smooth) = (&self.options.branch, self.balance.forced.assembly.is_smooth());
         let (start, harmonics) = (walk.clone(), self.balance.harmonics());
@@ -183,10 +188,9 @@ impl<'a> Tracer<'a> {
             walk.advance(&mut self.balance, &branch.continuation)?;
             adapt(&mut self.balance, &mut walk.continuation, branch)?;
             let reached = walk.point().clone();
-            if !smooth || before.determinant.sign * reached.determinant.sign >= 0.0 {
-                return Ok(());
-            }
-            if self.has_branch_point(before, &reached) {
+            let is_shorter = self.is_shorter(&reached) && !self.is_shorter(before);
+            let crosses = smooth && before.determinant.sign * reached.determinant.sign < 0.0;
+            if !is_shorter && (!crosses || self.has_branch_point(before, &reached)) {
                 return Ok(());
             }
             // Back to the start of the step, with its harmonics: half the step may stay on the branch.
@@ -194,9 +198,30 @@ impl<'a> Tracer<'a> {
             walk.continuation.set_step(0.5 * (reached.arclength - before.arclength));
             self.balance.set_harmonics(harmonics);
         }
-        // Even the shortest step arrives on the other branch: the two count as one, and the trace continues.
+        // Even the shortest step arrives on the other branch: the two count as one, and the trace continues, unless the
+        // other has another period.
         walk.advance(&mut self.balance, &branch.continuation)?;
-        adapt(&mut self.balance, &mut walk.continuation, branch)
+        adapt(&mut self.balance, &mut walk.continuation, branch)?;
+        let reached = walk.point().clone();
+        if self.is_shorter(&reached) && !self.is_shorter(before) {
+            let (at, arclength) = (self.balance.place(before.lambda), before.arclength);
+            let step = reached.arclength - arclength;
+            return Err(AnalysisError::Stuck { at, arclength, step, refusal: StepRefusal::Correction });
+        }
+        Ok(())
+    }
+
+    /// Says whether a response repeats after fewer periods of the drive than its branch: whether, for a prime divisor p of
+    /// these, next to nothing of it is in harmonics that are no multiples of p.
+    fn is_shorter(&self, response: &Point) -> bool {
+        let (m, period) = (self.balance.unknowns.count(), self.balance.period());
+        let is_prime = |p: usize| (2..p).all(|divisor| !p.is_multiple_of(divisor));
+        let rows = || response.x.chunks_exact(m).enumerate();
+        (2..=period).filter(|p| period.is_multiple_of(*p) && is_prime(*p)).any(|p| {
+            let others = rows().filter(|(row, _)| !row.div_ceil(2).is_multiple_of(p));
+            let others: f64 = others.map(|(_, row)| dot(row, row)).sum();
+            libm::sqrt(others) < SHORTER * norm(&response.x)
+        })
     }
 
     fn push(&mut self, point: &Point) {

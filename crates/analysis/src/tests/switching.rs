@@ -263,3 +263,27 @@ fn a_neimark_sacker_point_has_a_rotation_number() {
     let turns = (signs.len() - 1) as f64 / (last - first) as f64;
     near(turns, points[0].beat().unwrap().rotation_number, 1e-2);
 }
+
+/// A branch of more periods ends where it meets one of fewer. A step past that place once went on along the other: of this
+/// cascade, branches of 4 and 8 periods had responses of 1 and 2.
+#[test]
+fn branches_keep_their_period() {
+    let case = case("period_doublings", "Ueda");
+    let (forced, ends) = (forced(&case), [0.7, 2.0].map(|rad_s| rad_s / TAU));
+    let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
+    let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
+    let leaving = OtherOptions { leaving: true, search: None };
+    let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options, &leaving);
+    let doubled = switched.branches.iter().filter(|branch| branch.origin.period > 1);
+    assert!(doubled.clone().count() > 4);
+    for branch in doubled.map(OtherBranch::branch) {
+        let [_, inner @ .., _] = &branch.orbits[..] else { continue };
+        for orbit in inner {
+            let rows = orbit.coefficients.iter().enumerate();
+            let odd =
+                rows.filter(|(row, _)| row.div_ceil(2) % 2 == 1).map(|(_, value)| value.abs()).fold(0.0, f64::max);
+            assert!(odd > 1e-6, "{odd:e} at {} Hz of {} periods", orbit.value, orbit.period);
+        }
+    }
+}
