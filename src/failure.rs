@@ -20,6 +20,7 @@ use resonarm::plant::PlantSpecError;
 use resonarm::realtime::RateError;
 use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
+use resonarm::responses::ResponsesError;
 use resonarm::run::RunError;
 use resonarm::scenario::{ScenarioError, StructureSectionError};
 use resonarm::structure::StepError;
@@ -73,6 +74,8 @@ pub(crate) enum Failure {
     Fmu(#[from] resonarm_fmu::export::ExportError),
     #[error(transparent)]
     Import(#[from] ImportError),
+    #[error(transparent)]
+    Responses(#[from] ResponsesError),
     #[error(transparent)]
     Identify(#[from] IdentifyError),
     #[error(transparent)]

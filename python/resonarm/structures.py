@@ -22,8 +22,6 @@ from .words import Preset, Quantity, Scheme
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-ACCELEROMETERS = ("joint2.x", "joint2.y", "tip.x", "tip.y")
-"""Points of the accelerometers on the arm, in the order of an identified shape: B, then C."""
 MOST_PERIODS = 2**32 - 1
 _Path = str | PathLike[str]
 _Section = dict[str, Any]
@@ -403,33 +401,26 @@ class Modal(Structure):
     def from_identified(
         cls, document: Mapping[str, Any], *, elements: Sequence[Element] = (), name: str | None = None
     ) -> "Self":
-        """The modes that `resonarm identify --json` found in a recording, as its document has them. Points are those of
-        the accelerometers: on the arm `joint2`, its elbow B, and `tip`, C; on a structure what its scenario says.
+        """The modes that `resonarm identify --json` found in recordings, as its document has them. Points are those of
+        the accelerometers.
 
-        Warns with AccuracyWarning of modes in which the motion was not linear. Raises ValueError if the document
-        has no modes, or one without its modal mass: a ring-down has no force to find it by.
+        Warns with AccuracyWarning of modes for which no deviations could be stated, with the reasons. Raises ValueError if
+        the document has no modes, or one without its modal mass: it needs an accelerometer where the force acts.
         """
         found = document.get("modes")
         if not found:
             raise ValueError("the document has no modes: give a document of resonarm identify --json that has some")
         modes: list[ModeShape] = []
-        at = document.get("at") or ACCELEROMETERS
         for number, mode in enumerate(found, 1):
             shape, hz = mode.get("shape_per_sqrt_kg"), mode["pole_frequency_hz"]
             if shape is None:
                 raise ValueError(
-                    f"mode {number}, at {hz:g} Hz, has no modal mass (shape_per_sqrt_kg): identify a record under a "
-                    "random or swept force, which has a part along the mode"
+                    f"mode {number}, at {hz:g} Hz, has no modal mass (shape_per_sqrt_kg): place an accelerometer where "
+                    "the force acts"
                 )
-            if not mode["is_linear"]:
-                warnings.warn(
-                    f"mode {number}, at {hz:g} Hz, leaves {mode['residual']:.1f} times the instruments' noise: it "
-                    "did not vibrate linearly; identify a record under less force",
-                    AccuracyWarning,
-                    stacklevel=2,
-                )
-            # What both accelerometers read is of C.
-            of = {name: amount for name, amount in zip(at, shape, strict=True) if name is not None}
+            for doubt in mode["doubts"]:
+                warnings.warn(f"mode {number}, at {hz:g} Hz: {doubt['text']}", AccuracyWarning, stacklevel=2)
+            of = {name: amount for name, amount in zip(document["at"], shape, strict=True) if amount is not None}
             modes.append({"frequency_hz": hz, "damping_ratio": mode["pole_damping_ratio"], "shape": of})
         return cls(modes, elements=elements, name=name)
 

@@ -187,11 +187,9 @@ def test_identified_modes_are_those_of_the_arm(command, tmp_path):
     for mode, expected in zip(modal.mode_shapes, own.mode_shapes, strict=True):
         assert mode["frequency_hz"] == pytest.approx(expected["frequency_hz"], rel=1e-4)
         found, shape = (np.array(list(of["shape"].values())) for of in (mode, expected))
-        np.testing.assert_allclose(found * np.sign(found @ shape), shape, rtol=0, atol=0.05 * abs(shape).max())
-    document["modes"][1].update(is_linear=False, residual=9.0)
-    with pytest.warns(
-        resonarm.AccuracyWarning, match=r"mode 2, at 48\.\S* Hz, leaves 9.0 times the instruments' noise"
-    ):
+        np.testing.assert_allclose(found * np.sign(found @ shape), shape, rtol=0, atol=2e-3 * abs(shape).max())
+    document["modes"][1]["doubts"] = [{"reason": "not-white", "text": "the residual is not white"}]
+    with pytest.warns(resonarm.AccuracyWarning, match=r"mode 2, at 48\.\S* Hz: the residual is not white"):
         resonarm.Modal.from_identified(document)
     document["modes"][0]["shape_per_sqrt_kg"] = None
     with pytest.raises(ValueError, match=r"mode 1, at 22\.\S* Hz, has no modal mass"):
@@ -214,7 +212,7 @@ def test_identified_modes_of_a_structure_are_at_its_points(command, tmp_path):
     assert found.point_names == own.point_names == ["mid", "tip"]
     for mode, expected in zip(found.mode_shapes, own.mode_shapes, strict=False):
         assert mode["frequency_hz"] == pytest.approx(expected["frequency_hz"], rel=1e-3)
-        assert abs(mode["shape"]["tip.y"]) == pytest.approx(abs(expected["shape"]["tip.y"]), rel=0.02)
+        assert abs(mode["shape"]["tip.y"]) == pytest.approx(abs(expected["shape"]["tip.y"]), rel=2e-3)
 
 
 def test_structures_are_values():

@@ -36,7 +36,8 @@ fn modes_are_identified_from_a_recording() {
     let computed = document(folder, 0, &["modes", "--json"]);
     for (recording, averaging, averages) in [("random.mcap", "welch", 15), ("impact.mcap", "single", 1)] {
         let found = document(folder, 0, &["identify", recording, "--json"]);
-        assert_eq!((&found["averaging"], &found["averages"]), (&averaging.into(), &averages.into()));
+        let run = &found["runs"][0];
+        assert_eq!((&run["averaging"], &run["averages"]), (&averaging.into(), &averages.into()));
         assert_eq!(found["modes"].as_array().unwrap().len(), 2, "{:#}", found["modes"]);
         for mode in 0..2 {
             let (found, computed) = (&found["modes"][mode], &computed["modes"][mode]);
@@ -44,10 +45,12 @@ fn modes_are_identified_from_a_recording() {
             assert!(ratio("pole_frequency_hz").abs() < 1e-4, "{found} {computed}");
             assert!(ratio("pole_damping_ratio").abs() < 0.05, "{found} {computed}");
         }
-        assert_eq!(number(&found["direction"][1]).round(), 1.0);
-        let count = found["frequency_hz"].as_array().unwrap().len();
-        for response in found["responses"].as_array().unwrap() {
-            assert_eq!(names(response), ["coherence", "h1", "h2", "response", "unit"]);
+        assert_eq!(number(&run["direction"][1]), 1.0);
+        assert_eq!(found["at"], serde_json::json!(["joint2.x", "joint2.y", "tip.x", "tip.y"]));
+        let count = run["frequency_hz"].as_array().unwrap().len();
+        for response in run["responses"].as_array().unwrap() {
+            assert_eq!(names(response), ["at", "coherence", "fitted", "h1", "h2", "response", "unit"]);
+            assert_eq!(response["fitted"].as_array().unwrap().len(), count);
             assert_eq!(response["h1"].as_array().unwrap().len(), count);
             assert_eq!(response["coherence"].is_null(), averages == 1);
         }
@@ -56,12 +59,14 @@ fn modes_are_identified_from_a_recording() {
     let said = resonarm(folder, &plot);
     assert_eq!(said.code, 0, "{}", said.stderr);
     assert!(
-        said.stdout.ends_with("written to found.svg, found.png, found.txt, found.csv, found.json\n"),
+        said.stdout.ends_with(
+            "written to found.svg, found.png, found.txt, found.csv, found.json, found-poles.svg, found-poles.png, found-poles.txt\n"
+        ),
         "{}",
         said.stdout
     );
     let table = fs::read_to_string(folder.join("found.csv")).unwrap();
-    assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_h1_modulus_m_s2_per_n,b_x_h1_phase_deg,b_x_h2_modulus_m_s2_per_n,b_x_h2_phase_deg,b_x_coherence,b_y_h1_modulus_m_s2_per_n,b_y_h1_phase_deg,b_y_h2_modulus_m_s2_per_n,b_y_h2_phase_deg,b_y_coherence,c_x_h1_modulus_m_s2_per_n,c_x_h1_phase_deg,c_x_h2_modulus_m_s2_per_n,c_x_h2_phase_deg,c_x_coherence,c_y_h1_modulus_m_s2_per_n,c_y_h1_phase_deg,c_y_h2_modulus_m_s2_per_n,c_y_h2_phase_deg,c_y_coherence");
+    assert_snapshot!(table.lines().next().unwrap(), @"frequency_hz,b_x_h1_modulus_m_s2_per_n,b_x_h1_phase_deg,b_x_h2_modulus_m_s2_per_n,b_x_h2_phase_deg,b_x_fitted_modulus_m_s2_per_n,b_x_fitted_phase_deg,b_x_coherence,b_y_h1_modulus_m_s2_per_n,b_y_h1_phase_deg,b_y_h2_modulus_m_s2_per_n,b_y_h2_phase_deg,b_y_fitted_modulus_m_s2_per_n,b_y_fitted_phase_deg,b_y_coherence,c_x_h1_modulus_m_s2_per_n,c_x_h1_phase_deg,c_x_h2_modulus_m_s2_per_n,c_x_h2_phase_deg,c_x_fitted_modulus_m_s2_per_n,c_x_fitted_phase_deg,c_x_coherence,c_y_h1_modulus_m_s2_per_n,c_y_h1_phase_deg,c_y_h2_modulus_m_s2_per_n,c_y_h2_phase_deg,c_y_fitted_modulus_m_s2_per_n,c_y_fitted_phase_deg,c_y_coherence");
     assert_snapshot!(complaint(folder, 2, &plot), @"resonarm: found.svg already exists: choose another place, or allow overwriting it (--overwrite)");
     // There is no resonance between the modes.
     let none = resonarm(folder, &["identify", "random.mcap", "--from-hz", "30", "--to-hz", "36"]);
@@ -85,9 +90,13 @@ fn a_missing_mode_is_listed() {
         let run = ["run", "--mode", "free", "--scenario", &scenario, "--record", &recording];
         assert_eq!(resonarm(folder, &run).code, 0);
     }
-    let found = document(folder, 1, &["identify", "braked.mcap", "--json"]);
-    let missing = found["missing"].as_array().unwrap();
-    assert_eq!(missing.iter().map(|mode| &mode["mode"]).collect::<Vec<_>>(), [1, 2]);
+    let found = document(folder, 0, &["identify", "braked.mcap", "--json"]);
+    let [missing] = &found["missing"].as_array().unwrap()[..] else { panic!("{:#}", found["missing"]) };
+    assert_eq!((&missing["mode"], &missing["reason"]), (&1.into(), &"force-in-noise".into()));
+    // The shaker's force has noise at the other mode, too.
+    let mode = &found["modes"][0];
+    assert_eq!((&mode["mode"], &mode["pole_frequency_deviation_hz"]), (&2.into(), &Value::Null));
+    assert!(mode["doubts"].as_array().unwrap().iter().any(|doubt| doubt["reason"] == "force-in-noise"), "{mode:#}");
     let said = resonarm(folder, &["identify", "braked.mcap"]);
     assert!(said.stderr.contains("mode 1, at 22.16 Hz in the scenario, was not found: "), "{}", said.stderr);
     assert!(!said.stderr.contains("images"), "{}", said.stderr);
@@ -146,6 +155,162 @@ fn recordings_without_modes_are_refused() {
     assert_snapshot!(says(&["force.mcap", "--segment-s", "-1"]), @"resonarm: --segment-s: it must be positive");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment has 100000 samples: it must have from 16 to as many as the record, 4050");
     assert_snapshot!(says(&["notes.txt"]), @"resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`");
+}
+
+/// Structures of three modes, and of two that are close: random forces of a minute, no mode missing, none invented, shapes and
+/// damping ratios at the true values.
+#[test]
+fn modes_of_known_structures_are_right() {
+    let three = |damping: [f64; 3]| {
+        [(31.0, damping[0], 0.9, 0.4), (58.0, damping[1], -0.7, 0.8), (120.0, damping[2], 0.6, -0.5)].to_vec()
+    };
+    let pair = |hz: f64| [(50.0, 0.01, 0.9, 0.4), (hz, 0.01, -0.7, 0.8)].to_vec();
+    let cases = [
+        ("i_base", three([0.01, 0.015, 0.02]), 5e-4),
+        ("i_hi", three([0.05; 3]), 5e-4),
+        ("i_hh", three([0.1; 3]), 5e-4),
+        ("i_low", three([0.001; 3]), 2e-3),
+        ("i_cl", pair(51.0), 5e-4),
+        ("i_cl2", pair(53.0), 5e-4),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, modes, damping_bound) in cases {
+        let text = structure(&modes, "", 20.0, 60.0, 1);
+        let found = document(folder, 0, &["identify", &played(folder, name, &text), "--json"]);
+        assert_eq!((&found["from_hz"], &found["to_hz"]), (&5.0.into(), &200.0.into()));
+        assert_eq!((&found["at"], &found["missing"]), (&serde_json::json!(["mid.x", "tip.x"]), &serde_json::json!([])));
+        let identified = found["modes"].as_array().unwrap();
+        assert_eq!(identified.len(), modes.len(), "{name}: {:#}", found["modes"]);
+        for ((mode, (hz, damping, tip, mid)), index) in identified.iter().zip(&modes).zip(1..) {
+            assert_eq!((&mode["mode"], &mode["doubts"]), (&index.into(), &serde_json::json!([])), "{name}");
+            let z = |value: &Value, truth: f64, deviation: &Value| {
+                let z = (number(value) - truth) / number(deviation);
+                assert!(z.abs() < 4.0, "{name}, mode {index}: {value} ± {deviation}, truth {truth}");
+            };
+            z(&mode["pole_frequency_hz"], *hz, &mode["pole_frequency_deviation_hz"]);
+            z(&mode["pole_damping_ratio"], *damping, &mode["pole_damping_ratio_deviation"]);
+            let off = number(&mode["pole_damping_ratio"]) / damping - 1.0;
+            assert!(off.abs() < damping_bound, "{name}, mode {index}: {off}");
+            let [found_mid, found_tip] = [0, 1].map(|place| number(&mode["shape_per_sqrt_kg"][place]));
+            let ratio = found_mid / found_tip / (mid / tip) - 1.0;
+            assert!(ratio.abs() < 5e-4, "{name}, mode {index}: ratio of the shape {ratio}");
+            for (place, truth) in [mid * tip.signum(), tip.abs()].into_iter().enumerate() {
+                z(&mode["shape_per_sqrt_kg"][place], truth, &mode["shape_deviation_per_sqrt_kg"][place]);
+            }
+            z(&mode["modal_mass_kg"], 1.0 / (tip * tip), &mode["modal_mass_deviation_kg"]);
+        }
+        for noise in found["noise"].as_array().unwrap() {
+            let off = number(&noise["estimated"]) / number(&noise["instrument"]) - 1.0;
+            assert!(off.abs() < 0.1, "{name}: {noise:#}");
+        }
+    }
+}
+
+/// A modal structure with modes (Hz, damping ratio, shape at tip and mid) and a random force at its tip, N.
+fn structure(modes: &[(f64, f64, f64, f64)], elements: &str, force_n: f64, duration_s: f64, seed: u64) -> String {
+    let mode = |(hz, damping, tip, mid): &(f64, f64, f64, f64)| {
+        format!("{{ frequency_hz = {hz}, damping_ratio = {damping}, shape = {{ 'tip.x' = {tip}, 'mid.x' = {mid} }} }}")
+    };
+    let modes: Vec<String> = modes.iter().map(mode).collect();
+    format!(
+        "[structure]\nkind = 'modal'\nmodes = [{}]\n{elements}[simulation]\nseed = {seed}\n[rig.exciter]\nat = 'tip'\n\
+         [rig.sensors.b]\nat = 'mid'\n[rig.sensors.c]\nat = 'tip'\n[excitation]\namplitude = {{ exciter_x = {force_n} }}\n\
+         profile = {{ waveform = 'random', from_hz = 5, to_hz = 200, duration_s = {duration_s}, seed = {seed} }}\n",
+        modes.join(", ")
+    )
+}
+
+/// Runs a scenario and returns the name of its recording.
+fn played(folder: &Path, name: &str, scenario: &str) -> String {
+    let (file, recording) = (format!("{name}.toml"), format!("{name}.mcap"));
+    fs::write(folder.join(&file), scenario).unwrap();
+    assert_eq!(resonarm(folder, &["run", "--mode", "free", "--scenario", &file, "--record", &recording]).code, 0);
+    recording
+}
+
+const THREE: [(f64, f64, f64, f64); 3] = [(31.0, 0.01, 0.9, 0.4), (58.0, 0.015, -0.7, 0.8), (120.0, 0.02, 0.6, -0.5)];
+
+#[test]
+fn the_table_states_deviations_and_noise() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let recording = played(folder, "random", &structure(&THREE, "", 20.0, 10.0, 1));
+    let said = resonarm(folder, &["identify", &recording]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert_snapshot!(said.stdout, @r"
+    random.mcap: 10.050 s, force along (1.000, 0.000), 5 to 200 Hz; 15 averages
+
+      mode   pole frequency |λ|/2π (Hz)   damping ratio         modal mass (kg)      shape (1/√kg): mid.x, tip.x
+         1           31.000027 ± 1e-4   1.0002e-2 ± 4e-6      1.23458 ± 1e-4   +0.4000 +0.9000
+         2           58.000322 ± 2e-4   1.4996e-2 ± 3e-6      2.04075 ± 2e-4   -0.7999 +0.7000
+         3          120.000046 ± 4e-4   1.9997e-2 ± 3e-6      2.77783 ± 3e-4   -0.5000 +0.6000
+
+      noise of a sample         estimated   instrument
+      head, tip.x (N)             1.124e-2     1.155e-2
+      b-x, mid.x (m/s²)           2.443e-2     2.466e-2
+      c-x, tip.x (m/s²)           2.553e-2     2.466e-2
+    ");
+}
+
+/// Exciter and accelerometers at other points in each recording: the shapes join all points.
+#[test]
+fn recordings_of_a_survey_are_fitted_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let at_tip = structure(&THREE, "", 20.0, 10.0, 1);
+    let first = played(folder, "tip", &at_tip.replace("[rig.sensors.b]\nat = 'mid'", "[rig.sensors.b]\nat = 'tip'"));
+    let second = played(folder, "roved", &structure(&THREE, "", 20.0, 10.0, 2));
+    let at_mid = structure(&THREE, "", 20.0, 10.0, 3).replace("[rig.exciter]\nat = 'tip'", "[rig.exciter]\nat = 'mid'");
+    let third = played(folder, "mid", &at_mid);
+    let found = document(folder, 0, &["identify", &first, &second, &third, "--json"]);
+    assert_eq!(found["at"], serde_json::json!(["tip.x", "mid.x"]));
+    let forces: Vec<&Value> = found["runs"].as_array().unwrap().iter().map(|run| &run["force"]).collect();
+    assert_eq!(forces, ["tip.x", "tip.x", "mid.x"]);
+    let modes = found["modes"].as_array().unwrap();
+    assert_eq!(modes.len(), 3, "{modes:#?}");
+    for (mode, (hz, damping, tip, mid)) in modes.iter().zip(THREE) {
+        let near = |key: &str, truth: f64, deviation: &str| {
+            let z = (number(&mode[key]) - truth) / number(&mode[deviation]);
+            assert!(z.abs() < 4.0, "{mode:#}");
+        };
+        near("pole_frequency_hz", hz, "pole_frequency_deviation_hz");
+        near("pole_damping_ratio", damping, "pole_damping_ratio_deviation");
+        let shape = &mode["shape_per_sqrt_kg"];
+        assert!((number(&shape[1]) / number(&shape[0]) / (mid / tip) - 1.0).abs() < 2e-3, "{mode:#}");
+    }
+    let said = resonarm(folder, &["identify", &first, &third, "--plot", "both"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    let table = fs::read_to_string(folder.join("both.csv")).unwrap();
+    assert!(table.starts_with("run,frequency_hz,b_x_h1_modulus"), "{}", table.lines().next().unwrap());
+    let other = played(folder, "other", &structure(&THREE[..2], "", 20.0, 2.0, 1));
+    assert_snapshot!(complaint(folder, 2, &["identify", &first, &other]), @"resonarm: other.mcap has another structure than tip.mcap: give recordings of one structure");
+    assert_snapshot!(complaint(folder, 2, &["identify", &first, &third, "--angles", "a.csv"]), @"resonarm: --angles takes one recording, got 2: give each its own command");
+}
+
+/// A cubic spring shows in the modes at two forces; without it the structure is linear.
+#[test]
+fn two_levels_tell_whether_a_structure_is_linear() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let spring = "[[structure.elements]]\nkind = 'cubic'\nat = 'tip.x'\nstiffness3_n_m3 = 1e8\n";
+    for (name, elements, is_linear) in [("linear", "", true), ("spring", spring, false)] {
+        let [low, high] = [5.0, 20.0].map(|force_n| {
+            let text = structure(&[(31.0, 0.02, 0.9, 0.4), (58.0, 0.02, -0.7, 0.8)], elements, force_n, 20.0, 1);
+            played(folder, &format!("{name}-{force_n}"), &text)
+        });
+        let found = document(folder, 0, &["identify", &low, "--other-level", &high, "--json"]);
+        let levels = &found["levels"];
+        assert_eq!(levels["linear"], is_linear, "{levels:#}");
+        assert_eq!(levels["modes"].as_array().unwrap().len(), 2);
+        let first = &found["modes"][0];
+        assert_eq!(first["pole_frequency_deviation_hz"].is_null(), !is_linear, "{first:#}");
+        let is_doubted = first["doubts"].as_array().unwrap().iter().any(|doubt| doubt["reason"] == "nonlinear");
+        assert_eq!(is_doubted, !is_linear, "{first:#}");
+        let said = resonarm(folder, &["identify", &low, "--other-level", &high]).stdout;
+        assert!(said.contains(if is_linear { "\n  linear: no mode" } else { "\n  not linear: a mode" }), "{said}");
+        assert_eq!(said.contains("no deviation, modes 1, 2: the structure is not linear"), !is_linear, "{said}");
+    }
 }
 
 /// The table of angles against the states of the run, which are in the recording.
@@ -224,4 +389,113 @@ fn recordings_without_angles_are_refused() {
     assert!(count.parse::<u32>().unwrap() > 10, "{clipped}");
     assert_snapshot!(rest, @"samples have a reading beyond the range of its sensor: reduce the force, or increase the sensor's range");
     assert!(!folder.join("a.csv").exists());
+}
+
+/// Accelerance of `THREE` between two points, as [real, imaginary], m/s² per N.
+fn accelerance(hz: f64, response: usize, force: usize) -> [f64; 2] {
+    let w = std::f64::consts::TAU * hz;
+    THREE.iter().fold([0.0, 0.0], |[re, im], (mode_hz, damping, tip, mid)| {
+        let (shape, of) = ([tip, mid], std::f64::consts::TAU * mode_hz);
+        let (a, b) = (of * of - w * w, 2.0 * damping * of * w);
+        let scale = -w * w * shape[response] * shape[force] / (a * a + b * b);
+        [re + scale * a, im - scale * b]
+    })
+}
+
+/// A file of frequency responses: units of mm and N, a coherence that is no response, and responses at nodes 1 and 2 to a force at
+/// node 1 along x; the second one reads against x. ASCII, or binary of single precision.
+fn universal_file(is_binary: bool) -> Vec<u8> {
+    let mut bytes = format!(
+        "    -1\n   164\n{:10}{:<20}{:10}\n{:>25}{:>25}{:>25}\n{:>25}\n    -1\n",
+        1, "mm, N", 2, "1.00000000000000000D+03", "1.0D+00", "1.0D+00", "0.0D+00"
+    )
+    .into_bytes();
+    let lines = 381;
+    // A linear congruential generator, summed to nearly normal noise.
+    let mut state = 1_u64;
+    let mut noise = || {
+        let uniform = |_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..12).map(uniform).sum::<f64>() - 6.0
+    };
+    for (kind, response, direction, sign) in [(6, 0, 1, 1.0), (4, 0, 1, 1.0), (4, 1, -1, -1.0)] {
+        let values: Vec<f64> = (0..lines)
+            .flat_map(|k| accelerance(10.0 + 0.5 * f64::from(k), response, 0))
+            .map(|part| sign * 1000.0 * (part + 1e-3 * noise()))
+            .collect();
+        let head = if is_binary {
+            format!("    58b{:6}{:6}{:12}{:12}{:6}{:6}{:12}{:12}", 1, 2, 11, 4 * values.len(), 0, 0, 0, 0)
+        } else {
+            String::from("    58")
+        };
+        bytes.extend(format!("    -1\n{head}\nNONE\nNONE\nNONE\nNONE\nNONE\n").bytes());
+        let node = response + 1;
+        bytes.extend(
+            format!(
+                "{kind:5}{:10}{:5}{:10} {:10}{node:10}{direction:4} {:10}{:10}{:4}\n",
+                0, 0, 0, "NONE", "NONE", 1, 1
+            )
+            .bytes(),
+        );
+        bytes.extend(format!("{:10}{lines:10}{:10}{:13.5E}{:13.5E}{:13.5E}\n", 5, 1, 10.0, 0.5, 0.0).bytes());
+        for (data, unit) in [(18, "Hz"), (12, "mm/s^2"), (13, "N"), (0, "NONE")] {
+            bytes.extend(format!("{data:10}{:5}{:5}{:5} {:20} {unit:20}\n", 0, 0, 0, "NONE").bytes());
+        }
+        if is_binary {
+            values.iter().for_each(|value| bytes.extend((*value as f32).to_le_bytes()));
+        } else {
+            for row in values.chunks(6) {
+                let row: Vec<String> = row.iter().map(|value| format!("{value:13.5E}")).collect();
+                bytes.extend(format!("{}\n", row.concat()).bytes());
+            }
+        }
+        bytes.extend(b"    -1\n");
+    }
+    bytes
+}
+
+#[test]
+fn modes_are_identified_from_measured_responses() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, is_binary) in [("ascii.uff", false), ("binary.uff", true)] {
+        fs::write(folder.join(name), universal_file(is_binary)).unwrap();
+        let found = document(folder, 0, &["identify", name, "--json"]);
+        assert_eq!((&found["at"], &found["others"]), (&serde_json::json!(["node1.x", "node2.x"]), &1.into()));
+        let modes = found["modes"].as_array().unwrap();
+        assert_eq!(modes.len(), 3, "{name}: {:#}", found["modes"]);
+        for (mode, (hz, damping, tip, mid)) in modes.iter().zip(THREE) {
+            let z = |value: &Value, truth: f64, deviation: &Value| {
+                assert!(((number(value) - truth) / number(deviation)).abs() < 4.0, "{name}: {mode:#}");
+            };
+            z(&mode["pole_frequency_hz"], hz, &mode["pole_frequency_deviation_hz"]);
+            z(&mode["pole_damping_ratio"], damping, &mode["pole_damping_ratio_deviation"]);
+            let sign = tip.signum();
+            for (place, truth) in [sign * tip, sign * mid].into_iter().enumerate() {
+                z(&mode["shape_per_sqrt_kg"][place], truth, &mode["shape_deviation_per_sqrt_kg"][place]);
+            }
+        }
+    }
+    let said = resonarm(folder, &["identify", "ascii.uff", "--plot", "measured"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert!(
+        said.stdout.starts_with("ascii.uff: 2 frequency responses, 10 to 200 Hz; 1 other functions\n"),
+        "{}",
+        said.stdout
+    );
+    assert!(folder.join("measured-poles.svg").exists());
+    let says = |name: &str, flags: &[&str]| complaint(folder, 2, &[&["identify", name], flags].concat());
+    assert_snapshot!(says("ascii.uff", &["--segment-s", "1"]), @"resonarm: --segment-s needs readings over time, and ascii.uff has frequency responses: leave it out");
+    let text = String::from_utf8(universal_file(false)).unwrap();
+    let written = |name: &str, text: String| fs::write(folder.join(name), text).unwrap();
+    written("cut.uff", text[..text.len() - 100].to_string());
+    assert_snapshot!(says("cut.uff", &[]), @"resonarm: cut.uff: dataset 58 has no end: the file is cut off");
+    written("none.uff", text.split("    -1\n    58").take(2).collect::<Vec<_>>().join("    -1\n    58"));
+    assert_snapshot!(says("none.uff", &[]), @"resonarm: none.uff has no frequency response (dataset 58 of function type 4), but 1 other functions: expected measured responses over a force");
+    written("strain.uff", text.replace("        12    0    0    0", "         3    0    0    0"));
+    assert_snapshot!(says("strain.uff", &[]), @"resonarm: strain.uff, frequency response 1: its response has the data type 3: expected displacement, velocity or acceleration, 8, 11 or 12");
+    written("real.uff", text.replace(&format!("{:10}{:10}{:10}", 5, 381, 1), &format!("{:10}{:10}{:10}", 2, 381, 1)));
+    assert_snapshot!(says("real.uff", &[]), @"resonarm: real.uff, frequency response 1: its values have the type 2: expected complex numbers, 5 or 6");
 }

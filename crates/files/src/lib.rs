@@ -11,6 +11,7 @@ pub mod drives;
 pub mod export;
 pub mod import;
 pub mod recording;
+pub mod responses;
 pub mod signals;
 mod staged;
 pub mod starting_plant;

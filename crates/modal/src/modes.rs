@@ -55,7 +55,6 @@ pub struct PoleDeviations {
 
 /// Reason why the deviations of a mode can't be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Doubt {
     /// The residual of a channel exceeds the known noise of its instrument: the structure is not linear, or something is
     /// missing in the model.
@@ -107,7 +106,6 @@ pub enum Doubt {
 
 /// Something about a mode that a user should look at; its figures stay as they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum Warning {
     /// The shape is complex: its points don't reach their largest displacements together. True modes may be complex; a mode of
     /// noise always is.

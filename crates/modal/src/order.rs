@@ -146,9 +146,6 @@ fn leave_out(problem: &Problem, mut poles: Vec<Complex<f64>>, band: Band) -> Opt
             poles = inside;
             continue;
         }
-        if fit.poles.len() == 1 {
-            return Some(fit);
-        }
         let gains = uncertainties(&fit)
             .into_iter()
             .enumerate()
@@ -158,9 +155,12 @@ fn leave_out(problem: &Problem, mut poles: Vec<Complex<f64>>, band: Band) -> Opt
         if weak.is_empty() {
             return Some(fit);
         }
-        // The weaker half at once, but never all.
+        // The weaker half at once, so that the last one goes alone, if at all.
         weak.sort_by(|a, b| a.0.total_cmp(&b.0));
-        weak.truncate(weak.len().div_ceil(2).min(fit.poles.len() - 1));
+        weak.truncate(weak.len().div_ceil(2));
+        if weak.len() == fit.poles.len() {
+            return None;
+        }
         let left = |mode: &usize| weak.iter().all(|(_, out)| out != mode);
         poles = (0..fit.poles.len()).filter(left).map(|mode| fit.poles[mode]).collect();
     }

@@ -23,10 +23,13 @@ use alloc::vec::Vec;
 
 use nalgebra::Vector2;
 
+use super::IdentifyError;
 use super::double_integration::{Integration, Integrator, Pair};
 use super::droop::without_droop;
-use super::{CHANNELS, IdentifyError};
 use crate::rig::{Converter, RigSpec};
+
+/// Number of accelerations: B along x and y, C along x and y.
+pub const CHANNELS: usize = 4;
 
 /// Length of each end, in periods of the corner; the effects of the record's ends have then fallen to about
 /// 1e-5.

@@ -1,5 +1,6 @@
 //! Errors of the identification from recorded readings.
 
+use resonarm_modal::ModalError;
 use thiserror::Error;
 
 use resonarm_numeric::number::{rounded, short};
@@ -41,6 +42,20 @@ pub enum IdentifyError {
         /// Highest frequency of the band, Hz.
         to_hz: f64,
     },
+    /// No accelerometer reads the motion of the structure.
+    #[error("no accelerometer reads an acceleration of the structure: place one at a point that moves")]
+    NoResponse,
+    /// Records of the same excited point have forces along different directions.
+    #[error(
+        "recording {run}, counted from 0, has a force along another direction at the same point: expected the same direction, or one along another axis"
+    )]
+    OtherDirection {
+        /// Index of the record, from 0.
+        run: usize,
+    },
+    /// The estimator rejects the readings.
+    #[error(transparent)]
+    Modal(#[from] ModalError),
     /// There is no resonance.
     #[error("there is no resonance from {from_hz} to {to_hz} Hz: widen the band, or record for longer", from_hz = short(.from_hz), to_hz = short(.to_hz))]
     NoResonance {

@@ -1,19 +1,20 @@
 //! Frequency responses, averaged as by a bench analyser.
 
 use alloc::vec::Vec;
-use core::f64::consts::PI;
 
 use nalgebra::Complex;
+use resonarm_modal::spectra::{CrossSpectra, Segments, Signals, SpectraError};
 
-use super::{Band, CHANNELS, IdentifyError, Record};
-use resonarm_numeric::dft::Lines;
+use super::{Band, IdentifyError, Record};
+
+/// Least number of samples of a segment.
+const LEAST_SEGMENT: usize = 16;
 
 /// Method of averaging a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Averaging {
-    /// Averages segments of this many samples with a Hann window, half overlapping (P. D. Welch, "The Use of
-    /// Fast Fourier Transform for the Estimation of Power Spectra", IEEE Trans. Audio Electroacoust. 15
-    /// (1967)), for noise and sweeps. A resonance narrower than two lines comes out too low and too wide.
+    /// Averages segments of this many samples with a Hann window, half overlapping, for noise and sweeps. A resonance narrower
+    /// than a few lines comes out too low and too wide.
     Welch(usize),
     /// Averages periods of this many samples without a window, from the first force on. The first period has
     /// the initial transient and is left out if there are more than two.
@@ -32,19 +33,12 @@ pub struct FrequencyResponseEstimate {
     pub averages: usize,
     /// Frequencies of the lines, Hz.
     pub frequency_hz: Vec<f64>,
-    /// Estimate H1 = S_fa/S_ff of each channel, (m/s²)/N, in which noise of the acceleration averages out.
-    pub h1: [Vec<Complex<f64>>; CHANNELS],
-    /// Estimate H2 = S_aa/S_af of each channel, in which noise of the force averages out.
-    pub h2: [Vec<Complex<f64>>; CHANNELS],
+    /// Estimate H1 = S_fa/S_ff of each response, (m/s²)/N, in which noise of the acceleration averages out.
+    pub h1: Vec<Vec<Complex<f64>>>,
+    /// Estimate H2 = S_aa/S_af of each response, in which noise of the force averages out.
+    pub h2: Vec<Vec<Complex<f64>>>,
     /// Coherence γ² = |S_fa|²/(S_ff S_aa), 0 to 1; `None` without averages, where it would always be 1.
-    pub coherence: Option<[Vec<f64>; CHANNELS]>,
-}
-
-/// Averages of the spectra, line by line.
-struct Spectra {
-    ff: Vec<f64>,
-    aa: [Vec<f64>; CHANNELS],
-    fa: [Vec<Complex<f64>>; CHANNELS],
+    pub coherence: Option<Vec<Vec<f64>>>,
 }
 
 /// Estimates the frequency responses of the accelerations over the force in a band.
@@ -58,94 +52,59 @@ pub fn frequency_response(
 ) -> Result<FrequencyResponseEstimate, IdentifyError> {
     record.check(band)?;
     let samples = record.samples();
-    let (length, starts, hann): (usize, Vec<usize>, bool) = match averaging {
-        Averaging::Single => (samples, [0].to_vec(), false),
+    let [begin, end] = record.forced();
+    let (start, segments) = match averaging {
+        Averaging::Single => (0, Segments::rectangular(samples)),
         Averaging::Welch(length) => {
             check_segment(length, samples)?;
-            (length, (0..=samples - length).step_by((length / 2).max(1)).collect(), true)
+            (0, Segments::hann(length))
         }
         Averaging::Periods(length) => {
-            let [start, _] = record.forced();
-            check_segment(length, samples - start)?;
-            let all: Vec<usize> = (start..=samples - length).step_by(length).collect();
+            check_segment(length, samples - begin)?;
             // Of two periods both are kept: one alone would give no coherence.
-            let settled = if all.len() > 2 { all[1..].to_vec() } else { all };
-            (length, settled, false)
+            let is_settled = (samples - begin) / length > 2;
+            (begin + if is_settled { length } else { 0 }, Segments::rectangular(length))
         }
     };
-    let spacing_hz = record.rate_hz() / length as f64;
+    let spacing_hz = record.rate_hz() / segments.length as f64;
     let first = libm::ceil(band.from_hz / spacing_hz) as usize;
-    let count = (libm::floor(band.to_hz / spacing_hz) as usize + 1).saturating_sub(first);
-    if count == 0 {
+    let lines = first..libm::floor(band.to_hz / spacing_hz) as usize + 1;
+    if lines.is_empty() {
         let least = libm::ceil(record.rate_hz() / (band.to_hz - band.from_hz)) as usize;
-        return Err(IdentifyError::TooShort { samples: length, least });
+        return Err(IdentifyError::TooShort { samples: segments.length, least });
     }
-    let transform = Lines::new(length, length, first, count);
-    let taper: Vec<f64> = (0..length).map(|n| if hann { squared_sine(n, length) } else { 1.0 }).collect();
-    let lines = |values: &[f64], start: usize| {
-        transform.transform(values[start..].iter().zip(&taper).map(|(value, taper)| Complex::new(value * taper, 0.0)))
-    };
-    let force_n = force(record, averaging);
-    let mut spectra = Spectra::new(count);
-    for start in &starts {
-        let force = lines(&force_n, *start);
-        let accelerations: [_; CHANNELS] = core::array::from_fn(|i| lines(&record.accelerations()[i], *start));
-        spectra.add(&force, &accelerations);
-    }
-    if spectra.ff.iter().all(|power| *power <= 0.0) {
+    let is_kept = |n: usize| averaging != Averaging::Single || (begin..end).contains(&n);
+    let keep = |(n, force): (usize, &f64)| if is_kept(n) { *force } else { 0.0 };
+    let force_n: Vec<f64> = record.force_n().iter().enumerate().map(keep).collect();
+    let outputs: Vec<&[f64]> = record.responses().iter().map(|response| &response.acceleration_m_s2[start..]).collect();
+    let signals = [Signals { inputs: &[&force_n[start..]], outputs: &outputs }];
+    let spectra = CrossSpectra::estimate(record.rate_hz(), &signals, &segments).map_err(|error| match error {
+        SpectraError::NotFinite { sample, .. } => IdentifyError::NotFinite { reading: start + sample },
+        other => IdentifyError::Modal(other.into()),
+    })?;
+    let force = &spectra.between_inputs[0][0];
+    if lines.clone().all(|line| force[line].re <= 0.0) {
         return Err(IdentifyError::NoEnergy { from_hz: band.from_hz, to_hz: band.to_hz });
     }
-    let frequency_hz = (0..count).map(|k| (first + k) as f64 * spacing_hz).collect();
-    Ok(spectra.estimate(averaging, starts.len(), frequency_hz))
-}
-
-/// Returns the force; for a single record without the noise before and after it.
-fn force(record: &Record, averaging: Averaging) -> Vec<f64> {
-    let [start, end] = record.forced();
-    let keep = |n: usize| averaging != Averaging::Single || (start..end).contains(&n);
-    record.force_n().iter().enumerate().map(|(n, force)| if keep(n) { *force } else { 0.0 }).collect()
+    let of_outputs = |value: &dyn Fn(usize, usize) -> Complex<f64>| -> Vec<Vec<Complex<f64>>> {
+        (0..outputs.len()).map(|output| lines.clone().map(|line| value(output, line)).collect()).collect()
+    };
+    let cross = |output: usize, line: usize| spectra.to_outputs[0][output][line];
+    let power = |output: usize, line: usize| Complex::new(spectra.outputs[output][line], 0.0);
+    let coherence = |output: usize| {
+        let of_line = |line: usize| cross(output, line).norm_sqr() / (force[line].re * spectra.outputs[output][line]);
+        lines.clone().map(of_line).collect()
+    };
+    Ok(FrequencyResponseEstimate {
+        averaging,
+        averages: spectra.averages,
+        frequency_hz: spectra.frequency_hz[lines.clone()].to_vec(),
+        h1: of_outputs(&|output, line| cross(output, line) / force[line].re),
+        h2: of_outputs(&|output, line| power(output, line) / cross(output, line).conj()),
+        coherence: (spectra.averages > 1).then(|| (0..outputs.len()).map(coherence).collect()),
+    })
 }
 
 fn check_segment(segment: usize, samples: usize) -> Result<(), IdentifyError> {
-    if (16..=samples).contains(&segment) { Ok(()) } else { Err(IdentifyError::Segment { segment, samples }) }
-}
-
-/// Returns the value of the Hann window at a sample.
-fn squared_sine(n: usize, length: usize) -> f64 {
-    let sine = libm::sin(PI * (n as f64 / length as f64));
-    sine * sine
-}
-
-impl Spectra {
-    fn new(count: usize) -> Spectra {
-        let zeros = || alloc::vec![0.0; count];
-        let complex = || alloc::vec![Complex::new(0.0, 0.0); count];
-        Spectra { ff: zeros(), aa: core::array::from_fn(|_| zeros()), fa: core::array::from_fn(|_| complex()) }
-    }
-
-    fn add(&mut self, force: &[Complex<f64>], accelerations: &[Vec<Complex<f64>>; CHANNELS]) {
-        for (k, f) in force.iter().enumerate() {
-            self.ff[k] += f.norm_sqr();
-            for (i, acceleration) in accelerations.iter().enumerate() {
-                self.aa[i][k] += acceleration[k].norm_sqr();
-                self.fa[i][k] += f.conj() * acceleration[k];
-            }
-        }
-    }
-
-    fn estimate(&self, averaging: Averaging, averages: usize, frequency_hz: Vec<f64>) -> FrequencyResponseEstimate {
-        let lines = 0..self.ff.len();
-        let h1 = |i: usize| lines.clone().map(|k| self.fa[i][k] / self.ff[k]).collect();
-        let h2 = |i: usize| lines.clone().map(|k| (self.fa[i][k].conj() / self.aa[i][k]).inv()).collect();
-        let coherence =
-            |i: usize| lines.clone().map(|k| self.fa[i][k].norm_sqr() / (self.ff[k] * self.aa[i][k])).collect();
-        FrequencyResponseEstimate {
-            averaging,
-            averages,
-            frequency_hz,
-            h1: core::array::from_fn(h1),
-            h2: core::array::from_fn(h2),
-            coherence: (averages > 1).then(|| core::array::from_fn(coherence)),
-        }
-    }
+    if (LEAST_SEGMENT..=samples).contains(&segment) { Ok(()) } else { Err(IdentifyError::Segment { segment, samples }) }
 }

@@ -1,434 +1,508 @@
-//! Identification of the modes in a record.
+//! Modes from records of readings, by the degrees of freedom of the structure.
 
+use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
-use core::f64::consts::TAU;
 
-use nalgebra::{Complex, SMatrix, SymmetricEigen};
+use nalgebra::Complex;
+use resonarm_modal as modal;
 use serde::Serialize;
 
-use super::mode_fit::{Lines, Pole};
-use super::{Band, CHANNELS, IdentifyError, Record};
-use resonarm_numeric::dft;
+use super::words::{Names, Remark, of_doubt, of_warning};
+use super::{Band, IdentifyError, Record};
+use crate::rig::Converter;
+use resonarm_modal::{Channel, Floor, ModalError, Options, Quantity, ResponseFunction};
 
-/// Largest number of peaks that are examined.
-const MOST_PEAKS: usize = 24;
-/// Ratio of a peak of the response's power to the median around it above which the peak is examined.
-const STANDS_OUT: f64 = 4.0;
-/// Ratio of the squared residuals without and with a pole above which a peak is a mode: a peak of a random
-/// force needs no pole.
-const GAIN: f64 = 10.0;
-/// Largest share of noise in the power of the force at a mode.
+/// Largest noise of a force at a mode, as a share of its power.
 pub const MOST_NOISE_SHARE: f64 = 0.01;
-/// Half the width of a fit's band: at least this many hertz, and at least the next constant's lines.
-const HALF_WIDTH_HZ: f64 = 0.5;
-const HALF_WIDTH_LINES: f64 = 20.0;
-/// Multiples of that width in which modes are sought that are too broad to stand out in it; the next constant
-/// is the least ratio of such a mode's half bandwidth to the width.
-const BROAD_WIDTHS: [usize; 2] = [4, 16];
-const BROAD_SHARE: f64 = 0.2;
-/// Distance in lines up to which two poles belong to one mode.
-const ONE_MODE_LINES: usize = 2;
-/// Least number of lines of a fit.
-const LEAST_LINES: usize = 16;
-/// γM of the exponential window of a response that dies out: the end is weighted by a thousandth.
-const TAPER: f64 = 6.9;
-/// Ratio of residual to noise below which the arm counts as linear.
-const LINEAR: f64 = 3.0;
+/// Systematic errors that were measured with a converter of order 5 and an ideal exciter: of frequencies, of damping ratios, and
+/// of shapes over the share of an image.
+const FLOOR: [f64; 3] = [2.5e-8, 5e-7, 3.0];
+/// Largest sine of the angle between the forces of two records that excite the same point.
+const SAME_DIRECTION: f64 = 0.01;
 
-/// Part of the record that a mode was fitted to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FittedPart {
-    /// The whole record, under the force.
-    Forced,
-    /// The ring-down after the force has ended, which is at least half of the record.
-    RingDown,
-}
-
-/// A mode identified from readings, with standard deviations.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+/// A mode that was identified from readings. A deviation is `None` where none can be stated honestly; `doubts` say why.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct IdentifiedMode {
+    /// Pole λ, rad/s, as [real, imaginary].
+    pub pole_rad_s: [f64; 2],
     /// Pole frequency |λ|/(2π) of the damped structure's eigenvalue λ, Hz. Unless the damping is proportional
     /// it differs from the natural frequency of the undamped structure; the command `modes` states both.
     pub pole_frequency_hz: f64,
     /// Standard deviation of the pole frequency, Hz.
-    pub pole_frequency_deviation_hz: f64,
+    pub pole_frequency_deviation_hz: Option<f64>,
     /// Damping ratio of the pole, −Re λ/|λ|.
     pub pole_damping_ratio: f64,
     /// Standard deviation of the damping ratio.
-    pub pole_damping_ratio_deviation: f64,
-    /// Amplitudes of acceleration of B along x and y and C along x and y, relative to the largest, 1.
-    pub shape: [f64; CHANNELS],
-    /// Shape normalised to the modal mass 1 kg, 1/√kg, displacement over modal coordinate, from the residue of
-    /// the response to the force; `None` in a ring-down, which has no force, and where the force has no part
-    /// along the shape.
-    pub shape_per_sqrt_kg: Option<[f64; CHANNELS]>,
-    /// Root mean square of the residual over the instruments' noise; about 1 for a linear arm. If it is larger,
-    /// the standard deviations are increased by this factor.
-    pub residual: f64,
-    /// Whether the residual is at most three times the noise. If not, the arm does not vibrate linearly or is
-    /// disturbed, and the numbers are those of an equivalent linear arm.
-    pub is_linear: bool,
-    /// Number of lines of the transform that were fitted.
-    pub lines: usize,
-    /// Part of the record that the mode was fitted to.
-    pub part: FittedPart,
+    pub pole_damping_ratio_deviation: Option<f64>,
+    /// Modal mass of the shape that is 1 at the driving point, kg; `None` if no accelerometer reads the motion there.
+    pub modal_mass_kg: Option<f64>,
+    /// Standard deviation of the modal mass, kg.
+    pub modal_mass_deviation_kg: Option<f64>,
+    /// Normal shape relative to its largest component, 1, at the degrees of freedom of [`Identification::at`]; `None` at those
+    /// that were measured in runs with other forces only.
+    pub shape: Vec<Option<f64>>,
+    /// Normal shape for the modal mass 1 kg, 1/√kg, displacement over modal coordinate.
+    pub shape_per_sqrt_kg: Option<Vec<Option<f64>>>,
+    /// Standard deviations of its components, 1/√kg.
+    pub shape_deviation_per_sqrt_kg: Option<Vec<Option<f64>>>,
+    /// Complex shape for the modal mass 1 kg, 1/√kg, as [real, imaginary].
+    pub complex_shape_per_sqrt_kg: Option<Vec<Option<[f64; 2]>>>,
+    /// Modal phase collinearity of the shape, 0 to 1; 1 of a normal mode.
+    pub collinearity: Option<f64>,
+    /// Mean phase deviation of the shape, degrees; 0 of a normal mode.
+    pub phase_deviation_deg: Option<f64>,
+    /// Residues of the receptance, m/N per second, of each run and response.
+    pub residues: Vec<IdentifiedResidue>,
+    /// Reasons why no deviations are stated.
+    pub doubts: Vec<Remark>,
+    /// Properties of the mode that should be looked at; the deviations hold.
+    pub warnings: Vec<Remark>,
 }
 
-/// A mode, or the reason why a peak is not one.
-type Fitted = Result<IdentifiedMode, Rejection>;
+/// A residue R of the receptance Σ R/(s − λ) + R̄/(s − λ̄).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct IdentifiedResidue {
+    /// Index of the run, from 0.
+    pub run: usize,
+    /// Degree of freedom of the response.
+    pub response: String,
+    /// Degree of freedom of the force.
+    pub force: String,
+    /// Value, as [real, imaginary].
+    pub value: [f64; 2],
+    /// Standard deviations of its real and its imaginary part.
+    pub deviation: Option<[f64; 2]>,
+}
 
-/// Modes in a record, and peaks that are not modes.
+/// Estimated noise of a reading.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReadingNoise {
+    /// Index of the run, from 0.
+    pub run: usize,
+    /// Name of the reading, `head` or the sensor and its axis.
+    pub reading: String,
+    /// Degree of freedom.
+    pub at: String,
+    /// Standard deviation of a sample as the residuals show it, N or m/s².
+    pub estimated: f64,
+    /// That of the instrument by its specification, with rounding; `None` of ideal instruments, and where filters colour it.
+    pub instrument: Option<f64>,
+}
+
+/// Terms of a response for modes outside the band: as receptance, below/s² + above.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ResidualTerm {
+    /// Index of the run, from 0.
+    pub run: usize,
+    /// Degree of freedom of the response.
+    pub response: String,
+    /// Degree of freedom of the force.
+    pub force: String,
+    /// Of the modes below the band, 1/kg.
+    pub below_per_kg: f64,
+    /// Of the modes above the band, m/N.
+    pub above_m_n: f64,
+}
+
+/// Modes in records.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// Modes in the order of their frequencies.
     pub modes: Vec<IdentifiedMode>,
-    /// Peaks that are not modes, in the order of their frequencies.
-    pub rejected: Vec<RejectedPeak>,
+    /// Degrees of freedom of the shapes' components.
+    pub at: Vec<String>,
+    /// Degree of freedom of each run's force; of measured responses, of all forces.
+    pub forces: Vec<String>,
+    /// Noise of all readings.
+    pub noise: Vec<ReadingNoise>,
+    /// Terms of all responses for modes outside the band.
+    pub residual_terms: Vec<ResidualTerm>,
+    /// What the estimator found; `None` if there is no mode. Its degrees of freedom are numbers.
+    pub estimate: Option<modal::Identification>,
+    runs: Vec<Run>,
+    names: Names,
+    pairs: Vec<Pair>,
 }
 
-/// A peak of the response, or of the response over the force, that is not a mode.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RejectedPeak {
-    /// Frequency of the peak, Hz.
-    pub frequency_hz: f64,
-    /// Reason why it is not a mode.
-    pub reason: Rejection,
+/// Numbers of the degrees of freedom of a run.
+#[derive(Clone, Debug, PartialEq)]
+struct Run {
+    /// Number of the force of each response, and what the response is made of.
+    responses: Vec<(usize, Part)>,
+    /// Name of each channel, in the order in which it was given to the estimator; the force of a record comes first.
+    channels: Vec<String>,
 }
 
-/// Reason why a peak is not a mode.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Rejection {
-    /// The lines around it are described as well without a pole.
-    NoPole,
-    /// The head's noise has a share of the force's power above [`MOST_NOISE_SHARE`], which would bias frequency
-    /// and damping by more than their deviations.
-    ForceInNoise {
-        /// Share of the noise, 0 to 1.
-        share: f64,
-    },
+/// A response in terms of the numbered degrees of freedom: Σ factor · component.
+#[derive(Clone, Debug, PartialEq)]
+enum Part {
+    Own(usize),
+    /// Axis x or y of the pair with this index.
+    OfPair(usize, usize),
 }
 
-/// Line of a mode, with the width of the band in which it was found.
-struct Centre {
-    line: usize,
-    /// Number of lines on both sides.
-    half: usize,
+/// The axes x and y at a point whose force is along neither: they were turned to the direction of the force and across it.
+#[derive(Clone, Debug, PartialEq)]
+struct Pair {
+    /// Names of the axes.
+    axes: [String; 2],
+    /// Direction of the force.
+    direction: [f64; 2],
+    /// Numbers of the degrees of freedom along and across.
+    numbers: [usize; 2],
 }
 
-/// A part of a record, transformed without a window, in and around a band.
-struct Stretch<'a> {
-    record: &'a Record,
-    part: FittedPart,
-    samples: usize,
-    /// First line and number of lines of the band.
-    band: (usize, usize),
-    /// Number of the first line that was computed.
-    first: usize,
-    channels: [Vec<Complex<f64>>; CHANNELS],
-    force: Vec<Complex<f64>>,
-    /// γM of the exponential window e^(−γn), if there is one.
-    taper: Option<f64>,
+impl Pair {
+    /// Factors of the components along and across for an axis.
+    fn factors(&self, axis: usize) -> [f64; 2] {
+        let [x, y] = self.direction;
+        if axis == 0 { [x, -y] } else { [y, x] }
+    }
 }
 
-/// Identifies the modes whose peaks stand out in the band.
+/// The samples of a channel for the estimator.
+struct Samples {
+    dof: usize,
+    values: Vec<f64>,
+    noise: Option<f64>,
+}
+
+impl Samples {
+    fn channel(&self) -> Channel<'_> {
+        Channel { dof: self.dof, samples: &self.values, noise: self.noise }
+    }
+}
+
+/// Identifies the modes in records of one structure. Records of several runs share the poles; forces and accelerometers may be
+/// at other places in each. The band without modes is a result, not an error.
 ///
 /// # Errors
-/// [`IdentifyError`] if the band is not in the record, the force has no energy in it, or no peak stands out there.
-pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyError> {
-    record.check(band)?;
-    check_energy(record, band)?;
-    let stretch = Stretch::new(record, band)?;
-    let (mut centres, mut rejected): (Vec<Centre>, Vec<RejectedPeak>) = (Vec::new(), Vec::new());
-    let half = half_width(stretch.spacing_hz());
-    for peak in stretch.peaks(half) {
-        let mode = match stretch.fit(peak, half, None)? {
-            Ok(mode) => mode,
-            Err(reason) => {
-                rejected.push(RejectedPeak { frequency_hz: peak as f64 * stretch.spacing_hz(), reason });
-                continue;
-            }
-        };
-        // A peak of the response and one of the response over the force may belong to the same mode.
-        stretch.add(&mut centres, &mode, half, ONE_MODE_LINES);
+/// [`IdentifyError`] if the band is not in the records, a force has no energy in it, or the readings don't allow a fit.
+pub fn modes(records: &[&Record], band: Band) -> Result<Identification, IdentifyError> {
+    records.iter().try_for_each(|record| record.check(band))?;
+    let mut found = Identification::empty();
+    let mut samples: Vec<Vec<Samples>> = Vec::new();
+    for (index, record) in records.iter().enumerate() {
+        samples.push(found.add(index, record)?);
     }
-    stretch.add_broad(&mut centres)?;
-    if centres.is_empty() && rejected.is_empty() {
-        return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
-    }
-    let mut found: Vec<IdentifiedMode> = Vec::new();
-    // The modes are fitted again once all are known, so that no band reaches more than half way to a neighbour.
-    for Centre { line, half } in &centres {
-        let others = centres.iter().map(|other| other.line).filter(|other| other != line);
-        found.extend(stretch.fit(*line, *half, others.map(|other| other.abs_diff(*line)).min())?);
-    }
-    found.sort_by(|a, b| a.pole_frequency_hz.total_cmp(&b.pole_frequency_hz));
-    rejected.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    Ok(Identification { modes: found, rejected })
-}
-
-/// Checks that the force was more than noise in the band, over the samples with a force: its mean power there
-/// exceeds four times that of the noise, and a thousandth of that at all frequencies, since an abrupt end
-/// leaks.
-fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
-    let [start, end] = record.forced();
-    // A short pulse has few lines, so at least 256 are computed.
-    let period = (end - start).max(256);
-    let first = libm::floor(band.from_hz * period as f64 / record.rate_hz()) as usize;
-    let count = libm::ceil(band.to_hz * period as f64 / record.rate_hz()) as usize + 1 - first;
-    let transform = dft::Lines::new(period, end - start, first, count);
-    let force = transform.transform(record.force_n()[start..end].iter().map(|value| Complex::new(*value, 0.0)));
-    let power = force.iter().map(Complex::norm_sqr).sum::<f64>() / count as f64;
-    let noise = record.force_noise_n() * record.force_noise_n() * (end - start) as f64;
-    // The mean power at all frequencies, by Parseval's theorem.
-    let total: f64 = record.force_n()[start..end].iter().map(|force| force * force).sum();
-    if power > 4.0 * noise && power > 1e-3 * total {
-        return Ok(());
-    }
-    Err(IdentifyError::NoEnergy { from_hz: band.from_hz, to_hz: band.to_hz })
-}
-
-impl<'a> Stretch<'a> {
-    /// Takes the ring-down, if that is most of the record, or else the whole record.
-    fn new(record: &'a Record, band: Band) -> Result<Stretch<'a>, IdentifyError> {
-        let [_, end] = record.forced();
-        // With a shaker there is no ring-down without force: the armature continues to load the arm, and the
-        // head reads that.
-        let rings_down = !record.has_shaker() && 2 * end <= record.samples();
-        let (part, from) = if rings_down { (FittedPart::RingDown, end) } else { (FittedPart::Forced, 0) };
-        let samples = record.samples() - from;
-        let spacing_hz = record.rate_hz() / samples as f64;
-        let low = libm::ceil(band.from_hz / spacing_hz).max(1.0) as usize;
-        let count = (libm::floor(band.to_hz / spacing_hz) as usize + 1).saturating_sub(low);
-        let half = half_width(spacing_hz);
-        if count < LEAST_LINES || 4 * half >= samples {
-            let least = libm::ceil(LEAST_LINES as f64 * record.rate_hz() / (band.to_hz - band.from_hz)) as usize;
-            return Err(IdentifyError::TooShort { samples, least: least.max(4 * half + 1) });
-        }
-        // A fit at the edge of the band extends beyond it, for a broad mode by half its frequency.
-        let first = (low / 2).min(low.saturating_sub(half + 1));
-        let behind = low + count;
-        let end = (behind + half).max(behind + behind / 2).min(samples / 2).max(behind + 1);
-        let transform = dft::Lines::new(samples, samples, first, end - first);
-        let taper = (part == FittedPart::Forced && record.dies_out()).then_some(TAPER);
-        let window = |n: usize| taper.map_or(1.0, |taper| libm::exp(-taper * n as f64 / samples as f64));
-        let windowed = |(n, value): (usize, &f64)| Complex::new(value * window(n), 0.0);
-        let lines = |values: &[f64]| transform.transform(values[from..].iter().enumerate().map(windowed));
-        let channels = core::array::from_fn(|i| lines(&record.accelerations()[i]));
-        Ok(Stretch {
-            record,
-            part,
-            samples,
-            band: (low, count),
-            first,
-            channels,
-            force: lines(record.force_n()),
-            taper,
+    let given: Vec<modal::Record<'_>> = records
+        .iter()
+        .zip(&found.runs)
+        .zip(&samples)
+        .map(|((record, run), samples)| modal::Record {
+            rate_hz: record.rate_hz(),
+            references: [Channel {
+                dof: run.responses[0].0,
+                samples: record.force_n(),
+                noise: record.known_force_noise_n(),
+            }]
+            .into(),
+            responses: samples.iter().map(Samples::channel).collect(),
         })
-    }
+        .collect();
+    let options =
+        Options { floor: floor(records), ..Options::new(modal::Band { from_hz: band.from_hz, to_hz: band.to_hz }) };
+    found.take(modal::identify_records(&given, &options))
+}
 
-    /// Returns the mean square of the exponential window; 1 without one.
-    fn window_power(&self) -> f64 {
-        self.taper.map_or(1.0, |taper| -libm::expm1(-2.0 * taper) / (2.0 * taper))
-    }
+/// A measured frequency response over a force.
+#[derive(Clone, Copy, Debug)]
+pub struct FunctionOf<'a> {
+    /// Degree of freedom of the force.
+    pub force: &'a str,
+    /// Degree of freedom of the response.
+    pub response: &'a str,
+    /// Values at the frequencies of the set, in SI units.
+    pub values: &'a [Complex<f64>],
+}
 
-    /// Returns the spacing of the lines, Hz.
-    fn spacing_hz(&self) -> f64 {
-        self.record.rate_hz() / self.samples as f64
-    }
-
-    /// Adds a mode to the centres, unless one is within `apart` lines already.
-    fn add(&self, centres: &mut Vec<Centre>, mode: &IdentifiedMode, half: usize, apart: usize) {
-        let line = libm::round(mode.pole_frequency_hz / self.spacing_hz()) as usize;
-        if !centres.iter().any(|other| other.line.abs_diff(line) <= apart) {
-            centres.push(Centre { line, half });
-        }
-    }
-
-    /// Adds the modes that are too broad to stand out in the usual width.
-    fn add_broad(&self, centres: &mut Vec<Centre>) -> Result<(), IdentifyError> {
-        let usual = half_width(self.spacing_hz());
-        for half in BROAD_WIDTHS.map(|width| width * usual).into_iter().filter(|half| 2 * half <= self.band.1) {
-            for peak in self.peaks(half) {
-                let Ok(mode) = self.fit_within(peak, half)? else { continue };
-                let bandwidth = mode.pole_damping_ratio * mode.pole_frequency_hz / self.spacing_hz();
-                let is_in_band = (self.band.0..self.band.0 + self.band.1)
-                    .contains(&(libm::round(mode.pole_frequency_hz / self.spacing_hz()) as usize));
-                if is_in_band && bandwidth >= BROAD_SHARE * usual as f64 {
-                    self.add(centres, &mode, half, libm::ceil(bandwidth) as usize);
-                }
+/// Identifies the modes in measured frequency responses at equally spaced frequencies, Hz.
+///
+/// # Errors
+/// [`IdentifyError`] if the responses don't allow a fit.
+pub fn modes_of_responses(
+    frequency_hz: &[f64],
+    functions: &[FunctionOf<'_>],
+    quantity: Quantity,
+    band: Band,
+) -> Result<Identification, IdentifyError> {
+    let mut found = Identification::empty();
+    let mut run = Run { responses: Vec::new(), channels: Vec::new() };
+    let mut given: Vec<ResponseFunction<'_>> = Vec::new();
+    for function in functions {
+        let [force, response] = [function.force, function.response].map(|name| found.names.number(name));
+        for (name, list) in [(function.force, &mut found.forces), (function.response, &mut found.at)] {
+            if !list.iter().any(|known| known == name) {
+                list.push(String::from(name));
             }
         }
-        Ok(())
+        run.responses.push((force, Part::Own(response)));
+        run.channels.push(format!("{} over {}", function.response, function.force));
+        given.push(ResponseFunction { reference: force, response, values: function.values });
+    }
+    found.runs.push(run);
+    let options = Options { quantity, ..Options::new(modal::Band { from_hz: band.from_hz, to_hz: band.to_hz }) };
+    found.take(modal::identify_responses(frequency_hz, &given, &options))
+}
+
+/// Systematic errors of the readings. An image at fs − f passes a converter of order N by its share to the power N, and a held
+/// force has it by its share.
+fn floor(records: &[&Record]) -> Floor {
+    let order = |record: &Record| match record.converter() {
+        // Images of an instantaneous reading are not bounded by this; the caller warns of them.
+        Converter::Instant | Converter::Unknown => None,
+        converter => Some(converter.order() as u8 + 1),
+    };
+    let Some(image_order) = records.iter().copied().filter_map(order).min() else { return Floor::default() };
+    let [frequency, damping_ratio, shape] = FLOOR;
+    Floor { frequency, damping_ratio, shape, image_order }
+}
+
+impl Identification {
+    fn empty() -> Identification {
+        Identification {
+            modes: Vec::new(),
+            at: Vec::new(),
+            forces: Vec::new(),
+            noise: Vec::new(),
+            residual_terms: Vec::new(),
+            estimate: None,
+            runs: Vec::new(),
+            names: Names::default(),
+            pairs: Vec::new(),
+        }
     }
 
-    /// Returns the lines at which the response over the force stands out, then those at which the response
-    /// does.
-    ///
-    /// A mode is at a peak of the ratio. There a shaker's force drops out; the response peaks elsewhere, at the modes
-    /// of arm and armature together. A free response has no force to divide by.
-    fn peaks(&self, half: usize) -> Vec<usize> {
-        let mut response = alloc::vec![0.0; self.band.1];
-        for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
-            self.add_power(&mut response, lines, 1.0 / (noise * noise));
-        }
-        if self.part == FittedPart::RingDown {
-            return self.peaks_of(&response, half);
-        }
-        // The power of the force is bounded from below by its noise: that of a line is M σ², 3/2 as much under
-        // the Hann window.
-        let noise_n = self.record.force_noise_n();
-        let least = 1.5 * self.samples as f64 * self.window_power() * (noise_n * noise_n).max(f64::MIN_POSITIVE);
-        let mut force = alloc::vec![least; self.band.1];
-        self.add_power(&mut force, &self.force, 1.0);
-        let ratio: Vec<f64> = response.iter().zip(&force).map(|(response, force)| response / force).collect();
-        let mut peaks = self.peaks_of(&ratio, half);
-        peaks.extend(self.peaks_of(&response, half));
-        peaks
+    /// Completes the identification with an estimate. That there is no mode is a result.
+    fn take(mut self, estimate: Result<modal::Identification, ModalError>) -> Result<Identification, IdentifyError> {
+        self.estimate = match estimate {
+            Ok(estimate) => Some(estimate),
+            Err(ModalError::NoModes) => None,
+            Err(error) => return Err(error.into()),
+        };
+        self.describe();
+        Ok(self)
     }
 
-    /// Adds `weight` times the power of the band's lines under a Hann window, applied as a convolution: leakage
-    /// falls with the third power of the distance.
-    fn add_power(&self, power: &mut [f64], lines: &[Complex<f64>], weight: f64) {
-        let first = self.band.0;
-        for (power, near) in power.iter_mut().zip(lines[first - 1 - self.first..].windows(3)) {
-            *power += weight * (near[1] - (near[0] + near[2]) * 0.5).norm_sqr();
-        }
-    }
-
-    /// Returns the lines of the band at which a power stands out from the `half` lines on both sides, the
-    /// highest first.
-    fn peaks_of(&self, power: &[f64], half: usize) -> Vec<usize> {
-        let (first, count) = self.band;
-        let mut open = alloc::vec![true; count];
-        let mut peaks = Vec::new();
-        for _ in 0..MOST_PEAKS {
-            let highest = (0..count).filter(|k| open[*k]).max_by(|a, b| power[*a].total_cmp(&power[*b]));
-            let Some(peak) = highest else { break };
-            let (low, high) = (peak.saturating_sub(half), (peak + half + 1).min(count));
-            let mut around: Vec<f64> = (low..high).filter(|k| k.abs_diff(peak) > 4).map(|k| power[k]).collect();
-            around.sort_by(f64::total_cmp);
-            // The median ignores other peaks in the neighbourhood, which a mean would not.
-            let median = around.get(around.len() / 2).copied().unwrap_or(f64::INFINITY);
-            // At the edge of a part that was already examined there is only the skirt of another peak.
-            let is_top = (peak == 0 || open[peak - 1]) && (peak + 1 == count || open[peak + 1]);
-            if is_top && power[peak] > STANDS_OUT * median {
-                peaks.push(first + peak);
+    /// Numbers the degrees of freedom of a record, and returns the samples of its channels.
+    fn add(&mut self, index: usize, record: &Record) -> Result<Vec<Samples>, IdentifyError> {
+        let [x, y] = record.direction();
+        let (force, pair) = match (record.exciter(), [x == 0.0, y == 0.0]) {
+            ([Some(at), _], [_, true]) | ([_, Some(at)], [true, _]) => (self.names.number(at), None),
+            ([Some(along_x), Some(along_y)], _) => {
+                let pair = self.pair([along_x, along_y], [x, y]).ok_or(IdentifyError::OtherDirection { run: index })?;
+                (self.pairs[pair].numbers[0], Some(pair))
             }
-            open[low..high].fill(false);
-        }
-        peaks
-    }
-
-    /// Fits the mode at a line to `half` lines on both sides, if there is one; `neighbour` is the distance to
-    /// the nearest other mode, lines.
-    fn fit(&self, centre: usize, half: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
-        let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
-        let mut half = half.min(room);
-        let mut fitted = self.fit_within(centre, half)?;
-        // A mode that is broad relative to the band is fitted in a wider one.
-        if let Ok(mode) = &fitted {
-            let bandwidth = mode.pole_damping_ratio * mode.pole_frequency_hz / self.spacing_hz();
-            // Six half bandwidths to each side contain nearly all of a resonance; the limit keeps the band
-            // above 0 Hz.
-            let wide = libm::ceil(6.0 * bandwidth).min(0.5 * centre as f64) as usize;
-            if wide > half && half < room {
-                half = wide.min(room);
-                fitted = self.fit_within(centre, half)?;
+            // The structure moves along one axis there, or none.
+            ([Some(at), None], _) | ([None, Some(at)], _) => (self.names.number(&format!("{at} (oblique)")), None),
+            ([None, None], _) => (self.names.number("force"), None),
+        };
+        self.forces.push(self.names.of(force));
+        let mut run = Run { responses: Vec::new(), channels: [String::from("head")].into() };
+        let mut samples: Vec<Samples> = Vec::new();
+        let mut left: Vec<(usize, &super::RecordedResponse)> = record.responses().iter().enumerate().collect();
+        run.responses = left.iter().map(|_| (force, Part::Own(0))).collect();
+        // An accelerometer that reads both axes of the driven point is turned to the force.
+        if let Some(index) = pair {
+            let Pair { axes, direction: [x, y], numbers } = self.pairs[index].clone();
+            let sensor = |name: &str| name.rsplit_once('-').map(|(sensor, _)| String::from(sensor));
+            while let Some((first, second)) = left.iter().find_map(|(first, along_x)| {
+                let is_other = |(_, other): &&(usize, &super::RecordedResponse)| {
+                    other.at == axes[1] && sensor(&other.name) == sensor(&along_x.name)
+                };
+                (along_x.at == axes[0]).then(|| left.iter().find(is_other)).flatten().map(|other| (*first, other.0))
+            }) {
+                let [a, b] = [first, second].map(|place| &record.responses()[place]);
+                let turned = |p: f64, q: f64| {
+                    a.acceleration_m_s2.iter().zip(&b.acceleration_m_s2).map(|(a, b)| p * a + q * b).collect()
+                };
+                samples.push(Samples { dof: numbers[0], values: turned(x, y), noise: a.noise_m_s2 });
+                samples.push(Samples { dof: numbers[1], values: turned(-y, x), noise: a.noise_m_s2 });
+                run.channels.push(format!("{} along the force", sensor(&a.name).unwrap_or_default()));
+                run.channels.push(format!("{} across the force", sensor(&a.name).unwrap_or_default()));
+                (run.responses[first].1, run.responses[second].1) = (Part::OfPair(index, 0), Part::OfPair(index, 1));
+                left.retain(|(place, _)| *place != first && *place != second);
             }
         }
-        Ok(fitted)
+        for (place, response) in left {
+            let dof = self.names.number(&response.at);
+            let values = response.acceleration_m_s2.clone();
+            samples.push(Samples { dof, values, noise: response.noise_m_s2 });
+            run.channels.push(response.name.clone());
+            run.responses[place].1 = Part::Own(dof);
+        }
+        for response in record.responses() {
+            if !self.at.contains(&response.at) {
+                self.at.push(response.at.clone());
+            }
+        }
+        self.runs.push(run);
+        Ok(samples)
     }
 
-    fn fit_within(&self, centre: usize, half: usize) -> Result<Fitted, IdentifyError> {
-        let first = centre.saturating_sub(half).max(self.first).max(1);
-        let end = (centre + half + 1).min(self.first + self.force.len());
-        let (count, samples) = (end - first, self.samples);
-        if count < LEAST_LINES {
-            return Err(IdentifyError::TooShort { samples, least: samples * LEAST_LINES / count.max(1) });
+    /// Returns the index of the pair of axes of an oblique force; `None` if another record has a force along another direction
+    /// there.
+    fn pair(&mut self, axes: [&String; 2], direction: [f64; 2]) -> Option<usize> {
+        let [x, y] = direction;
+        if let Some(known) = self.pairs.iter().position(|pair| [&pair.axes[0], &pair.axes[1]] == axes) {
+            let [of_x, of_y] = self.pairs[known].direction;
+            return (libm::fabs(x * of_y - y * of_x) < SAME_DIRECTION).then_some(known);
         }
-        let within = first - self.first..end - self.first;
-        let noise = self.record.acceleration_noise_m_s2();
-        let channels = self.channels.each_ref().map(|lines| &lines[within.clone()]);
-        // All channels are combined into one response with the best ratio of signal to noise, and one pole is
-        // fitted to it.
-        let combination = strongest(&channels, noise);
-        let response =
-            (0..count).map(|k| (0..CHANNELS).map(|i| channels[i][k] * (combination[i] / noise[i])).sum()).collect();
-        let root = libm::sqrt(samples as f64 * self.window_power());
-        let force = (self.part == FittedPart::Forced).then(|| self.force[within].to_vec());
-        let noises = [root, self.record.force_noise_n() * root];
-        let lines = Lines { samples, centre, first, response, force, taper: self.taper, noise: noises };
-        // A pole far from the peak belongs to another mode, or to none.
-        let is_mode = |pole: &Pole| pole.gain > GAIN && libm::fabs(pole.x[0]) < 0.25 * count as f64;
-        let Some(pole) = lines.fit(0.0).filter(is_mode) else { return Ok(Err(Rejection::NoPole)) };
-        if pole.force_noise_share > MOST_NOISE_SHARE {
-            return Ok(Err(Rejection::ForceInNoise { share: pole.force_noise_share }));
+        let names = ["along", "across"].map(|which| format!("{} and {} {which} the force", axes[0], axes[1]));
+        let numbers = names.map(|name| self.names.number(&name));
+        self.pairs.push(Pair { axes: axes.map(Clone::clone), direction, numbers });
+        Some(self.pairs.len() - 1)
+    }
+
+    /// States the estimate in words and by degrees of freedom.
+    fn describe(&mut self) {
+        let Some(estimate) = self.estimate.take() else { return };
+        self.modes = estimate.modes.iter().map(|mode| self.mode(mode)).collect();
+        self.noise.clear();
+        for (index, (run, report)) in self.runs.iter().zip(&estimate.runs).enumerate() {
+            for (channel, noise) in run.channels.iter().zip(report.reference_noise.iter().chain(&report.response_noise))
+            {
+                self.noise.push(ReadingNoise {
+                    run: index,
+                    reading: channel.clone(),
+                    at: self.names.of(noise.dof),
+                    estimated: noise.estimated,
+                    instrument: noise.known,
+                });
+            }
         }
-        // λ = rate · ln p = rate/M · (−x₁ + 2πi (centre + x₀)).
-        let scale = self.spacing_hz();
-        let (decay, turns) = (pole.x[1] * scale, TAU * (centre as f64 + pole.x[0]) * scale);
-        let size = libm::hypot(decay, turns);
-        let parts = core::array::from_fn(|i| combination[i] * noise[i]);
-        let largest = parts
+        let terms = |terms: &modal::ResidualTerms| ResidualTerm {
+            run: terms.run,
+            response: self.names.of(terms.response),
+            force: self.names.of(terms.reference),
+            below_per_kg: terms.below,
+            above_m_n: terms.above,
+        };
+        self.residual_terms = estimate.residual_terms.iter().map(terms).collect();
+        self.estimate = Some(estimate);
+    }
+
+    fn mode(&self, mode: &modal::Mode) -> IdentifiedMode {
+        let deviations = mode.deviations().ok();
+        let is_sure = deviations.is_some();
+        let scaled: Option<Vec<Option<[Complex<f64>; 2]>>> =
+            mode.shape.as_ref().map(|shape| self.at.iter().map(|at| self.component(shape, at)).collect());
+        let components: Vec<Option<Complex<f64>>> = match &scaled {
+            Some(scaled) => scaled.iter().map(|component| component.map(|[value, _]| value)).collect(),
+            None => self.at.iter().map(|at| self.unscaled(mode, at)).collect(),
+        };
+        let normal = normal(&components);
+        let largest = normal
             .iter()
+            .flatten()
             .fold(0.0, |largest: f64, part| if libm::fabs(*part) > libm::fabs(largest) { *part } else { largest });
-        let shape = parts.map(|part| part / largest);
-        let reading = core::array::from_fn(|i| combination[i] / noise[i]);
-        let lambda = Complex::new(-decay, turns);
-        let residue = pole.residue.map(|residue| residue * self.record.rate_hz());
-        let mass_normalised = residue.and_then(|residue| self.mass_normalised(&shape, &reading, lambda, residue));
-        Ok(Ok(IdentifiedMode {
-            pole_frequency_hz: size / TAU,
-            pole_frequency_deviation_hz: pole.deviation[0] * scale,
-            pole_damping_ratio: decay / size,
-            pole_damping_ratio_deviation: pole.deviation[1] * scale / size,
-            shape,
-            shape_per_sqrt_kg: mass_normalised,
-            residual: pole.residual,
-            is_linear: pole.residual <= LINEAR,
-            lines: count,
-            part: self.part,
-        }))
+        let residue = |residue: &modal::Residue| IdentifiedResidue {
+            run: residue.run,
+            response: self.names.of(residue.response),
+            force: self.names.of(residue.reference),
+            value: [residue.value.re, residue.value.im],
+            deviation: is_sure.then_some([residue.deviation.re, residue.deviation.im]),
+        };
+        IdentifiedMode {
+            pole_rad_s: [mode.pole.re, mode.pole.im],
+            pole_frequency_hz: mode.frequency_hz,
+            pole_frequency_deviation_hz: deviations.map(|deviations| deviations.frequency_hz),
+            pole_damping_ratio: mode.damping_ratio,
+            pole_damping_ratio_deviation: deviations.map(|deviations| deviations.damping_ratio),
+            modal_mass_kg: mode.shape.as_ref().map(|shape| shape.modal_mass),
+            modal_mass_deviation_kg: mode.shape.as_ref().filter(|_| is_sure).map(|shape| shape.modal_mass_deviation),
+            shape: normal.iter().map(|part| part.map(|part| part / largest)).collect(),
+            shape_per_sqrt_kg: scaled.is_some().then(|| normal.clone()),
+            shape_deviation_per_sqrt_kg: scaled
+                .as_ref()
+                .filter(|_| is_sure)
+                .map(|scaled| scaled.iter().map(|part| part.map(|[_, deviation]| deviation.re)).collect()),
+            complex_shape_per_sqrt_kg: scaled
+                .is_some()
+                .then(|| components.iter().map(|part| part.map(|part| [part.re, part.im])).collect()),
+            collinearity: mode.shape.as_ref().map(|shape| shape.collinearity),
+            phase_deviation_deg: mode.shape.as_ref().map(|shape| shape.phase_deviation_deg),
+            residues: mode.residues.iter().map(residue).collect(),
+            doubts: mode.doubts.iter().map(|doubt| of_doubt(doubt, &self.names)).collect(),
+            warnings: mode.warnings.iter().map(|warning| of_warning(warning, &self.names)).collect(),
+        }
+    }
+
+    /// Returns a component of a shape and its deviation at a degree of freedom. At a point whose force is oblique it is the sum
+    /// of those along and across the force, which have errors in common.
+    fn component(&self, shape: &modal::Shape, at: &str) -> Option<[Complex<f64>; 2]> {
+        let of = |number: usize| shape.components.iter().find(|component| component.dof == number);
+        if let Some(component) = self.names.find(at).and_then(of) {
+            return Some([component.value, component.deviation]);
+        }
+        let (pair, axis) = self.pairs.iter().find_map(|pair| {
+            let axis = pair.axes.iter().position(|axis| axis == at)?;
+            Some((pair, axis))
+        })?;
+        let [p, q] = pair.factors(axis);
+        let [along, across] = [of(pair.numbers[0])?, of(pair.numbers[1])?];
+        // The covariance is known if the force of this point is the driving one.
+        let common =
+            if shape.driving_point == pair.numbers[0] { across.with_driving_point } else { Complex::default() };
+        let spread =
+            |a: f64, b: f64, common: f64| libm::sqrt((p * p * a * a + q * q * b * b + 2.0 * p * q * common).max(0.0));
+        Some([
+            along.value * p + across.value * q,
+            Complex::new(
+                spread(along.deviation.re, across.deviation.re, common.re),
+                spread(along.deviation.im, across.deviation.im, common.im),
+            ),
+        ])
+    }
+
+    /// Returns a component of a shape without a scale, from the residues to the first run's force.
+    fn unscaled(&self, mode: &modal::Mode, at: &str) -> Option<Complex<f64>> {
+        let (force, _) = self.runs.first()?.responses.first()?;
+        let of = |number: usize| {
+            let fits = |residue: &&modal::Residue| residue.reference == *force && residue.response == number;
+            mode.residues.iter().find(fits).map(|residue| residue.value)
+        };
+        if let Some(value) = self.names.find(at).and_then(of) {
+            return Some(value);
+        }
+        let (pair, axis) = self.pairs.iter().find_map(|pair| {
+            let axis = pair.axes.iter().position(|axis| axis == at)?;
+            Some((pair, axis))
+        })?;
+        let [p, q] = pair.factors(axis);
+        Some(of(pair.numbers[0])? * p + of(pair.numbers[1])? * q)
+    }
+
+    /// Returns the fitted accelerance of a response of a run, by its place in the record; `None` if there is no mode.
+    pub fn fitted(&self, run: usize, response: usize, frequency_hz: f64) -> Option<Complex<f64>> {
+        let (estimate, of_run) = (self.estimate.as_ref()?, self.runs.get(run)?);
+        let (force, part) = of_run.responses.get(response)?;
+        let of = |number: usize| estimate.response(run, *force, number, frequency_hz);
+        match part {
+            Part::Own(number) => of(*number),
+            Part::OfPair(pair, axis) => {
+                let pair = &self.pairs[*pair];
+                let [p, q] = pair.factors(*axis);
+                Some(of(pair.numbers[0])? * p + of(pair.numbers[1])? * q)
+            }
+        }
     }
 }
 
-impl Stretch<'_> {
-    /// Returns the shape of modal mass 1 kg. `reading` are the weights that combine the channels to the
-    /// response.
-    ///
-    /// The shape φ = c s, driven along e, has the accelerance z² φ φₑ/((z − λ)(z − λ*)) at z = iω, whose residue at λ
-    /// is λ² φ φₑ/(λ − λ*). So the response Σ wᵢ aᵢ with the residue r has c² = Re(r (λ − λ*)/λ²)/(Σ wᵢ sᵢ · sₑ).
-    fn mass_normalised(
-        &self,
-        shape: &[f64; CHANNELS],
-        reading: &[f64; CHANNELS],
-        lambda: Complex<f64>,
-        residue: Complex<f64>,
-    ) -> Option<[f64; CHANNELS]> {
-        let direction = self.record.direction();
-        let driven = shape[2] * direction[0] + shape[3] * direction[1];
-        let read: f64 = shape.iter().zip(reading).map(|(shape, weight)| shape * weight).sum();
-        let product = (residue * Complex::new(0.0, 2.0 * lambda.im) / (lambda * lambda)).re;
-        let square = product / (read * driven);
-        (square > 0.0 && square.is_finite()).then(|| shape.map(|part| part * libm::sqrt(square)))
-    }
+/// Compares the modes of a structure that was driven at two levels. If it is not linear, no mode of both keeps its deviations.
+/// Indices are those of the modes.
+pub fn compare_levels(first: &mut Identification, second: &mut Identification) -> Vec<modal::ModeShift> {
+    let (Some(one), Some(other)) = (&mut first.estimate, &mut second.estimate) else { return Vec::new() };
+    let shifts = modal::judge_levels(&mut one.modes, &mut other.modes);
+    first.describe();
+    second.describe();
+    shifts
 }
 
-/// Returns half the width of a fit's band, lines.
-fn half_width(spacing_hz: f64) -> usize {
-    libm::ceil((HALF_WIDTH_HZ / spacing_hz).max(HALF_WIDTH_LINES)) as usize
-}
-
-/// Returns the real unit vector v for which vᵀy, with y the channels in units of their noise, has most power
-/// over the lines. Near a mode it is the mode's shape, which combines all channels, while the noise of vᵀy
-/// stays 1. It is the eigenvector of Re Σ y y* with the largest eigenvalue.
-fn strongest(channels: &[&[Complex<f64>]; CHANNELS], noise: &[f64; CHANNELS]) -> [f64; CHANNELS] {
-    let power = SMatrix::<f64, CHANNELS, CHANNELS>::from_fn(|i, j| {
-        let products = channels[i].iter().zip(channels[j]).map(|(a, b)| (a * b.conj()).re);
-        products.sum::<f64>() / (noise[i] * noise[j])
-    });
-    let eigen = SymmetricEigen::new(power);
-    let column = eigen.eigenvectors.column(eigen.eigenvalues.imax());
-    core::array::from_fn(|i| column[i])
+/// Returns the normal shape of the components that are known.
+fn normal(components: &[Option<Complex<f64>>]) -> Vec<Option<f64>> {
+    let known: Vec<Complex<f64>> = components.iter().flatten().copied().collect();
+    let mut parts = modal::normal(&known).into_iter();
+    components.iter().map(|component| component.and_then(|_| parts.next())).collect()
 }

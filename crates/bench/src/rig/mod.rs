@@ -1,6 +1,7 @@
 //! The rig on a structure: exciter, impedance head and sensors.
 
 mod chain;
+mod conditioner;
 pub(crate) mod converter;
 mod exciter;
 mod fault;
@@ -14,6 +15,7 @@ mod sensor;
 mod shaker;
 
 pub use chain::Reading;
+pub(crate) use conditioner::Conditioner;
 pub use converter::{Converter, Sampling};
 pub use exciter::{Exciter, ExciterSpec, RigError};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, MOST_FAULTS};

@@ -9,10 +9,11 @@ use thiserror::Error;
 
 pub use angles::{RecordedAngles, has_faulty_accelerometer};
 pub use load::acting_load;
-pub use missing::{MissingMode, Reason, missing_modes, mode_numbers};
+pub use missing::{KnownPole, MissingMode, Reason, missing_modes, mode_numbers};
 
 use resonarm_bench::excitation::Waveform;
-use resonarm_bench::identify::{Averaging, Band, Direction, IdentifyError, Record};
+use resonarm_bench::identify::{Averaging, Band, Direction, IdentifyError, Record, RigPlaces};
+use resonarm_bench::plant::TestedAssembly;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Recording, RecordingError};
 use resonarm_scenario::{Scenario, ScenarioError};
@@ -52,12 +53,17 @@ const HIGHEST_PART: f64 = 0.4;
 const HIGHEST_HZ: f64 = 100.0;
 
 /// Returns the readings of a recording of `scenario`, with the force along `input` as their cause. Those of sample 0
-/// are left out: they only show the initial state.
+/// are left out: they only show the initial state. `tested` is the scenario's structure; `None` if its equations are not known.
 ///
 /// # Errors
 /// [`IdentificationError`] if the recording can't be read or has no readings, a reading is clipped, or nothing drives
 /// the structure.
-pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> Result<Record, IdentificationError> {
+pub fn record(
+    recording: &Recording,
+    scenario: &Scenario,
+    tested: Option<&TestedAssembly>,
+    input: Direction,
+) -> Result<Record, IdentificationError> {
     check_readings(recording)?;
     let rate_hz = 1.0 / recording.origin().dt_s;
     let (mut rows, mut clipped) = (Vec::new(), 0);
@@ -67,13 +73,22 @@ pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> R
         clipped += usize::from(sample.clipped.any());
         let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
         if sample.sample > 0 {
-            rows.push((sample.head_force_n, [bx, by, cx, cy]));
+            rows.push((sample.head_force_n, [&[bx, by, cx, cy], sample.more.values()].concat()));
         }
     }
     if clipped > 0 {
         return Err(IdentifyError::Clipped { samples: clipped }.into());
     }
-    Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
+    let places = match tested {
+        Some(tested) => RigPlaces::of_structure(tested, &scenario.rig),
+        None => RigPlaces::of_rig(&scenario.rig),
+    };
+    Ok(Record::new(rate_hz, &scenario.rig, &places, rows, input)?)
+}
+
+/// Says whether the scenario gives an instrument a fault.
+pub fn has_faults(scenario: &Scenario) -> bool {
+    !scenario.rig.faults.is_empty()
 }
 
 /// Rejects a log without readings.
@@ -127,28 +142,11 @@ pub fn samples_in(time_s: f64, record: &Record) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_bench::identify::{FittedPart, IdentifiedMode};
-
-    fn found(pole_frequency_hz: f64) -> IdentifiedMode {
-        IdentifiedMode {
-            pole_frequency_hz,
-            pole_frequency_deviation_hz: 1e-3,
-            pole_damping_ratio: 0.01,
-            pole_damping_ratio_deviation: 1e-4,
-            shape: [1.0, 0.0, 0.0, 0.0],
-            shape_per_sqrt_kg: None,
-            residual: 1.0,
-            is_linear: true,
-            lines: 20,
-            part: FittedPart::Forced,
-        }
-    }
 
     /// A plate on soft strings has modes at 0 Hz, which have no pole. The others keep their numbers.
     #[test]
     fn modes_beside_one_without_a_pole_have_their_numbers() {
-        let modes = [found(63.405), found(149.997)];
-        assert_eq!(mode_numbers(&modes, &[f64::NAN, 63.4, 150.0]), [Some(2), Some(3)]);
+        assert_eq!(mode_numbers(&[63.405, 149.997], &[f64::NAN, 63.4, 150.0]), [Some(2), Some(3)]);
     }
 
     #[test]

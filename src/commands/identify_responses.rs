@@ -1,0 +1,135 @@
+//! `resonarm identify` of a file with measured frequency responses.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::commands::identify::pair;
+use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
+use crate::commands::identify_found::{Found, smooth_hz};
+use crate::failure::{Failure, Verdict};
+use crate::figures::response_curves;
+use crate::output::{self, JsonFlag};
+use resonarm::identify::{Band, FunctionOf, Quantity, modes_of_responses};
+use resonarm::responses::{MeasuredQuantity, read_responses};
+use resonarm_figures::plot::beside;
+use resonarm_numeric::number::short;
+
+pub(super) struct Request<'a> {
+    pub file: &'a Path,
+    pub from_hz: Option<f64>,
+    pub to_hz: Option<f64>,
+    pub plot: Option<&'a Path>,
+    pub json: JsonFlag,
+}
+
+#[derive(Serialize)]
+struct Document {
+    /// File of the responses.
+    responses: String,
+    /// Functions in it that are no frequency responses.
+    others: usize,
+    #[serde(flatten)]
+    found: Found,
+    frequency_hz: Vec<f64>,
+    functions: Vec<Function>,
+}
+
+/// A response over all frequencies, complex as [real, imaginary].
+#[derive(Serialize)]
+struct Function {
+    force: String,
+    response: String,
+    unit: &'static str,
+    measured: Vec<[f64; 2]>,
+    fitted: Option<Vec<[f64; 2]>>,
+    #[serde(skip)]
+    smooth: Vec<(f64, [f64; 2])>,
+}
+
+/// Identifies the modes in a file, writes the figures and prints the tables.
+pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
+    let read = read_responses(request.file)?;
+    let (quantity, unit) = match read.quantity {
+        MeasuredQuantity::Acceleration => (Quantity::Acceleration, "m/s² per N"),
+        MeasuredQuantity::Velocity => (Quantity::Velocity, "m/s per N"),
+        MeasuredQuantity::Displacement => (Quantity::Displacement, "m per N"),
+    };
+    let positive = read.frequency_hz.iter().copied().find(|hz| *hz > 0.0);
+    let band = Band {
+        from_hz: request.from_hz.or(positive).unwrap_or(0.0),
+        to_hz: request.to_hz.or(read.frequency_hz.last().copied()).unwrap_or(0.0),
+    };
+    let functions: Vec<FunctionOf<'_>> = read
+        .responses
+        .iter()
+        .map(|of| FunctionOf { force: &of.force, response: &of.response, values: &of.values })
+        .collect();
+    let found = modes_of_responses(&read.frequency_hz, &functions, quantity, band)?;
+    let in_band: Vec<f64> =
+        read.frequency_hz.iter().copied().filter(|hz| (band.from_hz..=band.to_hz).contains(hz)).collect();
+    let smooth = smooth_hz(&in_band, &found);
+    let function = |(index, of): (usize, &resonarm::responses::MeasuredResponse)| {
+        let fitted = |hz: &f64| Some(pair(&found.fitted(0, index, *hz)?));
+        Function {
+            force: of.force.clone(),
+            response: of.response.clone(),
+            unit,
+            measured: of.values.iter().map(pair).collect(),
+            // At 0 Hz the terms for modes below the band are not finite.
+            fitted: read.frequency_hz.iter().map(|hz| fitted(&hz.max(f64::MIN_POSITIVE))).collect(),
+            smooth: smooth.iter().filter_map(|hz| Some((*hz, fitted(hz)?))).collect(),
+        }
+    };
+    let functions = read.responses.iter().enumerate().map(function).collect();
+    let numbers = vec![None; found.modes.len()];
+    let document = Document {
+        responses: request.file.display().to_string(),
+        others: read.others,
+        functions,
+        found: Found::new(found, numbers, band),
+        frequency_hz: read.frequency_hz,
+    };
+    document.found.warn_of_none();
+    let drawn = || (responses_figure(&document.found, &document.curves()), document.csv());
+    let mut files = output::plot(request.plot, &document, drawn)?;
+    if let Some(stem) = request.plot {
+        files.extend(output::draw(poles_figure(&document.found, &document.curves()), &beside(stem, "-poles"))?);
+    }
+    request.json.show(&document, || document.text(), &files)?;
+    Ok(Verdict::of(!document.found.modes.is_empty()))
+}
+
+impl Document {
+    fn curves(&self) -> Vec<Curve<'_>> {
+        let curves = self.functions.iter().map(|of| Curve {
+            title: format!("{} over {}", of.response, of.force),
+            label: format!("response ({})", of.unit),
+            frequency_hz: &self.frequency_hz,
+            measured: &of.measured,
+            coherence: None,
+            fitted: &of.smooth,
+        });
+        curves.collect()
+    }
+
+    fn text(&self) -> String {
+        let others = if self.others == 0 { String::new() } else { format!("; {} other functions", self.others) };
+        format!(
+            "{}: {} frequency responses, {} to {} Hz{others}\n{}",
+            self.responses,
+            self.functions.len(),
+            short(&self.found.from_hz),
+            short(&self.found.to_hz),
+            self.found.text(false)
+        )
+    }
+
+    fn csv(&self) -> String {
+        let named = |of: &Function| {
+            let name = format!("{}_over_{}", of.response, of.force).replace('.', "_");
+            (name, String::from(of.unit).replace(" per ", "_per_"), of.measured.clone())
+        };
+        response_curves::csv(&self.frequency_hz, &self.functions.iter().map(named).collect::<Vec<_>>())
+    }
+}
