@@ -87,7 +87,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
         let height = plot_height(figure);
         let map = AxisMap { scale: panel.y.scale, low: y_range.0, high: y_range.1, from: height, to: 0.0 };
         // Labels of a y axis are above each other, so each needs its height, whatever its text.
-        let y_ticks = ticks::ticks(&map, &|_| TICK_SIZE * 2.4);
+        let y_ticks = ticks::of_axis(&panel.y, &map, &|_| TICK_SIZE * 2.4);
         let widths = y_ticks.labelled.iter().map(|(_, label)| fonts.width(label, TICK_SIZE, Weight::Regular));
         Ok(Draft {
             panel,

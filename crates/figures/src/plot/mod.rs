@@ -226,22 +226,34 @@ pub struct Axis {
     pub scale: Scale,
     /// Its range; `None` fits the data.
     pub range: Option<(f64, f64)>,
+    /// Names at 1, 2, … in place of numbers; empty for an axis of numbers.
+    pub names: Vec<String>,
 }
 
 impl Axis {
+    fn of(label: impl Into<String>, scale: Scale) -> Self {
+        Self { label: label.into(), scale, range: None, names: Vec::new() }
+    }
+
+    /// Makes an axis with these names at 1, 2, … in place of numbers, for the tiles of a table.
+    pub fn names(label: impl Into<String>, names: Vec<String>) -> Self {
+        let last = names.len() as f64;
+        Self { names, ..Self::linear(label) }.range(0.5, last + 0.5)
+    }
+
     /// Makes a linear axis that spans the data.
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Linear, range: None }
+        Self::of(label, Scale::Linear)
     }
 
     /// Makes a linear axis for angles in degrees, that spans the data.
     pub fn degrees(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Degrees, range: None }
+        Self::of(label, Scale::Degrees)
     }
 
     /// Makes a logarithmic axis that spans the data.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Log, range: None }
+        Self::of(label, Scale::Log)
     }
 
     /// Limits the axis to the range from `low` to `high`; data beyond are cut off.

@@ -16,7 +16,7 @@ const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: supe
 /// Draws the panel with its axes, series, names and legend.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     let room = |label: &str| (fonts.width(label, TICK_SIZE, Weight::Regular) + 1.5 * TICK_SIZE).max(4.0 * TICK_SIZE);
-    let x_ticks = ticks::ticks(&cell.x, &room);
+    let x_ticks = ticks::of_axis(&cell.panel.x, &cell.x, &room);
     // In the order of drawing: the data cover the grid, the names the data, and the frame cuts them all off.
     grid(shapes, &cell, &x_ticks);
     for series in &cell.panel.series {

@@ -241,6 +241,22 @@ fn tiles_leave_no_gap() {
 }
 
 #[test]
+fn an_axis_of_names_has_as_many_as_fit() {
+    let svg = |count: usize| {
+        let names = (1..=count).map(|number| format!("mode {number}")).collect();
+        let tiles = Series::tiles("cells", Color::SkyBlue, [1.0, 1.0], vec![(1.0, 0.0), (2.0, 1.0)]);
+        Figure::new("").with(Panel::new(Axis::names("x", names), Axis::linear("y")).with(tiles)).to_svg().unwrap()
+    };
+    let has = |svg: &str, number: usize| svg.contains(&format!(">mode {number}</text>"));
+    let few = svg(3);
+    assert!((1..=3).all(|number| has(&few, number)), "{few}");
+    let many = svg(40);
+    let shown: Vec<usize> = (1..=40).filter(|number| has(&many, *number)).collect();
+    assert!(shown.len() >= 5 && shown[1] > 2, "{shown:?}");
+    assert!(shown.windows(2).all(|pair| pair[1] - pair[0] == shown[1] - 1), "{shown:?}");
+}
+
+#[test]
 fn a_figure_without_title_keeps_it_in_the_caption() {
     let figure = Figure { is_titled: false, ..response() };
     let svg = figure.to_svg().unwrap();

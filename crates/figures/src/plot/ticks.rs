@@ -1,7 +1,7 @@
 //! Ticks: their positions and labels.
 
-use super::Scale;
 use super::axis::AxisMap;
+use super::{Axis, Scale};
 
 /// The ticks of an axis.
 #[derive(Debug, Default, PartialEq)]
@@ -16,6 +16,17 @@ pub(super) struct Ticks {
 
 /// Smallest distance of minor ticks; px.
 const MINOR_APART: f64 = 6.0;
+
+/// The ticks of an axis on the page: those of its numbers, or as many of its names as fit.
+pub(super) fn of_axis(axis: &Axis, map: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
+    if axis.names.is_empty() {
+        return ticks(map, room);
+    }
+    let widest = axis.names.iter().map(|name| room(name)).fold(0.0, f64::max);
+    let every = libm::ceil(widest / (map.px(2.0) - map.px(1.0)).abs()).max(1.0) as usize;
+    let labelled = axis.names.iter().zip(1..).step_by(every).map(|(name, place)| (f64::from(place), name.clone()));
+    Ticks { labelled: labelled.collect(), ..Ticks::default() }
+}
 
 /// The ticks of `axis`: as many as fit, where a label needs `room(label)` px along the axis.
 pub(super) fn ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
