@@ -215,6 +215,57 @@ def test_identified_modes_of_a_structure_are_at_its_points(command, tmp_path):
         assert abs(mode["shape"]["tip.y"]) == pytest.approx(abs(expected["shape"]["tip.y"]), rel=2e-3)
 
 
+def test_pyuff_reads_identified_modes(command, tmp_path):
+    random = {"waveform": "random", "from_hz": 20.0, "to_hz": 300.0, "duration_s": 4.0, "seed": 3}
+    scenario = resonarm.Scenario.load(
+        EXAMPLES / "bracket.toml",
+        rig={"sensors": {"b": {"at": "mid"}}},
+        excitation={"amplitude": {"exciter_y": 2.0}, "ramp_s": 0.0, "profile": random},
+    )
+    resonarm.run(scenario, record=tmp_path / "random.mcap")
+    document = command("identify", tmp_path / "random.mcap", "--uff", tmp_path / "found.uff")
+    header, units, nodes, line, *rest = pyuff.UFF(str(tmp_path / "found.uff")).read_sets()
+    assert [one["type"] for one in (header, units, nodes, line)] == [151, 164, 15, 82]
+    assert header["description"].strip() == "nodes: 1 mid, 2 tip"
+    assert (units["units_code"], units["length"], units["force"]) == (1, 1.0, 1.0)
+    np.testing.assert_array_equal(nodes["node_nums"], [1, 2])
+    # As in bracket.uff, where they are nodes 2 and 4.
+    np.testing.assert_allclose(np.transpose([nodes[axis] for axis in "xyz"]), [[0.1, 0.0, 0.005], [0.3, 0.0, 0.015]])
+    np.testing.assert_array_equal(line["nodes"], [1, 2])
+
+    shapes = [one for one in rest if one["type"] == 55]
+    responses = [one for one in rest if one["type"] == 58]
+    assert len(shapes) + len(responses) == len(rest)
+    place = {"mid": 0, "tip": 1}
+    for mode, one in zip(document["modes"], shapes, strict=True):
+        pole = complex(*mode["pole_rad_s"])
+        assert one["eig"] == pytest.approx(pole, rel=1e-9)
+        assert one["modal_a"] == pytest.approx(2j * pole.imag, rel=1e-9)
+        assert one["modal_b"] == pytest.approx(-2j * pole * pole.imag, rel=1e-9)
+        expected = np.zeros((2, 3), complex)
+        for dof, value in zip(document["at"], mode["complex_shape_per_sqrt_kg"], strict=True):
+            point, axis = dof.split(".")
+            expected[place[point], "xyz".index(axis)] = complex(*value)
+        found = np.transpose([one["r1"], one["r2"], one["r3"]])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * abs(expected).max())
+
+    run = document["runs"][0]
+    assert [one["rsp_node"] - 1 for one in responses] == [place[of["at"].split(".")[0]] for of in run["responses"]]
+    for one, of in zip(responses, run["responses"], strict=True):
+        assert (one["func_type"], one["ref_node"], one["ref_dir"]) == (4, 2, 2)
+        assert (one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (12, 13)
+        np.testing.assert_allclose(one["x"], run["frequency_hz"], rtol=1e-9)
+        np.testing.assert_allclose(one["data"], np.array(of["h1"]) @ [1, 1j], rtol=1e-11)
+    own, read = (
+        resonarm.Modal.from_identified(document),
+        resonarm.Modal.from_uff(tmp_path / "found.uff", {"mid": 1, "tip": 2}),
+    )
+    for mode, expected in zip(read.mode_shapes, own.mode_shapes, strict=True):
+        assert mode["frequency_hz"] == pytest.approx(expected["frequency_hz"], rel=1e-8)
+        for dof, value in expected["shape"].items():
+            assert abs(mode["shape"][dof]) == pytest.approx(abs(value), rel=1e-3, abs=1e-3)
+
+
 def test_structures_are_values():
     drawn = {"points": {"mid": [0.1, 0.0, 0.0], "tip": [0.3, 0.0, 0.0]}, "lines": [("mid", "tip")]}
     modal = resonarm.Modal(MODES, elements=[STOP], name="bracket", **drawn)

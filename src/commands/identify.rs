@@ -9,6 +9,7 @@ use serde_json::Value;
 use crate::commands::identify_angles::{self, Domain, Request};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
 use crate::commands::identify_found::{Found, smooth_hz};
+use crate::commands::identify_mac::{COMPUTED, Shapes};
 use crate::commands::identify_responses;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
@@ -18,13 +19,15 @@ use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings;
 use resonarm::analysis;
+use resonarm::drawing::Drawing;
 use resonarm::identification::{
     KnownPole, MissingMode, averaging, band, has_faults, missing_modes, mode_numbers, record, samples_in,
 };
 use resonarm::identify::{self, Averaging, Band, Direction, Identification, Record};
+use resonarm::modal_file::{FileResponse, ModalFile};
 use resonarm::plant::TestedAssembly;
 use resonarm::recording::Recording;
-use resonarm::responses::is_universal_file;
+use resonarm::responses::{MeasuredQuantity, is_universal_file};
 use resonarm::scenario::{READS_IMAGES, Scenario};
 use resonarm_figures::plot::{Figure, beside};
 use resonarm_numeric::number::short;
@@ -83,10 +86,24 @@ pub(crate) struct Identify {
     /// Plot the responses to STEM.svg and STEM.png, with caption, CSV and JSON, and the poles to STEM-poles.svg.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
+    /// Compare shapes with those of a document, or `computed` ones.
+    ///
+    /// The document is one of this command with --json. The modal assurance criterion |φᴴψ|²/(φᴴφ ψᴴψ) of two shapes is 1
+    /// if they are alike and 0 if they are orthogonal (R. J. Allemang, Sound and Vibration, August 2003). It is taken over
+    /// the degrees of freedom that all shapes have; there must be two. The modes `computed` are those of the scenario's
+    /// undamped structure in the band. With --plot the figure is STEM-mac.svg.
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "FILE")]
+    mac: Option<PathBuf>,
+    /// Write shapes and responses for modal analysis programs (UFF).
+    ///
+    /// The file is in the Universal File Format, in ASCII and SI units. It has datasets 151, 164, 15 (nodes), 82 (lines), 55
+    /// (shapes) and 58 (measured responses).
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
+    uff: Option<PathBuf>,
     /// Write the angles of the joints over time to this CSV file, in place of identifying poles.
     ///
     /// The columns are α1 and α2, rad, and their standard deviations.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "other_level", "segment_s", "plot"])]
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "other_level", "segment_s", "plot", "mac", "uff"])]
     angles: Option<PathBuf>,
     /// Domain in which accelerations are integrated twice [default: frequency].
     #[arg(long, help_heading = heading::COMPUTATION, value_name = "DOMAIN", value_enum, requires = "angles")]
@@ -121,6 +138,7 @@ impl Input {
 const UNIT: &str = "m/s² per N";
 /// Endings of the files of a plot.
 const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json", "-poles.svg", "-poles.png", "-poles.txt"];
+const PLOTTED_MAC: &[&str] = &["-mac.svg", "-mac.png", "-mac.txt"];
 
 #[derive(Serialize)]
 struct Document {
@@ -229,9 +247,13 @@ impl Identify {
         {
             return self.execute_responses(file);
         }
-        let inputs = Inputs::of(self.files.iter().chain(&self.other_level));
-        self.overwrite.check_stem(self.plot.as_deref(), PLOTTED, &inputs)?;
-        self.overwrite.check(self.angles.clone(), &inputs)?;
+        if let Some(file) = self.files.iter().chain(&self.other_level).find(|file| is_universal_file(file)) {
+            return Err(Failure::usage(format!(
+                "{} has frequency responses, which are identified alone: give one such file, or recordings",
+                file.display()
+            )));
+        }
+        self.check_outputs()?;
         if let Some(csv) = &self.angles {
             let [file] = &self.files[..] else {
                 return Err(Failure::usage(format!(
@@ -244,6 +266,7 @@ impl Identify {
             let request = Request { csv, domain: self.domain(), from_hz: self.from_hz, json: self.json };
             return Ok(identify_angles::execute(&recording, &scenario, &request)?.and(recordings::verdict(&recording)));
         }
+        let shapes = self.other_shapes()?;
         let opened = self.files.iter().map(|file| self.open(file)).collect::<Result<Vec<_>, _>>()?;
         let other = self.other_level.as_deref().map(|file| self.open(file)).transpose()?;
         let Some(first) = opened.first() else { return Err(Failure::usage("no recording was given")) };
@@ -258,7 +281,7 @@ impl Identify {
         }
         let verdicts = opened.iter().chain(&other).map(|of| recordings::verdict(&of.recording));
         let verdict = verdicts.fold(Verdict::Positive, Verdict::and);
-        let document = self.compute(&opened, other.as_ref())?;
+        let document = self.compute(&opened, other.as_ref(), shapes)?;
         document.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
         if document.missing.is_empty() {
             document.found.warn_of_none();
@@ -280,6 +303,10 @@ impl Identify {
         if let Some(stem) = &self.plot {
             let poles = subtitled(poles_figure(&document.found, &document.curves()));
             files.extend(output::draw(poles, &beside(stem, "-poles"))?);
+            files.extend(document.found.draw_mac(stem)?);
+        }
+        if let Some(path) = &self.uff {
+            files.push(write_uff(path, &document.modal_file(&opened[0]))?);
         }
         self.json.show(&document, || document.text(), &files)?;
         Ok(Verdict::of(!document.found.modes.is_empty()).and(verdict))
@@ -298,14 +325,42 @@ impl Identify {
                 file.display()
             )));
         }
-        self.overwrite.check_stem(self.plot.as_deref(), PLOTTED, &Inputs::of([file]))?;
+        self.check_outputs()?;
+        if self.compares_computed() {
+            return Err(Failure::usage(format!(
+                "--mac {COMPUTED} needs a scenario, and {} has frequency responses: name a document of `identify --json`",
+                file.display()
+            )));
+        }
         identify_responses::execute(&identify_responses::Request {
             file,
             from_hz: self.from_hz,
             to_hz: self.to_hz,
             plot: self.plot.as_deref(),
+            shapes: self.other_shapes()?,
+            uff: self.uff.as_deref(),
             json: self.json,
         })
+    }
+
+    /// Fails if an output would replace an input, or another file without --overwrite.
+    fn check_outputs(&self) -> Result<(), Failure> {
+        let inputs = Inputs::of(self.files.iter().chain(&self.other_level).chain(&self.mac));
+        self.overwrite.check_stem(self.plot.as_deref(), PLOTTED, &inputs)?;
+        if self.mac.is_some() {
+            self.overwrite.check_stem(self.plot.as_deref(), PLOTTED_MAC, &inputs)?;
+        }
+        self.overwrite.check(self.angles.iter().chain(&self.uff).cloned(), &inputs)
+    }
+
+    /// Says whether --mac asks for the modes of the scenario's structure.
+    fn compares_computed(&self) -> bool {
+        self.mac.as_deref() == Some(Path::new(COMPUTED))
+    }
+
+    /// Reads the shapes of the document of --mac.
+    fn other_shapes(&self) -> Result<Option<Shapes>, Failure> {
+        self.mac.as_deref().filter(|_| !self.compares_computed()).map(Shapes::read).transpose()
     }
 
     fn open(&self, file: &Path) -> Result<Opened, Failure> {
@@ -329,7 +384,7 @@ impl Identify {
         Band { from_hz: self.from_hz.unwrap_or(common.from_hz), to_hz: self.to_hz.unwrap_or(common.to_hz) }
     }
 
-    fn compute(&self, opened: &[Opened], other: Option<&Opened>) -> Result<Document, Failure> {
+    fn compute(&self, opened: &[Opened], other: Option<&Opened>, shapes: Option<Shapes>) -> Result<Document, Failure> {
         let records: Vec<&Record> = opened.iter().map(|of| &of.record).collect();
         let all: Vec<&Opened> = opened.iter().chain(other).collect();
         let band = self.band(&all);
@@ -392,11 +447,27 @@ impl Identify {
                 responses: of.record.responses().iter().enumerate().map(curve).collect(),
             }
         });
+        let runs = runs.collect();
+        let mut found = Found::new(found, numbers, band);
+        let shapes = match (self.compares_computed(), tested) {
+            (false, _) => shapes,
+            (true, Some(tested)) => Some(Shapes::computed(tested, &known, band, &found.at)?),
+            (true, None) => {
+                return Err(Failure::usage(format!(
+                    "--mac {COMPUTED} needs equations, and the structure of {} has none that are known: name a document of \
+                     `identify --json`",
+                    opened[0].recording.path().display()
+                )));
+            }
+        };
+        if let Some(shapes) = &shapes {
+            found.compare(shapes)?;
+        }
         Ok(Document {
-            runs: runs.collect(),
+            runs,
             coordinates: tested.as_ref().map(|tested| configuration::coordinates(&tested.assembly)),
             configuration: configuration::of_scenario(scenario)?,
-            found: Found::new(found, numbers, band),
+            found,
             missing,
             levels,
         })
@@ -410,6 +481,29 @@ impl Identify {
             Some(segment_s) if segment_s > 0.0 => Ok(Averaging::Welch(samples_in(segment_s, &of.record))),
             Some(_) => Err(flags::refused("--segment-s", &"it must be positive")),
         }
+    }
+}
+
+/// Writes modes and responses, and returns the path.
+pub(super) fn write_uff(path: &Path, file: &ModalFile) -> Result<PathBuf, Failure> {
+    if let Some(dof) = file.without_axis() {
+        return Err(Failure::usage(format!(
+            "--uff: the response at {dof} has no direction, and shapes in the file are along x, y and z: export the responses \
+             with their directions"
+        )));
+    }
+    match file.write(path) {
+        Ok(()) => Ok(path.to_path_buf()),
+        Err(source) => Err(Failure::Write { path: path.to_path_buf(), source }),
+    }
+}
+
+/// Returns the first of equally spaced frequencies and their step.
+pub(super) fn first_and_step_hz(frequency_hz: &[f64]) -> [f64; 2] {
+    match frequency_hz {
+        [first, .., last] => [*first, (last - first) / (frequency_hz.len() - 1) as f64],
+        [first] => [*first, 0.0],
+        [] => [0.0; 2],
     }
 }
 
@@ -463,6 +557,35 @@ impl Document {
         let is_several = self.runs.len() > 1;
         let runs = self.runs.iter().zip(1..);
         runs.flat_map(|(run, number)| run.curves(is_several.then_some(number))).collect()
+    }
+
+    /// Returns the modes and the responses H1 for a file in the Universal File Format.
+    fn modal_file(&self, first: &Opened) -> ModalFile {
+        let Opened { scenario, tested, recording, .. } = first;
+        let drawing = tested.as_ref().and_then(|tested| Drawing::of_assembly(&scenario.structure, &tested.assembly));
+        let (positions_m, lines) = drawing.as_ref().map(Drawing::named).unwrap_or_default();
+        let of_run = |run: &Run| {
+            let (force, first_and_step_hz) = (run.force.clone(), first_and_step_hz(&run.frequency_hz));
+            let of_curve = move |curve: &ResponseCurve| FileResponse {
+                response: curve.at.clone(),
+                force: force.clone(),
+                quantity: MeasuredQuantity::Acceleration,
+                first_and_step_hz,
+                values: curve.h1.iter().map(|[re, im]| nalgebra::Complex::new(*re, *im)).collect(),
+            };
+            run.responses.iter().map(of_curve).collect::<Vec<_>>()
+        };
+        ModalFile {
+            title: match tested {
+                Some(tested) => captions::label(scenario, tested),
+                None => recording.path().display().to_string(),
+            },
+            positions_m,
+            lines,
+            at: self.found.at.clone(),
+            modes: self.found.file_modes(),
+            responses: self.runs.iter().flat_map(of_run).collect(),
+        }
     }
 
     fn text(&self) -> String {

@@ -1,9 +1,17 @@
 //! The modes that `resonarm identify` found, as a document and as a table.
 
+use std::path::{Path, PathBuf};
+
+use nalgebra::Complex;
 use serde::Serialize;
 
 use crate::commands::identify::pair;
+use crate::commands::identify_mac::{Assurance, Shapes};
+use crate::failure::Failure;
+use crate::output;
 use resonarm::identify::{Band, Identification, IdentifiedMode, IdentifyError, ReadingNoise, ResidualTerm};
+use resonarm::modal_file::FileMode;
+use resonarm_figures::plot::beside;
 
 /// Points of a fitted curve on each side of a mode, and those of its half-power half-width.
 const STEPS: i32 = 60;
@@ -13,7 +21,7 @@ const STEPS_A_HALF: f64 = 6.0;
 #[derive(Serialize)]
 pub(super) struct Found {
     /// The degrees of freedom of the shapes' components.
-    at: Vec<String>,
+    pub at: Vec<String>,
     pub from_hz: f64,
     pub to_hz: f64,
     pub modes: Vec<NumberedMode>,
@@ -22,6 +30,9 @@ pub(super) struct Found {
     /// Terms for modes outside the band.
     residual_terms: Vec<ResidualTerm>,
     pub stabilisation: Stabilisation,
+    /// Modal assurance criterion with the modes of --mac.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mac: Option<Assurance>,
 }
 
 /// A mode with its number in the scenario's structure; none if it is far from its modes.
@@ -101,7 +112,47 @@ impl Found {
             modes: numbers.into_iter().zip(found.modes).map(|(mode, found)| NumberedMode { mode, found }).collect(),
             noise: found.noise,
             residual_terms: found.residual_terms,
+            mac: None,
         }
+    }
+
+    /// Compares the shapes with others; without modes there is nothing to compare.
+    pub fn compare(&mut self, other: &Shapes) -> Result<(), Failure> {
+        if self.modes.is_empty() {
+            return Ok(());
+        }
+        let modes = self
+            .modes
+            .iter()
+            .map(|NumberedMode { mode, found }| (*mode, found.pole_frequency_hz, found.complex_shape.as_slice()));
+        let own = Shapes::new(String::from("these modes"), &self.at, modes);
+        self.mac = Some(Assurance::new(&own, other)?);
+        Ok(())
+    }
+
+    /// Draws the figure of --mac beside the others, if there is one. Returns the paths.
+    pub fn draw_mac(&self, stem: &Path) -> Result<Vec<PathBuf>, Failure> {
+        match &self.mac {
+            Some(mac) => output::draw(mac.figure(), &beside(stem, "-mac")),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Returns the modes for a file in the Universal File Format.
+    pub fn file_modes(&self) -> Vec<FileMode> {
+        let complex = |[re, im]: [f64; 2]| Complex::new(re, im);
+        let of = |NumberedMode { found, .. }: &NumberedMode| FileMode {
+            pole_rad_s: complex(found.pole_rad_s),
+            shape: found
+                .complex_shape_per_sqrt_kg
+                .as_ref()
+                .unwrap_or(&found.complex_shape)
+                .iter()
+                .map(|component| component.map(complex))
+                .collect(),
+            modal_mass_kg: found.modal_mass_kg,
+        };
+        self.modes.iter().map(of).collect()
     }
 
     /// Warns if there is no mode.
@@ -138,7 +189,8 @@ impl Found {
             text += &format!("  {number:>4}   {frequency}   {damping}{mass}   {}\n", shape.join(" "));
         }
         text += &self.remarks();
-        text + &self.noise_table(has_several_runs)
+        text += &self.noise_table(has_several_runs);
+        text + &self.mac.as_ref().map_or(String::new(), Assurance::text)
     }
 
     /// Returns the reasons for missing deviations, and warnings, each once with the modes that it holds for.

@@ -1,17 +1,20 @@
 //! `resonarm identify` of a file with measured frequency responses.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::commands::identify::pair;
+use crate::commands::identify::{first_and_step_hz, pair, write_uff};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
 use crate::commands::identify_found::{Found, smooth_hz};
+use crate::commands::identify_mac::Shapes;
 use crate::failure::{Failure, Verdict};
 use crate::figures::response_curves;
 use crate::output::{self, JsonFlag};
 use resonarm::identify::{Band, FunctionOf, Quantity, modes_of_responses};
-use resonarm::responses::{MeasuredQuantity, read_responses};
+use resonarm::modal_file::{FileResponse, ModalFile};
+use resonarm::responses::{MeasuredQuantity, MeasuredResponse, read_responses};
 use resonarm_figures::plot::beside;
 use resonarm_numeric::number::short;
 
@@ -20,6 +23,10 @@ pub(super) struct Request<'a> {
     pub from_hz: Option<f64>,
     pub to_hz: Option<f64>,
     pub plot: Option<&'a Path>,
+    /// Shapes to compare with.
+    pub shapes: Option<Shapes>,
+    /// File of the modes and the responses.
+    pub uff: Option<&'a Path>,
     pub json: JsonFlag,
 }
 
@@ -29,6 +36,9 @@ struct Document {
     responses: String,
     /// Functions in it that are no frequency responses.
     others: usize,
+    /// Positions of the file's nodes, m.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    positions_m: BTreeMap<String, [f64; 3]>,
     #[serde(flatten)]
     found: Found,
     frequency_hz: Vec<f64>,
@@ -69,7 +79,7 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
     let in_band: Vec<f64> =
         read.frequency_hz.iter().copied().filter(|hz| (band.from_hz..=band.to_hz).contains(hz)).collect();
     let smooth = smooth_hz(&in_band, &found);
-    let function = |(index, of): (usize, &resonarm::responses::MeasuredResponse)| {
+    let function = |(index, of): (usize, &MeasuredResponse)| {
         let fitted = |hz: &f64| Some(pair(&found.fitted(0, index, *hz)?));
         Function {
             force: of.force.clone(),
@@ -83,11 +93,16 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
     };
     let functions = read.responses.iter().enumerate().map(function).collect();
     let numbers = vec![None; found.modes.len()];
+    let mut found = Found::new(found, numbers, band);
+    if let Some(shapes) = &request.shapes {
+        found.compare(shapes)?;
+    }
     let document = Document {
         responses: request.file.display().to_string(),
         others: read.others,
+        positions_m: read.positions_m,
         functions,
-        found: Found::new(found, numbers, band),
+        found,
         frequency_hz: read.frequency_hz,
     };
     document.found.warn_of_none();
@@ -95,6 +110,25 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
     let mut files = output::plot(request.plot, &document, drawn)?;
     if let Some(stem) = request.plot {
         files.extend(output::draw(poles_figure(&document.found, &document.curves()), &beside(stem, "-poles"))?);
+        files.extend(document.found.draw_mac(stem)?);
+    }
+    if let Some(path) = request.uff {
+        let measured = |of: MeasuredResponse| FileResponse {
+            response: of.response,
+            force: of.force,
+            quantity: read.quantity,
+            first_and_step_hz: first_and_step_hz(&document.frequency_hz),
+            values: of.values,
+        };
+        let file = ModalFile {
+            title: document.responses.clone(),
+            positions_m: document.positions_m.clone(),
+            lines: read.lines,
+            at: document.found.at.clone(),
+            modes: document.found.file_modes(),
+            responses: read.responses.into_iter().map(measured).collect(),
+        };
+        files.push(write_uff(path, &file)?);
     }
     request.json.show(&document, || document.text(), &files)?;
     Ok(Verdict::of(!document.found.modes.is_empty()))
@@ -114,11 +148,16 @@ impl Document {
     }
 
     fn text(&self) -> String {
-        let others = if self.others == 0 { String::new() } else { format!("; {} other functions", self.others) };
+        let count = |number: usize, what: &str| format!("{number} {what}{}", if number == 1 { "" } else { "s" });
+        let others = if self.others == 0 {
+            String::new()
+        } else {
+            format!("; {} left out", count(self.others, "other function"))
+        };
         format!(
-            "{}: {} frequency responses, {} to {} Hz{others}\n{}",
+            "{}: {}, {} to {} Hz{others}\n{}",
             self.responses,
-            self.functions.len(),
+            count(self.functions.len(), "frequency response"),
             short(&self.found.from_hz),
             short(&self.found.to_hz),
             self.found.text(false)

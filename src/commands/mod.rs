@@ -19,6 +19,7 @@ pub mod identify;
 pub mod identify_angles;
 pub mod identify_figures;
 pub mod identify_found;
+pub mod identify_mac;
 pub mod identify_responses;
 pub mod import;
 pub mod inspect;

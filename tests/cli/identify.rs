@@ -402,14 +402,29 @@ fn accelerance(hz: f64, response: usize, force: usize) -> [f64; 2] {
     })
 }
 
-/// A file of frequency responses: units of mm and N, a coherence that is no response, and responses at nodes 1 and 2 to a force at
-/// node 1 along x; the second one reads against x. ASCII, or binary of single precision.
-fn universal_file(is_binary: bool) -> Vec<u8> {
+/// How a file has its values: in ASCII, after their frequencies, or binary of single precision.
+#[derive(Clone, Copy, PartialEq)]
+enum Layout {
+    Ascii,
+    Listed,
+    Binary,
+}
+
+/// A file of frequency responses: units of mm and N, two nodes and a line through them, a coherence that is no response, and
+/// responses at nodes 1 and 2 to a force at node 1 along x; the second one reads against x.
+fn universal_file(layout: Layout) -> Vec<u8> {
+    let (is_binary, is_listed) = (layout == Layout::Binary, layout == Layout::Listed);
     let mut bytes = format!(
         "    -1\n   164\n{:10}{:<20}{:10}\n{:>25}{:>25}{:>25}\n{:>25}\n    -1\n",
         1, "mm, N", 2, "1.00000000000000000D+03", "1.0D+00", "1.0D+00", "0.0D+00"
     )
     .into_bytes();
+    let nodes = [(1, "1.00000E+02-2.50000E+01", "0.00000E+00"), (2, "2.00000E+02 0.00000E+00", "5.00000E+01")];
+    bytes.extend(b"    -1\n    15\n");
+    for (node, x_and_y, z) in nodes {
+        bytes.extend(format!("{node:10}{:10}{:10}{:10}  {x_and_y}  {z}\n", 0, 0, 1).bytes());
+    }
+    bytes.extend(format!("    -1\n    -1\n    82\n{:10}{:10}{:10}\nNONE\n{:10}{:10}\n    -1\n", 1, 2, 1, 1, 2).bytes());
     let lines = 381;
     // A linear congruential generator, summed to nearly normal noise.
     let mut state = 1_u64;
@@ -439,13 +454,19 @@ fn universal_file(is_binary: bool) -> Vec<u8> {
             )
             .bytes(),
         );
-        bytes.extend(format!("{:10}{lines:10}{:10}{:13.5E}{:13.5E}{:13.5E}\n", 5, 1, 10.0, 0.5, 0.0).bytes());
+        let [spacing, first, step] = if is_listed { [0.0, 0.0, 0.0] } else { [1.0, 10.0, 0.5] };
+        bytes.extend(format!("{:10}{lines:10}{spacing:10}{first:13.5E}{step:13.5E}{:13.5E}\n", 5, 0.0).bytes());
         for (data, unit) in [(18, "Hz"), (12, "mm/s^2"), (13, "N"), (0, "NONE")] {
             bytes.extend(format!("{data:10}{:5}{:5}{:5} {:20} {unit:20}\n", 0, 0, 0, "NONE").bytes());
         }
         if is_binary {
             values.iter().for_each(|value| bytes.extend((*value as f32).to_le_bytes()));
         } else {
+            let listed = |(pair, k): (&[f64], i32)| [10.0 + 0.5 * f64::from(k), pair[0], pair[1]];
+            let values = match layout {
+                Layout::Listed => values.chunks(2).zip(0..).flat_map(listed).collect(),
+                Layout::Ascii | Layout::Binary => values,
+            };
             for row in values.chunks(6) {
                 let row: Vec<String> = row.iter().map(|value| format!("{value:13.5E}")).collect();
                 bytes.extend(format!("{}\n", row.concat()).bytes());
@@ -460,10 +481,13 @@ fn universal_file(is_binary: bool) -> Vec<u8> {
 fn modes_are_identified_from_measured_responses() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    for (name, is_binary) in [("ascii.uff", false), ("binary.uff", true)] {
-        fs::write(folder.join(name), universal_file(is_binary)).unwrap();
+    for (name, layout) in [("ascii.uff", Layout::Ascii), ("listed.uff", Layout::Listed), ("binary.uff", Layout::Binary)]
+    {
+        fs::write(folder.join(name), universal_file(layout)).unwrap();
         let found = document(folder, 0, &["identify", name, "--json"]);
         assert_eq!((&found["at"], &found["others"]), (&serde_json::json!(["node1.x", "node2.x"]), &1.into()));
+        let positions = serde_json::json!({ "node1": [0.1, -0.025, 0.0], "node2": [0.2, 0.0, 0.05] });
+        assert_eq!(found["positions_m"], positions);
         let modes = found["modes"].as_array().unwrap();
         assert_eq!(modes.len(), 3, "{name}: {:#}", found["modes"]);
         for (mode, (hz, damping, tip, mid)) in modes.iter().zip(THREE) {
@@ -481,21 +505,135 @@ fn modes_are_identified_from_measured_responses() {
     let said = resonarm(folder, &["identify", "ascii.uff", "--plot", "measured"]);
     assert_eq!(said.code, 0, "{}", said.stderr);
     assert!(
-        said.stdout.starts_with("ascii.uff: 2 frequency responses, 10 to 200 Hz; 1 other functions\n"),
+        said.stdout.starts_with("ascii.uff: 2 frequency responses, 10 to 200 Hz; 1 other function left out\n"),
         "{}",
         said.stdout
     );
     assert!(folder.join("measured-poles.svg").exists());
     let says = |name: &str, flags: &[&str]| complaint(folder, 2, &[&["identify", name], flags].concat());
     assert_snapshot!(says("ascii.uff", &["--segment-s", "1"]), @"resonarm: --segment-s needs readings over time, and ascii.uff has frequency responses: leave it out");
-    let text = String::from_utf8(universal_file(false)).unwrap();
+    assert_snapshot!(says("ascii.uff", &["listed.uff"]), @"resonarm: ascii.uff has frequency responses, which are identified alone: give one such file, or recordings");
+    assert_snapshot!(says("ascii.uff", &["--mac", "computed"]), @"resonarm: --mac computed needs a scenario, and ascii.uff has frequency responses: name a document of `identify --json`");
+    assert_snapshot!(says("ascii.uff", &["--uff", "ascii.uff", "--overwrite"]), @"resonarm: ascii.uff can't be written over itself, since this command reads it: name another file for the result");
+    // What was written is read: the same responses, in other units, and the same nodes.
+    let first = document(folder, 0, &["identify", "ascii.uff", "--uff", "again.uff", "--json"]);
+    let again = document(folder, 0, &["identify", "again.uff", "--mac", "measured.json", "--json"]);
+    assert_eq!((&again["positions_m"], &again["at"]), (&first["positions_m"], &first["at"]));
+    assert_eq!(again["others"], 0);
+    for (one, other) in first["modes"].as_array().unwrap().iter().zip(again["modes"].as_array().unwrap()) {
+        let ratio = number(&other["pole_frequency_hz"]) / number(&one["pole_frequency_hz"]);
+        assert!((ratio - 1.0).abs() < 1e-8, "{one:#} {other:#}");
+    }
+    assert!((0..3).all(|mode| (number(&again["mac"]["values"][mode][mode]) - 1.0).abs() < 1e-9), "{:#}", again["mac"]);
+    let text = String::from_utf8(universal_file(Layout::Ascii)).unwrap();
     let written = |name: &str, text: String| fs::write(folder.join(name), text).unwrap();
     written("cut.uff", text[..text.len() - 100].to_string());
     assert_snapshot!(says("cut.uff", &[]), @"resonarm: cut.uff: dataset 58 has no end: the file is cut off");
     written("none.uff", text.split("    -1\n    58").take(2).collect::<Vec<_>>().join("    -1\n    58"));
-    assert_snapshot!(says("none.uff", &[]), @"resonarm: none.uff has no frequency response (dataset 58 of function type 4), but 1 other functions: expected measured responses over a force");
+    assert_snapshot!(says("none.uff", &[]), @"resonarm: none.uff has no frequency response (dataset 58 of function type 4); it has coherences (1): export the measured responses over a force from the program that made it");
     written("strain.uff", text.replace("        12    0    0    0", "         3    0    0    0"));
-    assert_snapshot!(says("strain.uff", &[]), @"resonarm: strain.uff, frequency response 1: its response has the data type 3: expected displacement, velocity or acceleration, 8, 11 or 12");
+    assert_snapshot!(says("strain.uff", &[]), @"resonarm: strain.uff, frequency response 1: its response has the data type 3: expected displacement, velocity or acceleration, 8, 11 or 12 in record 9; export it with the channel's quantity");
     written("real.uff", text.replace(&format!("{:10}{:10}{:10}", 5, 381, 1), &format!("{:10}{:10}{:10}", 2, 381, 1)));
-    assert_snapshot!(says("real.uff", &[]), @"resonarm: real.uff, frequency response 1: its values have the type 2: expected complex numbers, 5 or 6");
+    assert_snapshot!(says("real.uff", &[]), @"resonarm: real.uff, frequency response 1: its values have the type 2: expected complex numbers, 5 or 6, so export real and imaginary part");
+    let listed = String::from_utf8(universal_file(Layout::Listed)).unwrap();
+    written("uneven.uff", listed.replacen("1.05000E1", "1.07000E1", 2));
+    assert_snapshot!(says("uneven.uff", &[]), @"resonarm: uneven.uff, frequency response 1: its frequencies have steps from 0.300000 to 0.700000 Hz: expected equal steps, so export it with an even spacing");
+    written("node.uff", text.replacen("  5.00000E+01", "", 1));
+    assert_snapshot!(says("node.uff", &[]), @"resonarm: node.uff, dataset 15: a node is `2         0         0         1  2.00000E+02 0.00000E+00`: expected its number, two coordinate systems, a colour and three coordinates");
+    let mut binary = universal_file(Layout::Binary);
+    let end = binary.len() - 100;
+    binary.drain(end..end + 8);
+    fs::write(folder.join("short.uff"), binary).unwrap();
+    assert_snapshot!(says("short.uff", &[]), @"resonarm: short.uff: dataset 58b is binary, and does not end where its first line states: export it anew, or as ASCII");
+}
+
+/// Files that other programs wrote. None has responses over a force, and each is refused with what it has.
+#[test]
+fn files_of_other_programs_are_refused_with_their_content() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracles/pyuff");
+    let says = |name: &str| complaint(&folder, 2, &["identify", name]);
+    assert_snapshot!(says("binary8byte.uff"), @"resonarm: binary8byte.uff has no frequency response (dataset 58 of function type 4); it has time responses (1): export the measured responses over a force from the program that made it");
+    assert_snapshot!(says("time-history-not-all-columns-filled.uff"), @"resonarm: time-history-not-all-columns-filled.uff has no frequency response (dataset 58 of function type 4); it has time responses (1): export the measured responses over a force from the program that made it");
+    assert_snapshot!(says("mesh_test_uff2412_mixed.uff"), @"resonarm: mesh_test_uff2412_mixed.uff has no frequency response (dataset 58 of function type 4); it has the datasets 18, 15, 2412: export the measured responses over a force from the program that made it");
+    assert_snapshot!(says("uff55_translation.uff"), @"resonarm: uff55_translation.uff has no frequency response (dataset 58 of function type 4); it has the datasets 55 (mode shapes: name it as `file` of a modal structure): export the measured responses over a force from the program that made it");
+    assert_snapshot!(says("non_ascii_header.uff"), @"resonarm: non_ascii_header.uff, frequency response 1: its response has the data type 1: expected displacement, velocity or acceleration, 8, 11 or 12 in record 9; export it with the channel's quantity");
+}
+
+/// Shapes against those of another recording, and against the structure's own.
+#[test]
+fn shapes_are_compared_with_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let [first, second] = [("first", 1), ("second", 2)]
+        .map(|(name, seed)| played(folder, name, &structure(&THREE, "", 20.0, 10.0, seed)));
+    let said = resonarm(folder, &["identify", &first, "--plot", "first"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert!(!folder.join("first-mac.svg").exists());
+    for other in ["first.json", "computed"] {
+        let found = document(folder, 0, &["identify", &second, "--mac", other, "--json"]);
+        let mac = &found["mac"];
+        assert_eq!((&mac["with"], &mac["at"]), (&other.into(), &serde_json::json!(["mid.x", "tip.x"])));
+        assert_eq!(mac["rows"], serde_json::json!(["1: 31.00 Hz", "2: 58.00 Hz", "3: 120.00 Hz"]));
+        assert_eq!(mac["columns"], mac["rows"]);
+        for (row, (.., tip, mid)) in THREE.iter().enumerate() {
+            for (column, (.., other_tip, other_mid)) in THREE.iter().enumerate() {
+                let (product, own) = (tip * other_tip + mid * other_mid, tip * tip + mid * mid);
+                let expected = product * product / own / (other_tip * other_tip + other_mid * other_mid);
+                let got = number(&mac["values"][row][column]);
+                assert!((got - expected).abs() < 1e-3, "{other}: {got} at {row}, {column}, expected {expected}");
+            }
+        }
+    }
+    let said = resonarm(folder, &["identify", &second, "--mac", "computed", "--plot", "second"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    let table = said.stdout.split("\n  modal assurance").nth(1).unwrap();
+    assert!(table.starts_with(" criterion with computed modes, over mid.x, tip.x\n"), "{table}");
+    assert!(table.contains("   1: 31.00 Hz          1.000          0.088          0.195\n"), "{table}");
+    assert!(table.contains(", second-mac.svg, second-mac.png, second-mac.txt\n"), "{table}");
+    let figure = fs::read_to_string(folder.join("second-mac.svg")).unwrap();
+    assert!(["1.00", "0.09", "0.20", "computed modes"].iter().all(|text| figure.contains(text)));
+    let says = |flags: &[&str]| complaint(folder, 2, &[&["identify", second.as_str()], flags].concat());
+    fs::write(
+        folder.join("one.json"),
+        r#"{"at":["tip.x","a.y"],"modes":[{"mode":null,"pole_frequency_hz":31,"complex_shape":[[1,0],[0.5,0]]}]}"#,
+    )
+    .unwrap();
+    assert_snapshot!(says(&["--mac", "one.json"]), @"resonarm: --mac: of the degrees of freedom of these modes (mid.x, tip.x) and one.json (tip.x, a.y) all shapes have tip.x in common: expected at least 2, since the criterion of one is always 1");
+    fs::write(folder.join("none.json"), r#"{"at":[],"modes":[]}"#).unwrap();
+    assert_snapshot!(says(&["--mac", "none.json"]), @"resonarm: none.json has no modes to compare with");
+    assert_snapshot!(says(&["--mac", "first.csv"]), @"resonarm: first.csv is not a document of `identify --json`: expected ident at line 1 column 2");
+    assert_snapshot!(says(&["--mac", "first.json", "--plot", "first", "--overwrite"]), @"resonarm: first.json can't be written over itself, since this command reads it: name another file for the result");
+}
+
+/// Modes in a file for other programs; this one reads them as a structure.
+#[test]
+fn identified_modes_are_written_as_a_universal_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let recording = played(folder, "random", &structure(&THREE, "", 20.0, 10.0, 1));
+    let flags: [&str; 4] = ["identify", &recording, "--uff", "found.uff"];
+    let found = document(folder, 0, &[&flags[..], &["--json"]].concat());
+    fs::write(
+        folder.join("read.toml"),
+        "[structure]\nkind = 'modal'\nfile = 'found.uff'\nnodes = { mid = 1, tip = 2 }\n",
+    )
+    .unwrap();
+    let read = document(folder, 0, &["modes", "--scenario", "read.toml", "--json"]);
+    for (one, mode) in found["modes"].as_array().unwrap().iter().zip(read["modes"].as_array().unwrap()) {
+        for (written, value) in [("pole_frequency_hz", "frequency_hz"), ("pole_damping_ratio", "damping_ratio")] {
+            assert!((number(&mode[value]) / number(&one[written]) - 1.0).abs() < 1e-6, "{one:#} {mode:#}");
+        }
+    }
+    let text = fs::read_to_string(folder.join("found.uff")).unwrap();
+    assert!(text.lines().all(|line| line.len() <= 80), "{text}");
+    let mode = format!("pole frequency {:.6} Hz", number(&found["modes"][0]["pole_frequency_hz"]));
+    assert!(text.contains(&mode) && text.contains("\nnodes: 1 mid, 2 tip "), "{text}");
+    let again = document(folder, 0, &["identify", "found.uff", "--json"]);
+    let functions = again["functions"].as_array().unwrap();
+    let of = |key: &str| functions.iter().map(|of| of[key].as_str().unwrap()).collect::<Vec<_>>();
+    assert_eq!((of("response"), of("force")), (vec!["node1.x", "node2.x"], vec!["node2.x", "node2.x"]));
+    let [written, value] = [&functions[0]["measured"][7][0], &found["runs"][0]["responses"][0]["h1"][7][0]].map(number);
+    assert!((written / value - 1.0).abs() < 1e-12, "{written} {value}");
+    assert_snapshot!(complaint(folder, 2, &flags), @"resonarm: found.uff already exists: choose another place, or allow overwriting it (--overwrite)");
+    assert_snapshot!(complaint(folder, 2, &["identify", &recording, "--uff", &recording, "--overwrite"]), @"resonarm: random.mcap can't be written over itself, since this command reads it: name another file for the result");
 }

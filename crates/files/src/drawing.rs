@@ -4,6 +4,8 @@
 //! θ_i, sin θ_i) from that of the link before. Modal structures are drawn with their displacements m times as large:
 //! p_a = p₀_a + m Σ_k φ_ak q_k along each axis a.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use resonarm_dynamics::structure::{Assembly, Axis};
@@ -96,6 +98,15 @@ impl Drawing {
             points,
         };
         (!drawing.points.is_empty()).then_some(drawing)
+    }
+
+    /// Returns the positions of the points at rest by their names, m, and the lines by the names of their points.
+    pub fn named(&self) -> (BTreeMap<String, [f64; 3]>, Vec<Vec<String>>) {
+        let name = |place: &usize| self.points.get(*place).cloned();
+        (
+            self.points.iter().cloned().zip(self.rest_m.iter().copied()).collect(),
+            self.lines.iter().map(|line| line.iter().filter_map(name).collect()).collect(),
+        )
     }
 
     /// Returns the positions of the points at these coordinates, the vibration `magnification` times as large, m.

@@ -10,11 +10,13 @@ pub mod drawing;
 pub mod drives;
 pub mod export;
 pub mod import;
+pub mod modal_file;
 pub mod recording;
 pub mod responses;
 pub mod signals;
 mod staged;
 pub mod starting_plant;
 pub mod statistics;
+mod universal;
 
 pub use staged::{same_file, wait_for_reader, write_whole};

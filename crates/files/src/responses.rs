@@ -1,19 +1,25 @@
 //! Measured frequency responses in the Universal File Format: dataset 58, function at nodal degree of freedom, in ASCII or
-//! binary (58b), with the units of dataset 164 (SDRC 1988; the University of Cincinnati keeps the layouts at
-//! ceas3.uc.edu/sdrluff).
+//! binary (58b), with the nodes of dataset 15 or 2411, the trace lines of 82 and the units of 164 (SDRC 1988; the University of
+//! Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff).
 //!
 //! Dataset 164 states how many units of the file make a metre, l, and a newton, f, for what follows it. A response over a force in
-//! the file's units is multiplied by f/l.
+//! the file's units is multiplied by f/l, and positions are divided by l.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Complex;
+use resonarm_numeric::number::rounded;
 use thiserror::Error;
 
+/// Line that begins and ends a dataset.
+const DELIMITER: &str = "-1";
+/// Bytes about the stated end of binary values within which the delimiter must begin.
+const SLACK: usize = 4;
 /// Function type of frequency responses.
-const FREQUENCY_RESPONSE: i64 = 4;
+const FREQUENCY_RESPONSE: usize = 4;
 /// Specific data types: frequency; displacement, velocity, acceleration; reaction and excitation force.
 const FREQUENCY: i64 = 18;
 const QUANTITIES: [(i64, MeasuredQuantity); 3] =
@@ -27,6 +33,8 @@ const LINE: u64 = 80;
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Largest difference of two responses' frequencies, in steps.
 const SAME_FREQUENCY: f64 = 1e-3;
+/// Largest difference of two listed steps, relative.
+const SAME_STEP: f64 = 0.01;
 
 /// What responses are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +71,10 @@ pub struct MeasuredResponses {
     pub responses: Vec<MeasuredResponse>,
     /// Number of functions that are no frequency responses, such as spectra and coherences, and were left out.
     pub others: usize,
+    /// Positions of the file's nodes by their names, such as `node4`, m.
+    pub positions_m: BTreeMap<String, [f64; 3]>,
+    /// Lines through nodes that have positions.
+    pub lines: Vec<Vec<String>>,
 }
 
 /// Reason why the responses of a file can't be used.
@@ -78,12 +90,12 @@ pub enum ResponsesError {
         source: std::io::Error,
     },
     /// The file has no frequency response.
-    #[error("{} has no frequency response (dataset 58 of function type 4), but {others} other functions: expected measured responses over a force", path.display())]
+    #[error("{} has no frequency response (dataset 58 of function type 4); it has {content}: export the measured responses over a force from the program that made it", path.display())]
     None {
         /// File.
         path: PathBuf,
-        /// Number of other functions.
-        others: usize,
+        /// What is in it.
+        content: String,
     },
     /// A dataset can't be used.
     #[error("{}, frequency response {number}: {fault}", path.display())]
@@ -102,6 +114,24 @@ pub enum ResponsesError {
         path: PathBuf,
         /// Number of the dataset.
         dataset: String,
+    },
+    /// A binary dataset ends elsewhere than its first line states.
+    #[error("{}: dataset {dataset} is binary, and does not end where its first line states: export it anew, or as ASCII", path.display())]
+    BinaryEnd {
+        /// File.
+        path: PathBuf,
+        /// Number of the dataset.
+        dataset: String,
+    },
+    /// A node or a line can't be read.
+    #[error("{}, dataset {dataset}: {fault}", path.display())]
+    Geometry {
+        /// File.
+        path: PathBuf,
+        /// Number of the dataset.
+        dataset: String,
+        /// What is wrong.
+        fault: ResponseFault,
     },
     /// The units are not positive.
     #[error("{}: dataset 164 has {length} units in a metre and {force} in a newton: both must be positive", path.display())]
@@ -127,15 +157,26 @@ pub enum ResponseFault {
         /// What is in its place.
         got: String,
     },
+    /// The line of a node has not seven numbers.
+    #[error("a node is `{got}`: expected its number, two coordinate systems, a colour and three coordinates")]
+    Node {
+        /// What is in its place.
+        got: String,
+    },
     /// The values are not complex.
-    #[error("its values have the type {got}: expected complex numbers, 5 or 6")]
+    #[error("its values have the type {got}: expected complex numbers, 5 or 6, so export real and imaginary part")]
     Real {
         /// Ordinate data type.
         got: i64,
     },
     /// The frequencies are not equally spaced.
-    #[error("its frequencies are listed one by one: expected equal steps")]
-    Uneven,
+    #[error("its frequencies have steps from {least} to {most} Hz: expected equal steps, so export it with an even spacing", least = rounded(.least, 6), most = rounded(.most, 6))]
+    Uneven {
+        /// Least step, Hz.
+        least: f64,
+        /// Largest step, Hz.
+        most: f64,
+    },
     /// The abscissa is no frequency.
     #[error("its abscissa has the data type {got}: expected frequency, 18")]
     Abscissa {
@@ -143,13 +184,17 @@ pub enum ResponseFault {
         got: i64,
     },
     /// The response is no motion.
-    #[error("its response has the data type {got}: expected displacement, velocity or acceleration, 8, 11 or 12")]
+    #[error(
+        "its response has the data type {got}: expected displacement, velocity or acceleration, 8, 11 or 12 in record 9; export it with the channel's quantity"
+    )]
     Response {
         /// Specific data type.
         got: i64,
     },
     /// The reference is no force.
-    #[error("its reference has the data type {got}: expected a force, 13")]
+    #[error(
+        "its reference has the data type {got}: expected a force, 13 in record 10; export it with the channel's quantity"
+    )]
     Reference {
         /// Specific data type.
         got: i64,
@@ -177,7 +222,9 @@ pub enum ResponseFault {
         got: i64,
     },
     /// Its frequencies or its quantity differ from the first one's.
-    #[error("its {what} differ from those of the first response: expected the same in all")]
+    #[error(
+        "its {what} differ from those of the first response: expected the same in all, so export the others to another file"
+    )]
     Differs {
         /// What differs.
         what: &'static str,
@@ -196,7 +243,51 @@ pub fn is_universal_file(path: &Path) -> bool {
         return false;
     }
     let first = begin.split(|byte| *byte == b'\n').next().unwrap_or_default();
-    first.trim_ascii() == b"-1"
+    first.trim_ascii() == DELIMITER.as_bytes()
+}
+
+/// Names of the function types of dataset 58, from 0.
+const FUNCTIONS: [&str; 13] = [
+    "unknown functions",
+    "time responses",
+    "auto spectra",
+    "cross spectra",
+    "frequency responses",
+    "transmissibilities",
+    "coherences",
+    "auto correlations",
+    "cross correlations",
+    "power spectral densities",
+    "energy spectral densities",
+    "probability densities",
+    "spectra",
+];
+
+/// What a file has beside frequency responses.
+#[derive(Default)]
+struct Others {
+    /// Number of functions of each type.
+    functions: BTreeMap<usize, usize>,
+    /// Numbers of the other datasets.
+    datasets: Vec<String>,
+}
+
+impl Others {
+    fn text(&self) -> String {
+        let name = |kind: usize| FUNCTIONS.get(kind).copied().unwrap_or("other functions");
+        let functions: Vec<String> =
+            self.functions.iter().map(|(kind, count)| format!("{} ({count})", name(*kind))).collect();
+        match (functions.is_empty(), self.datasets.is_empty()) {
+            (false, _) => functions.join(", "),
+            (true, false) => {
+                let has_shapes = self.datasets.iter().any(|dataset| matches!(dataset.as_str(), "55" | "2414"));
+                // Such a file may be what was meant for a structure.
+                let hint = if has_shapes { " (mode shapes: name it as `file` of a modal structure)" } else { "" };
+                format!("the datasets {}{hint}", self.datasets.join(", "))
+            }
+            (true, true) => String::from("no datasets"),
+        }
+    }
 }
 
 /// Reads the frequency responses of a file.
@@ -207,69 +298,128 @@ pub fn read_responses(path: &Path) -> Result<MeasuredResponses, ResponsesError> 
     let bytes = fs::read(path).map_err(|source| ResponsesError::Read { path: path.to_owned(), source })?;
     let mut lines = Lines { bytes: &bytes };
     let mut found: Option<MeasuredResponses> = None;
-    let (mut scale, mut number, mut others) = (1.0, 0, 0);
+    let (mut units, mut number, mut others) = (Units { length: 1.0, force: 1.0 }, 0, Others::default());
+    let (mut nodes, mut traces) = (BTreeMap::new(), Vec::new());
     while let Some(line) = lines.next() {
-        if line.trim() != "-1" {
+        if line.trim() != DELIMITER {
             continue;
         }
         let Some(head) = lines.next() else { break };
         let words: Vec<&str> = head.split_whitespace().collect();
         let dataset = words.first().copied().unwrap_or_default();
-        match dataset {
-            "164" => {
-                lines.next();
-                let factors = numbers(&lines.next().unwrap_or_default(), "the units").unwrap_or_default();
-                let (length, force) = (factors.first().copied().unwrap_or(0.0), factors.get(1).copied().unwrap_or(0.0));
-                if !(length > 0.0 && force > 0.0) {
-                    return Err(ResponsesError::Units { path: path.to_owned(), length, force });
+        if !matches!(dataset, "58" | "58b") {
+            let body = String::from_utf8_lossy(lines.end(path, dataset)?);
+            let geometry =
+                |fault| ResponsesError::Geometry { path: path.to_owned(), dataset: dataset.to_owned(), fault };
+            match dataset {
+                "15" => add_nodes(&mut nodes, body.lines(), units).map_err(geometry)?,
+                // The position of a node is in the line after it.
+                "2411" => {
+                    let rows: Vec<&str> = body.lines().collect();
+                    let joined: Vec<String> = rows.chunks(2).map(|pair| pair.join(" ")).collect();
+                    add_nodes(&mut nodes, joined.iter().map(String::as_str), units).map_err(geometry)?;
                 }
-                scale = force / length;
-                lines.end(path, dataset)?;
+                "82" => add_traces(&mut traces, &body).map_err(geometry)?,
+                "164" => units = Units::read(path, &body)?,
+                _ => {}
             }
-            "58" | "58b" => {
-                let header: Vec<String> = (0..HEADER_LINES).map_while(|_| lines.next()).collect();
-                let binary = (dataset == "58b").then(|| words[1..].to_vec());
-                let body = match &binary {
-                    Some(words) => {
-                        let count = words.get(3).and_then(|word| word.parse().ok()).unwrap_or(0);
-                        let body = lines.take(count);
-                        lines.end(path, dataset)?;
-                        body
-                    }
-                    None => lines.end(path, dataset)?,
-                };
-                if field(&header, 5, 0..5).trim().parse() != Ok(FREQUENCY_RESPONSE) {
-                    others += 1;
-                    continue;
-                }
-                number += 1;
-                let of = |fault| ResponsesError::Function { path: path.to_owned(), number, fault };
-                let (quantity, frequency_hz, response) =
-                    function(&header, body, binary.as_deref(), scale).map_err(of)?;
-                match &mut found {
-                    None => {
-                        let path = path.to_owned();
-                        let responses = vec![response];
-                        found = Some(MeasuredResponses { path, quantity, frequency_hz, responses, others: 0 });
-                    }
-                    Some(found) => {
-                        if quantity != found.quantity {
-                            return Err(of(ResponseFault::Differs { what: "quantities" }));
-                        }
-                        if !are_same(&frequency_hz, &found.frequency_hz) {
-                            return Err(of(ResponseFault::Differs { what: "frequencies" }));
-                        }
-                        found.responses.push(response);
-                    }
-                }
+            if !others.datasets.iter().any(|known| known == dataset) {
+                others.datasets.push(dataset.to_owned());
             }
-            _ => {
-                lines.end(path, dataset)?;
+            continue;
+        }
+        let header: Vec<String> = (0..HEADER_LINES).map_while(|_| lines.next()).collect();
+        let binary = (dataset == "58b").then(|| words[1..].to_vec());
+        let body = match &binary {
+            Some(words) => lines.binary(path, dataset, words.get(3).and_then(|word| word.parse().ok()).unwrap_or(0))?,
+            None => lines.end(path, dataset)?,
+        };
+        let kind = field(&header, 5, 0..5).trim().parse().unwrap_or(0);
+        if kind != FREQUENCY_RESPONSE {
+            *others.functions.entry(kind).or_default() += 1;
+            continue;
+        }
+        number += 1;
+        let of = |fault| ResponsesError::Function { path: path.to_owned(), number, fault };
+        let (quantity, frequency_hz, response) =
+            function(&header, body, binary.as_deref(), units.force / units.length).map_err(of)?;
+        match &mut found {
+            None => {
+                found = Some(MeasuredResponses {
+                    path: path.to_owned(),
+                    quantity,
+                    frequency_hz,
+                    responses: vec![response],
+                    others: 0,
+                    positions_m: BTreeMap::new(),
+                    lines: Vec::new(),
+                });
+            }
+            Some(found) => {
+                if quantity != found.quantity {
+                    return Err(of(ResponseFault::Differs { what: "quantities" }));
+                }
+                if !are_same(&frequency_hz, &found.frequency_hz) {
+                    return Err(of(ResponseFault::Differs { what: "frequencies" }));
+                }
+                found.responses.push(response);
             }
         }
     }
-    let found = found.ok_or_else(|| ResponsesError::None { path: path.to_owned(), others })?;
-    Ok(MeasuredResponses { others, ..found })
+    let found = found.ok_or_else(|| ResponsesError::None { path: path.to_owned(), content: others.text() })?;
+    let name_of = |node: i64| format!("node{node}");
+    let drawn = |line: &Vec<i64>| -> Vec<String> {
+        line.iter().filter(|node| nodes.contains_key(*node)).map(|node| name_of(*node)).collect()
+    };
+    Ok(MeasuredResponses {
+        others: others.functions.values().sum(),
+        lines: traces.iter().map(drawn).filter(|line| line.len() > 1).collect(),
+        positions_m: nodes.iter().map(|(node, position)| (name_of(*node), *position)).collect(),
+        ..found
+    })
+}
+
+/// Units of a file in a metre and in a newton.
+#[derive(Clone, Copy)]
+struct Units {
+    length: f64,
+    force: f64,
+}
+
+impl Units {
+    /// Reads the body of dataset 164.
+    fn read(path: &Path, body: &str) -> Result<Units, ResponsesError> {
+        let factors = body.lines().nth(1).and_then(|line| numbers(line, "the units").ok()).unwrap_or_default();
+        let (length, force) = (factors.first().copied().unwrap_or(0.0), factors.get(1).copied().unwrap_or(0.0));
+        if length > 0.0 && force > 0.0 {
+            Ok(Units { length, force })
+        } else {
+            Err(ResponsesError::Units { path: path.to_owned(), length, force })
+        }
+    }
+}
+
+/// Adds the positions of nodes, from lines of a node's number, two coordinate systems, a colour and three coordinates.
+fn add_nodes<'a>(
+    nodes: &mut BTreeMap<i64, [f64; 3]>,
+    lines: impl Iterator<Item = &'a str>,
+    units: Units,
+) -> Result<(), ResponseFault> {
+    for line in lines.filter(|line| !line.trim().is_empty()) {
+        let [node, _, _, _, x, y, z] = numbers(line, "a node")?[..] else {
+            return Err(ResponseFault::Node { got: line.trim().to_owned() });
+        };
+        nodes.insert(node as i64, [x, y, z].map(|value| value / units.length));
+    }
+    Ok(())
+}
+
+/// Adds the lines of dataset 82: the number of nodes in the first line, a text, the nodes. A node 0 ends a line.
+fn add_traces(traces: &mut Vec<Vec<i64>>, body: &str) -> Result<(), ResponseFault> {
+    let nodes = body.lines().skip(2).map(|line| numbers(line, "a node of a line")).collect::<Result<Vec<_>, _>>()?;
+    let nodes: Vec<i64> = nodes.concat().iter().map(|node| *node as i64).collect();
+    traces.extend(nodes.split(|node| *node == 0).filter(|line| line.len() > 1).map(<[i64]>::to_vec));
+    Ok(())
 }
 
 /// Lines of a file that may have binary parts.
@@ -288,10 +438,18 @@ impl<'a> Lines<'a> {
         Some(line)
     }
 
-    fn take(&mut self, count: usize) -> &'a [u8] {
-        let (taken, rest) = self.bytes.split_at(count.min(self.bytes.len()));
-        self.bytes = rest;
-        taken
+    /// Returns binary values of this length, in bytes. Some programs count the end of a line that follows, and some write none,
+    /// so the delimiter is searched about the stated end.
+    fn binary(&mut self, path: &Path, dataset: &str, length: usize) -> Result<&'a [u8], ResponsesError> {
+        let bytes = self.bytes;
+        let mut near = length.saturating_sub(SLACK)..=length.saturating_add(SLACK);
+        let is_end = |at: &usize| bytes.get(*at..).is_some_and(|rest| rest.starts_with(b"    -1"));
+        let Some(end) = near.find(is_end) else {
+            return Err(ResponsesError::BinaryEnd { path: path.to_owned(), dataset: dataset.to_owned() });
+        };
+        self.bytes = &bytes[end..];
+        self.next();
+        Ok(&bytes[..end.min(length)])
     }
 
     /// Returns the bytes up to the line with the delimiter that ends a dataset.
@@ -299,7 +457,7 @@ impl<'a> Lines<'a> {
         let start = self.bytes;
         while !self.bytes.is_empty() {
             let before = start.len() - self.bytes.len();
-            if self.next().is_some_and(|line| line.trim() == "-1") {
+            if self.next().is_some_and(|line| line.trim() == DELIMITER) {
                 return Ok(&start[..before]);
             }
         }
@@ -384,9 +542,9 @@ fn function(
     // Line 7: 3 I10, 3 E13.5. Lines 8 to 10: I10.
     let kind = whole(header, 6, 0..10, what)?;
     let count = usize::try_from(whole(header, 6, 10..20, what)?).unwrap_or(0);
-    if whole(header, 6, 20..30, what)? != 1 {
-        return Err(ResponseFault::Uneven);
-    }
+    // Without equal steps each value has its frequency before it.
+    let is_listed = whole(header, 6, 20..30, what)? != 1;
+    let numbers_of_value = if is_listed { 3 } else { 2 };
     let (first_hz, step_hz) = (real(header, 6, 30..43, what)?, real(header, 6, 43..56, what)?);
     let is_double = match kind {
         5 => false,
@@ -412,13 +570,34 @@ fn function(
             lines.collect::<Result<Vec<_>, _>>()?.concat()
         }
     };
-    if parts.len() < 2 * count {
-        return Err(ResponseFault::Short { got: parts.len(), expected: 2 * count });
+    let expected = count.saturating_mul(numbers_of_value);
+    if parts.len() < expected {
+        return Err(ResponseFault::Short { got: parts.len(), expected });
     }
     let factor = scale * own_sign * other_sign;
-    let values = parts.chunks_exact(2).take(count).map(|pair| Complex::new(pair[0], pair[1]) * factor).collect();
+    let rows = || parts.chunks_exact(numbers_of_value).take(count);
+    let complex = |row: &[f64]| Complex::new(row[numbers_of_value - 2], row[numbers_of_value - 1]) * factor;
+    let values = rows().map(complex).collect();
+    let (first_hz, step_hz) = if is_listed {
+        let listed: Vec<f64> = rows().map(|row| row[0]).collect();
+        first_and_step(&listed)?
+    } else {
+        (first_hz, step_hz)
+    };
     let frequency_hz = (0..count).map(|line| first_hz + step_hz * line as f64).collect();
     Ok((quantity, frequency_hz, MeasuredResponse { force, response, values }))
+}
+
+/// Returns the first of listed frequencies and their step. They are written with few digits, so the step is that of both ends.
+fn first_and_step(listed_hz: &[f64]) -> Result<(f64, f64), ResponseFault> {
+    let [first, .., last] = listed_hz else { return Ok((listed_hz.first().copied().unwrap_or(0.0), 0.0)) };
+    let steps = || listed_hz.windows(2).map(|pair| pair[1] - pair[0]);
+    let (least, most) = (steps().fold(f64::INFINITY, f64::min), steps().fold(f64::NEG_INFINITY, f64::max));
+    if most - least <= SAME_STEP * most {
+        Ok((*first, (last - first) / (listed_hz.len() - 1) as f64))
+    } else {
+        Err(ResponseFault::Uneven { least, most })
+    }
 }
 
 /// Reads binary numbers; the line of the dataset's number states the order of their bytes (1 little, 2 big) and their format.

@@ -44,7 +44,7 @@
 //! | [`can_log`] | frames in the log files of other tools |
 //! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
-//! | [`responses`] | measured frequency responses in UFF files |
+//! | [`responses`], [`modal_file`] | measured frequency responses in UFF files; identified modes as such a file |
 //! | [`identification`] | what a recording says about its arm, by the methods of [`identify`] |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
@@ -61,7 +61,7 @@ pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::integrate;
 pub use resonarm_files::{
-    can_log, cut, decoder, diff, drawing, export, import, recording, responses, signals, statistics,
+    can_log, cut, decoder, diff, drawing, export, import, modal_file, recording, responses, signals, statistics,
 };
 pub use resonarm_files::{same_file, wait_for_reader, write_whole};
 pub use resonarm_modal as modal;

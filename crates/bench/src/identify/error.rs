@@ -1,12 +1,14 @@
 //! Errors of the identification from recorded readings.
 
+use alloc::string::String;
+
 use resonarm_modal::ModalError;
 use thiserror::Error;
 
 use resonarm_numeric::number::{rounded, short};
 
 /// Reason why a record can't be identified.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IdentifyError {
     /// The band is not within that of the record.
@@ -52,6 +54,18 @@ pub enum IdentifyError {
     OtherDirection {
         /// Index of the record, from 0.
         run: usize,
+    },
+    /// A response is zero in the whole band.
+    #[error("the response at {at} is zero in the band: check the sensor, or leave it out")]
+    Silent {
+        /// Degree of freedom of the response.
+        at: String,
+    },
+    /// A force has no power in the band.
+    #[error("the force at {at} has no power in the band: drive the structure there, or name the band that was driven")]
+    NoPower {
+        /// Degree of freedom of the force.
+        at: String,
     },
     /// The estimator rejects the readings.
     #[error(transparent)]

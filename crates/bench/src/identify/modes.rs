@@ -42,6 +42,8 @@ pub struct IdentifiedMode {
     /// Normal shape relative to its largest component, 1, at the degrees of freedom of [`Identification::at`]; `None` at those
     /// that were measured in runs with other forces only.
     pub shape: Vec<Option<f64>>,
+    /// Complex shape relative to its largest component, 1, as [real, imaginary].
+    pub complex_shape: Vec<Option<[f64; 2]>>,
     /// Normal shape for the modal mass 1 kg, 1/√kg, displacement over modal coordinate.
     pub shape_per_sqrt_kg: Option<Vec<Option<f64>>>,
     /// Standard deviations of its components, 1/√kg.
@@ -279,6 +281,8 @@ impl Identification {
         self.estimate = match estimate {
             Ok(estimate) => Some(estimate),
             Err(ModalError::NoModes) => None,
+            Err(ModalError::Silent { dof, .. }) => return Err(IdentifyError::Silent { at: self.names.of(dof) }),
+            Err(ModalError::NoPower { dof, .. }) => return Err(IdentifyError::NoPower { at: self.names.of(dof) }),
             Err(error) => return Err(error.into()),
         };
         self.describe();
@@ -397,6 +401,13 @@ impl Identification {
             .iter()
             .flatten()
             .fold(0.0, |largest: f64, part| if libm::fabs(*part) > libm::fabs(largest) { *part } else { largest });
+        let largest_complex = components.iter().flatten().copied().fold(Complex::default(), |largest, part| {
+            if part.norm_sqr() > largest.norm_sqr() { part } else { largest }
+        });
+        let relative = |part: Complex<f64>| {
+            let part = part / largest_complex;
+            [part.re, part.im]
+        };
         let residue = |residue: &modal::Residue| IdentifiedResidue {
             run: residue.run,
             response: self.names.of(residue.response),
@@ -413,6 +424,7 @@ impl Identification {
             modal_mass_kg: mode.shape.as_ref().map(|shape| shape.modal_mass),
             modal_mass_deviation_kg: mode.shape.as_ref().filter(|_| is_sure).map(|shape| shape.modal_mass_deviation),
             shape: normal.iter().map(|part| part.map(|part| part / largest)).collect(),
+            complex_shape: components.iter().map(|part| part.map(relative)).collect(),
             shape_per_sqrt_kg: scaled.is_some().then(|| normal.clone()),
             shape_deviation_per_sqrt_kg: scaled
                 .as_ref()

@@ -11,15 +11,13 @@ use super::channels::{lead, span, visit};
 use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
+use crate::universal::{DELIMITER, NONE, axis, e13, e20, line80, units};
 use resonarm_bench::structure::{Axis, Channel, Quantity};
 
-/// Delimits a dataset.
-const DELIMITER: &str = "    -1";
 /// Values in a line.
 const IN_LINE: u64 = 4;
-/// Specific data types of dataset 58: time here, and none in the next constant.
+/// Specific data type of dataset 58: time.
 const TIME: u32 = 17;
-const NONE: u32 = 0;
 
 /// Description of a channel in the file: specific data type, label, unit, exponents of length, force and temperature.
 const fn ordinate(quantity: Quantity) -> (u32, &'static str, &'static str, [i32; 3]) {
@@ -87,15 +85,6 @@ pub(super) fn write(
     Ok(exported)
 }
 
-/// Writes dataset 164, which states that all numbers are in SI units.
-fn units(out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "{DELIMITER}\n{:6}{:74}", 164, "")?;
-    writeln!(out, "{:10}{:<20}{:10}", 1, "SI: Meter (newton)", 2)?;
-    // FORTRAN's D25.17: the factors from the file's units to SI, all 1, and an offset of temperature of 0.
-    let one = "1.00000000000000000D+00";
-    writeln!(out, "{one:>25}{one:>25}{one:>25}\n{:>25}\n{DELIMITER}", "0.00000000000000000D+00")
-}
-
 /// Position of a channel's values in time.
 struct Abscissa {
     count: u64,
@@ -120,37 +109,4 @@ fn head(out: &mut impl Write, recording: &Recording, channel: &Channel, abscissa
     axis(out, kind, [length, force, temperature], label, unit)?;
     axis(out, NONE, [0; 3], "NONE", "NONE")?;
     axis(out, NONE, [0; 3], "NONE", "NONE")
-}
-
-fn axis(out: &mut impl Write, kind: u32, exponents: [i32; 3], label: &str, unit: &str) -> io::Result<()> {
-    let [length, force, temperature] = exponents;
-    writeln!(out, "{kind:10}{length:5}{force:5}{temperature:5} {label:20} {unit:20}")
-}
-
-/// Formats a text as one line of 80 ASCII characters.
-fn line80(text: &str) -> String {
-    text.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).take(80).collect()
-}
-
-/// Formats a number like FORTRAN's E20.12, with the exponent of two or three digits behind the first digit of the
-/// value.
-fn e20(value: f64) -> String {
-    format!("{:>20}", exponential(value, 12))
-}
-
-/// Formats a number like FORTRAN's E13.5.
-fn e13(value: f64) -> String {
-    format!("{:>13}", exponential(value, 5))
-}
-
-/// Formats a number with an exponent of at least two digits and a sign: `-1.23e-4` becomes `-1.23000e-04`.
-fn exponential(value: f64, places: usize) -> String {
-    let text = format!("{value:.places$e}");
-    match text.split_once('e') {
-        Some((digits, exponent)) => match exponent.strip_prefix('-') {
-            Some(exponent) => format!("{digits}e-{exponent:0>2}"),
-            None => format!("{digits}e+{exponent:0>2}"),
-        },
-        None => text,
-    }
 }
