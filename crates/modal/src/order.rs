@@ -18,7 +18,7 @@ use crate::fit::{Fit, Problem};
 use crate::noise::{Normalised, likelihood, median, normalised, weigh};
 use crate::pole::{block, damping_ratio, deviations, pole};
 use crate::run::Band;
-use crate::spectra::distribution::chi_square_survival;
+use resonarm_numeric::distribution::chi_square_survival;
 
 /// Factor on the penalty.
 const FACTOR: f64 = 1.5;

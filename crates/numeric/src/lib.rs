@@ -1,5 +1,5 @@
-//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, small systems of equations, eigenvalues
-//! of real matrices, the widest registers of a processor.
+//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, distributions of statistics, small systems
+//! of equations, eigenvalues of real matrices, the widest registers of a processor.
 //!
 //! `no_std`: no clock, no thread, no file, no socket.
 #![cfg_attr(not(test), no_std)]
@@ -7,6 +7,7 @@
 extern crate alloc;
 
 pub mod dft;
+pub mod distribution;
 pub mod eigenvalues;
 pub mod linear_solve;
 pub mod noise;

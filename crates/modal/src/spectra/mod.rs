@@ -14,7 +14,6 @@
 //! Windowed segments leak: a resonance whose half-power bandwidth 2ζf is not several lines wide comes out too low and too
 //! wide, however many segments are averaged.
 
-pub(crate) mod distribution;
 mod error;
 mod responses;
 mod shock;
@@ -25,6 +24,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Complex;
 use resonarm_numeric::dft::{Fft, Lines};
+use resonarm_numeric::distribution;
 
 pub use error::SpectraError;
 pub use responses::{Estimator, FrequencyResponses};

@@ -1,15 +1,16 @@
-//! The χ² distribution.
+//! The χ² distribution and the binomial distribution.
 
 /// Most terms of the series and of the continued fraction.
 const TERMS: usize = 10_000;
 /// Steps of the bisection, each of which halves the interval.
 const STEPS: usize = 200;
 
-/// Returns the value x that a χ²-distributed number of `freedom` degrees of freedom stays below with `probability`.
+/// Returns the value x that a χ²-distributed number of `freedom` degrees of freedom, positive, stays below with
+/// `probability`, 0 to below 1.
 ///
 /// The distribution is P(ν/2, x/2), P being the regularised incomplete gamma function. It is inverted by bisection, from
 /// an interval that is doubled until it contains x.
-pub(super) fn chi_square_quantile(probability: f64, freedom: f64) -> f64 {
+pub fn chi_square_quantile(probability: f64, freedom: f64) -> f64 {
     let below = |x: f64| incomplete_gamma(0.5 * freedom, 0.5 * x)[0] < probability;
     let (mut low, mut high) = (0.0, freedom.max(1.0));
     while below(high) && high < f64::MAX / 4.0 {
@@ -26,8 +27,13 @@ pub(super) fn chi_square_quantile(probability: f64, freedom: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Returns the probability that a χ²-distributed number of `freedom` degrees of freedom exceeds x.
-pub(crate) fn chi_square_survival(x: f64, freedom: f64) -> f64 {
+/// Returns the probability that a χ²-distributed number of `freedom` degrees of freedom, positive, is at most x.
+pub fn chi_square_probability(x: f64, freedom: f64) -> f64 {
+    incomplete_gamma(0.5 * freedom, 0.5 * x)[0]
+}
+
+/// Returns the probability that a χ²-distributed number of `freedom` degrees of freedom, positive, exceeds x.
+pub fn chi_square_survival(x: f64, freedom: f64) -> f64 {
     incomplete_gamma(0.5 * freedom, 0.5 * x)[1]
 }
 
@@ -71,9 +77,48 @@ fn incomplete_gamma(a: f64, x: f64) -> [f64; 2] {
     [1.0 - scale * fraction, scale * fraction]
 }
 
+/// Returns the probability that at least `count` of `trials` independent events occur, each of which has the probability
+/// `probability`, 0 to 1: Σ C(n, k) pᵏ (1 − p)ⁿ⁻ᵏ over k from `count` on, from the smallest term to the largest.
+pub fn binomial_survival(count: usize, trials: usize, probability: f64) -> f64 {
+    if count == 0 {
+        return 1.0;
+    }
+    if probability <= 0.0 || count > trials {
+        return 0.0;
+    }
+    if probability >= 1.0 {
+        return 1.0;
+    }
+    let (happens, fails) = (libm::log(probability), libm::log1p(-probability));
+    let factorial = |k: usize| libm::lgamma(k as f64 + 1.0);
+    let term = |k: usize| {
+        let ways = factorial(trials) - factorial(k) - factorial(trials - k);
+        libm::exp(ways + k as f64 * happens + (trials - k) as f64 * fails)
+    };
+    (count..=trials).rev().map(term).sum::<f64>().min(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Values of `scipy.stats.binom.sf(count - 1, trials, probability)`.
+    #[test]
+    fn binomial_probabilities_are_those_of_scipy() {
+        for (count, trials, probability, expected) in BINOMIAL {
+            let found = binomial_survival(count, trials, probability);
+            assert!((found / expected - 1.0).abs() < 1e-11, "{count} of {trials}: {found} {expected}");
+        }
+        assert_eq!([binomial_survival(0, 5, 0.3), binomial_survival(6, 5, 0.3)], [1.0, 0.0]);
+        assert_eq!([binomial_survival(1, 5, 0.0), binomial_survival(5, 5, 1.0)], [0.0, 1.0]);
+    }
+
+    const BINOMIAL: [(usize, usize, f64, f64); 4] = [
+        (3, 94, 0.008, 0.04010229934788652),
+        (1, 94, 0.0005, 0.045923816608889216),
+        (40, 187, 0.062, 5.410554384169915e-12),
+        (30, 94, 0.062, 3.6750118936915796e-14),
+    ];
 
     /// Values of `scipy.stats.chi2.ppf`.
     #[test]
@@ -89,6 +134,7 @@ mod tests {
             let found = chi_square_quantile(probability, freedom);
             assert!((found / expected - 1.0).abs() < 1e-11, "{probability} {freedom}: {found} {expected}");
             assert!((chi_square_survival(found, freedom) + probability - 1.0).abs() < 1e-11);
+            assert!((chi_square_probability(found, freedom) / probability - 1.0).abs() < 1e-11);
         }
         // Far in the tail, where 1 − P has no digits left: `scipy.stats.chi2.sf`.
         let found = chi_square_survival(150.0, 20.0);
