@@ -83,12 +83,14 @@ impl Segments {
         Ok(())
     }
 
-    /// Returns the degrees of freedom of a density that is averaged over the segments of records of `counts` segments.
+    /// Returns the degrees of freedom of a density that is averaged over the segments of one or several records, of which
+    /// `counts` are the numbers of segments.
     ///
     /// Welch, as above, eq. 12: the densities of two segments that are m steps apart have the correlation ρₘ = [Σ w(n) w(n +
     /// m step)]²/[Σ w²]² for white noise, so a mean of S segments has the relative variance [S + 2 Σₘ (S − m) ρₘ]/S², and a
     /// χ² variable of ν degrees of freedom has 2/ν.
-    fn degrees_of_freedom(&self, window: &[f64], counts: &[usize]) -> f64 {
+    pub fn degrees_of_freedom(&self, counts: &[usize]) -> f64 {
+        let window = self.window.values(self.length);
         let step = self.length - self.overlap;
         let energy: f64 = window.iter().map(|w| w * w).sum();
         let correlations: Vec<f64> = (1..self.length.div_ceil(step))
@@ -197,7 +199,7 @@ impl CrossSpectra {
         Ok(CrossSpectra {
             frequency_hz: (0..lines).map(|line| line as f64 * rate_hz / length as f64).collect(),
             averages,
-            degrees_of_freedom: segments.degrees_of_freedom(&window, &counts),
+            degrees_of_freedom: segments.degrees_of_freedom(&counts),
             noise_bandwidth_hz: rate_hz * energy / (area * area),
             between_inputs,
             to_outputs,

@@ -1,0 +1,189 @@
+//! Errors of specifications and of verdicts.
+
+use alloc::string::String;
+
+use thiserror::Error;
+
+use resonarm_modal::spectra::SpectraError;
+use resonarm_numeric::number::short;
+
+/// Reason why a text is not a specification.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SpecificationError {
+    /// A number is outside its valid range.
+    #[error("[{section}] `{key}` is {got}: it must be {expected}", got = short(.got))]
+    Value {
+        /// Section of the file.
+        section: &'static str,
+        /// Key of the number.
+        key: &'static str,
+        /// Number that was given.
+        got: f64,
+        /// Valid values, in words.
+        expected: &'static str,
+    },
+    /// A number of a list is outside its valid range.
+    #[error("[{section}] `{key}`, number {number}: {what} is {got}: it must be {expected}", got = short(.got))]
+    Element {
+        /// Section of the file.
+        section: &'static str,
+        /// Key of the list.
+        key: &'static str,
+        /// Number of the element, from 1.
+        number: usize,
+        /// Meaning of the number.
+        what: &'static str,
+        /// Number that was given.
+        got: f64,
+        /// Valid values, in words.
+        expected: &'static str,
+    },
+    /// A list has too few elements.
+    #[error("[{section}] `{key}` has {got} elements: it must have at least {least}")]
+    TooShort {
+        /// Section of the file.
+        section: &'static str,
+        /// Key of the list.
+        key: &'static str,
+        /// Number of elements that was given.
+        got: usize,
+        /// Least number of elements.
+        least: usize,
+    },
+    /// Two lists belong together and have different lengths.
+    #[error("[{section}] `{}` has {} elements and `{}` has {}: they must have the same number", keys[0], got[0], keys[1], got[1])]
+    Lengths {
+        /// Section of the file.
+        section: &'static str,
+        /// Keys of the lists.
+        keys: [&'static str; 2],
+        /// Numbers of elements that were given.
+        got: [usize; 2],
+    },
+    /// A section or a key is missing.
+    #[error("[{section}]{} is missing: {why}", key.map_or(String::new(), |key| alloc::format!(" `{key}`")))]
+    Missing {
+        /// Section of the file.
+        section: &'static str,
+        /// Key that is missing; `None` if it is the whole section.
+        key: Option<&'static str>,
+        /// Reason why it is needed, in words.
+        why: &'static str,
+    },
+    /// A section or a key does not apply to this kind of test.
+    #[error("[{section}]{} does not apply: {why}", key.map_or(String::new(), |key| alloc::format!(" `{key}`")))]
+    Idle {
+        /// Section of the file.
+        section: &'static str,
+        /// Key that does not apply; `None` if it is the whole section.
+        key: Option<&'static str>,
+        /// Reason why it does not apply, in words.
+        why: &'static str,
+    },
+    /// Keys exclude each other, or one of them is needed.
+    #[error("[{section}]: exactly one of {} is needed, got {got}", keys.join(", "))]
+    OneOf {
+        /// Section of the file.
+        section: &'static str,
+        /// Keys of which one is needed.
+        keys: &'static [&'static str],
+        /// Number of them that was given.
+        got: usize,
+    },
+    /// A slope has no level that it could start from.
+    #[error("[{section}] `{key}`, number {number}: a slope with {slope} needs a point [Hz, level] {side} it")]
+    Slope {
+        /// Section of the file.
+        section: &'static str,
+        /// Key of the list.
+        key: &'static str,
+        /// Number of the element, from 1.
+        number: usize,
+        /// Key of the slope's frequency.
+        slope: &'static str,
+        /// Side on which the point is missing.
+        side: &'static str,
+    },
+    /// A line of a CSV file has no two numbers.
+    #[error("{file}, line {line}: `{got}` is not a breakpoint: expected a frequency, Hz, and a level")]
+    Csv {
+        /// Name of the file.
+        file: String,
+        /// Number of the line, from 1.
+        line: usize,
+        /// Text of the line, shortened.
+        got: String,
+    },
+    /// A file of breakpoints can't be read.
+    #[error("{file}: {message}")]
+    File {
+        /// Name of the file.
+        file: String,
+        /// Reason, in words.
+        message: String,
+    },
+}
+
+/// Reason why a record can't be judged.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum VerdictError {
+    /// The spectra can't be estimated.
+    #[error(transparent)]
+    Spectra(#[from] SpectraError),
+    /// The sample rate is too low for the specification.
+    #[error(
+        "the specification reaches {} Hz, and the record has {} samples a second: it needs at least {}",
+        short(.highest_hz), short(.rate_hz), short(.least_hz)
+    )]
+    Rate {
+        /// Highest frequency of the specification, Hz.
+        highest_hz: f64,
+        /// Sample rate of the record, Hz.
+        rate_hz: f64,
+        /// Least sample rate, Hz.
+        least_hz: f64,
+    },
+    /// The record is shorter than what one estimate takes.
+    #[error("the record has {} s: it must have at least {} s", short(.got_s), short(.least_s))]
+    TooShort {
+        /// Length of the record, s.
+        got_s: f64,
+        /// Least length, s.
+        least_s: f64,
+    },
+    /// There is no channel to judge, or the channels have different lengths.
+    #[error("there is no channel to judge, or the channels have different numbers of samples")]
+    Channels,
+    /// No line is left between the edges of the profile.
+    #[error(
+        "no line is left between {} and {} Hz: lines are {} Hz apart, and two at each edge are left out; use a smaller `lines_hz`",
+        short(.from_hz), short(.to_hz), short(.spacing_hz)
+    )]
+    NoLines {
+        /// Lowest frequency of the profile, Hz.
+        from_hz: f64,
+        /// Highest frequency of the profile, Hz.
+        to_hz: f64,
+        /// Spacing of the lines, Hz.
+        spacing_hz: f64,
+    },
+    /// The reference runs through no part of the sweep.
+    #[error(
+        "no sweep between {} and {} Hz is in the record: expected a reference whose frequency runs through at least half of this range",
+        short(.from_hz), short(.to_hz)
+    )]
+    NoSweep {
+        /// Lowest judged frequency, Hz.
+        from_hz: f64,
+        /// Highest judged frequency, Hz.
+        to_hz: f64,
+    },
+    /// No shot is in the record.
+    #[error("no shot is in the record: the largest pulse of the specified shape has {} % of the specified peak", short(.largest_percent))]
+    NoShot {
+        /// Largest amplitude of the pulse that fits, % of the peak.
+        largest_percent: f64,
+    },
+}

@@ -1,0 +1,89 @@
+//! Verdicts on measured records: in, out, or undecided by the record.
+//!
+//! Every verdict states the interval in which the true value lies with 95 % probability. A record is *out* only where it
+//! proves that the tolerance is exceeded, so that a good controller is not condemned for the scatter of an estimate, and *in* only
+//! where the whole interval is within the tolerance.
+
+mod random;
+mod shock;
+mod sine;
+mod srs;
+
+use serde::Serialize;
+
+pub use random::{
+    Density, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, full_level, judge_density,
+    judge_random, line_verdict, perfect_probability,
+};
+pub use shock::{ShockVerdict, Shot, judge_shock};
+pub use sine::{SinePass, SinePoint, SineVerdict, judge_sine};
+pub use srs::{SrsLine, SrsShot, SrsVerdict, judge_srs};
+
+/// Verdict on a value, or on a whole record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The whole interval is within the tolerance.
+    In,
+    /// The interval lies across an end of the tolerance.
+    Undecided,
+    /// The tolerance is exceeded.
+    Out,
+}
+
+impl Verdict {
+    /// Returns the verdict in a word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Verdict::In => "in",
+            Verdict::Undecided => "undecided",
+            Verdict::Out => "out",
+        }
+    }
+
+    /// Returns the verdict on an interval, [low, high], by a tolerance.
+    pub fn of([low, high]: [f64; 2], tolerance: [f64; 2]) -> Verdict {
+        if low >= tolerance[0] && high <= tolerance[1] {
+            Verdict::In
+        } else if low > tolerance[1] || high < tolerance[0] {
+            Verdict::Out
+        } else {
+            Verdict::Undecided
+        }
+    }
+
+    /// Returns the verdict on a value with a Gaussian deviation: in by its interval of 95 %, out where none of a thousand such
+    /// values of a tolerable record would lie.
+    fn of_noisy(value: f64, deviation: f64, tolerance: [f64; 2]) -> Verdict {
+        let within = |half: f64| Verdict::of([value - half * deviation, value + half * deviation], tolerance);
+        match (within(CONFIDENT), within(PROVEN)) {
+            (Verdict::In, _) => Verdict::In,
+            (_, Verdict::Out) => Verdict::Out,
+            _ => Verdict::Undecided,
+        }
+    }
+
+    /// Returns the verdict on a share of something that must be reached: `proven` of it is in for certain, `lost` out.
+    fn of_share(proven: f64, lost: f64, share: f64) -> Verdict {
+        // Shares are sums, which are rounded.
+        if lost > 1.0 - share + ROUNDING {
+            Verdict::Out
+        } else if proven >= share - ROUNDING {
+            Verdict::In
+        } else {
+            Verdict::Undecided
+        }
+    }
+}
+
+/// Rounding of a share.
+const ROUNDING: f64 = 1e-9;
+/// Half of the width of an interval of 95 % confidence of a Gaussian value, in its deviation.
+const CONFIDENT: f64 = 1.959_963_984_540_054;
+/// Deviations beyond which one of a thousand Gaussian values lies with a probability of 1 %, to either side.
+const PROVEN: f64 = 4.42;
+
+/// Returns the mean of values; 0 of none.
+fn mean(values: &[f64]) -> f64 {
+    if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / values.len() as f64 }
+}

@@ -1,0 +1,420 @@
+//! Verdicts on swept sines.
+//!
+//! The reference, the drive if it is known, gives the phase: the argument of its analytic signal, whose rate is averaged over
+//! several cycles, so that harmonics don't disturb it. The reading is multiplied by e^(−jφ) and averaged under Hann's window, whose
+//! length 2/(b f) gives the bandwidth b f: this tracking filter has no phase shift, and takes in no harmonic. The same filter at
+//! 1.5 times the frequency, between the fundamental and the second harmonic, reads the noise.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use core::ops::Range;
+
+use nalgebra::Complex;
+use resonarm_numeric::dft::Fft;
+use serde::Serialize;
+
+use super::{LimitVerdict, Verdict, mean};
+use crate::{Limits, Measure, SineTest, SweepRate, VerdictError};
+
+/// Cycles of the lowest frequency over which the rate of the phase is averaged, twice.
+const CYCLES: f64 = 4.0;
+/// Points within the length of the filter's window.
+const IN_WINDOW: f64 = 8.0;
+/// Points to either side over which the noise is averaged.
+const NOISE_POINTS: usize = 8;
+/// Least part of the octaves of the sweep that a pass runs through.
+const LEAST_PART: f64 = 0.5;
+/// Largest departure of the frequency from the sweep, octaves.
+const MOST_DEPARTURE: f64 = 0.05;
+/// Interval over which steps of the frequency are searched for, s; the part of the nominal step below which the frequency stands
+/// still; and the largest share of such intervals of a sweep that is continuous.
+const STEP_S: f64 = 0.1;
+const STILL: f64 = 0.3;
+const MOST_STILL: f64 = 0.15;
+/// Relative amounts by which a response may exceed its limit, and from which on below it holds the control channel down.
+const LIMIT: f64 = 0.15;
+const AT_LIMIT: f64 = 0.85;
+
+/// Amplitudes at an instant of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SinePoint {
+    /// Time from the start of the record, s.
+    pub t_s: f64,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Specified amplitude, m/s².
+    pub demand_m_s2: f64,
+    /// Amplitude of the fundamental, m/s².
+    pub tracked_m_s2: f64,
+    /// √2 times the rms, m/s².
+    pub rms_m_s2: f64,
+    /// Peak, m/s².
+    pub peak_m_s2: f64,
+    /// Deviation of the amplitude due to noise, m/s².
+    pub noise_m_s2: f64,
+    /// Whether a response is at its limit, so that the amplitude may be too low.
+    pub is_limited: bool,
+    /// Verdict on the judged reading.
+    pub verdict: Verdict,
+}
+
+/// A sweep through the range of frequencies, up or down.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SinePass {
+    /// Start, s from the start of the record.
+    pub from_s: f64,
+    /// End, s.
+    pub to_s: f64,
+    /// First frequency, Hz.
+    pub from_hz: f64,
+    /// Last frequency, Hz.
+    pub to_hz: f64,
+    /// Rate by regression, in the unit of the specified one, positive.
+    pub rate: f64,
+    /// Largest departure of the frequency from the regression, octaves.
+    pub departure_octaves: f64,
+    /// Share of the intervals of 0.1 s in which the frequency stands still, if the drive is known.
+    pub still: Option<f64>,
+}
+
+/// Verdict on a swept sine.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SineVerdict {
+    /// Verdict on the whole.
+    pub verdict: Verdict,
+    /// Verdict on the amplitude.
+    pub amplitude: Verdict,
+    /// Shares of the time in which the amplitude is in, undecided and out.
+    pub shares: [f64; 3],
+    /// Lowest and highest judged amplitude over the specified one.
+    pub extremes: [f64; 2],
+    /// Frequencies of these, Hz.
+    pub extremes_hz: [f64; 2],
+    /// Verdict on the rate, if the specification states its tolerance.
+    pub rate: Option<Verdict>,
+    /// Whether the sweep is continuous, not stepped, if the drive is known.
+    pub is_continuous: Option<bool>,
+    /// Sweeps that were found.
+    pub passes: Vec<SinePass>,
+    /// Verdicts on responses with a limit.
+    pub limits: Vec<LimitVerdict>,
+    /// Judged instants.
+    pub points: Vec<SinePoint>,
+}
+
+/// Phase of a reference with its rate.
+struct Phase {
+    rate_hz: f64,
+    /// Phase, rad, unwrapped.
+    phase: Vec<f64>,
+    /// Integral of the averaged rate of the phase, rad.
+    smooth: Vec<f64>,
+    /// Averaged frequency, Hz.
+    frequency_hz: Vec<f64>,
+}
+
+impl Phase {
+    fn new(reference: &[f64], rate_hz: f64, [from_hz, to_hz]: [f64; 2]) -> Phase {
+        let transform = Fft::at_least(reference.len());
+        let length = transform.length();
+        let mut values: Vec<Complex<f64>> = reference.iter().map(|value| Complex::new(*value, 0.0)).collect();
+        values.resize(length, Complex::new(0.0, 0.0));
+        transform.forward(&mut values);
+        let is_kept = |line: usize| {
+            let hz = line as f64 * rate_hz / length as f64;
+            2 * line <= length && hz >= 0.5 * from_hz && hz <= 1.5 * to_hz
+        };
+        values.iter_mut().enumerate().filter(|(line, _)| !is_kept(*line)).for_each(|(_, value)| *value *= 0.0);
+        transform.backward(&mut values);
+        let mut phase = Vec::with_capacity(reference.len());
+        let mut turned = 0.0;
+        let mut before = values[0];
+        for value in &values[..reference.len()] {
+            let step = value * before.conj();
+            turned += libm::atan2(step.im, step.re);
+            phase.push(turned);
+            before = *value;
+        }
+        let half = (0.5 * CYCLES / from_hz * rate_hz) as usize + 1;
+        let steps: Vec<f64> = phase.windows(2).map(|pair| pair[1] - pair[0]).chain([0.0]).collect();
+        let steps = averaged(&averaged(&steps, half), half);
+        let mut sum = 0.0;
+        let running = |step: &f64| {
+            let before = sum;
+            sum += step;
+            before
+        };
+        let smooth = steps.iter().map(running).collect();
+        let frequency_hz = steps.iter().map(|step| step * rate_hz / TAU).collect();
+        Phase { rate_hz, phase, smooth, frequency_hz }
+    }
+
+    /// Returns the frequency at a sample, Hz, by the slope of the unsmoothed phase over `half` samples to either side.
+    fn slope_hz(&self, sample: usize, half: usize) -> Option<f64> {
+        let window = self.phase.get(sample.checked_sub(half)?..=sample + half)?;
+        let at = |k: usize| k as f64 - half as f64;
+        let moment: f64 = window.iter().enumerate().map(|(k, phase)| at(k) * phase).sum();
+        let square: f64 = (0..window.len()).map(|k| at(k) * at(k)).sum();
+        Some(moment / square * self.rate_hz / TAU)
+    }
+}
+
+/// Returns the means over `half` values to either side, over fewer at the ends.
+fn averaged(values: &[f64], half: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; values.len() + 1];
+    for (index, value) in values.iter().enumerate() {
+        sums[index + 1] = sums[index] + value;
+    }
+    let mean = |index: usize| {
+        let (from, to) = (index.saturating_sub(half), (index + half + 1).min(values.len()));
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..values.len()).map(mean).collect()
+}
+
+/// Readings of a channel at an instant.
+struct Reading {
+    tracked: f64,
+    noise: f64,
+    rms: f64,
+    peak: f64,
+}
+
+/// Reads a channel under Hann's window of `2 half + 1` samples about a sample.
+fn read(channel: &[f64], middle: f64, phase: &Phase, sample: usize, half: usize) -> Reading {
+    let zero = Complex::new(0.0, 0.0);
+    let (mut tracked, mut noise, mut square, mut weight, mut peak) = (zero, zero, 0.0, 0.0, 0.0_f64);
+    for index in sample - half..=sample + half {
+        let w = 0.5 + 0.5 * libm::cos(TAU * (index as f64 - sample as f64) / (2 * half + 2) as f64);
+        let (value, turn) = (channel[index] - middle, phase.smooth[index] - phase.smooth[sample]);
+        let (sine, cosine) = libm::sincos(turn);
+        tracked += Complex::new(cosine, -sine) * (w * value);
+        let (sine, cosine) = libm::sincos(1.5 * turn);
+        noise += Complex::new(cosine, -sine) * (w * value);
+        square += w * value * value;
+        weight += w;
+        peak = peak.max(value.abs());
+    }
+    let size = |sum: Complex<f64>| 2.0 * libm::hypot(sum.re, sum.im) / weight;
+    Reading { tracked: size(tracked), noise: size(noise), rms: libm::sqrt(2.0 * square / weight), peak }
+}
+
+/// Judges a record of a swept sine, `rate_hz` samples a second. `reference` is the drive; without it the reading itself gives the
+/// phase, and a stepped sweep is not told from a continuous one. `responses` are the channels of [`Limits::response`].
+///
+/// The ends of the sweep are left out by the bandwidth of the filter.
+///
+/// # Errors
+/// [`VerdictError`] if no sweep is in the record, its rate is too low, or the channels don't fit.
+pub fn judge_sine(
+    test: &SineTest,
+    limits: &Limits,
+    rate_hz: f64,
+    reading: &[f64],
+    reference: Option<&[f64]>,
+    responses: &[&[f64]],
+) -> Result<SineVerdict, VerdictError> {
+    let [lowest_hz, highest_hz] = test.band_hz();
+    let least_hz = 4.0 * highest_hz;
+    if !(rate_hz >= least_hz) {
+        return Err(VerdictError::Rate { highest_hz, rate_hz, least_hz });
+    }
+    let least_s = 2.0 / (test.tracking * lowest_hz);
+    if (reading.len() as f64) < least_s * rate_hz {
+        return Err(VerdictError::TooShort { got_s: reading.len() as f64 / rate_hz, least_s });
+    }
+    let is_equal = |channel: &[f64]| channel.len() == reading.len();
+    if responses.len() != limits.response.len() || !reference.into_iter().chain(responses.iter().copied()).all(is_equal)
+    {
+        return Err(VerdictError::Channels);
+    }
+    if let Some(sample) = reading.iter().position(|sample| !sample.is_finite()) {
+        return Err(resonarm_modal::spectra::SpectraError::NotFinite { record: 0, sample }.into());
+    }
+    let phase = Phase::new(reference.unwrap_or(reading), rate_hz, [lowest_hz, highest_hz]);
+    let judged_hz = [lowest_hz * (1.0 + test.tracking), highest_hz / (1.0 + test.tracking)];
+    let ranges = passes(&phase, judged_hz);
+    if ranges.is_empty() {
+        return Err(VerdictError::NoSweep { from_hz: judged_hz[0], to_hz: judged_hz[1] });
+    }
+    let middles: Vec<f64> = core::iter::once(reading).chain(responses.iter().copied()).map(mean).collect();
+    let mut points: Vec<(SinePoint, f64)> = Vec::new();
+    let mut over_limit: Vec<(f64, f64)> = vec![(0.0, 0.0); responses.len()];
+    for range in &ranges {
+        let first = points.len();
+        let mut sample = range.start as f64;
+        while (sample as usize) < range.end {
+            let index = sample as usize;
+            let hz = phase.frequency_hz[index];
+            let length = 2.0 / (test.tracking * hz) * rate_hz;
+            let (half, step) = ((0.5 * length) as usize, length / IN_WINDOW);
+            sample += step;
+            let Some(demand) = test.acceleration_m_s2(hz) else { continue };
+            if index < half || index + half >= reading.len() {
+                continue;
+            }
+            let own = read(reading, middles[0], &phase, index, half);
+            let mut is_limited = false;
+            for ((response, limit), place) in responses.iter().zip(&limits.response).zip(0..) {
+                let Some(limit) = limit.profile.at(hz) else { continue };
+                let ratio = read(response, middles[place + 1], &phase, index, half).tracked / limit;
+                is_limited |= ratio >= AT_LIMIT;
+                if ratio > over_limit[place].0 {
+                    over_limit[place] = (ratio, hz);
+                }
+            }
+            let point = SinePoint {
+                t_s: index as f64 / rate_hz,
+                frequency_hz: hz,
+                demand_m_s2: demand,
+                tracked_m_s2: own.tracked,
+                rms_m_s2: own.rms,
+                peak_m_s2: own.peak,
+                noise_m_s2: own.noise,
+                is_limited,
+                verdict: Verdict::In,
+            };
+            points.push((point, step / rate_hz));
+        }
+        judge_points(test, &mut points[first..]);
+    }
+    let passes: Vec<SinePass> =
+        ranges.iter().map(|range| pass(test, &phase, range.clone(), reference.is_some())).collect();
+    Ok(conclude(test, limits, points, passes, &over_limit))
+}
+
+/// Returns the judged reading of a point.
+fn value(test: &SineTest, point: &SinePoint) -> f64 {
+    match test.measure {
+        Measure::Tracked => point.tracked_m_s2,
+        Measure::Rms => point.rms_m_s2,
+        Measure::Peak => point.peak_m_s2,
+    }
+}
+
+/// Averages the noise over adjacent points, and judges each. An amplitude has the deviation of one of the two components of the
+/// noise: the other one turns its phase.
+fn judge_points(test: &SineTest, points: &mut [(SinePoint, f64)]) {
+    let squares: Vec<f64> = points.iter().map(|(point, _)| point.noise_m_s2 * point.noise_m_s2).collect();
+    for ((point, _), square) in points.iter_mut().zip(averaged(&squares, NOISE_POINTS)) {
+        point.noise_m_s2 = libm::sqrt(0.5 * square);
+        let (ratio, noise) = (value(test, point) / point.demand_m_s2, point.noise_m_s2 / point.demand_m_s2);
+        let [low, high] = [if point.is_limited { 0.0 } else { 1.0 - test.tolerance }, 1.0 + test.tolerance];
+        point.verdict = Verdict::of_noisy(ratio, noise, [low, high]);
+    }
+}
+
+/// Returns the stretches in which the frequency runs through the judged range, or at least half of its octaves.
+fn passes(phase: &Phase, [from_hz, to_hz]: [f64; 2]) -> Vec<Range<usize>> {
+    let octaves = LEAST_PART * libm::log2(to_hz / from_hz);
+    let mut found = Vec::new();
+    let mut first = None;
+    for sample in 0..=phase.frequency_hz.len() {
+        let is_within = phase.frequency_hz.get(sample).is_some_and(|hz| *hz >= from_hz && *hz <= to_hz);
+        match (first, is_within) {
+            (None, true) => first = Some(sample),
+            (Some(start), false) => {
+                let [begin_hz, end_hz] = [start, sample - 1].map(|sample| phase.frequency_hz[sample]);
+                if octaves > 0.0 && libm::log2(end_hz / begin_hz).abs() >= octaves {
+                    found.push(start..sample);
+                }
+                first = None;
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Measures the rate of a pass.
+fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, is_drive: bool) -> SinePass {
+    let is_logarithmic = matches!(test.rate, SweepRate::OctavesPerMinute(_));
+    let frequencies = &phase.frequency_hz[range.clone()];
+    let at = |hz: f64| if is_logarithmic { libm::log2(hz) } else { hz };
+    let values: Vec<f64> = frequencies.iter().map(|hz| at(*hz)).collect();
+    let (middle, center) = (mean(&values), 0.5 * (values.len() as f64 - 1.0));
+    let moments = values.iter().enumerate().fold([0.0; 2], |[moment, square], (k, value)| {
+        let k = k as f64 - center;
+        [moment + k * (value - middle), square + k * k]
+    });
+    let slope = moments[0] / moments[1].max(f64::MIN_POSITIVE);
+    let departure = |(k, hz): (usize, &f64)| {
+        let fitted = middle + slope * (k as f64 - center);
+        let fitted_hz = if is_logarithmic { libm::exp2(fitted) } else { fitted };
+        libm::log2(hz / fitted_hz.max(f64::MIN_POSITIVE)).abs()
+    };
+    let still = || {
+        let step = (STEP_S * phase.rate_hz) as usize;
+        let measured = range.clone().step_by(step.max(1)).map(|sample| phase.slope_hz(sample, step));
+        let measured: Vec<f64> = measured.flatten().collect();
+        let is_still = |pair: &&[f64]| (pair[1] - pair[0]).abs() < STILL * STEP_S * test.rate_hz_s(pair[0]);
+        let count = measured.windows(2).filter(is_still).count();
+        count as f64 / (measured.len().max(2) - 1) as f64
+    };
+    SinePass {
+        from_s: range.start as f64 / phase.rate_hz,
+        to_s: range.end as f64 / phase.rate_hz,
+        from_hz: frequencies.first().copied().unwrap_or_default(),
+        to_hz: frequencies.last().copied().unwrap_or_default(),
+        rate: slope.abs() * phase.rate_hz * if is_logarithmic { 60.0 } else { 1.0 },
+        departure_octaves: frequencies.iter().enumerate().map(departure).fold(0.0, f64::max),
+        still: is_drive.then(still),
+    }
+}
+
+fn conclude(
+    test: &SineTest,
+    limits: &Limits,
+    points: Vec<(SinePoint, f64)>,
+    passes: Vec<SinePass>,
+    over_limit: &[(f64, f64)],
+) -> SineVerdict {
+    let all: f64 = points.iter().map(|(_, seconds)| seconds).sum();
+    let shares = [Verdict::In, Verdict::Undecided, Verdict::Out].map(|verdict| {
+        let own = points.iter().filter(|(point, _)| point.verdict == verdict);
+        own.map(|(_, seconds)| seconds).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+    });
+    let amplitude =
+        if points.is_empty() { Verdict::Undecided } else { Verdict::of_share(shares[0], shares[2], test.share) };
+    let ratio = |point: &SinePoint| (value(test, point) / point.demand_m_s2, point.frequency_hz);
+    let ratios = || points.iter().map(|(point, _)| ratio(point));
+    let lowest = ratios().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+    let highest = ratios().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+    let nominal = match test.rate {
+        SweepRate::OctavesPerMinute(rate) | SweepRate::HertzPerSecond(rate) => rate,
+    };
+    let rate = test.rate_tolerance.map(|tolerance| {
+        let is_in = |pass: &SinePass| {
+            (pass.rate / nominal - 1.0).abs() <= tolerance && pass.departure_octaves <= MOST_DEPARTURE
+        };
+        if passes.iter().all(is_in) { Verdict::In } else { Verdict::Out }
+    });
+    let is_continuous =
+        passes.iter().map(|pass| pass.still).try_fold(true, |all, still| Some(all && still? <= MOST_STILL));
+    let limits: Vec<LimitVerdict> = limits
+        .response
+        .iter()
+        .zip(over_limit)
+        .map(|(limit, (ratio, hz))| LimitVerdict {
+            channel: limit.channel.clone(),
+            largest_db: 20.0 * libm::log10(*ratio),
+            largest_hz: *hz,
+            verdict: if *ratio <= 1.0 + LIMIT { Verdict::In } else { Verdict::Out },
+        })
+        .collect();
+    let stepped = if is_continuous == Some(false) { Verdict::Out } else { Verdict::In };
+    let others = rate.into_iter().chain([stepped]).chain(limits.iter().map(|limit| limit.verdict));
+    SineVerdict {
+        verdict: others.fold(amplitude, Verdict::max),
+        amplitude,
+        shares,
+        extremes: [lowest.0, highest.0],
+        extremes_hz: [lowest.1, highest.1],
+        rate,
+        is_continuous,
+        passes,
+        limits,
+        points: points.into_iter().map(|(point, _)| point).collect(),
+    }
+}
