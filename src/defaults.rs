@@ -123,6 +123,7 @@ mod tests {
             ("replay", _) => "x --bus vcan0",
             ("export", _) => "x --to csv",
             ("plot", _) => "x --of psd",
+            ("verdict", _) => "navmat-p-9492 x",
             ("cut" | "merge" | "import" | "diff" | "recover", _) => "x y",
             ("basins", _) => "--frequency-hz 1",
             ("sweep", _) => "--from-hz 1 --to-hz 2",
@@ -273,6 +274,10 @@ mod tests {
         export --out: the recording's name, in the current folder
         import --from: by its ending, .log for candump, .asc, .blf
         import --interface: that of the first frame
+        verdict --channel: those of the specification
+        verdict --reference: the control channel itself
+        verdict --from-s: the beginning
+        verdict --to-s: the end
         frf --drive: joint1 of a chain
         frf --at: where the load acts
         frf --points: 801, and more about each natural frequency

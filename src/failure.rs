@@ -22,6 +22,7 @@ use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::responses::ResponsesError;
 use resonarm::run::RunError;
+use resonarm::scenario::specification::SpecificationFileError;
 use resonarm::scenario::{ScenarioError, StructureSectionError};
 use resonarm::structure::StepError;
 use resonarm::study::{JournalError, StudyError};
@@ -54,6 +55,8 @@ pub(crate) enum Failure {
     Usage(String),
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    #[error(transparent)]
+    Specification(#[from] SpecificationFileError),
     #[error(transparent)]
     Plant(#[from] PlantSpecError),
     #[error(transparent)]

@@ -34,6 +34,7 @@ mod recordings;
 mod responses;
 mod session;
 mod settling_flags;
+mod specifications;
 mod start_state;
 mod status;
 mod study;
@@ -135,6 +136,10 @@ commands! {
         Export in export, reported as "export";
         Import in import, reported as "import";
         Recover in recover, reported as "recover";
+    }
+    "Specifications of tests" {
+        Spec in spec, reported as "spec";
+        Verdict in verdict, reported as "verdict";
     }
     "Structures and their vibration" {
         Structure in structure;

@@ -38,5 +38,7 @@ pub mod replay;
 pub mod resim;
 pub mod run;
 pub mod simulate;
+pub mod spec;
 pub mod structure;
 pub mod sweep;
+pub mod verdict;

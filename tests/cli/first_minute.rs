@@ -25,6 +25,7 @@ fn every_command_is_listed_once_in_its_group() {
     insta::assert_snapshot!(titles.join("\n"), @r"
     Benches, a plant and a controller on a bus:
     Recordings:
+    Specifications of tests:
     Structures and their vibration:
     Other tools:
     Common to all commands:

@@ -28,6 +28,7 @@ mod protocol;
 mod readings;
 mod recordings;
 mod signals;
+mod specifications;
 mod structure_words;
 mod structures;
 mod time_domain;

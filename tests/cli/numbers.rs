@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 40] = [
+const COMMANDS: [(&str, &str); 42] = [
     ("demo", "--out /dev/null/none"),
     ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
@@ -32,6 +32,8 @@ const COMMANDS: [(&str, &str); 40] = [
     ("resim", "none.mcap"),
     ("plot", "none.mcap --of psd --channels head_force_x_n"),
     ("identify", "none.mcap"),
+    ("spec", "navmat-p-9492"),
+    ("verdict", "navmat-p-9492 none.mcap"),
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
     ("cut", "none.mcap new.mcap"),
@@ -53,7 +55,8 @@ const COMMANDS: [(&str, &str); 40] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 24] = [
+const NUMERIC: [&str; 25] = [
+    "KG",
     "N",
     "NM",
     "N/S",

@@ -10,6 +10,7 @@ pub mod drawing;
 pub mod drives;
 pub mod export;
 pub mod import;
+pub mod judge;
 pub mod modal_file;
 pub mod recording;
 pub mod responses;

@@ -46,6 +46,7 @@
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
 //! | [`responses`], [`modal_file`] | measured frequency responses in UFF files; identified modes as such a file |
 //! | [`identification`] | what a recording says about its arm, by the methods of [`identify`] |
+//! | [`specification`], [`judge`] | specifications of vibration and shock tests, verdicts on records and on recordings |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
@@ -61,7 +62,7 @@ pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::integrate;
 pub use resonarm_files::{
-    can_log, cut, decoder, diff, drawing, export, import, modal_file, recording, responses, signals, statistics,
+    can_log, cut, decoder, diff, drawing, export, import, judge, modal_file, recording, responses, signals, statistics,
 };
 pub use resonarm_files::{same_file, wait_for_reader, write_whole};
 pub use resonarm_modal as modal;
@@ -70,6 +71,7 @@ pub use resonarm_realtime as realtime;
 pub use resonarm_scenario as scenario;
 pub use resonarm_scenario::{dbc, toml_error};
 pub use resonarm_session::{experiment, identification, replay, run, study};
+pub use resonarm_specification as specification;
 pub use resonarm_wire as wire;
 
 /// Structures: the channels by which a plant knows one; chains of links, vibration modes, and elements at their points.

@@ -15,6 +15,7 @@ mod load;
 pub mod nearest;
 mod network;
 mod provenance;
+pub mod specification;
 pub mod structure;
 pub mod text_file;
 pub mod toml_error;

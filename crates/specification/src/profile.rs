@@ -97,7 +97,7 @@ impl Profile {
                 return Err(place.element(number, "the level", value, "a positive number"));
             }
             if let Corner::From { db_octave, .. } | Corner::To { db_octave, .. } = *corner
-                && !(db_octave.abs() <= MOST_DB_OCTAVE)
+                && (db_octave.is_nan() || db_octave.abs() > MOST_DB_OCTAVE)
             {
                 return Err(place.element(number, "the slope, dB/octave,", db_octave, "from -200 to 200"));
             }

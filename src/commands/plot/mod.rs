@@ -325,7 +325,7 @@ impl Plot {
 }
 
 /// Returns comma-separated values (RFC 4180); columns that end early have empty cells.
-fn table(columns: &[(String, Vec<f64>)]) -> String {
+pub(crate) fn table(columns: &[(String, Vec<f64>)]) -> String {
     let mut text = columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",");
     text.push('\n');
     for row in 0..columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0) {

@@ -56,7 +56,7 @@ fn densities() {
         let segments = case["K"].as_u64().unwrap() as usize;
         let mut samples = generated(case["seed"].as_u64().unwrap(), 500 * (segments + 1));
         for (k, sample) in samples.iter_mut().enumerate() {
-            *sample += 0.5 * (core::f64::consts::TAU * 50.0 * k as f64 / 1000.0).sin();
+            *sample += 0.5 * libm::sin(core::f64::consts::TAU * 50.0 * k as f64 / 1000.0);
         }
         for (sample, expected) in samples.iter().zip(numbers(&case["first"])) {
             near(*sample, expected, TOLERANCE);
@@ -104,7 +104,7 @@ fn intervals() {
 fn lines() {
     let names = [Verdict::Out, Verdict::Undecided, Verdict::In];
     for case in oracle()["line_verdict"].as_array().unwrap() {
-        let ratio = 10.0_f64.powf(0.1 * number(case, "ratio_db"));
+        let ratio = libm::pow(10.0, 0.1 * number(case, "ratio_db"));
         let expected = names[(case["verdict"].as_i64().unwrap() + 1) as usize];
         let found = line_verdict(ratio, number(case, "dof"), [number(case, "lo"), number(case, "hi")]);
         assert_eq!(found, expected, "{case}");
@@ -119,14 +119,14 @@ fn whole_profiles() {
         let (amplitude, kind) = (number(case, "amp"), case["kind"].as_str().unwrap());
         let count = case["lines"].as_u64().unwrap() as usize;
         let ratio = |k: usize| {
-            let turn = |cycles: f64| (core::f64::consts::TAU * cycles * k as f64).sin();
+            let turn = |cycles: f64| libm::sin(core::f64::consts::TAU * cycles * k as f64);
             let is_raised = match kind {
                 "block" => (60..70).contains(&k),
-                "scatter" => k >= 5 && (k - 5) % 20 == 0,
+                "scatter" => k >= 5 && (k - 5).is_multiple_of(20),
                 _ => false,
             };
             let db = 0.4 * turn(0.137) + 0.3 * turn(0.291) + if is_raised { amplitude } else { 0.0 };
-            10.0_f64.powf(0.1 * db)
+            libm::pow(10.0, 0.1 * db)
         };
         let ratios: Vec<f64> = (0..count).map(ratio).collect();
         // The first judged line is two lines within the edge.
@@ -192,7 +192,7 @@ fn sweeps() {
         sine("from_hz = 20\nrate_oct_min = 4\nsegments = [{ to_hz = 200, acceleration_m_s2 = 2 }]\ntolerance = 0.1");
     for (k, expected) in oracle["chirp"]["samples"].as_object().unwrap() {
         let t_s = k.parse::<f64>().unwrap() / 1000.0;
-        let found = 2.0 * test.phase_rad(t_s).sin();
+        let found = 2.0 * libm::sin(test.phase_rad(t_s));
         assert!((found - expected.as_f64().unwrap()).abs() < TOLERANCE, "{k}: {found}");
     }
 }

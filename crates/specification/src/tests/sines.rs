@@ -35,7 +35,7 @@ fn record(phases: &[f64], of: impl Fn(f64) -> f64, noise: f64) -> Vec<f64> {
 }
 
 fn judged(test: &SineTest, phases: &[f64], of: impl Fn(f64) -> f64, noise: f64) -> SineVerdict {
-    let drive = record(phases, |phase| 20.0 * (phase + 0.7).sin(), 0.0);
+    let drive = record(phases, |phase| 20.0 * libm::sin(phase + 0.7), 0.0);
     judge_sine(test, &Limits::default(), RATE_HZ, &record(phases, of, noise), Some(&drive), &[]).unwrap()
 }
 
@@ -43,7 +43,7 @@ fn judged(test: &SineTest, phases: &[f64], of: impl Fn(f64) -> f64, noise: f64) 
 fn a_good_sweep_is_in() {
     let test = specified("tolerance = 0.1\nrate_tolerance = 0.1");
     let phases = phases(4.0);
-    let found = judged(&test, &phases, |phase| 3.0 * phase.sin(), 0.05);
+    let found = judged(&test, &phases, |phase| 3.0 * libm::sin(phase), 0.05);
     assert_eq!(found.verdict, Verdict::In, "{:?} {:?}", found.shares, found.passes);
     assert_eq!(found.passes.len(), 1);
     assert!(found.extremes[0] > 0.99 && found.extremes[1] < 1.01, "{:?}", found.extremes);
@@ -51,7 +51,7 @@ fn a_good_sweep_is_in() {
     assert!(found.passes[0].still.unwrap() < 0.05, "{:?}", found.passes);
     assert!(found.passes[0].departure_octaves < 0.01, "{:?}", found.passes);
     // Without the drive the reading gives the phase.
-    let reading = record(&phases, |phase| 3.0 * phase.sin(), 0.05);
+    let reading = record(&phases, |phase| 3.0 * libm::sin(phase), 0.05);
     let alone = judge_sine(&test, &Limits::default(), RATE_HZ, &reading, None, &[]).unwrap();
     assert_eq!((alone.verdict, alone.is_continuous), (Verdict::In, None));
     near(alone.extremes[1], found.extremes[1], 0.01);
@@ -61,7 +61,7 @@ fn a_good_sweep_is_in() {
 #[test]
 fn the_fundamental_is_read_beside_harmonics() {
     let phases = phases(4.0);
-    let distorted = |phase: f64| 3.0 * phase.sin() + 1.2 * (2.0 * phase).cos();
+    let distorted = |phase: f64| 3.0 * libm::sin(phase) + 1.2 * libm::cos(2.0 * phase);
     let found = judged(&specified("tolerance = 0.05"), &phases, distorted, 0.0);
     assert_eq!(found.verdict, Verdict::In);
     for point in &found.points {
@@ -84,24 +84,25 @@ fn wrong_amplitudes_are_out_by_their_share_of_the_time() {
     let test = specified("tolerance = 0.1");
     let (from, to) = (test.phase_rad(15.0), test.phase_rad(15.0 + 60.0 / 4.0 * 1.1_f64.log2()));
     let high = |phase: f64| if phase > from && phase < to { 3.6 } else { 3.0 };
-    let found = judged(&test, &phases, |phase| high(phase) * phase.sin(), 0.01);
+    let found = judged(&test, &phases, |phase| high(phase) * libm::sin(phase), 0.01);
     assert_eq!(found.verdict, Verdict::Out);
     assert!(found.shares[2] > 0.04 && found.shares[2] < 0.12, "{:?}", found.shares);
     assert!(found.extremes_hz[1] > 29.0 && found.extremes_hz[1] < 34.0, "{:?}", found.extremes_hz);
-    let most = judged(&specified("tolerance = 0.1\nshare = 0.8"), &phases, |phase| high(phase) * phase.sin(), 0.01);
+    let most =
+        judged(&specified("tolerance = 0.1\nshare = 0.8"), &phases, |phase| high(phase) * libm::sin(phase), 0.01);
     assert_eq!(most.verdict, Verdict::In, "{:?}", most.shares);
-    let noisy = judged(&specified("tolerance = 0.03"), &phases, |phase| 3.0 * phase.sin(), 1.0);
+    let noisy = judged(&specified("tolerance = 0.03"), &phases, |phase| 3.0 * libm::sin(phase), 1.0);
     assert_eq!(noisy.verdict, Verdict::Undecided, "{:?}", noisy.shares);
 }
 
 #[test]
 fn wrong_sweeps_are_out() {
     let test = specified("tolerance = 0.1\nrate_tolerance = 0.1");
-    let fast = judged(&test, &phases(4.0 * 1.12), |phase| 3.0 * phase.sin(), 0.01);
+    let fast = judged(&test, &phases(4.0 * 1.12), |phase| 3.0 * libm::sin(phase), 0.01);
     assert_eq!((fast.verdict, fast.rate, fast.amplitude), (Verdict::Out, Some(Verdict::Out), Verdict::In));
     let linear: Vec<f64> =
         (0..30_000).map(|k| f64::from(k) / RATE_HZ).map(|t_s| TAU * (15.0 + 0.5 * 45.0 / 30.0 * t_s) * t_s).collect();
-    assert_eq!(judged(&test, &linear, |phase| 3.0 * phase.sin(), 0.01).rate, Some(Verdict::Out));
+    assert_eq!(judged(&test, &linear, |phase| 3.0 * libm::sin(phase), 0.01).rate, Some(Verdict::Out));
     // Steps of 1 s.
     let mut phase = 0.0;
     let stepped: Vec<f64> = (0..30_000)
@@ -110,7 +111,7 @@ fn wrong_sweeps_are_out() {
             phase
         })
         .collect();
-    let found = judged(&specified("tolerance = 0.1"), &stepped, |phase| 3.0 * phase.sin(), 0.01);
+    let found = judged(&specified("tolerance = 0.1"), &stepped, |phase| 3.0 * libm::sin(phase), 0.01);
     assert_eq!((found.is_continuous, found.verdict), (Some(false), Verdict::Out), "{:?}", found.passes);
 }
 
@@ -120,7 +121,7 @@ fn up_and_down_are_two_sweeps_and_noise_is_none() {
     let up = phases(4.0);
     let last = up[up.len() - 1];
     let both: Vec<f64> = up.iter().copied().chain(up.iter().rev().map(|phase| 2.0 * last - phase)).collect();
-    let found = judged(&test, &both, |phase| 3.0 * phase.sin(), 0.01);
+    let found = judged(&test, &both, |phase| 3.0 * libm::sin(phase), 0.01);
     assert_eq!((found.passes.len(), found.verdict), (2, Verdict::In), "{:?}", found.passes);
     assert!(found.passes[0].to_hz > 50.0 && found.passes[1].to_hz < 18.0);
     let noise = record(&up, |_| 0.0, 1.0);
@@ -135,9 +136,9 @@ fn a_notch_may_be_low() {
     let (test, phases) = (specified("tolerance = 0.1"), phases(4.0));
     let [from, to] = [30.0, 40.0].map(|hz: f64| test.phase_rad(test.sweep_s(15.0, hz)));
     let size = |phase: f64| if phase > from && phase < to { 1.5 } else { 3.0 };
-    let drive = record(&phases, |phase| phase.sin(), 0.0);
-    let reading = record(&phases, |phase| size(phase) * phase.sin(), 0.0);
-    let response = record(&phases, |phase| 2.0 * size(phase) * phase.sin(), 0.0);
+    let drive = record(&phases, libm::sin, 0.0);
+    let reading = record(&phases, |phase| size(phase) * libm::sin(phase), 0.0);
+    let response = record(&phases, |phase| 2.0 * size(phase) * libm::sin(phase), 0.0);
     let limits = |level: f64| Limits {
         response: vec![ResponseLimit {
             channel: "b.x".into(),
@@ -153,7 +154,7 @@ fn a_notch_may_be_low() {
     // Beside the notch the response is twice the limit.
     let found = judged(3.0);
     assert_eq!((found.limits[0].verdict, found.verdict), (Verdict::Out, Verdict::Out));
-    near(found.limits[0].largest_db, 20.0 * 2.0_f64.log10(), 0.01);
+    near(found.limits[0].largest_db, 20.0 * libm::log10(2.0), 0.01);
     let found = judged(6.0);
     assert_eq!(found.limits[0].verdict, Verdict::In);
 }

@@ -15,7 +15,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
+use nalgebra::Complex;
 use resonarm_modal::spectra::{CrossSpectra, Segments, Signals};
+use resonarm_numeric::dft::Fft;
 use resonarm_numeric::distribution::{
     binomial_survival, chi_square_probability, chi_square_quantile, chi_square_survival,
 };
@@ -372,17 +374,17 @@ fn deciding_dof(lines: &[LineVerdict], ratios: &[f64]) -> Option<f64> {
     (margin > 0.0 && margin.is_finite()).then_some(2.0 * scatter * scatter)
 }
 
-/// Returns the longest stretch of a record at full level: in which the rms over 2 s stays within 2 dB of `rms`. Ramps at its ends
-/// are left out. `None` if there is none as long as two of these windows.
-pub fn full_level(rate_hz: f64, samples: &[f64], rms: f64) -> Option<Range<usize>> {
+/// Returns the longest stretch of a record at full level: in which the rms within the band of the profile stays within 2 dB of
+/// the specified one, over 2 s. Ramps at its ends are left out. `None` if there is none as long as two of these windows.
+pub fn full_level(test: &RandomTest, rate_hz: f64, samples: &[f64]) -> Option<Range<usize>> {
     let window = libm::ceil(LEVEL_S * rate_hz) as usize;
     if window == 0 || samples.len() < 2 * window {
         return None;
     }
-    let middle = mean(samples);
+    let rms = libm::sqrt(test.profile.moment(0));
     let mut sums = vec![0.0; samples.len() + 1];
-    for (index, sample) in samples.iter().enumerate() {
-        sums[index + 1] = sums[index] + (sample - middle) * (sample - middle);
+    for (index, sample) in within_band(samples, rate_hz, test.profile.band_hz()).iter().enumerate() {
+        sums[index + 1] = sums[index] + sample * sample;
     }
     let is_full = |start: usize| {
         let square = (sums[start + window] - sums[start]) / window as f64;
@@ -404,6 +406,23 @@ pub fn full_level(rate_hz: f64, samples: &[f64], rms: f64) -> Option<Range<usize
         }
     }
     longest.filter(|range| range.len() >= 2 * window)
+}
+
+/// Returns the part of samples within a band of frequencies, by the Fourier transform of the whole.
+fn within_band(samples: &[f64], rate_hz: f64, [from_hz, to_hz]: [f64; 2]) -> Vec<f64> {
+    let transform = Fft::at_least(samples.len());
+    let length = transform.length();
+    let mut values: Vec<Complex<f64>> = samples.iter().map(|sample| Complex::new(*sample, 0.0)).collect();
+    values.resize(length, Complex::new(0.0, 0.0));
+    transform.forward(&mut values);
+    for (line, value) in values.iter_mut().enumerate() {
+        let hz = line.min(length - line) as f64 * rate_hz / length as f64;
+        if !(hz >= from_hz && hz <= to_hz) {
+            *value = Complex::new(0.0, 0.0);
+        }
+    }
+    transform.backward(&mut values);
+    values[..samples.len()].iter().map(|value| value.re / length as f64).collect()
 }
 
 /// What a random test is judged with.
@@ -432,7 +451,7 @@ pub fn judge_random(
 ) -> Result<RandomVerdict, VerdictError> {
     let [_, highest_hz] = test.profile.band_hz();
     let least_hz = 2.0 * (highest_hz + test.lines_hz);
-    if !(rate_hz >= least_hz) {
+    if rate_hz.is_nan() || rate_hz < least_hz {
         return Err(VerdictError::Rate { highest_hz, rate_hz, least_hz });
     }
     let length = libm::round(rate_hz / test.lines_hz) as usize;

@@ -96,7 +96,7 @@ pub struct ShockVerdict {
 /// [`VerdictError`] if no shot is in the record, or it is too short.
 pub fn judge_shock(test: &ShockTest, rate_hz: f64, reading: &[f64]) -> Result<ShockVerdict, VerdictError> {
     let least_hz = LEAST_SAMPLES / test.duration_s;
-    if !(rate_hz >= least_hz) {
+    if rate_hz.is_nan() || rate_hz < least_hz {
         return Err(VerdictError::Rate { highest_hz: 1.0 / test.duration_s, rate_hz, least_hz });
     }
     let pulse = test.samples(rate_hz);

@@ -185,9 +185,10 @@ struct Reading {
 fn read(channel: &[f64], middle: f64, phase: &Phase, sample: usize, half: usize) -> Reading {
     let zero = Complex::new(0.0, 0.0);
     let (mut tracked, mut noise, mut square, mut weight, mut peak) = (zero, zero, 0.0, 0.0, 0.0_f64);
-    for index in sample - half..=sample + half {
+    let window = sample - half..=sample + half;
+    for (index, (value, turn)) in window.clone().zip(channel[window.clone()].iter().zip(&phase.smooth[window])) {
         let w = 0.5 + 0.5 * libm::cos(TAU * (index as f64 - sample as f64) / (2 * half + 2) as f64);
-        let (value, turn) = (channel[index] - middle, phase.smooth[index] - phase.smooth[sample]);
+        let (value, turn) = (value - middle, turn - phase.smooth[sample]);
         let (sine, cosine) = libm::sincos(turn);
         tracked += Complex::new(cosine, -sine) * (w * value);
         let (sine, cosine) = libm::sincos(1.5 * turn);
@@ -217,7 +218,7 @@ pub fn judge_sine(
 ) -> Result<SineVerdict, VerdictError> {
     let [lowest_hz, highest_hz] = test.band_hz();
     let least_hz = 4.0 * highest_hz;
-    if !(rate_hz >= least_hz) {
+    if rate_hz.is_nan() || rate_hz < least_hz {
         return Err(VerdictError::Rate { highest_hz, rate_hz, least_hz });
     }
     let least_s = 2.0 / (test.tracking * lowest_hz);
@@ -373,7 +374,7 @@ fn conclude(
     let all: f64 = points.iter().map(|(_, seconds)| seconds).sum();
     let shares = [Verdict::In, Verdict::Undecided, Verdict::Out].map(|verdict| {
         let own = points.iter().filter(|(point, _)| point.verdict == verdict);
-        own.map(|(_, seconds)| seconds).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+        own.fold(0.0, |sum, (_, seconds)| sum + seconds) / all.max(f64::MIN_POSITIVE)
     });
     let amplitude =
         if points.is_empty() { Verdict::Undecided } else { Verdict::of_share(shares[0], shares[2], test.share) };

@@ -80,7 +80,7 @@ pub fn judge_srs(test: &SrsTest, rate_hz: f64, reading: &[f64]) -> Result<SrsVer
     let [lowest_hz, highest_hz] = test.profile.band_hz();
     let least_hz = test.figures().least_rate_hz;
     // Frequencies of lines are rounded.
-    if !(rate_hz >= least_hz * (1.0 - 1e-9)) {
+    if rate_hz.is_nan() || rate_hz < least_hz * (1.0 - 1e-9) {
         return Err(VerdictError::Rate { highest_hz, rate_hz, least_hz });
     }
     if let Some(sample) = reading.iter().position(|sample| !sample.is_finite()) {

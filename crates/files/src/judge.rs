@@ -1,0 +1,220 @@
+//! Recordings judged by specifications of tests.
+
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::export::RecordingPart;
+use crate::recording::Recording;
+use crate::signals::{SignalError, Signals};
+use resonarm_bench::structure::{Channel, Kind, Point, Quantity};
+use resonarm_specification::verdict::{
+    RandomOptions, RandomVerdict, ShockVerdict, SineVerdict, SrsVerdict, Verdict, full_level, judge_random,
+    judge_shock, judge_sine, judge_srs,
+};
+use resonarm_specification::{Specification, Test, VerdictError};
+
+/// What of a recording is judged.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JudgeOptions {
+    /// Control channels; empty for those of the specification. A name is that of a channel, of a vector of channels, or a sensor
+    /// with an axis, as `c.x`.
+    pub channels: Vec<String>,
+    /// Channel that gives the phase of a sine, the drive or the force; the control channel itself without it.
+    pub reference: Option<String>,
+    /// Range of simulated time, s. Of a random test the longest stretch at full level is judged if neither end is given.
+    pub range_s: [Option<f64>; 2],
+}
+
+/// A judged recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judged {
+    /// Verdict: that on the record, and undecided instead of in if readings are clipped.
+    pub verdict: Verdict,
+    /// What was found.
+    pub found: Found,
+    /// Names of the control channels.
+    pub channels: Vec<String>,
+    /// Number of clipped values of all channels.
+    pub clipped: usize,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Judged range of simulated time, s.
+    pub range_s: [f64; 2],
+    /// Whether a random test was judged over its longest stretch at full level; `None` if that was not searched for.
+    pub is_full_level: Option<bool>,
+    /// Values of the first control channel over the range, m/s².
+    pub reading: Vec<f64>,
+}
+
+/// What was found, in the figures of the kind of the test.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Found {
+    /// Of a random test.
+    Random(RandomVerdict),
+    /// Of a swept sine.
+    Sine(SineVerdict),
+    /// Of a classical shock.
+    Shock(ShockVerdict),
+    /// Of a shock by its response spectrum.
+    Srs(SrsVerdict),
+}
+
+impl Found {
+    /// Returns the verdict on the record.
+    pub const fn verdict(&self) -> Verdict {
+        match self {
+            Found::Random(found) => found.verdict,
+            Found::Sine(found) => found.verdict,
+            Found::Shock(found) => found.verdict,
+            Found::Srs(found) => found.verdict,
+        }
+    }
+}
+
+/// Reason why a recording can't be judged.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum JudgeError {
+    /// The channels can't be read.
+    #[error(transparent)]
+    Signals(#[from] SignalError),
+    /// The record does not suit the specification.
+    #[error(transparent)]
+    Record(#[from] VerdictError),
+    /// No control channel is named.
+    #[error("the control channel is missing: name it, here or in `control.channels` of the specification; the recording has {}", known.join(", "))]
+    NoChannel {
+        /// Accelerations of the recording.
+        known: Vec<String>,
+    },
+    /// A channel is not an acceleration.
+    #[error("{name} is in {unit}: a specification is about accelerations, m/s²")]
+    NotAcceleration {
+        /// Name of the channel.
+        name: String,
+        /// Unit of the channel.
+        unit: &'static str,
+    },
+    /// Several control channels are named for a test with one.
+    #[error("a sine or a shock has one control channel, got {got}: name one, as {first}")]
+    SeveralChannels {
+        /// Number of channels.
+        got: usize,
+        /// Name of the first one.
+        first: String,
+    },
+    /// The reference of a sine is a vector.
+    #[error("the reference {got} is a vector: name one of its components, as {first}")]
+    Vector {
+        /// Name that was given.
+        got: String,
+        /// Name of the first component.
+        first: String,
+    },
+    /// A reference is named for a test without a phase.
+    #[error("a reference gives the phase of a sine: leave it out for other tests")]
+    Reference,
+}
+
+/// Judges a recording by a specification.
+///
+/// # Errors
+/// [`JudgeError`] if the channels can't be read, or the record does not suit the specification.
+pub fn judge(
+    specification: &Specification,
+    recording: &Recording,
+    options: &JudgeOptions,
+) -> Result<Judged, JudgeError> {
+    let (test, limits) = (&specification.test, &specification.limits);
+    if options.reference.is_some() && !matches!(test, Test::Sine(_)) {
+        return Err(JudgeError::Reference);
+    }
+    let named = if options.channels.is_empty() { &specification.control.channels } else { &options.channels };
+    if named.is_empty() {
+        let known = accelerations(recording).map(|channel| channel.name.to_string()).collect();
+        return Err(JudgeError::NoChannel { known });
+    }
+    let responses = limits.response.iter().map(|limit| &limit.channel);
+    let names: Vec<String> = named.iter().chain(responses).map(|name| channel_name(recording, name)).collect();
+    let signals = Signals::read(recording, &names, options.range_s)?;
+    if let Some(channel) = signals.channels.iter().find(|channel| channel.quantity != Quantity::Acceleration) {
+        let (name, unit) = (channel.name.to_string(), channel.quantity.unit());
+        return Err(JudgeError::NotAcceleration { name, unit });
+    }
+    // A vector stands for several control channels; those of the limits come last.
+    let controls = signals.channels.len().saturating_sub(limits.response.len());
+    let channels: Vec<String> = signals.channels[..controls].iter().map(|channel| channel.name.to_string()).collect();
+    if controls > 1 && !matches!(test, Test::Random(_)) {
+        return Err(JudgeError::SeveralChannels { got: controls, first: channels[0].clone() });
+    }
+    let rate_hz = signals.rate_hz;
+    let level = match (test, options.range_s) {
+        (Test::Random(test), [None, None]) => {
+            Some(signals.values.first().and_then(|control| full_level(test, rate_hz, control)))
+        }
+        _ => None,
+    };
+    let range = level.clone().flatten().unwrap_or(0..signals.count());
+    let values: Vec<&[f64]> = signals.values.iter().map(|values| &values[range.clone()]).collect();
+    let (control, responses) = values.split_at(controls);
+    let reading = control.first().copied().unwrap_or_default();
+    let found = match test {
+        Test::Random(test) => {
+            let options = RandomOptions { control, responses, average: specification.control.average };
+            Found::Random(judge_random(test, limits, rate_hz, &options)?)
+        }
+        Test::Sine(test) => {
+            let reference = options.reference.as_ref().map(|name| reference(recording, name, options.range_s));
+            let reference = reference.transpose()?;
+            Found::Sine(judge_sine(test, limits, rate_hz, reading, reference.as_deref(), responses)?)
+        }
+        Test::Shock(test) => Found::Shock(judge_shock(test, rate_hz, reading)?),
+        Test::Srs(test) => Found::Srs(judge_srs(test, rate_hz, reading)?),
+    };
+    let clipped = signals.clipped.iter().sum();
+    // What is beyond a sensor's range is not in the record, so it can't prove that the test is in.
+    let verdict = if clipped > 0 { found.verdict().max(Verdict::Undecided) } else { found.verdict() };
+    let at = |sample: usize| signals.start_s + sample as f64 / rate_hz;
+    Ok(Judged {
+        verdict,
+        channels,
+        clipped,
+        rate_hz,
+        range_s: [at(range.start), at(range.end)],
+        is_full_level: level.map(|level| level.is_some()),
+        reading: reading.to_vec(),
+        found,
+    })
+}
+
+/// Reads the channel that gives the phase of a sine.
+fn reference(recording: &Recording, name: &str, range_s: [Option<f64>; 2]) -> Result<Vec<f64>, JudgeError> {
+    let name = channel_name(recording, name);
+    let signals = Signals::read(recording, &[&name], range_s)?;
+    if signals.channels.len() > 1 {
+        return Err(JudgeError::Vector { got: name, first: signals.channels[0].name.to_string() });
+    }
+    Ok(signals.values.into_iter().next().unwrap_or_default())
+}
+
+/// Returns the accelerations that the sensors of a recording read.
+fn accelerations(recording: &Recording) -> impl Iterator<Item = &Channel> {
+    let is_wanted =
+        |channel: &&Channel| matches!(channel.kind, Kind::Reading { .. }) && channel.quantity == Quantity::Acceleration;
+    recording.channels().of(RecordingPart::Samples.topic()).iter().filter(is_wanted)
+}
+
+/// Returns the name of a channel in a recording: that of a reading for a sensor and an axis, as `c.x`, and any other as it is.
+fn channel_name(recording: &Recording, name: &str) -> String {
+    let sensor = |channel: &Channel| match channel.point {
+        Point::Joint2B => String::from("b"),
+        Point::TipC => String::from("c"),
+        Point::Sensor { name, .. } => name.to_string(),
+        _ => String::new(),
+    };
+    let found = name.split_once('.').and_then(|(of, axis)| {
+        accelerations(recording).find(|channel| sensor(channel) == of && channel.axis.name() == axis)
+    });
+    found.map_or_else(|| name.to_owned(), |channel| channel.name.to_string())
+}

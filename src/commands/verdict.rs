@@ -1,0 +1,423 @@
+//! `resonarm verdict`: whether a recording meets a specification.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::commands::plot::table;
+use crate::commands::spec::figure_of;
+use crate::failure::Failure;
+use crate::flags;
+use crate::help::heading;
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::recordings::{self, TimeRange};
+use crate::specifications::{self, level_curve, level_label, level_panel};
+use resonarm::judge::{Found, JudgeOptions, Judged, judge};
+use resonarm::recording::Recording;
+use resonarm::scenario::Scenario;
+use resonarm::specification::verdict::{LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict};
+use resonarm::specification::{Specification, Test};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm_numeric::number::{rounded, short};
+
+// The verdict on a record; that of a command is another type.
+use resonarm::specification::verdict::Verdict as RecordVerdict;
+
+const EXAMPLES: &str = "\
+Examples:
+  resonarm verdict spec.toml run.mcap
+  resonarm verdict navmat-p-9492 run.mcap --channel c.x --plot verdict
+  resonarm verdict sweep.toml run.mcap --channel c.x --reference head_force_x_n
+  resonarm verdict spec.toml run.mcap --from-s 50 --undecided pass --json
+
+Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided. docs/specifications.md describes how each kind of test \
+is judged.";
+
+/// Exit code of a verdict that the record does not decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Undecided {
+    Pass,
+    Fail,
+}
+
+impl Undecided {
+    const ALL: [Undecided; 2] = [Undecided::Pass, Undecided::Fail];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Undecided::Pass => "pass",
+            Undecided::Fail => "fail",
+        }
+    }
+}
+
+/// Judges whether a recording meets a specification: in, out or undecided.
+///
+/// Every line and every instant has an interval of 95 % confidence: it is in if the whole interval is within the tolerance, and
+/// out if the interval is beyond it. The record is out only if it proves that the tolerance is exceeded, with a probability of
+/// error of 1 % for the whole, and in if all is in. Else it is undecided, and the degrees of freedom that would decide it are
+/// stated.
+///
+/// A random test is judged over the longest stretch at full level, unless --from-s or --to-s is given. The readings are judged,
+/// with the droop of their converters.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub(crate) struct Verdict {
+    /// Specification, a TOML file, or the name of a preset.
+    spec: PathBuf,
+    /// Recording, an MCAP file.
+    file: PathBuf,
+    /// Control channels, as c.x or acceleration_c_x_m_s2 [default: those of the specification].
+    #[arg(long, help_heading = heading::RECORDS, value_name = "NAMES", value_delimiter = ',')]
+    channel: Vec<String>,
+    /// Drive or measured force, which gives the phase of a sine [default: the control channel itself].
+    #[arg(long, help_heading = heading::RECORDS, value_name = "NAME")]
+    reference: Option<String>,
+    #[command(flatten)]
+    range: TimeRange,
+    /// Whether a record that does not decide passes, with exit code 0, or fails, with 1.
+    #[arg(long, help_heading = heading::TEST, value_name = "WHICH", value_parser = flags::one_of(Undecided::ALL, Undecided::name), default_value = "fail")]
+    undecided: Undecided,
+    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
+    #[command(flatten)]
+    json: JsonFlag,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    configuration: Value,
+    specification: &'a Specification,
+    /// Verdict on the record; clipped readings make one that is in undecided.
+    verdict: RecordVerdict,
+    /// Clipped values of the channels.
+    clipped: usize,
+    /// What the converters read at the highest frequency of the specification, of which the acceleration is 0 dB.
+    converters: Option<Droop>,
+    found: &'a Found,
+}
+
+/// What converters read of a sine.
+#[derive(Clone, Copy, Serialize)]
+struct Droop {
+    frequency_hz: f64,
+    gain_db: f64,
+}
+
+/// Returns what the converters of a recording read at the highest frequency of a specification.
+fn droop(recording: &Recording, specification: &Specification, rate_hz: f64) -> Option<Droop> {
+    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
+    let [_, frequency_hz] = specification.test.band_hz()?;
+    let gain = scenario.rig.converter.gain(frequency_hz / rate_hz);
+    Some(Droop { frequency_hz, gain_db: 20.0 * libm::log10(gain) })
+}
+
+impl Verdict {
+    pub fn execute(&self) -> Result<crate::failure::Verdict, Failure> {
+        let inputs = Inputs::of(specifications::files(&self.spec).into_iter().chain([self.file.clone()]));
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        let specification = specifications::read(&self.spec)?;
+        let recording = recordings::open(&self.file)?;
+        let TimeRange { from_s, to_s } = self.range;
+        let options =
+            JudgeOptions { channels: self.channel.clone(), reference: self.reference.clone(), range_s: [from_s, to_s] };
+        let judged = judge(&specification, &recording, &options)
+            .map_err(|error| Failure::usage(format!("{}: {error}", self.file.display())))?;
+        if judged.clipped > 0 {
+            let clipped = judged.clipped;
+            tracing::warn!("{clipped} values of the channels are clipped: the record can't show that the test is in");
+        }
+        if judged.is_full_level == Some(false) {
+            tracing::warn!("the record has no stretch within 2 dB of the specified rms: all of it is judged");
+        }
+        let verdict = judged.verdict;
+        let configuration = json!({
+            "specification": self.spec,
+            "recording": self.file,
+            "channels": judged.channels,
+            "reference": self.reference,
+            "from_s": judged.range_s[0],
+            "to_s": judged.range_s[1],
+            "rate_hz": judged.rate_hz,
+            "undecided": self.undecided.name(),
+        });
+        let document = Document {
+            configuration,
+            specification: &specification,
+            verdict,
+            clipped: judged.clipped,
+            converters: droop(&recording, &specification, judged.rate_hz),
+            found: &judged.found,
+        };
+        let drawn = || self.figure(&document, &judged);
+        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        self.json.show(&document, || self.text(&document, &judged), &files)?;
+        let passes = match verdict {
+            RecordVerdict::In => true,
+            RecordVerdict::Undecided => self.undecided == Undecided::Pass,
+            RecordVerdict::Out => false,
+        };
+        Ok(crate::failure::Verdict::of(passes).and(recordings::verdict(&recording)))
+    }
+
+    fn text(&self, document: &Document<'_>, judged: &Judged) -> String {
+        let title = specifications::title(document.specification, &self.spec);
+        let level = if judged.is_full_level == Some(true) { ", at full level" } else { "" };
+        let mut text = format!(
+            "{title} ({})\n{}: {} from {} to {} s{level}\n",
+            document.specification.test.kind(),
+            self.file.display(),
+            judged.channels.join(", "),
+            rounded(&judged.range_s[0], 3),
+            rounded(&judged.range_s[1], 3)
+        );
+        text += &match document.found {
+            Found::Random(found) => random_text(found),
+            Found::Sine(found) => sine_text(found),
+            Found::Shock(found) => shock_text(found),
+            Found::Srs(found) => srs_text(found),
+        };
+        if document.clipped > 0 {
+            text += &format!("clipped: {} values\n", document.clipped);
+        }
+        if let Some(Droop { frequency_hz, gain_db }) = document.converters.filter(|droop| droop.gain_db < -0.01) {
+            let hz = figure_of(frequency_hz);
+            text += &format!("converters: the readings are {} at {hz} Hz, the acceleration is higher\n", db(gain_db));
+        }
+        text + &format!("verdict: {}\n", document.verdict.name())
+    }
+
+    fn figure(&self, document: &Document<'_>, judged: &Judged) -> (Figure, String) {
+        let title = specifications::title(document.specification, &self.spec);
+        let subtitle = format!("{}: {}", self.file.display(), document.verdict.name());
+        let figure = Figure::new(title).subtitle(subtitle);
+        let test = &document.specification.test;
+        let (measured, is_out): (Vec<(f64, f64)>, Vec<bool>) = match document.found {
+            Found::Random(found) => found
+                .lines
+                .iter()
+                .map(|line| ((line.frequency_hz, line.density), line.verdict == RecordVerdict::Out))
+                .unzip(),
+            Found::Sine(found) => {
+                let points = found.points.iter();
+                points
+                    .map(|point| ((point.frequency_hz, point.tracked_m_s2), point.verdict == RecordVerdict::Out))
+                    .unzip()
+            }
+            Found::Srs(found) => {
+                let lines = found.shots.iter().filter(|shot| shot.is_full).flat_map(|shot| {
+                    let lines = shot.lines.iter();
+                    lines
+                        .map(|line| ((line.frequency_hz, line.response_m_s2), line.verdict == RecordVerdict::Out))
+                        .chain([GAP])
+                });
+                lines.unzip()
+            }
+            Found::Shock(found) => return shock_figure(figure, test, found, judged),
+        };
+        let columns = [
+            (String::from("frequency_hz"), measured.iter().map(|(hz, _)| *hz).collect::<Vec<_>>()),
+            (String::from("measured"), measured.iter().map(|(_, value)| *value).collect()),
+            (String::from("is_out"), is_out.iter().map(|is_out| f64::from(u8::from(*is_out))).collect()),
+        ];
+        let Some(curve) = level_curve(test) else { return (figure, table(&columns)) };
+        let out: Vec<(f64, f64)> =
+            measured.iter().zip(&is_out).filter(|(_, out)| **out).map(|(point, _)| *point).collect();
+        let panel = level_panel(&curve, level_label(test))
+            .with(Series::line("measured", Color::Blue, measured))
+            .with_any(Series::markers("out", Color::Vermillion, Marker::Cross, out));
+        (figure.with(panel), table(&columns))
+    }
+}
+
+/// Point that breaks a line.
+const GAP: ((f64, f64), bool) = ((f64::NAN, f64::NAN), false);
+
+fn db(value: f64) -> String {
+    format!("{}{} dB", if value > 0.0 { "+" } else { "" }, rounded(&value, 2))
+}
+
+fn random_text(found: &RandomVerdict) -> String {
+    let [inside, undecided, out] = found.counts;
+    let freedom = rounded(&found.degrees_of_freedom, 0);
+    let mut text = format!(
+        "profile: {}; of {} lines {inside} are in, {undecided} undecided, {out} out, by {freedom} degrees of freedom\n",
+        found.profile.name(),
+        found.lines.len()
+    );
+    if found.profile == RecordVerdict::Out {
+        let lines: Vec<String> = found.proven_hz.iter().take(10).map(|hz| short(hz).to_string()).collect();
+        let more = if found.proven_hz.len() > lines.len() { ", …" } else { "" };
+        text += &format!(
+            "  proven out for the whole: {} lines{}{}{more}, and {} means of adjacent lines\n",
+            found.proven_hz.len(),
+            if lines.is_empty() { "" } else { " at Hz " },
+            lines.join(", "),
+            found.proven_means
+        );
+    }
+    if let Some(deciding) = found.deciding_dof {
+        text += &format!("  about {} degrees of freedom would decide it\n", rounded(&deciding, 0));
+    } else if found.profile == RecordVerdict::Undecided {
+        text += "  more degrees of freedom won't decide it: the deviation itself is at the tolerance\n";
+    }
+    let [low, high] = found.deviation_db;
+    text += &format!("lines: {} to {}\n", db(low), db(high));
+    let rms = &found.rms;
+    let [low, high] = rms.interval.map(|ratio| db(20.0 * libm::log10(ratio)));
+    text += &format!(
+        "rms: {}{} m/s², specified {} m/s² between the edges; with 95 % probability {low} to {high}\n",
+        rms.verdict.map_or(String::new(), |verdict| format!("{}; ", verdict.name())),
+        figure_of(rms.rms_m_s2),
+        figure_of(rms.demand_m_s2)
+    );
+    text += &limits_text(&found.limits);
+    for (beyond, name) in found.beyond.iter().zip(["alarm", "abort"]) {
+        if let Some(lines) = beyond {
+            text += &format!("lines beyond the {name}: {lines}\n");
+        }
+    }
+    if found.is_too_short {
+        text += "the record has fewer degrees of freedom than the specification asks for\n";
+    }
+    text + &format!(
+        "control: {} lines beyond {} dB; a perfect controller has as many with probability {}\n",
+        found.counted,
+        short(&found.counted_beyond_db),
+        figure_of(found.perfect_probability)
+    )
+}
+
+fn limits_text(limits: &[LimitVerdict]) -> String {
+    let line = |limit: &LimitVerdict| {
+        let (channel, at) = (&limit.channel, rounded(&limit.largest_hz, 3));
+        format!("limit of {channel}: {}; largest {} at {at} Hz\n", limit.verdict.name(), db(limit.largest_db))
+    };
+    limits.iter().map(line).collect()
+}
+
+fn sine_text(found: &SineVerdict) -> String {
+    let percent = |ratio: f64| format!("{:+.1} %", 100.0 * (ratio - 1.0));
+    let [inside, undecided, out] = found.shares.map(|share| rounded(&(100.0 * share), 1).to_string());
+    let [low, high] = found.extremes.map(percent);
+    let [low_hz, high_hz] = found.extremes_hz.map(figure_of);
+    let mut text = format!(
+        "amplitude: {}; in for {inside} % of the time, undecided for {undecided} %, out for {out} %\n  lowest {low} at {low_hz} Hz, \
+         highest {high} at {high_hz} Hz\n",
+        found.amplitude.name()
+    );
+    type Reading = fn(&SinePoint) -> f64;
+    let readings: [(&str, Reading); 3] = [
+        ("fundamental", |point| point.tracked_m_s2),
+        ("√2 rms", |point| point.rms_m_s2),
+        ("peak", |point| point.peak_m_s2),
+    ];
+    for (name, reading) in readings {
+        let mut ratios: Vec<f64> = found.points.iter().map(|point| reading(point) / point.demand_m_s2).collect();
+        ratios.sort_by(f64::total_cmp);
+        if let (Some(low), Some(median), Some(high)) = (ratios.first(), ratios.get(ratios.len() / 2), ratios.last()) {
+            text += &format!("  {name}: {} to {}, median {}\n", percent(*low), percent(*high), percent(*median));
+        }
+    }
+    for pass in &found.passes {
+        let still =
+            pass.still.map_or(String::new(), |still| format!(", still for {} % of it", rounded(&(100.0 * still), 1)));
+        text += &format!(
+            "sweep from {} to {} Hz: rate {}, departure at most {} octaves{still}\n",
+            figure_of(pass.from_hz),
+            figure_of(pass.to_hz),
+            figure_of(pass.rate),
+            rounded(&pass.departure_octaves, 3)
+        );
+    }
+    if let Some(rate) = found.rate {
+        text += &format!("rate: {}\n", rate.name());
+    }
+    if found.is_continuous == Some(false) {
+        text += "the sweep is stepped\n";
+    }
+    text + &limits_text(&found.limits)
+}
+
+fn shock_text(found: &ShockVerdict) -> String {
+    let percent = |part: f64| format!("{} %", rounded(&(100.0 * part), 1));
+    let mut text = format!("shots at full level: {} of {}\n", found.full, found.asked);
+    for shot in &found.shots {
+        let level = 20.0 * libm::log10(shot.amplitude);
+        text += &format!("at {} s, {}: ", rounded(&shot.t_s, 4), db(level));
+        if !shot.is_full {
+            text += "below full level\n";
+            continue;
+        }
+        text += &format!(
+            "{}; error {} of the peak, velocity change {:+.1} %",
+            shot.verdict.name(),
+            percent(shot.error),
+            100.0 * shot.velocity_change
+        );
+        if let Some(end) = shot.end_velocity {
+            text += &format!(", end velocity {} of it", percent(end));
+        }
+        if let Some(outside) = shot.outside {
+            text += &format!(", outside of the pulse {} of the peak", percent(outside));
+        }
+        text.push('\n');
+    }
+    if found.is_first_low == Some(false) {
+        text += "the first shot is more than 10 % above its level\n";
+    }
+    text
+}
+
+fn srs_text(found: &SrsVerdict) -> String {
+    let mut text = format!("shots at full level: {} of {}\n", found.full, found.asked);
+    for shot in &found.shots {
+        let [inside, undecided, out] = shot.shares.map(|share| rounded(&(100.0 * share), 1).to_string());
+        let verdict = if shot.is_full { shot.verdict.name() } else { "below full level" };
+        text += &format!(
+            "at {} s, {}: {verdict}; {inside} % of the lines in, {undecided} % undecided, {out} % out; peak {} m/s²\n",
+            rounded(&shot.t_s, 4),
+            db(shot.level_db),
+            figure_of(shot.peak_m_s2)
+        );
+    }
+    text
+}
+
+/// Draws the shots at full level over the pulse with its band.
+fn shock_figure(figure: Figure, test: &Test, found: &ShockVerdict, judged: &Judged) -> (Figure, String) {
+    let Test::Shock(test) = test else { return (figure, String::new()) };
+    let (before_s, after_s) = (test.pre_s.unwrap_or(test.duration_s), test.post_s.unwrap_or(test.duration_s));
+    let mut shots = Vec::new();
+    let mut columns = [("start_s", Vec::new()), ("time_s", Vec::new()), ("acceleration_m_s2", Vec::new())];
+    for shot in found.shots.iter().filter(|shot| shot.is_full) {
+        for (k, sample) in judged.reading.iter().enumerate() {
+            let t_s = k as f64 / judged.rate_hz - shot.t_s;
+            if t_s >= -before_s && t_s <= test.duration_s + after_s {
+                shots.push((t_s, *sample));
+                for ((_, column), value) in columns.iter_mut().zip([judged.range_s[0] + shot.t_s, t_s, *sample]) {
+                    column.push(value);
+                }
+            }
+        }
+        shots.push(GAP.0);
+    }
+    let pulse = |shift: f64| -> Vec<(f64, f64)> {
+        let at = |k: u32| test.duration_s * f64::from(k) / 500.0;
+        (0..=500).map(|k| (at(k), test.acceleration_m_s2(at(k)) + shift)).collect()
+    };
+    let half = test.band * test.peak_m_s2;
+    let dashed = Style::Line { color: Color::Vermillion, width: 1.2, dash: Dash::Dashed };
+    let panel = Panel::new(Axis::linear("time from the start of the pulse (s)"), Axis::linear("acceleration (m/s²)"))
+        .legend(Legend::Below)
+        .with(Series::line("tolerance", Color::Vermillion, pulse(-half)).style(dashed))
+        .with(Series::line("tolerance", Color::Vermillion, pulse(half)).style(dashed).unlabelled())
+        .with(Series::line("specified", Color::Black, pulse(0.0)))
+        .with_any(Series::line("measured", Color::Blue, shots));
+    (figure.with(panel), table(&columns.map(|(name, values)| (name.to_owned(), values))))
+}
