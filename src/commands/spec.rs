@@ -31,7 +31,7 @@ const EXAMPLES: &str = "\
 Examples:
   resonarm spec
   resonarm spec navmat-p-9492 --mass-kg 10
-  resonarm spec navmat-p-9492 --toml > mine.toml
+  resonarm spec navmat-p-9492 --toml
   resonarm spec mine.toml --scenario bench.toml --plot mine
   resonarm spec mine.toml --json
 
