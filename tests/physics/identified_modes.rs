@@ -106,10 +106,13 @@ fn errors(found: &Identification, angles_deg: [f64; 2]) -> Vec<f64> {
     found.modes.iter().filter_map(of).flatten().collect()
 }
 
-/// 95 % of normal errors are within two deviations.
+/// 95.4 % of normal errors are within two deviations; their number is within three deviations of that of a binomial
+/// distribution.
 fn assert_honest(errors: &[f64]) {
     let within = errors.iter().filter(|error| error.abs() < 2.0).count();
-    assert!(10 * within >= 9 * errors.len(), "{within} of {} within two deviations", errors.len());
+    let (count, share) = (errors.len() as f64, 0.954);
+    let least = count * share - 3.0 * (count * share * (1.0 - share)).sqrt();
+    assert!(within as f64 >= least, "{within} of {} within two deviations", errors.len());
     assert!(errors.iter().all(|error| error.abs() < 5.0), "{errors:?}");
 }
 
@@ -126,10 +129,10 @@ fn deviations_hold_over_seeds_exciters_and_poses() {
         }
     }
     assert_honest(&all);
-    // The reason for the converter's filter: instantaneous readings of a shaker's force contain images of the command.
+    // The reason for the converter's filter: instantaneous readings of a shaker's force contain images of the command. What is
+    // found in them states no deviation.
     let folded = identified_by(Converter::Instant, Some(LARGE), POSES[1], random(1), 6.0, 1);
-    let worst = errors(&folded, POSES[1]).iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
-    assert!(folded.modes.len() < 2 || worst > 8.0, "{worst} {folded:?}");
+    assert!(folded.modes.iter().all(|mode| !mode.doubts.is_empty()), "{folded:?}");
 }
 
 #[test]
@@ -149,7 +152,7 @@ fn a_swept_sine_finds_both_modes_with_every_exciter() {
 /// A shaker brakes the arm, so an impact shows little of the arm's own damping. The modes found are right.
 #[test]
 fn an_impact_finds_what_it_can() {
-    let (mut all, mut missing) = (Vec::new(), 0);
+    let mut all = Vec::new();
     for shaker in exciters() {
         for pose in POSES {
             let found = identified(shaker, pose, Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 }, 40.0, 3);
@@ -158,10 +161,8 @@ fn an_impact_finds_what_it_can() {
                 let near = |hz: f64| (hz / mode.frequency_hz - 1.0).abs() < 0.05;
                 let is_found = found.modes.iter().any(|found| near(found.pole_frequency_hz));
                 assert!(is_found || shaker.is_some(), "{pose:?}: {found:?}");
-                missing += usize::from(!is_found);
             }
         }
     }
     assert_honest(&all);
-    assert!(missing > 0);
 }
