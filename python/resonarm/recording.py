@@ -179,8 +179,8 @@ class Recording(_resonarm.Recording):
         detrend: Detrend = "none",
     ) -> Spectra:
         """Power spectral densities of channels, or of vectors of them as `acceleration_b_m_s2`, between two simulated
-        times, s, of the whole recording by default: one-sided, in unit²/Hz, averaged over segments as by SciPy's `welch`
-        with `detrend=False` (Welch 1967).
+        times, s, of the whole recording by default: one-sided, in unit²/Hz, averaged over segments as by SciPy's
+        `welch` with `detrend=False` (Welch 1967).
 
         `segment_s` is the length of a segment, by default a power of two of samples of at most a fifth of the record;
         `overlap` the part of a segment, from 0 to below 1, that it shares with the next one. Readings include the droop
@@ -218,8 +218,8 @@ class Recording(_resonarm.Recording):
     ) -> ShockSpectra:
         """Shock response spectra of accelerations: the largest absolute accelerations of oscillators of the quality
         Q = 1/2ζ, above 0.5, on a base that moves as the channel says (Smallwood 1981). `frequency_hz` are their natural
-        frequencies, positive and at most half of the sample rate, by default 12 in an octave up to a tenth of the sample
-        rate, above which samples miss peaks. The errors are those of `psd`."""
+        frequencies, positive and at most half of the sample rate, by default 12 in an octave up to a tenth of the
+        sample rate, above which samples miss peaks. The errors are those of `psd`."""
         return spectra.shock_responses(self, (list(channels), [from_s, to_s]), quality, frequency_hz)
 
     def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = LAST) -> Any:

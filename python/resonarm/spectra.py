@@ -121,7 +121,7 @@ def densities(recording: _resonarm.Recording, wanted: Wanted, cut: Cut) -> Spect
     channels, average, words = _resonarm.densities(recording, wanted, cut)
     rows = view(words, NUMBER).reshape(-1, 1 + len(channels))
     psd = {name: rows[:, 1 + place] for place, (name, _, _) in enumerate(channels)}
-    return Spectra(rows[:, 0], *_common(channels), *_average(average), psd=psd)
+    return Spectra(frequency_hz=rows[:, 0], psd=psd, **_averaged(channels, average))
 
 
 def frequency_responses(recording: _resonarm.Recording, wanted: Wanted, cut: Cut) -> FrequencyResponses:
@@ -132,13 +132,12 @@ def frequency_responses(recording: _resonarm.Recording, wanted: Wanted, cut: Cut
     names = [name for name, _, _ in others]
     parts = {name: rows[:, 1 + 4 * place : 5 + 4 * place] for place, name in enumerate(names)}
     return FrequencyResponses(
-        rows[:, 0],
-        *_common(channels),
-        *_average(average),
+        frequency_hz=rows[:, 0],
         reference=reference,
         frf={name: np.ascontiguousarray(part[:, :2]).view(COMPLEX)[:, 0] for name, part in parts.items()},
         coherence={name: part[:, 2] for name, part in parts.items()},
         standard_deviation={name: part[:, 3] for name, part in parts.items()},
+        **_averaged(channels, average),
     )
 
 
@@ -171,7 +170,15 @@ def _common(channels: list[tuple[str, str, int]]) -> tuple[dict[str, str], dict[
     return {name: unit for name, unit, _ in channels}, {name: clipped for name, _, clipped in channels}
 
 
-def _average(average: tuple[int, float, float, list[float]]) -> tuple[int, float, float, tuple[float, float]]:
-    """The numbers of an average in the order of the fields."""
+def _averaged(channels: list[tuple[str, str, int]], average: tuple[int, float, float, list[float]]) -> dict[str, Any]:
+    """The fields that averaged spectra have in common, but the lines."""
+    units, clipped = _common(channels)
     averages, freedom, bandwidth_hz, (low, high) = average
-    return averages, freedom, bandwidth_hz, (low, high)
+    return {
+        "units": units,
+        "clipped": clipped,
+        "averages": averages,
+        "degrees_of_freedom": freedom,
+        "noise_bandwidth_hz": bandwidth_hz,
+        "within": (low, high),
+    }

@@ -404,8 +404,8 @@ class Modal(Structure):
         """The modes that `resonarm identify --json` found in recordings, as its document has them. Points are those of
         the accelerometers.
 
-        Warns with AccuracyWarning of modes for which no deviations could be stated, with the reasons. Raises ValueError if
-        the document has no modes, or one without its modal mass: it needs an accelerometer where the force acts.
+        Warns with AccuracyWarning of modes for which no deviations could be stated, with the reasons. Raises ValueError
+        if the document has no modes, or one without its modal mass: it needs an accelerometer where the force acts.
         """
         found = document.get("modes")
         if not found:
