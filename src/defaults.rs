@@ -274,7 +274,7 @@ mod tests {
         export --out: the recording's name, in the current folder
         import --from: by its ending, .log for candump, .asc, .blf
         import --interface: that of the first frame
-        verdict --channel: those of the specification
+        verdict --channels: those of the specification
         verdict --reference: the control channel itself
         verdict --from-s: the beginning
         verdict --to-s: the end

@@ -28,8 +28,8 @@ use resonarm::specification::verdict::Verdict as RecordVerdict;
 const EXAMPLES: &str = "\
 Examples:
   resonarm verdict spec.toml run.mcap
-  resonarm verdict navmat-p-9492 run.mcap --channel c.x --plot verdict
-  resonarm verdict sweep.toml run.mcap --channel c.x --reference head_force_x_n
+  resonarm verdict navmat-p-9492 run.mcap --channels c.x --plot verdict
+  resonarm verdict sweep.toml run.mcap --channels c.x --reference head_force_x_n
   resonarm verdict spec.toml run.mcap --from-s 50 --undecided pass --json
 
 Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided. docs/specifications.md describes how each kind of test \
@@ -71,7 +71,7 @@ pub(crate) struct Verdict {
     file: PathBuf,
     /// Control channels, as c.x or acceleration_c_x_m_s2 [default: those of the specification].
     #[arg(long, help_heading = heading::RECORDS, value_name = "NAMES", value_delimiter = ',')]
-    channel: Vec<String>,
+    channels: Vec<String>,
     /// Drive or measured force, which gives the phase of a sine [default: the control channel itself].
     #[arg(long, help_heading = heading::RECORDS, value_name = "NAME")]
     reference: Option<String>,
@@ -124,8 +124,11 @@ impl Verdict {
         let specification = specifications::read(&self.spec)?;
         let recording = recordings::open(&self.file)?;
         let TimeRange { from_s, to_s } = self.range;
-        let options =
-            JudgeOptions { channels: self.channel.clone(), reference: self.reference.clone(), range_s: [from_s, to_s] };
+        let options = JudgeOptions {
+            channels: self.channels.clone(),
+            reference: self.reference.clone(),
+            range_s: [from_s, to_s],
+        };
         let judged = judge(&specification, &recording, &options)
             .map_err(|error| Failure::usage(format!("{}: {error}", self.file.display())))?;
         if judged.clipped > 0 {

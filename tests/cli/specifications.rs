@@ -180,11 +180,11 @@ fn a_random_record_is_judged() {
     assert_eq!(short["verdict"], "undecided");
     document(folder, 1, &["verdict", "good.toml", "random.mcap", "--to-s", "4", "--json"]);
     // What can't be judged.
-    let force = ["verdict", "good.toml", "random.mcap", "--channel", "head_force_x_n"];
+    let force = ["verdict", "good.toml", "random.mcap", "--channels", "head_force_x_n"];
     assert!(complaint(folder, 2, &force).contains("head_force_x_n is in N"));
     let none = ["verdict", "navmat-p-9492", "random.mcap"];
     assert!(complaint(folder, 2, &none).contains("acceleration_c_x_m_s2"));
-    let fast = ["verdict", "navmat-p-9492", "random.mcap", "--channel", "c.x"];
+    let fast = ["verdict", "navmat-p-9492", "random.mcap", "--channels", "c.x"];
     assert!(complaint(folder, 2, &fast).contains("the specification reaches 2000 Hz"));
     let reference = ["verdict", "good.toml", "random.mcap", "--reference", "head_force_x_n"];
     assert!(complaint(folder, 2, &reference).contains("a reference gives the phase of a sine"));
