@@ -68,7 +68,7 @@ pub struct Shot {
     pub end_velocity: Option<f64>,
     /// Largest acceleration before and behind the pulse over the peak, if the compensation is stated.
     pub outside: Option<f64>,
-    /// Verdict.
+    /// Verdict on this shot alone.
     pub verdict: Verdict,
 }
 
@@ -77,7 +77,7 @@ pub struct Shot {
 pub struct ShockVerdict {
     /// Verdict on the whole.
     pub verdict: Verdict,
-    /// Shots in turn.
+    /// All shots of the record, in the order of time.
     pub shots: Vec<Shot>,
     /// Shots at full level.
     pub full: usize,

@@ -47,9 +47,9 @@ pub struct SrsShot {
     pub is_full: bool,
     /// Shares of the lines that are in, undecided and out.
     pub shares: [f64; 3],
-    /// Lines.
+    /// The lines of its response spectrum.
     pub lines: Vec<SrsLine>,
-    /// Verdict.
+    /// Verdict on this shot alone.
     pub verdict: Verdict,
 }
 
@@ -58,7 +58,7 @@ pub struct SrsShot {
 pub struct SrsVerdict {
     /// Verdict on the whole.
     pub verdict: Verdict,
-    /// Shots in turn.
+    /// All shots of the record, in the order of time.
     pub shots: Vec<SrsShot>,
     /// Shots at full level.
     pub full: usize,
