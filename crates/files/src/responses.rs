@@ -84,7 +84,7 @@ pub enum ResponsesError {
     /// The file can't be read.
     #[error("can't read {}: {source}", path.display())]
     Read {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// Cause.
         source: std::io::Error,
@@ -92,7 +92,7 @@ pub enum ResponsesError {
     /// The file has no frequency response.
     #[error("{} has no frequency response (dataset 58 of function type 4); it has {content}: export the measured responses over a force from the program that made it", path.display())]
     None {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// What is in it.
         content: String,
@@ -100,17 +100,17 @@ pub enum ResponsesError {
     /// A dataset can't be used.
     #[error("{}, frequency response {number}: {fault}", path.display())]
     Function {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// Number of the response in the file, from 1.
         number: usize,
-        /// What is wrong.
+        /// What is wrong with it, with the values.
         fault: ResponseFault,
     },
     /// A dataset has no end.
     #[error("{}: dataset {dataset} has no end: the file is cut off", path.display())]
     NoEnd {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// Number of the dataset.
         dataset: String,
@@ -118,7 +118,7 @@ pub enum ResponsesError {
     /// A binary dataset ends elsewhere than its first line states.
     #[error("{}: dataset {dataset} is binary, and does not end where its first line states: export it anew, or as ASCII", path.display())]
     BinaryEnd {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// Number of the dataset.
         dataset: String,
@@ -126,17 +126,17 @@ pub enum ResponsesError {
     /// A node or a line can't be read.
     #[error("{}, dataset {dataset}: {fault}", path.display())]
     Geometry {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// Number of the dataset.
         dataset: String,
-        /// What is wrong.
+        /// What is wrong with it, with the values.
         fault: ResponseFault,
     },
     /// The units are not positive.
     #[error("{}: dataset 164 has {length} units in a metre and {force} in a newton: both must be positive", path.display())]
     Units {
-        /// File.
+        /// File that was read.
         path: PathBuf,
         /// Units of the file in a metre.
         length: f64,
@@ -180,7 +180,7 @@ pub enum ResponseFault {
     /// The abscissa is no frequency.
     #[error("its abscissa has the data type {got}: expected frequency, 18")]
     Abscissa {
-        /// Specific data type.
+        /// Specific data type of the file.
         got: i64,
     },
     /// The response is no motion.
@@ -188,7 +188,7 @@ pub enum ResponseFault {
         "its response has the data type {got}: expected displacement, velocity or acceleration, 8, 11 or 12 in record 9; export it with the channel's quantity"
     )]
     Response {
-        /// Specific data type.
+        /// Specific data type of the file.
         got: i64,
     },
     /// The reference is no force.
@@ -196,7 +196,7 @@ pub enum ResponseFault {
         "its reference has the data type {got}: expected a force, 13 in record 10; export it with the channel's quantity"
     )]
     Reference {
-        /// Specific data type.
+        /// Specific data type of the file.
         got: i64,
     },
     /// A direction is a rotation.
@@ -296,7 +296,12 @@ impl Others {
 /// [`ResponsesError`] if the file can't be read, has no frequency response, or one that can't be used with the others.
 pub fn read_responses(path: &Path) -> Result<MeasuredResponses, ResponsesError> {
     let bytes = fs::read(path).map_err(|source| ResponsesError::Read { path: path.to_owned(), source })?;
-    let mut lines = Lines { bytes: &bytes };
+    responses_of(&bytes, path)
+}
+
+/// Reads the frequency responses in the bytes of a file; errors name its path.
+fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, ResponsesError> {
+    let mut lines = Lines { bytes };
     let mut found: Option<MeasuredResponses> = None;
     let (mut units, mut number, mut others) = (Units { length: 1.0, force: 1.0 }, 0, Others::default());
     let (mut nodes, mut traces) = (BTreeMap::new(), Vec::new());
@@ -616,4 +621,51 @@ fn binary_numbers(body: &[u8], words: &[&str], is_double: bool) -> Result<Vec<f6
         if is_big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) }
     };
     Ok(if is_double { body.chunks_exact(8).map(double).collect() } else { body.chunks_exact(4).map(single).collect() })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A response at three frequencies, in ASCII, as the layout of dataset 58 has it.
+    fn file() -> String {
+        let names = "NONE\n".repeat(5);
+        let dofs = format!("{:5}{:10}{:5}{:10} {:10}{:10}{:4} {:10}{:10}{:4}", 4, 1, 0, 0, "NONE", 2, 1, "NONE", 1, -1);
+        let steps = format!("{:10}{:10}{:10}{:13}{:13}{:13}", 6, 3, 1, "1.0e+01", "5.0e-01", "0.0e+00");
+        let axes = [18, 12, 13, 0].map(|kind| format!("{kind:10}{:5}{:5}{:5} {:20} {:20}\n", 0, 0, 0, "NONE", "NONE"));
+        let values = "  1.0e+00  2.0e+00  3.0e+00  4.0e+00\n  5.0e+00  6.0e+00\n";
+        format!("    -1\n    58\n{names}{dofs}\n{steps}\n{}{values}    -1\n", axes.concat())
+    }
+
+    #[test]
+    fn a_direction_against_an_axis_changes_the_sign() {
+        let found = responses_of(file().as_bytes(), Path::new("three.uff")).unwrap();
+        assert_eq!(found.frequency_hz, [10.0, 10.5, 11.0]);
+        let [MeasuredResponse { force, response, values }] = &found.responses[..] else { panic!("{found:?}") };
+        assert_eq!((force.as_str(), response.as_str()), ("node1.x", "node2.x"));
+        assert_eq!(values[2], Complex::new(-5.0, -6.0));
+    }
+
+    proptest! {
+        /// Damaged files are read or refused, and never end the program.
+        #[test]
+        fn damaged_files_do_no_harm(at in any::<prop::sample::Index>(), byte in any::<u8>(), length in 0_usize..2000) {
+            let mut bytes = file().into_bytes();
+            let place = at.index(bytes.len());
+            bytes[place] = byte;
+            bytes.truncate(length);
+            let cut = bytes.len() < file().len() - 8;
+            let found = responses_of(&bytes, Path::new("damaged.uff"));
+            prop_assert!(!cut || found.is_err());
+        }
+
+        #[test]
+        fn any_bytes_do_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+            let mut file = b"    -1\n   58b     1     2    11        48\n".to_vec();
+            file.extend(bytes);
+            let _ = responses_of(&file, Path::new("any.uff"));
+        }
+    }
 }
