@@ -1,10 +1,10 @@
-//! Breakpoints as comma-separated values.
+//! Breakpoints and pulses as comma-separated values.
 
 use alloc::borrow::ToOwned;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use crate::SpecificationError;
+use crate::{GRAVITY_M_S2, SpecificationError};
 
 /// Longest part of a line that a message quotes, characters.
 const QUOTED: usize = 60;
@@ -16,30 +16,72 @@ const QUOTED: usize = 60;
 /// # Errors
 /// [`SpecificationError::Csv`] names the first line without two numbers.
 pub fn breakpoints(text: &str, file: &str) -> Result<Vec<[f64; 2]>, SpecificationError> {
-    let mut points = Vec::new();
-    let mut is_first = true;
-    for (line, number) in text.trim_start_matches('\u{feff}').lines().zip(1..) {
-        let line = line.trim();
-        if line.is_empty() || line.starts_with('#') {
-            continue;
+    Ok(table(text, file, "a frequency, Hz, and a level")?.rows)
+}
+
+/// Reads the points of a pulse, times, s, and accelerations, m/s², of a table like that of [`breakpoints`] whose first line names
+/// the columns with their units: `time_s` or `time_ms`, then `acceleration_m_s2` or `acceleration_g`.
+///
+/// # Errors
+/// [`SpecificationError::Columns`] if the first line does not name the columns; [`SpecificationError::Csv`] names the first line
+/// without two numbers.
+pub fn pulse(text: &str, file: &str) -> Result<Vec<[f64; 2]>, SpecificationError> {
+    let Table { heading, rows } = table(text, file, "a time and an acceleration")?;
+    let unnamed = |(line, got): (usize, &str)| SpecificationError::Columns {
+        file: file.to_owned(),
+        line,
+        got: got.chars().take(QUOTED).collect(),
+    };
+    // A file without a heading begins with a point, and an empty one with nothing.
+    let (line, heading) = heading.ok_or_else(|| unnamed(lines(text).next().unwrap_or((1, ""))))?;
+    let units = match fields(heading)[..] {
+        [time, acceleration] => {
+            let seconds = [("time_s", 1.0), ("time_ms", 1e-3)];
+            let accelerations = [("acceleration_m_s2", 1.0), ("acceleration_g", GRAVITY_M_S2)];
+            unit(seconds, time).zip(unit(accelerations, acceleration))
         }
-        let fields: Vec<&str> = line
-            .split(|c: char| matches!(c, ',' | ';') || c.is_whitespace())
-            .filter(|field| !field.is_empty())
-            .collect();
-        let numbers: Vec<Option<f64>> = fields.iter().map(|field| field.parse().ok()).collect();
+        _ => None,
+    };
+    let (seconds, m_s2) = units.ok_or_else(|| unnamed((line, heading)))?;
+    Ok(rows.iter().map(|[time, acceleration]| [seconds * time, m_s2 * acceleration]).collect())
+}
+
+/// Returns the factor of a unit by its name.
+fn unit(units: [(&str, f64); 2], name: &str) -> Option<f64> {
+    units.into_iter().find(|(known, _)| *known == name).map(|(_, factor)| factor)
+}
+
+/// Rows of two numbers, with the line of words before them and its number, if there is one.
+struct Table<'a> {
+    heading: Option<(usize, &'a str)>,
+    rows: Vec<[f64; 2]>,
+}
+
+/// Returns the lines of a table with their numbers, without empty ones and comments.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines().map(str::trim));
+    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+}
+
+fn fields(line: &str) -> Vec<&str> {
+    line.split(|c: char| matches!(c, ',' | ';') || c.is_whitespace()).filter(|field| !field.is_empty()).collect()
+}
+
+fn table<'a>(text: &'a str, file: &str, expected: &'static str) -> Result<Table<'a>, SpecificationError> {
+    let mut table = Table { heading: None, rows: Vec::new() };
+    for (index, (number, line)) in lines(text).enumerate() {
+        let numbers: Vec<Option<f64>> = fields(line).iter().map(|field| field.parse().ok()).collect();
         match numbers[..] {
-            [Some(hz), Some(level)] => points.push([hz, level]),
-            // A heading has no number at all; a line with one is a damaged breakpoint.
-            _ if is_first && numbers.iter().all(Option::is_none) => {}
+            [Some(first), Some(second)] => table.rows.push([first, second]),
+            // A heading has no number at all; a line with one is a damaged row.
+            _ if index == 0 && numbers.iter().all(Option::is_none) => table.heading = Some((number, line)),
             _ => {
                 let got: String = line.chars().take(QUOTED).collect();
-                return Err(SpecificationError::Csv { file: file.to_owned(), line: number, got });
+                return Err(SpecificationError::Csv { file: file.to_owned(), line: number, got, expected });
             }
         }
-        is_first = false;
     }
-    Ok(points)
+    Ok(table)
 }
 
 #[cfg(test)]
@@ -66,6 +108,23 @@ mod tests {
             let error = breakpoints(text, "profile.csv").unwrap_err();
             assert!(matches!(error, SpecificationError::Csv { line: got, .. } if got == line), "{error}");
             assert!(error.to_string().starts_with(&alloc::format!("profile.csv, line {line}: ")), "{error}");
+        }
+    }
+
+    #[test]
+    fn pulses_have_the_units_of_their_heading() {
+        let points = pulse("time_ms,acceleration_g\n0,0\n10,2\n", "pulse.csv").unwrap();
+        assert_eq!(points, [[0.0, 0.0], [0.01, 2.0 * 9.80665]]);
+        assert_eq!(pulse("# a pulse\ntime_s acceleration_m_s2\n0 1\n", "pulse.csv").unwrap(), [[0.0, 1.0]]);
+        for (text, expected) in [
+            ("0,0\n1,1\n", "pulse.csv, line 1: `0,0` does not name the columns of a pulse: "),
+            ("\n\ntime,acceleration_g\n0,0\n", "pulse.csv, line 3: `time,acceleration_g` does not name"),
+            ("acceleration_g,time_s\n0,0\n", "pulse.csv, line 1: `acceleration_g,time_s` does not name"),
+            ("", "pulse.csv, line 1: `` does not name"),
+            ("time_s,acceleration_g\n0,x\n", "pulse.csv, line 2: `0,x` has no two numbers: expected a time"),
+        ] {
+            let error = pulse(text, "pulse.csv").unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{error}");
         }
     }
 }

@@ -105,8 +105,21 @@ pub enum SpecificationError {
         /// Side on which the point is missing.
         side: &'static str,
     },
+    /// A pulse changes the velocity by too little for verdicts, which are relative to the change.
+    #[error(
+        "[{section}] `{key}`: the velocity change over peak and duration is {}: it must be at least 0.01 in size; use [srs] for a record without one",
+        short(.got)
+    )]
+    NoVelocityChange {
+        /// Section of the file.
+        section: &'static str,
+        /// Key of the pulse.
+        key: &'static str,
+        /// Velocity change over peak and duration.
+        got: f64,
+    },
     /// A line of a CSV file has no two numbers.
-    #[error("{file}, line {line}: `{got}` is not a breakpoint: expected a frequency, Hz, and a level")]
+    #[error("{file}, line {line}: `{got}` has no two numbers: expected {expected}")]
     Csv {
         /// Name of the file.
         file: String,
@@ -114,8 +127,22 @@ pub enum SpecificationError {
         line: usize,
         /// Text of the line, shortened.
         got: String,
+        /// Meaning of the numbers, in words.
+        expected: &'static str,
     },
-    /// A file of breakpoints can't be read.
+    /// A file of a pulse does not name its columns.
+    #[error(
+        "{file}, line {line}: `{got}` does not name the columns of a pulse: expected time_s or time_ms, and acceleration_m_s2 or acceleration_g"
+    )]
+    Columns {
+        /// Name of the file.
+        file: String,
+        /// Number of the line, from 1.
+        line: usize,
+        /// Text of the line, shortened.
+        got: String,
+    },
+    /// A file of breakpoints or of a pulse can't be read.
     #[error("{file}: {message}")]
     File {
         /// Name of the file.

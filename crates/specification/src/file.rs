@@ -27,10 +27,11 @@ pub struct SpecificationFile {
 }
 
 impl SpecificationFile {
-    /// Returns the files of breakpoints that the specification names, as they are written there.
+    /// Returns the files of breakpoints or of a pulse that the specification names, as they are written there.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         let random = self.random.iter().filter_map(|section| section.file.as_deref());
-        random.chain(self.srs.iter().filter_map(|section| section.file.as_deref()))
+        let shock = self.shock.iter().filter_map(|section| section.file.as_deref());
+        random.chain(shock).chain(self.srs.iter().filter_map(|section| section.file.as_deref()))
     }
 }
 
@@ -201,7 +202,8 @@ pub(crate) struct ShockSection {
     pub pulse: PulseName,
     pub peak_m_s2: Option<f64>,
     pub peak_g: Option<f64>,
-    pub duration_s: f64,
+    pub duration_s: Option<f64>,
+    pub file: Option<String>,
     pub rise_s: Option<f64>,
     pub fall_s: Option<f64>,
     pub pre_s: Option<f64>,
@@ -219,6 +221,7 @@ pub(crate) enum PulseName {
     HalfSine,
     SawTooth,
     Trapezoid,
+    File,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]

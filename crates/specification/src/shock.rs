@@ -1,5 +1,7 @@
 //! Classical shocks: a pulse of acceleration, with weaker pulses before and after it that bring a shaker back to rest.
 
+use alloc::borrow::ToOwned;
+use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
@@ -8,12 +10,12 @@ use serde::Serialize;
 
 use crate::file::{PulseName, ShockSection, ShotsEntry, any_positive, any_share, checked, positive};
 use crate::profile::Place;
-use crate::{GRAVITY_M_S2, SpecificationError};
+use crate::{GRAVITY_M_S2, SpecificationError, csv};
 
 const SECTION: &str = "shock";
 
 /// Shape of a pulse over its duration D, 0 outside of it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PulseShape {
     /// sin(πt/D).
@@ -27,6 +29,8 @@ pub enum PulseShape {
         /// Time of the fall, s.
         fall_s: f64,
     },
+    /// Straight between points: times, s, from 0 to the duration, and accelerations over the peak.
+    Points(Vec<[f64; 2]>),
 }
 
 /// Number of shots at a level.
@@ -81,39 +85,11 @@ pub struct ShockFigures {
 }
 
 impl ShockTest {
-    pub(crate) fn new(section: &ShockSection) -> Result<ShockTest, SpecificationError> {
-        let peak_m_s2 = match (section.peak_m_s2, section.peak_g) {
-            (Some(peak), None) => positive(SECTION, "peak_m_s2", peak)?,
-            (None, Some(peak)) => GRAVITY_M_S2 * positive(SECTION, "peak_g", peak)?,
-            (m_s2, g) => {
-                let got = usize::from(m_s2.is_some()) + usize::from(g.is_some());
-                return Err(SpecificationError::OneOf { section: SECTION, keys: &["peak_m_s2", "peak_g"], got });
-            }
-        };
-        let duration_s = positive(SECTION, "duration_s", section.duration_s)?;
-        let shape = match (section.pulse, section.rise_s, section.fall_s) {
-            (PulseName::HalfSine, None, None) => PulseShape::HalfSine,
-            (PulseName::SawTooth, None, None) => PulseShape::SawTooth,
-            (PulseName::Trapezoid, Some(rise_s), Some(fall_s)) => {
-                let part = |key, got| {
-                    checked(SECTION, key, got, |got| got >= 0.0 && got <= duration_s, "from 0 to duration_s")
-                };
-                let (rise_s, fall_s) = (part("rise_s", rise_s)?, part("fall_s", fall_s)?);
-                if rise_s + fall_s > duration_s {
-                    let expected = "at most `duration_s` less `rise_s`";
-                    return Err(SpecificationError::Value { section: SECTION, key: "fall_s", got: fall_s, expected });
-                }
-                PulseShape::Trapezoid { rise_s, fall_s }
-            }
-            (PulseName::Trapezoid, rise_s, _) => {
-                let key = Some(if rise_s.is_none() { "rise_s" } else { "fall_s" });
-                return Err(SpecificationError::Missing { section: SECTION, key, why: "a trapezoid rises and falls" });
-            }
-            (_, rise_s, _) => {
-                let key = Some(if rise_s.is_some() { "rise_s" } else { "fall_s" });
-                return Err(SpecificationError::Idle { section: SECTION, key, why: "only a trapezoid has it" });
-            }
-        };
+    pub(crate) fn new(
+        section: &ShockSection,
+        read: &mut dyn FnMut(&str) -> Result<String, String>,
+    ) -> Result<ShockTest, SpecificationError> {
+        let Pulse { shape, peak_m_s2, duration_s } = pulse(section, read)?;
         if section.pre_s.is_some() != section.post_s.is_some() {
             let key = Some(if section.pre_s.is_none() { "pre_s" } else { "post_s" });
             let why = "the compensation needs both, since velocity and displacement end at 0";
@@ -139,15 +115,20 @@ impl ShockTest {
         if !(t_s >= 0.0 && t_s <= duration_s) {
             return 0.0;
         }
-        let share = match self.shape {
+        let share = match &self.shape {
             PulseShape::HalfSine => libm::sin(PI * t_s / duration_s),
             // The edge is at the last instant, whose acceleration is that behind it.
             PulseShape::SawTooth if t_s == duration_s => 0.0,
             PulseShape::SawTooth => t_s / duration_s,
             PulseShape::Trapezoid { rise_s, fall_s } => {
-                let rise = if rise_s > 0.0 { t_s / rise_s } else { 1.0 };
-                let fall = if fall_s > 0.0 { (duration_s - t_s) / fall_s } else { 1.0 };
+                let rise = if *rise_s > 0.0 { t_s / rise_s } else { 1.0 };
+                let fall = if *fall_s > 0.0 { (duration_s - t_s) / fall_s } else { 1.0 };
                 rise.min(fall).clamp(0.0, 1.0)
+            }
+            PulseShape::Points(points) => {
+                let above = points.partition_point(|[time_s, _]| *time_s < t_s).clamp(1, points.len() - 1);
+                let [[t1, a1], [t2, a2]] = [points[above - 1], points[above]];
+                a1 + (a2 - a1) * ((t_s - t1) / (t2 - t1))
             }
         };
         self.peak_m_s2 * share
@@ -156,10 +137,11 @@ impl ShockTest {
     /// Returns the velocity change of the pulse at full level, m/s: 2AD/π of a half-sine, AD/2 of a saw-tooth.
     pub fn velocity_change_m_s(&self) -> f64 {
         self.peak_m_s2
-            * match self.shape {
+            * match &self.shape {
                 PulseShape::HalfSine => 2.0 * self.duration_s / PI,
                 PulseShape::SawTooth => 0.5 * self.duration_s,
                 PulseShape::Trapezoid { rise_s, fall_s } => self.duration_s - 0.5 * (rise_s + fall_s),
+                PulseShape::Points(points) => area(points),
             }
     }
 
@@ -243,6 +225,118 @@ impl ShockTest {
         }
         figures
     }
+}
+
+/// A pulse as a file states it.
+struct Pulse {
+    shape: PulseShape,
+    peak_m_s2: f64,
+    duration_s: f64,
+}
+
+/// Checks the pulse: a shape with its peak and duration, or a table that has both.
+fn pulse(
+    section: &ShockSection,
+    read: &mut dyn FnMut(&str) -> Result<String, String>,
+) -> Result<Pulse, SpecificationError> {
+    let parts = [("rise_s", section.rise_s), ("fall_s", section.fall_s)];
+    if section.pulse != PulseName::Trapezoid
+        && let Some((key, _)) = parts.iter().find(|(_, part)| part.is_some())
+    {
+        return Err(idle(key, "only a trapezoid has it"));
+    }
+    match section.pulse {
+        PulseName::HalfSine => pulse_of_shape(section, |_| Ok(PulseShape::HalfSine)),
+        PulseName::SawTooth => pulse_of_shape(section, |_| Ok(PulseShape::SawTooth)),
+        PulseName::Trapezoid => pulse_of_shape(section, |duration_s| {
+            let part = |(key, got): (&'static str, Option<f64>)| {
+                let got = got.ok_or(missing(key, "a trapezoid rises and falls"))?;
+                checked(SECTION, key, got, |got| got >= 0.0 && got <= duration_s, "from 0 to duration_s")
+            };
+            let [rise_s, fall_s] = [part(parts[0])?, part(parts[1])?];
+            if rise_s + fall_s > duration_s {
+                let expected = "at most `duration_s` less `rise_s`";
+                return Err(SpecificationError::Value { section: SECTION, key: "fall_s", got: fall_s, expected });
+            }
+            Ok(PulseShape::Trapezoid { rise_s, fall_s })
+        }),
+        PulseName::File => {
+            for (key, given) in
+                [("peak_m_s2", section.peak_m_s2), ("peak_g", section.peak_g), ("duration_s", section.duration_s)]
+            {
+                if given.is_some() {
+                    return Err(idle(key, "the file of the pulse has it"));
+                }
+            }
+            let file = section.file.as_deref().ok_or(missing("file", "the pulse is that of a file"))?;
+            let text = read(file).map_err(|message| SpecificationError::File { file: file.to_owned(), message })?;
+            pulse_of_points(&csv::pulse(&text, file)?)
+        }
+    }
+}
+
+const fn idle(key: &'static str, why: &'static str) -> SpecificationError {
+    SpecificationError::Idle { section: SECTION, key: Some(key), why }
+}
+
+const fn missing(key: &'static str, why: &'static str) -> SpecificationError {
+    SpecificationError::Missing { section: SECTION, key: Some(key), why }
+}
+
+/// Checks peak and duration of a pulse; `shape` returns its shape by the duration.
+fn pulse_of_shape(
+    section: &ShockSection,
+    shape: impl FnOnce(f64) -> Result<PulseShape, SpecificationError>,
+) -> Result<Pulse, SpecificationError> {
+    if section.file.is_some() {
+        return Err(idle("file", "the pulse is not that of a file: use `pulse = \"file\"`"));
+    }
+    let peak_m_s2 = match (section.peak_m_s2, section.peak_g) {
+        (Some(peak), None) => positive(SECTION, "peak_m_s2", peak)?,
+        (None, Some(peak)) => GRAVITY_M_S2 * positive(SECTION, "peak_g", peak)?,
+        (m_s2, g) => {
+            let got = usize::from(m_s2.is_some()) + usize::from(g.is_some());
+            return Err(SpecificationError::OneOf { section: SECTION, keys: &["peak_m_s2", "peak_g"], got });
+        }
+    };
+    let duration_s = section.duration_s.ok_or(missing("duration_s", "the shape of the pulse has this duration"))?;
+    let duration_s = positive(SECTION, "duration_s", duration_s)?;
+    Ok(Pulse { shape: shape(duration_s)?, peak_m_s2, duration_s })
+}
+
+/// Least velocity change of a pulse over its peak and duration: verdicts are relative to it.
+const LEAST_CHANGE: f64 = 0.01;
+
+/// Checks the points of a pulse, times, s, and accelerations, m/s². The times are then counted from the first one.
+fn pulse_of_points(points: &[[f64; 2]]) -> Result<Pulse, SpecificationError> {
+    let place = Place { section: SECTION, key: "file" };
+    let [first, .., last] = points else {
+        return Err(SpecificationError::TooShort { section: SECTION, key: "file", got: points.len(), least: 2 });
+    };
+    let mut before = f64::NEG_INFINITY;
+    for ([time_s, acceleration], number) in points.iter().zip(1..) {
+        if !(*time_s > before && time_s.is_finite()) {
+            return Err(place.element(number, "the time, s,", *time_s, "above the one before"));
+        }
+        if !acceleration.is_finite() {
+            return Err(place.element(number, "the acceleration, m/s²,", *acceleration, "a finite number"));
+        }
+        before = *time_s;
+    }
+    let peak_m_s2 = points.iter().fold(0.0_f64, |peak, [_, acceleration]| peak.max(acceleration.abs()));
+    let duration_s = last[0] - first[0];
+    let shape: Vec<[f64; 2]> = points.iter().map(|[t, a]| [t - first[0], a / peak_m_s2]).collect();
+    let change = area(&shape) / duration_s;
+    // Of a file with zeros alone it is not a number.
+    if change.is_nan() || change.abs() < LEAST_CHANGE {
+        return Err(SpecificationError::NoVelocityChange { section: SECTION, key: "file", got: change });
+    }
+    Ok(Pulse { shape: PulseShape::Points(shape), peak_m_s2, duration_s })
+}
+
+/// Returns the area under points, straight between them.
+fn area(points: &[[f64; 2]]) -> f64 {
+    points.windows(2).map(|pair| 0.5 * (pair[1][0] - pair[0][0]) * (pair[0][1] + pair[1][1])).sum()
 }
 
 /// Samples over a pulse for the figures of its compensation.

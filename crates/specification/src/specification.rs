@@ -127,7 +127,7 @@ pub struct ResponseLimit {
 }
 
 impl Specification {
-    /// Checks a file. `read` returns the text of a file of breakpoints by its name, or says why it can't.
+    /// Checks a file. `read` returns the text of a file of breakpoints or of a pulse by its name, or says why it can't.
     ///
     /// # Errors
     /// [`SpecificationError`] names the first value that can't be, with its place.
@@ -147,7 +147,7 @@ impl Specification {
                 Test::Sine(SineTest::new(section, file.dwell.as_ref())?)
             }
             Kind::Shock => match (&file.shock, &file.srs) {
-                (Some(section), None) => Test::Shock(ShockTest::new(section)?),
+                (Some(section), None) => Test::Shock(ShockTest::new(section, read)?),
                 (None, Some(section)) => Test::Srs(SrsTest::new(section, read)?),
                 (None, None) => return Err(missing("shock", "a shock has this section, or [srs] in its place")),
                 (Some(_), Some(_)) => return Err(idle("srs", "the shock is stated by [shock]: leave one out")),

@@ -1,7 +1,7 @@
 //! Specifications as files: presets, what their figures are, and what is refused.
 
 use super::{near, parsed, random, shock, sine, srs};
-use crate::{GRAVITY_M_S2, PRESETS, SineLevel, Test};
+use crate::{GRAVITY_M_S2, PRESETS, SineLevel, Specification, SpecificationFile, Test};
 
 /// The rms of the presets in g as their standards print them, and one that follows from the formula of the slopes.
 #[test]
@@ -130,6 +130,74 @@ fn a_compensated_shock_ends_at_rest() {
     near(trapezoid.velocity_change_m_s(), 98.0665 * 0.018, 1e-12);
     near(trapezoid.samples(1000.0).iter().sum::<f64>() / 1000.0, 98.0665 * 0.018, 1e-12);
     assert_eq!(trapezoid.figures().stroke_m, None);
+}
+
+/// A half-sine as a table is the half-sine, and its figures are those of the straight lines between its points.
+#[test]
+fn a_pulse_may_be_a_table() {
+    let by_name =
+        shock("pulse = 'half-sine'\npeak_m_s2 = 20\nduration_s = 0.02\nband = 0.2\npre_s = 0.1\npost_s = 0.1");
+    let count = 200_u32;
+    // The table begins at 1 s, which is where the pulse begins.
+    let rows = (0..=count).map(|k| {
+        let share = f64::from(k) / f64::from(count);
+        let g = 20.0 / 9.80665 * libm::sin(core::f64::consts::PI * share);
+        format!("{},{g}\n", 1000.0 + 20.0 * share)
+    });
+    let table = format!("time_ms,acceleration_g\n{}", rows.collect::<String>());
+    const FILE: &str = "spec = { kind = 'shock', sources = [] }\n[shock]\npulse = 'file'\nfile = 'pulse.csv'\nband = 0.2\npre_s = 0.1\npost_s = 0.1\n";
+    let with = |text: &str, table: &str| {
+        let file: SpecificationFile = toml::from_str(text).unwrap();
+        assert_eq!(file.files().collect::<Vec<_>>(), ["pulse.csv"]);
+        Specification::new(
+            &file,
+            |name| if name == "pulse.csv" { Ok(table.to_owned()) } else { Err(String::from("no")) },
+        )
+    };
+    let Test::Shock(test) = with(FILE, &table).unwrap().test else { panic!() };
+    near(test.peak_m_s2, 20.0, 1e-12);
+    near(test.duration_s, 0.02, 1e-12);
+    // A chord of h = π/200 has h²/12 less area than the sine.
+    near(test.velocity_change_m_s(), by_name.velocity_change_m_s(), 3e-5);
+    for (sample, expected) in test.samples(1000.0).iter().zip(by_name.samples(1000.0)) {
+        assert!((sample - expected).abs() < 1e-9, "{sample} {expected}");
+    }
+    near(test.figures().stroke_m.unwrap(), by_name.figures().stroke_m.unwrap(), 5e-4);
+    for t_s in [-1e-6, 0.020_01] {
+        assert_eq!(test.acceleration_m_s2(t_s), 0.0);
+    }
+    // Between two points it is straight.
+    near(test.acceleration_m_s2(0.000_05), 0.5 * test.acceleration_m_s2(0.000_1), 1e-9);
+    for (text, table, expected) in [
+        (FILE.to_owned(), "time_s,acceleration_g\n0,1\n", "[shock] `file` has 1 elements: it must have at least 2"),
+        (
+            FILE.to_owned(),
+            "time_s,acceleration_g\n0,0\n0,1\n",
+            "[shock] `file`, number 2: the time, s, is 0: it must be above the one before",
+        ),
+        (
+            FILE.to_owned(),
+            "time_s,acceleration_g\n0,0\n1,inf\n",
+            "[shock] `file`, number 2: the acceleration, m/s², is inf: it must be a finite number",
+        ),
+        (
+            FILE.to_owned(),
+            "time_s,acceleration_m_s2\n0,1\n1,-1\n",
+            "[shock] `file`: the velocity change over peak and duration is 0: it must be at least 0.01 in size; use [srs] for a record without one",
+        ),
+        (format!("{FILE}duration_s = 1"), "", "[shock] `duration_s` does not apply: the file of the pulse has it"),
+        (format!("{FILE}rise_s = 1"), "", "[shock] `rise_s` does not apply: only a trapezoid has it"),
+        (
+            FILE.replace("'file'", "'half-sine'"),
+            "",
+            "[shock] `file` does not apply: the pulse is not that of a file: use `pulse = \"file\"`",
+        ),
+    ] {
+        assert_eq!(with(&text, table).unwrap_err().to_string(), expected);
+    }
+    let none: SpecificationFile = toml::from_str(&FILE.replace("file = 'pulse.csv'", "")).unwrap();
+    let error = Specification::new(&none, |_| Err(String::new())).unwrap_err().to_string();
+    assert_eq!(error, "[shock] `file` is missing: the pulse is that of a file");
 }
 
 #[test]
