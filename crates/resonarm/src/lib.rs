@@ -47,6 +47,7 @@
 //! | [`responses`], [`modal_file`] | measured frequency responses in UFF files; identified modes as such a file |
 //! | [`identification`] | what a recording says about its arm, by the methods of [`identify`] |
 //! | [`specification`], [`judge`] | specifications of vibration and shock tests, verdicts on records and on recordings |
+//! | [`audit`] | cases that judge controllers of vibration tests by records of their runs |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
@@ -58,6 +59,7 @@
 //! `docs/commands.md` describes the program's commands, `DESIGN.md` the reasons for decisions.
 
 pub use resonarm_analysis as analysis;
+pub use resonarm_audit as audit;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::integrate;

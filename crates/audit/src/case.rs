@@ -1,0 +1,273 @@
+//! Cases, and what they find.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use resonarm_specification::verdict::{SineVerdict, judge_sine};
+use resonarm_specification::{Specification, Test};
+use serde::Serialize;
+
+use crate::Record;
+use crate::{random, shock, sine};
+
+/// What the plant does while the controller runs. Faults act on the control channel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stimulus {
+    /// Nothing: the case judges the base run.
+    None,
+    /// The channel reads 0 from the start.
+    DeadFromStart,
+    /// The channel reads weak noise from the start, as an open cable.
+    OpenFromStart,
+    /// The channel reads 0 from the level on.
+    Dead,
+    /// The channel reads weak noise from the level on.
+    Open,
+    /// The channel reads this many times its value from the level on.
+    Gain(f64),
+    /// The channel is clipped at this many times the specified rms, and says so, from the start.
+    Clipped(f64),
+    /// The channel reads the negative of its value from the start.
+    Inverted,
+    /// No sample reaches the controller for this time, s, at the level.
+    Gap(f64),
+    /// The controller is told to stop at the level.
+    Stop,
+    /// The control channel is lost at the level; afterwards it is back, and the controller is told to start again.
+    Restart,
+    /// The specification limits a response to this many dB below what it reads in the base run.
+    ResponseLimit(f64),
+    /// The specification limits the drive to this part of the largest one of the base run.
+    DriveLimit(f64),
+}
+
+impl Stimulus {
+    /// Says whether it acts only once the test is at its level.
+    pub const fn is_at_level(self) -> bool {
+        matches!(
+            self,
+            Stimulus::Dead | Stimulus::Open | Stimulus::Gain(_) | Stimulus::Gap(_) | Stimulus::Stop | Stimulus::Restart
+        )
+    }
+}
+
+/// A figure that a case measured, with its limits.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Measure {
+    /// Name, in words.
+    pub name: &'static str,
+    /// Value.
+    pub value: f64,
+    /// Unit; empty for a ratio or a number.
+    pub unit: &'static str,
+    /// Least value, if there is a limit.
+    pub least: Option<f64>,
+    /// Largest value, if there is a limit.
+    pub most: Option<f64>,
+}
+
+impl Measure {
+    /// A figure that must be from `least` to `most`.
+    pub(crate) const fn within(name: &'static str, value: f64, unit: &'static str, [least, most]: [f64; 2]) -> Measure {
+        Measure { name, value, unit, least: Some(least), most: Some(most) }
+    }
+
+    /// A figure that must be at least `least`.
+    pub(crate) const fn at_least(name: &'static str, value: f64, unit: &'static str, least: f64) -> Measure {
+        Measure { name, value, unit, least: Some(least), most: None }
+    }
+
+    /// A figure that must be at most `most`.
+    pub(crate) const fn at_most(name: &'static str, value: f64, unit: &'static str, most: f64) -> Measure {
+        Measure { name, value, unit, least: None, most: Some(most) }
+    }
+
+    /// Says whether the figure is within its limits. One that is not a number is not.
+    pub fn is_met(&self) -> bool {
+        self.least.is_none_or(|least| self.value >= least) && self.most.is_none_or(|most| self.value <= most)
+    }
+}
+
+/// Result of a case.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "verdict", content = "reason")]
+pub enum Verdict {
+    /// All figures are within their limits.
+    Passed,
+    /// A figure is beyond its limit.
+    Failed,
+    /// Undecided, with the reason.
+    Inconclusive(String),
+    /// The case was not tried, with the reason.
+    Skipped(String),
+}
+
+impl Verdict {
+    /// Returns the verdict in a word.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Verdict::Passed => "passed",
+            Verdict::Failed => "failed",
+            Verdict::Inconclusive(_) => "inconclusive",
+            Verdict::Skipped(_) => "skipped",
+        }
+    }
+}
+
+/// What a case found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// Result.
+    #[serde(flatten)]
+    pub verdict: Verdict,
+    /// Measured figures.
+    pub measured: Vec<Measure>,
+}
+
+impl Finding {
+    /// Judges figures by their limits.
+    pub(crate) fn of(measured: impl Into<Vec<Measure>>) -> Finding {
+        let measured = measured.into();
+        let verdict = if measured.iter().all(Measure::is_met) { Verdict::Passed } else { Verdict::Failed };
+        Finding { verdict, measured }
+    }
+
+    /// A result without figures.
+    pub(crate) fn inconclusive(reason: &str) -> Finding {
+        Finding { verdict: Verdict::Inconclusive(reason.into()), measured: Vec::new() }
+    }
+
+    /// A case that was not tried.
+    pub fn skipped(reason: &str) -> Finding {
+        Finding { verdict: Verdict::Skipped(reason.into()), measured: Vec::new() }
+    }
+}
+
+/// A numbered case.
+#[derive(Clone, Copy, Debug)]
+pub struct Case {
+    /// Number, as R01: R of random tests, S of swept sines, K of shocks.
+    pub id: &'static str,
+    /// What the controller must do, in a few words.
+    pub title: &'static str,
+    /// The rule with its numbers.
+    pub rule: &'static str,
+    /// What the plant does.
+    pub stimulus: Stimulus,
+    pub(crate) judge: fn(&Context<'_>) -> Finding,
+}
+
+impl Case {
+    /// Judges a run.
+    pub fn judge(&self, context: &Context<'_>) -> Finding {
+        (self.judge)(context)
+    }
+}
+
+/// Returns the cases of the kind of a test; none of shock response spectra.
+pub const fn cases(test: &Test) -> &'static [Case] {
+    match test {
+        Test::Random(_) => random::CASES,
+        Test::Sine(_) => sine::CASES,
+        Test::Shock(_) => shock::CASES,
+        Test::Srs(_) => &[],
+    }
+}
+
+/// The base run, without a stimulus.
+#[derive(Clone, Debug)]
+pub struct Base<'a> {
+    /// Record of the run.
+    pub record: &'a Record,
+    /// Samples of a random test at full level, or of the first sweep of a sine; none if the test did not come so far.
+    pub level: Option<Range<usize>>,
+    /// Largest drive, N.
+    pub peak_n: f64,
+    /// What was found of a sine.
+    pub(crate) sine: Option<SineVerdict>,
+    /// Sample of the record at which the judged part of a sine begins.
+    pub(crate) sine_start: usize,
+}
+
+/// Time at full level before a stimulus, s.
+const SETTLE_S: f64 = 6.0;
+
+impl<'a> Base<'a> {
+    /// Searches a record for the level of the test.
+    pub fn new(specification: &Specification, record: &'a Record) -> Base<'a> {
+        let mut base = Base { record, level: None, peak_n: record.peak(0, record.len()), sine: None, sine_start: 0 };
+        match &specification.test {
+            Test::Random(test) => base.level = random::level(test, record),
+            Test::Sine(test) => {
+                let range = sine::driven(record);
+                let part = |values: &'a Vec<f64>| values.get(range.clone()).unwrap_or_default();
+                // A run without a limit may record a response all the same.
+                let limits = specification.limits.response.len();
+                let responses: Vec<&[f64]> = record.responses.iter().take(limits).map(part).collect();
+                let (reading, drive) = (part(&record.reading), part(&record.drive));
+                let judged = judge_sine(test, &specification.limits, record.rate_hz, reading, Some(drive), &responses);
+                base.sine_start = range.start;
+                base.sine = judged.ok();
+                base.level = base.sine.as_ref().and_then(|found| found.passes.first()).map(|pass| {
+                    let at = |t_s: f64| range.start + record.samples(t_s);
+                    at(pass.from_s)..at(pass.to_s)
+                });
+            }
+            Test::Shock(_) | Test::Srs(_) => {}
+        }
+        base
+    }
+
+    /// Returns the sample at which a stimulus at the level acts: 6 s into the full level of a random test, in the middle of a
+    /// sweep.
+    pub fn stimulus(&self, test: &Test) -> Option<usize> {
+        let level = self.level.as_ref()?;
+        Some(match test {
+            Test::Sine(_) => usize::midpoint(level.start, level.end),
+            _ => level.start + self.record.samples(SETTLE_S),
+        })
+    }
+
+    /// Returns the acceleration at the limited channel of the base run with its frequency band: a limit that is `below_db` lower
+    /// holds the test there. Breakpoints [Hz, level], a density of a random test and an amplitude of a sine; none if the base
+    /// run has no such channel, or did not come to its level.
+    pub fn response_limit(&self, test: &Test, response: &[f64], below_db: f64) -> Option<[[f64; 2]; 2]> {
+        match test {
+            Test::Random(test) => random::response_limit(test, self, response, below_db),
+            Test::Sine(test) => sine::response_limit(test, self, response, below_db),
+            Test::Shock(_) | Test::Srs(_) => None,
+        }
+    }
+}
+
+/// What a case judges.
+#[derive(Clone, Debug)]
+pub struct Context<'a> {
+    /// Specification of the run, with the limits of the case.
+    pub specification: &'a Specification,
+    /// The base run.
+    pub base: &'a Base<'a>,
+    /// The run of the case; of one without a stimulus the base run.
+    pub record: &'a Record,
+    /// Sample at which the stimulus began.
+    pub stimulus: usize,
+}
+
+impl Context<'_> {
+    /// Returns a finding if the drive was too weak before the stimulus: the stimulus then never acted.
+    pub(crate) fn was_not_driven(&self) -> Option<Finding> {
+        let before = self.record.peak(self.stimulus.saturating_sub(self.record.samples(2.0)), self.stimulus);
+        if self.base.level.is_none() {
+            Some(Finding::inconclusive(NO_LEVEL))
+        } else if before < 0.2 * self.base.peak_n || before == 0.0 {
+            Some(Finding::inconclusive("the drive had ended before the stimulus, so it never acted"))
+        } else {
+            None
+        }
+    }
+}
+
+/// Reason of cases that need a test at its level.
+pub(crate) const NO_LEVEL: &str = "the base run did not come to its level, so the case can't be tried";

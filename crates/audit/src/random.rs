@@ -1,0 +1,587 @@
+//! Cases of random tests.
+//!
+//! The accuracy of the control is judged by [`judge_random`], which knows how estimates scatter. Two statistics look at the
+//! signals themselves: over short segments the lines of an honest controller scatter nearly as χ² with 2 degrees of freedom.
+//! Frames that are joined under windows scatter less, to about 0.6 of its variance, and a record narrower than χ² as a whole is
+//! good control: the loop corrects the scatter of its own estimate.
+
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use resonarm_specification::verdict::{self, RandomOptions, RandomVerdict, judge_random};
+use resonarm_specification::{Average, RandomTest, Test};
+
+use crate::case::NO_LEVEL;
+use crate::reaction::Reaction;
+use crate::record::{db, largest, rms, running_rms};
+use crate::spectrum::Segments;
+use crate::{Base, Case, Context, Finding, Measure, Record, Stimulus, Verdict};
+
+/// Window over which the level is searched for, s, and how far it may be from the full level, dB.
+const LEVEL_S: f64 = 2.0;
+const LEVEL_DB: f64 = 2.0;
+/// Time before the end of the drive that is not judged, s: the ramp.
+const RAMP_S: f64 = 0.15;
+/// Least time of level that the cases about accuracy judge, s.
+const LEAST_S: f64 = 20.0;
+/// Time from a stimulus by which the level must be back, s, and over which it is then judged, s.
+const RECOVERY_S: f64 = 25.0;
+const RECOVERED_S: f64 = 10.0;
+/// Time at the end of a record in which an ended test has no drive, s.
+const QUIET_S: f64 = 0.02;
+/// Time from the full level by which a controller must have given up, s.
+const GIVE_UP_S: f64 = 10.0;
+/// Largest distance of segments that are searched for repetitions.
+const REPETITIONS: usize = 90;
+
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        id: "R01",
+        title: "comes to the full level",
+        rule: "at least half of the specified time within 2 dB of the specified rms, over 2 s",
+        stimulus: Stimulus::None,
+        judge: full_level,
+    },
+    Case {
+        id: "R02",
+        title: "holds the profile",
+        rule: "no line, and no mean of 5 or 15 lines, is proven out of its tolerance at 1 % for the whole; inconclusive where lines are undecided",
+        stimulus: Stimulus::None,
+        judge: profile,
+    },
+    Case {
+        id: "R03",
+        title: "holds the rms",
+        rule: "rms between the edges within the specified tolerance, or 10 %",
+        stimulus: Stimulus::None,
+        judge: whole_rms,
+    },
+    Case {
+        id: "R04",
+        title: "drives with a Gaussian signal",
+        rule: "kurtosis of the drive from 2.6 to 3.4, crest factor at least 2.5",
+        stimulus: Stimulus::None,
+        judge: gaussian,
+    },
+    Case {
+        id: "R05",
+        title: "draws new phases",
+        rule: "variance of segments over that of χ² from 0.55 to 1.3; no segment of the drive matches an earlier one 4 times better than chance",
+        stimulus: Stimulus::None,
+        judge: new_phases,
+    },
+    Case {
+        id: "R06",
+        title: "goes through its levels",
+        rule: "at least 1.5 s within 2 dB of each specified level of −5 dB or less; at most +1.5 dB of the specified rms over 2 s",
+        stimulus: Stimulus::None,
+        judge: schedule,
+    },
+    Case {
+        id: "R07",
+        title: "stays at full level as long as specified",
+        rule: "at most 1 s less than specified",
+        stimulus: Stimulus::None,
+        judge: duration,
+    },
+    Case {
+        id: "R08",
+        title: "drives within the band",
+        rule: "less than 2 % of the power of the drive more than 15 lines beyond the profile",
+        stimulus: Stimulus::None,
+        judge: band,
+    },
+    Case {
+        id: "R09",
+        title: "ends its drive with the test",
+        rule: "the drive is 0 at the end of the run",
+        stimulus: Stimulus::None,
+        judge: quiet_end,
+    },
+    Case {
+        id: "R10",
+        title: "refuses a dead channel",
+        rule: "at most 10 % of the largest drive of the base run, then none",
+        stimulus: Stimulus::DeadFromStart,
+        judge: refuses,
+    },
+    Case {
+        id: "R11",
+        title: "refuses an open cable",
+        rule: "at most 10 % of the largest drive of the base run, then none",
+        stimulus: Stimulus::OpenFromStart,
+        judge: refuses,
+    },
+    Case {
+        id: "R12",
+        title: "stops when the channel reads nothing",
+        rule: "no drive after 600 ms, or 100 ms more than the specified time; a ramp of at least 15 ms; no more than 1.3 times the drive before",
+        stimulus: Stimulus::Dead,
+        judge: lost,
+    },
+    Case {
+        id: "R13",
+        title: "stops when the channel reads noise",
+        rule: "no drive after 600 ms, or 100 ms more than the specified time; a ramp of at least 15 ms; no more than 1.3 times the drive before",
+        stimulus: Stimulus::Open,
+        judge: lost,
+    },
+    Case {
+        id: "R14",
+        title: "aborts at three times the level",
+        rule: "no drive after 1 s",
+        stimulus: Stimulus::Gain(3.0),
+        judge: aborts,
+    },
+    Case {
+        id: "R15",
+        title: "equalises again when the plant has changed",
+        rule: "within 2 dB of the specified rms 25 s after the channel reads 3 dB less",
+        stimulus: Stimulus::Gain(0.708),
+        judge: equalises,
+    },
+    Case {
+        id: "R16",
+        title: "heeds clipped readings",
+        rule: "no drive 10 s after the full level would be reached",
+        stimulus: Stimulus::Clipped(2.0),
+        judge: gives_up,
+    },
+    Case {
+        id: "R17",
+        title: "keeps the limit of a response",
+        rule: "the response at most 1.5 dB beyond its limit; no line out at which the response of the base run is below it",
+        stimulus: Stimulus::ResponseLimit(6.0),
+        judge: notches,
+    },
+    Case {
+        id: "R18",
+        title: "stops softly when told to",
+        rule: "no drive after 500 ms; a ramp of at least 15 ms",
+        stimulus: Stimulus::Stop,
+        judge: stops,
+    },
+    Case {
+        id: "R19",
+        title: "begins low after an abort",
+        rule: "in the first 6 s at most 10 % of the largest drive of the base run",
+        stimulus: Stimulus::Restart,
+        judge: restarts,
+    },
+    Case {
+        id: "R20",
+        title: "goes on after a gap of 150 ms",
+        rule: "at most 1.25 times the drive before and +1.5 dB of the specified rms over 2 s; still driving 8 s later",
+        stimulus: Stimulus::Gap(0.15),
+        judge: bridges,
+    },
+    Case {
+        id: "R21",
+        title: "keeps the limit of the drive",
+        rule: "never beyond the limit, and no drive 10 s after the full level would be reached",
+        stimulus: Stimulus::DriveLimit(0.43),
+        judge: limits_drive,
+    },
+    Case {
+        id: "R22",
+        title: "refuses an inverted sensor",
+        rule: "at most 10 % of the largest drive of the base run; inconclusive beyond it, since the level is kept all the same",
+        stimulus: Stimulus::Inverted,
+        judge: inverted,
+    },
+    Case {
+        id: "R23",
+        title: "scatters as a perfect controller",
+        rule: "a perfect controller has as many lines beyond the counted deviation with a probability of at least 0.01",
+        stimulus: Stimulus::None,
+        judge: perfect,
+    },
+];
+
+/// Returns the specified rms, m/s².
+fn demand(test: &RandomTest) -> f64 {
+    libm::sqrt(test.profile.moment(0))
+}
+
+/// Returns the samples at full level: from where the rms over 2 s is within 2 dB of the specified one to the end of the drive,
+/// without the ramps; none if it is for less than 1 s.
+pub(crate) fn level(test: &RandomTest, record: &Record) -> Option<Range<usize>> {
+    let window = record.samples(LEVEL_S);
+    let is_full = |rms: &f64| db(rms / demand(test)).abs() < LEVEL_DB;
+    let running = running_rms(&record.reading, window);
+    let first = running.iter().position(is_full)?;
+    if running.iter().filter(|rms| is_full(rms)).count() < record.samples(1.0) {
+        return None;
+    }
+    let end = record.drive_end().saturating_sub(record.samples(RAMP_S)).min(record.len());
+    (end > first + window).then_some(first + window..end)
+}
+
+/// The test, or a finding for another kind of test, which has none of these cases.
+fn test<'a>(context: &Context<'a>) -> Option<&'a RandomTest> {
+    match &context.specification.test {
+        Test::Random(test) => Some(test),
+        _ => None,
+    }
+}
+
+/// Judges the full level of the base run by a function of the test and the level; inconclusive if it is too short.
+fn at_level(context: &Context<'_>, judge: impl FnOnce(&RandomTest, Range<usize>) -> Finding) -> Finding {
+    let (Some(test), Some(level)) = (test(context), context.base.level.clone()) else {
+        return Finding::inconclusive(NO_LEVEL);
+    };
+    if level.len() < context.record.samples(LEAST_S) {
+        return Finding::inconclusive("the base run has less than 20 s at full level");
+    }
+    judge(test, level)
+}
+
+/// Judges the density over a range of samples of the run.
+fn judged(context: &Context<'_>, range: Range<usize>) -> Option<RandomVerdict> {
+    judged_of(context, context.record, range)
+}
+
+/// Judges the density over a range of samples of a record, by the specification of the run.
+fn judged_of(context: &Context<'_>, record: &Record, range: Range<usize>) -> Option<RandomVerdict> {
+    let test = test(context)?;
+    let control = record.reading.get(range.clone())?;
+    let limits = &context.specification.limits;
+    // A run without a limit may record a response all the same.
+    let responses = record.responses.iter().take(limits.response.len()).map(|response| response.get(range.clone()));
+    let responses = &responses.collect::<Option<Vec<&[f64]>>>()?;
+    let options = RandomOptions { control: &[control], responses, average: Average::Mean };
+    judge_random(test, limits, record.rate_hz, &options).ok()
+}
+
+/// Length of a segment in samples, and its first and last line within the edges of the profile.
+fn segment(test: &RandomTest, rate_hz: f64) -> (usize, [usize; 2]) {
+    let length = libm::round(rate_hz / test.lines_hz) as usize;
+    let [first, last] = test.profile.band_hz().map(|hz| hz / test.lines_hz);
+    (length, [libm::ceil(first) as usize + 2, (libm::floor(last) as usize).saturating_sub(2)])
+}
+
+fn full_level(context: &Context<'_>) -> Finding {
+    let Some(test) = test(context) else { return Finding::inconclusive(NO_LEVEL) };
+    let asked_s = test.schedule.as_ref().map_or(2.0 * LEAST_S, |schedule| schedule.full_level_s());
+    let found_s = context.base.level.as_ref().map_or(0.0, |level| level.len() as f64 / context.record.rate_hz);
+    Finding::of([Measure::at_least("time at full level", found_s, "s", 0.5 * asked_s)])
+}
+
+fn profile(context: &Context<'_>) -> Finding {
+    at_level(context, |_, level| {
+        let Some(found) = judged(context, level) else {
+            return Finding::inconclusive("the record does not suit the specification");
+        };
+        let [low, high] = found.deviation_db;
+        let mut finding = Finding::of([
+            Measure::at_most("lines proven out", found.proven_hz.len() as f64, "", 0.0),
+            Measure::at_most("means of lines proven out", found.proven_means as f64, "", 0.0),
+            Measure { name: "lowest line", value: low, unit: "dB", least: None, most: None },
+            Measure { name: "highest line", value: high, unit: "dB", least: None, most: None },
+            Measure { name: "degrees of freedom", value: found.degrees_of_freedom, unit: "", least: None, most: None },
+        ]);
+        if found.profile == verdict::Verdict::Undecided {
+            finding.verdict = Verdict::Inconclusive("lines are undecided: judge a longer record".into());
+        }
+        finding
+    })
+}
+
+fn whole_rms(context: &Context<'_>) -> Finding {
+    at_level(context, |test, level| {
+        let Some(found) = judged(context, level) else {
+            return Finding::inconclusive("the record does not suit the specification");
+        };
+        let tolerance = test.rms_tolerance.unwrap_or(0.1);
+        let ratio = found.rms.rms_m_s2 / found.rms.demand_m_s2;
+        Finding::of([Measure::within("rms over the specified one", ratio, "", [1.0 - tolerance, 1.0 + tolerance])])
+    })
+}
+
+fn gaussian(context: &Context<'_>) -> Finding {
+    at_level(context, |_, level| {
+        let drive = &context.record.drive[level];
+        let mean = drive.iter().sum::<f64>() / drive.len() as f64;
+        let moment = |power: i32| {
+            drive.iter().map(|value| libm::pow(value - mean, f64::from(power))).sum::<f64>() / drive.len() as f64
+        };
+        let variance = moment(2);
+        Finding::of([
+            Measure::within("kurtosis of the drive", moment(4) / (variance * variance), "", [2.6, 3.4]),
+            Measure::at_least("crest factor of the drive", largest(drive) / libm::sqrt(variance), "", 2.5),
+        ])
+    })
+}
+
+fn new_phases(context: &Context<'_>) -> Finding {
+    at_level(context, |test, level| {
+        let (length, lines) = segment(test, context.record.rate_hz);
+        let apart = Segments::new(&context.record.reading[level.clone()], length, length, lines);
+        let overlapping = Segments::new(&context.record.drive[level], length, length / 2, lines);
+        if apart.count() < 10 {
+            return Finding::inconclusive("the level has less than 10 segments");
+        }
+        Finding::of([
+            Measure::within("variance of segments over that of χ²", apart.variance(), "", [0.55, 1.3]),
+            Measure::at_most(
+                "match with an earlier segment over chance",
+                overlapping.largest_match(REPETITIONS),
+                "",
+                4.0,
+            ),
+        ])
+    })
+}
+
+fn schedule(context: &Context<'_>) -> Finding {
+    at_level(context, |test, level| {
+        const STEP_S: f64 = 0.25;
+        let record = context.record;
+        let (window, step) = (record.samples(1.0), record.samples(STEP_S).max(1));
+        let levels: Vec<f64> =
+            running_rms(&record.reading, window).iter().step_by(step).map(|rms| db(rms / demand(test))).collect();
+        let rising = levels.iter().skip_while(|level| **level <= -20.0).take_while(|level| **level <= -2.0);
+        let rising: Vec<f64> = rising.copied().collect();
+        let asked = test.schedule.iter().flat_map(|schedule| &schedule.steps).filter(|step| step.level_db <= -5.0);
+        let mut measured: Vec<Measure> = asked
+            .map(|asked| {
+                let count = rising.iter().filter(|level| (*level - asked.level_db).abs() < 2.0).count();
+                let least = f64::min(1.5, 0.5 * asked.seconds);
+                Measure::at_least("time at a lower level", STEP_S * count as f64, "s", least)
+            })
+            .collect();
+        let until = &record.reading[..level.end];
+        let most = running_rms(until, record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
+        measured.push(Measure::at_most("largest rms over 2 s", db(most / demand(test)), "dB", 1.5));
+        Finding::of(measured)
+    })
+}
+
+fn duration(context: &Context<'_>) -> Finding {
+    at_level(context, |test, level| {
+        let Some(schedule) = &test.schedule else {
+            return Finding::skipped("the specification states no schedule");
+        };
+        // The window of 2 s before the level is at full level for the most part.
+        let found_s = level.len() as f64 / context.record.rate_hz + LEVEL_S;
+        Finding::of([Measure::at_least("time at full level", found_s, "s", schedule.full_level_s() - 1.0)])
+    })
+}
+
+fn band(context: &Context<'_>) -> Finding {
+    at_level(context, |test, level| {
+        let record = context.record;
+        let (length, _) = segment(test, record.rate_hz);
+        let drive = Segments::new(&record.drive[level], length, length / 2, [0, length / 2]);
+        let [from_hz, to_hz] = test.profile.band_hz();
+        let margin_hz = 15.0 * test.lines_hz;
+        // Segments have every second line.
+        let is_outside = |line: usize| {
+            let hz = (2 * line) as f64 * test.lines_hz;
+            hz > to_hz + margin_hz || hz < from_hz - margin_hz
+        };
+        let [outside, all] = drive.powers().iter().enumerate().fold([0.0, 0.0], |[outside, all], (line, power)| {
+            [if is_outside(line) { outside + power } else { outside }, all + power]
+        });
+        Finding::of([Measure::at_most("part of the drive beyond the band", 100.0 * outside / all, "%", 2.0)])
+    })
+}
+
+/// Judges whether the drive is 0 at the end of a run; inconclusive if the test was not over.
+pub(crate) fn ended(context: &Context<'_>, is_over: bool) -> Finding {
+    let record = context.record;
+    let quiet_s = (record.len() - record.drive_end().min(record.len())) as f64 / record.rate_hz;
+    if quiet_s < QUIET_S && !is_over {
+        return Finding::inconclusive("the run ended before the test");
+    }
+    Finding::of([Measure::at_least("time without a drive at the end", quiet_s, "s", QUIET_S)])
+}
+
+fn quiet_end(context: &Context<'_>) -> Finding {
+    let (Some(test), Some(_)) = (test(context), context.base.level.as_ref()) else {
+        return Finding::inconclusive(NO_LEVEL);
+    };
+    // A test that is over reads less than its level, whatever drive goes on.
+    let window = context.record.samples(LEVEL_S);
+    let last = &context.record.reading[context.record.len().saturating_sub(window)..];
+    ended(context, db(rms(last) / demand(test)) < -LEVEL_DB)
+}
+
+/// Judges a controller that must not begin its test: its drive stays small, and ends.
+pub(crate) fn refuses(context: &Context<'_>) -> Finding {
+    let record = context.record;
+    if context.base.level.is_none() {
+        return Finding::inconclusive(NO_LEVEL);
+    }
+    let quiet_s = (record.len() - record.drive_end().min(record.len())) as f64 / record.rate_hz;
+    Finding::of([
+        Measure::at_most("largest drive", record.peak(0, record.len()), "N", 0.1 * context.base.peak_n),
+        Measure::at_least("time without a drive at the end", quiet_s, "s", QUIET_S),
+    ])
+}
+
+fn lost(context: &Context<'_>) -> Finding {
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let most_s = context.specification.limits.loss_ms.map_or(0.6, |loss_ms| 1e-3 * loss_ms + 0.1);
+    let Reaction { zero_s, ramp_s, rise } = Reaction::new(context.record, context.stimulus);
+    Finding::of([
+        Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1e3 * most_s),
+        Measure::at_least("ramp", 1e3 * ramp_s, "ms", 15.0),
+        Measure::at_most("drive over that before", rise, "", 1.3),
+    ])
+}
+
+fn aborts(context: &Context<'_>) -> Finding {
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let Reaction { zero_s, .. } = Reaction::new(context.record, context.stimulus);
+    Finding::of([Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1000.0)])
+}
+
+fn equalises(context: &Context<'_>) -> Finding {
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let (Some(test), record) = (test(context), context.record) else { return Finding::inconclusive(NO_LEVEL) };
+    let end = context.stimulus + record.samples(RECOVERY_S);
+    let Some(last) = record.reading.get(end - record.samples(RECOVERED_S)..end) else {
+        return Finding::inconclusive("the run ends less than 25 s after the stimulus");
+    };
+    Finding::of([Measure::within("rms over the specified one", db(rms(last) / demand(test)), "dB", [-2.0, 2.0])])
+}
+
+/// Returns the time from the full level of the base run until which the drive goes on, s; negative before it.
+fn after_level_s(context: &Context<'_>) -> Option<f64> {
+    let level = context.base.level.as_ref()?;
+    Some((context.record.drive_end() as f64 - level.start as f64) / context.record.rate_hz)
+}
+
+fn gives_up(context: &Context<'_>) -> Finding {
+    match after_level_s(context) {
+        Some(seconds) => Finding::of([Measure::at_most("drive after the full level", seconds, "s", GIVE_UP_S)]),
+        None => Finding::inconclusive(NO_LEVEL),
+    }
+}
+
+fn limits_drive(context: &Context<'_>) -> Finding {
+    let (Some(seconds), Some(limit_n)) = (after_level_s(context), context.specification.limits.drive_peak_n) else {
+        return Finding::inconclusive(NO_LEVEL);
+    };
+    // Commands are rounded to counts of the protocol.
+    const COUNT_N: f64 = 0.02;
+    let peak_n = context.record.peak(0, context.record.len());
+    Finding::of([
+        Measure::at_most("largest drive", peak_n, "N", limit_n + COUNT_N),
+        Measure::at_most("drive after the full level", seconds, "s", GIVE_UP_S),
+    ])
+}
+
+fn notches(context: &Context<'_>) -> Finding {
+    let record = context.record;
+    let Some(level) = context.base.level.as_ref() else { return Finding::inconclusive(NO_LEVEL) };
+    let end = record.drive_end().saturating_sub(record.samples(RAMP_S)).min(record.len());
+    // A controller needs some seconds to lower the lines.
+    let start = level.start + record.samples(SETTLED_S);
+    if end < start + record.samples(LEAST_S) {
+        return Finding::inconclusive("the run has less than 20 s at its level");
+    }
+    let both = judged(context, start..end).zip(judged_of(context, context.base.record, level.clone()));
+    let Some((found, base)) = both else {
+        return Finding::inconclusive("the record does not suit the specification");
+    };
+    // The limit holds down the lines at which the response of the base run is beyond it, or nearly so.
+    let free = found.lines.iter().zip(&base.lines).filter(|(_, base)| !base.is_limited);
+    let out = free.filter(|(line, _)| line.verdict == verdict::Verdict::Out).count();
+    let over = found.limits.iter().map(|limit| limit.largest_db).fold(f64::NEG_INFINITY, f64::max);
+    Finding::of([
+        Measure::at_most("largest response over its limit", over, "dB", 1.5),
+        Measure::at_most("other lines that are out", out as f64, "", 0.0),
+    ])
+}
+
+/// Time after the full level of the base run from which a limited response is judged, s.
+const SETTLED_S: f64 = 8.0;
+
+fn stops(context: &Context<'_>) -> Finding {
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let Reaction { zero_s, ramp_s, .. } = Reaction::new(context.record, context.stimulus);
+    Finding::of([
+        Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 500.0),
+        Measure::at_least("ramp", 1e3 * ramp_s, "ms", 15.0),
+    ])
+}
+
+fn restarts(context: &Context<'_>) -> Finding {
+    const FIRST_S: f64 = 6.0;
+    if context.base.level.is_none() {
+        return Finding::inconclusive(NO_LEVEL);
+    }
+    let record = context.record;
+    let peak_n = record.peak(context.stimulus, context.stimulus + record.samples(FIRST_S));
+    Finding::of([Measure::at_most("largest drive", peak_n, "N", 0.1 * context.base.peak_n)])
+}
+
+fn bridges(context: &Context<'_>) -> Finding {
+    const BEFORE_S: f64 = 15.0;
+    const AFTER_S: f64 = 8.0;
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let (Some(test), record, from) = (test(context), context.record, context.stimulus) else {
+        return Finding::inconclusive(NO_LEVEL);
+    };
+    let before = record.peak(from.saturating_sub(record.samples(BEFORE_S)), from);
+    let to = (from + record.samples(AFTER_S)).min(record.len());
+    let most = running_rms(&record.reading[from.min(to)..to], record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
+    let driven_s = record.drive_end().saturating_sub(from) as f64 / record.rate_hz;
+    Finding::of([
+        Measure::at_most("drive over that before", record.peak(from, to) / before, "", 1.25),
+        Measure::at_most("largest rms over 2 s", db(most / demand(test)), "dB", 1.5),
+        Measure::at_least("drive after the gap", driven_s, "s", AFTER_S),
+    ])
+}
+
+fn inverted(context: &Context<'_>) -> Finding {
+    let finding = refuses(context);
+    match finding.verdict {
+        Verdict::Failed => Finding {
+            verdict: Verdict::Inconclusive(
+                "the controller does not check the sign: it holds the level all the same".into(),
+            ),
+            ..finding
+        },
+        _ => finding,
+    }
+}
+
+fn perfect(context: &Context<'_>) -> Finding {
+    at_level(context, |_, level| match judged(context, level) {
+        Some(found) => Finding::of([
+            Measure { name: "lines beyond", value: found.counted as f64, unit: "", least: None, most: None },
+            Measure::at_least("probability", found.perfect_probability, "", 0.01),
+        ]),
+        None => Finding::inconclusive("the record does not suit the specification"),
+    })
+}
+
+/// Returns a limit over the whole profile, `below_db` below the largest density of a response.
+pub(crate) fn response_limit(
+    test: &RandomTest,
+    base: &Base<'_>,
+    response: &[f64],
+    below_db: f64,
+) -> Option<[[f64; 2]; 2]> {
+    let (level, rate_hz) = (base.level.clone()?, base.record.rate_hz);
+    let (length, lines) = segment(test, rate_hz);
+    let segments = Segments::new(response.get(level)?, length, length / 2, lines);
+    let largest = segments.powers().into_iter().fold(0.0, f64::max);
+    // Hann's window has the mean square 3/8.
+    let density = 2.0 * largest / (0.375 * rate_hz * length as f64);
+    let limit = density * libm::pow(10.0, -0.1 * below_db);
+    (limit > 0.0).then_some(test.profile.band_hz().map(|hz| [hz, limit]))
+}

@@ -1,0 +1,38 @@
+//! How a drive ends after a stimulus.
+
+use crate::Record;
+use crate::record::{largest, rms};
+
+/// The end of a drive after a stimulus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reaction {
+    /// Time from the stimulus to the last sample with a drive, s; to the end of the record if the drive goes on.
+    pub zero_s: f64,
+    /// Time of the ramp, s: from the last large drive to the end. A hard stop has nearly none.
+    pub ramp_s: f64,
+    /// Largest drive after the stimulus over that before it.
+    pub rise: f64,
+}
+
+/// Time before the stimulus whose drive is the measure of a large one, s.
+const BEFORE_S: f64 = 2.0;
+/// Time before the stimulus whose largest drive is compared with that after it, s.
+const RISE_S: f64 = 3.0;
+
+impl Reaction {
+    /// Measures the end of the drive after sample `from`. A drive is large beyond its rms of the 2 s before, which a random
+    /// drive exceeds every third sample, and a sine during half of its period.
+    pub fn new(record: &Record, from: usize) -> Reaction {
+        let from = from.min(record.drive.len());
+        let before = |seconds| &record.drive[from.saturating_sub(record.samples(seconds))..from];
+        let end = record.drive_end().max(from);
+        let large = rms(before(BEFORE_S));
+        let after = &record.drive[from..end];
+        let last = after.iter().rposition(|drive| drive.abs() > large).map_or(0, |last| last + 1);
+        Reaction {
+            zero_s: (end - from) as f64 / record.rate_hz,
+            ramp_s: (end - from - last) as f64 / record.rate_hz,
+            rise: largest(after) / largest(before(RISE_S)).max(f64::MIN_POSITIVE),
+        }
+    }
+}

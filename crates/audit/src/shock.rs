@@ -1,0 +1,108 @@
+//! Cases of classical shocks.
+
+use resonarm_specification::verdict::{ShockVerdict, Shot, judge_shock};
+use resonarm_specification::{ShockTest, Test};
+
+use crate::{Case, Context, Finding, Measure, Stimulus};
+
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        id: "K01",
+        title: "shoots the pulse",
+        rule: "every shot at full level within the specified band about the pulse, and as many as specified",
+        stimulus: Stimulus::None,
+        judge: pulse,
+    },
+    Case {
+        id: "K02",
+        title: "changes the velocity",
+        rule: "velocity change within the specified tolerance, or 15 %",
+        stimulus: Stimulus::None,
+        judge: velocity_change,
+    },
+    Case {
+        id: "K03",
+        title: "is quiet beside the pulse",
+        rule: "beside the pulse at most the specified part of the peak, or 45 %",
+        stimulus: Stimulus::None,
+        judge: outside,
+    },
+    Case {
+        id: "K04",
+        title: "brings the structure to rest",
+        rule: "velocity at the end at most the specified part of the velocity change, or 10 %",
+        stimulus: Stimulus::None,
+        judge: end_velocity,
+    },
+    Case {
+        id: "K05",
+        title: "begins below the full level",
+        rule: "the first shot at most 0.55 of the peak",
+        stimulus: Stimulus::None,
+        judge: first_shot,
+    },
+];
+
+/// Why a record without a shot decides nothing.
+const NO_SHOT: &str = "the run has no shot at full level";
+
+fn found<'a>(context: &Context<'a>) -> Option<(&'a ShockTest, ShockVerdict)> {
+    let Test::Shock(test) = &context.specification.test else { return None };
+    judge_shock(test, context.record.rate_hz, &context.record.reading).ok().map(|found| (test, found))
+}
+
+/// Returns the largest of a figure over the shots at full level; none if there is no such shot, or one without the figure.
+fn largest(found: &ShockVerdict, figure: impl Fn(&Shot) -> Option<f64>) -> Option<f64> {
+    let mut full = found.shots.iter().filter(|shot| shot.is_full).peekable();
+    full.peek()?;
+    full.try_fold(0.0_f64, |largest, shot| Some(largest.max(figure(shot)?.abs())))
+}
+
+/// Judges the largest of a figure over the shots at full level, in %, by the specified limit.
+fn worst(
+    context: &Context<'_>,
+    name: &'static str,
+    figure: impl Fn(&Shot) -> Option<f64>,
+    most: impl Fn(&ShockTest) -> f64,
+) -> Finding {
+    let of = found(context).and_then(|(test, found)| Some((largest(&found, figure)?, most(test))));
+    match of {
+        Some((value, most)) => Finding::of([Measure::at_most(name, 100.0 * value, "%", 100.0 * most)]),
+        None => Finding::inconclusive(NO_SHOT),
+    }
+}
+
+fn pulse(context: &Context<'_>) -> Finding {
+    let Test::Shock(test) = &context.specification.test else { return Finding::inconclusive(NO_SHOT) };
+    let found = judge_shock(test, context.record.rate_hz, &context.record.reading).ok();
+    let error = found.as_ref().and_then(|found| largest(found, |shot| Some(shot.error)));
+    // Shots in the other direction are none, but they are not nothing either.
+    if error.is_none() && crate::record::largest(&context.record.reading) < 0.5 * test.peak_m_s2 {
+        return Finding::inconclusive(NO_SHOT);
+    }
+    let (full, asked) = found.map_or((0, 1), |found| (found.full, found.asked));
+    let mut measured = alloc::vec![Measure::at_least("shots at full level", full as f64, "", f64::from(asked))];
+    measured.extend(error.map(|error| Measure::at_most("error over the peak", 100.0 * error, "%", 100.0 * test.band)));
+    Finding::of(measured)
+}
+
+fn velocity_change(context: &Context<'_>) -> Finding {
+    let most = |test: &ShockTest| test.velocity_tolerance.unwrap_or(0.15);
+    worst(context, "error of the velocity change", |shot| Some(shot.velocity_change), most)
+}
+
+fn outside(context: &Context<'_>) -> Finding {
+    worst(context, "beside the pulse over the peak", |shot| shot.outside, |test| test.outside.unwrap_or(0.45))
+}
+
+fn end_velocity(context: &Context<'_>) -> Finding {
+    let most = |test: &ShockTest| test.end_velocity_tolerance.unwrap_or(0.1);
+    worst(context, "velocity at the end over the change", |shot| shot.end_velocity, most)
+}
+
+fn first_shot(context: &Context<'_>) -> Finding {
+    match found(context).as_ref().and_then(|(_, found)| found.shots.first()) {
+        Some(first) => Finding::of([Measure::at_most("first shot over the full level", first.amplitude, "", 0.55)]),
+        None => Finding::inconclusive(NO_SHOT),
+    }
+}

@@ -1,0 +1,275 @@
+//! Cases of swept sines.
+
+use core::ops::Range;
+
+use resonarm_specification::verdict::SineVerdict;
+use resonarm_specification::{SineTest, SweepRate, Test};
+
+use crate::case::NO_LEVEL;
+use crate::random::{ended, refuses};
+use crate::reaction::Reaction;
+use crate::record::{largest, running_rms};
+use crate::{Base, Case, Context, Finding, Measure, Record, Stimulus};
+
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        id: "S01",
+        title: "holds the amplitude",
+        rule: "the fundamental within the specified tolerance for 90 % of the time, and never beyond 2.5 times it",
+        stimulus: Stimulus::None,
+        judge: amplitude,
+    },
+    Case {
+        id: "S02",
+        title: "sweeps at the specified rate",
+        rule: "rate within 10 %; at most 0.05 octaves from the specified law",
+        stimulus: Stimulus::None,
+        judge: rate,
+    },
+    Case {
+        id: "S03",
+        title: "sweeps without steps",
+        rule: "the frequency stands still in at most 15 % of the intervals of 0.1 s",
+        stimulus: Stimulus::None,
+        judge: continuity,
+    },
+    Case {
+        id: "S05",
+        title: "ends its drive with the test",
+        rule: "the drive is 0 at the end of the run",
+        stimulus: Stimulus::None,
+        judge: quiet_end,
+    },
+    Case {
+        id: "S06",
+        title: "starts without overshoot",
+        rule: "until the sweep the channel reads at most 1.3 times the first amplitude",
+        stimulus: Stimulus::None,
+        judge: start,
+    },
+    Case {
+        id: "S08",
+        title: "stops when the channel reads nothing",
+        rule: "no drive after 500 ms; a ramp of at least 10 ms or 0.3 periods; no more than 3 times the drive before",
+        stimulus: Stimulus::Dead,
+        judge: lost,
+    },
+    Case {
+        id: "S09",
+        title: "stops when the channel reads noise",
+        rule: "no drive after 500 ms; a ramp of at least 10 ms or 0.3 periods; no more than 3 times the drive before",
+        stimulus: Stimulus::Open,
+        judge: lost,
+    },
+    Case {
+        id: "S10",
+        title: "stops softly when told to",
+        rule: "no drive after 300 ms; a ramp of at least 10 ms or 0.3 periods",
+        stimulus: Stimulus::Stop,
+        judge: stops,
+    },
+    Case {
+        id: "S11",
+        title: "aborts at three times the level",
+        rule: "no drive after 500 ms; a ramp of at least 10 ms or 0.3 periods",
+        stimulus: Stimulus::Gain(3.0),
+        judge: aborts,
+    },
+    Case {
+        id: "S12",
+        title: "refuses a dead channel",
+        rule: "at most half of the largest drive of the base run, then none",
+        stimulus: Stimulus::DeadFromStart,
+        judge: dead,
+    },
+    Case {
+        id: "S13",
+        title: "begins low after an abort",
+        rule: "in the first 2.2 s at most a quarter of the largest drive of the base run",
+        stimulus: Stimulus::Restart,
+        judge: restarts,
+    },
+    Case {
+        id: "S15",
+        title: "goes on after a gap of 150 ms",
+        rule: "the channel reads at most 1.6 times the amplitude; still driving 3 s later",
+        stimulus: Stimulus::Gap(0.15),
+        judge: bridges,
+    },
+    Case {
+        id: "S16",
+        title: "keeps the limit of a response",
+        rule: "the response at most 15 % beyond its limit",
+        stimulus: Stimulus::ResponseLimit(6.0),
+        judge: notches,
+    },
+];
+
+/// Returns the samples of a record from the first to the last one with a drive.
+pub(crate) fn driven(record: &Record) -> Range<usize> {
+    let first = record.drive.iter().position(|drive| *drive != 0.0).unwrap_or(0);
+    first..record.drive_end().min(record.len()).max(first)
+}
+
+/// Returns the test and what was found of it in the base run; none if it has no sweep.
+fn found<'a>(context: &'a Context<'_>) -> Option<(&'a SineTest, &'a SineVerdict)> {
+    match (&context.specification.test, &context.base.sine) {
+        (Test::Sine(test), Some(found)) => Some((test, found)),
+        _ => None,
+    }
+}
+
+fn amplitude(context: &Context<'_>) -> Finding {
+    let Some((test, found)) = found(context) else { return Finding::inconclusive(NO_LEVEL) };
+    // Instants are as far apart as the filter is long, which is inversely proportional to the frequency.
+    let [within, all] = found.points.iter().fold([0.0, 0.0], |[within, all], point| {
+        let (error, time) = (point.tracked_m_s2 / point.demand_m_s2 - 1.0, 1.0 / point.frequency_hz);
+        let is_within = error.abs() <= test.tolerance || (point.is_limited && error < 0.0);
+        [if is_within { within + time } else { within }, all + time]
+    });
+    let [low, high] = found.extremes.map(|ratio| 100.0 * (ratio - 1.0));
+    let worst = 250.0 * test.tolerance;
+    Finding::of([
+        Measure::at_least("time within the tolerance", 100.0 * within / all, "%", 90.0),
+        Measure::at_least("lowest amplitude", low, "%", -worst),
+        Measure::at_most("highest amplitude", high, "%", worst),
+    ])
+}
+
+fn rate(context: &Context<'_>) -> Finding {
+    let Some((test, found)) = found(context) else { return Finding::inconclusive(NO_LEVEL) };
+    let Some(pass) = found.passes.first() else { return Finding::inconclusive(NO_LEVEL) };
+    let (SweepRate::OctavesPerMinute(nominal) | SweepRate::HertzPerSecond(nominal)) = test.rate;
+    Finding::of([
+        Measure::within("rate over the specified one", pass.rate / nominal, "", [0.9, 1.1]),
+        Measure::at_most("departure from the law", pass.departure_octaves, "octaves", 0.05),
+    ])
+}
+
+fn continuity(context: &Context<'_>) -> Finding {
+    let still = found(context).and_then(|(_, found)| found.passes.first()?.still);
+    match still {
+        Some(still) => Finding::of([Measure::at_most("intervals in which it stands still", 100.0 * still, "%", 15.0)]),
+        None => Finding::inconclusive(NO_LEVEL),
+    }
+}
+
+fn quiet_end(context: &Context<'_>) -> Finding {
+    const AFTER_S: f64 = 3.0;
+    let Some(last) = found(context).and_then(|(_, found)| found.passes.last()) else {
+        return Finding::inconclusive(NO_LEVEL);
+    };
+    let end = context.base.sine_start + context.record.samples(last.to_s + AFTER_S);
+    ended(context, context.record.len() > end)
+}
+
+fn start(context: &Context<'_>) -> Finding {
+    let (Some((test, _)), Some(level)) = (found(context), context.base.level.as_ref()) else {
+        return Finding::inconclusive(NO_LEVEL);
+    };
+    let [from_hz, _] = test.band_hz();
+    let Some(demand) = test.acceleration_m_s2(from_hz) else { return Finding::inconclusive(NO_LEVEL) };
+    let peak = largest(&context.record.reading[..level.start.min(context.record.len())]);
+    Finding::of([Measure::at_most("reading over the first amplitude", peak / demand, "", 1.3)])
+}
+
+/// Returns the specified amplitude and the frequency of the base run at a sample, or the next one that was judged.
+fn at(context: &Context<'_>, sample: usize) -> Option<[f64; 2]> {
+    let (_, found) = found(context)?;
+    let t_s = sample.saturating_sub(context.base.sine_start) as f64 / context.record.rate_hz;
+    let point = found.points.iter().find(|point| point.t_s >= t_s).or(found.points.last())?;
+    Some([point.demand_m_s2, point.frequency_hz])
+}
+
+/// Judges the end of the drive after a stimulus: the largest time, s, and how much more drive there may be meanwhile.
+fn reacts(context: &Context<'_>, most_s: f64, most_rise: Option<f64>) -> Finding {
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let Some([_, hz]) = at(context, context.stimulus) else { return Finding::inconclusive(NO_LEVEL) };
+    let Reaction { zero_s, ramp_s, rise } = Reaction::new(context.record, context.stimulus);
+    let mut measured = alloc::vec![
+        Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1e3 * most_s),
+        // A sine is below its rms for up to a quarter of a period, so that a hard stop may look like a short ramp.
+        Measure::at_least("ramp", 1e3 * ramp_s, "ms", f64::max(10.0, 300.0 / hz)),
+    ];
+    measured.extend(most_rise.map(|most| Measure::at_most("drive over that before", rise, "", most)));
+    Finding::of(measured)
+}
+
+fn lost(context: &Context<'_>) -> Finding {
+    reacts(context, 0.5, Some(3.0))
+}
+
+fn stops(context: &Context<'_>) -> Finding {
+    reacts(context, 0.3, None)
+}
+
+fn aborts(context: &Context<'_>) -> Finding {
+    reacts(context, 0.5, None)
+}
+
+/// A sine controller may look for its response with more drive than a random one: half of the largest drive.
+fn dead(context: &Context<'_>) -> Finding {
+    let mut finding = refuses(context);
+    if let Some(drive) = finding.measured.first().copied() {
+        let rest = finding.measured.split_off(1);
+        finding = Finding::of(
+            [Measure { most: Some(0.5 * context.base.peak_n), ..drive }]
+                .into_iter()
+                .chain(rest)
+                .collect::<alloc::vec::Vec<_>>(),
+        );
+    }
+    finding
+}
+
+fn restarts(context: &Context<'_>) -> Finding {
+    const FIRST_S: f64 = 2.2;
+    if context.base.level.is_none() {
+        return Finding::inconclusive(NO_LEVEL);
+    }
+    let record = context.record;
+    let peak_n = record.peak(context.stimulus, context.stimulus + record.samples(FIRST_S));
+    Finding::of([Measure::at_most("largest drive", peak_n, "N", 0.25 * context.base.peak_n)])
+}
+
+fn bridges(context: &Context<'_>) -> Finding {
+    const AFTER_S: f64 = 3.0;
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
+    }
+    let (record, from) = (context.record, context.stimulus);
+    let to = (from + record.samples(AFTER_S)).min(record.len());
+    let ends = [at(context, from), at(context, to)];
+    let [Some([first, _]), Some([last, _])] = ends else { return Finding::inconclusive(NO_LEVEL) };
+    let peak = record.reading.get(from..to).map_or(0.0, largest);
+    let driven_s = record.drive_end().saturating_sub(from) as f64 / record.rate_hz;
+    Finding::of([
+        Measure::at_most("reading over the amplitude", peak / first.max(last), "", 1.6),
+        Measure::at_least("drive after the gap", driven_s, "s", AFTER_S),
+    ])
+}
+
+fn notches(context: &Context<'_>) -> Finding {
+    let own = Base::new(context.specification, context.record);
+    let Some(found) = &own.sine else { return Finding::inconclusive("the run has no sweep") };
+    let over = found.limits.iter().map(|limit| libm::pow(10.0, limit.largest_db / 20.0)).fold(0.0, f64::max);
+    Finding::of([Measure::at_most("largest response over its limit", over, "", 1.15)])
+}
+
+/// Returns a limit over the whole sweep, `below_db` below the largest amplitude of a response.
+pub(crate) fn response_limit(
+    test: &SineTest,
+    base: &Base<'_>,
+    response: &[f64],
+    below_db: f64,
+) -> Option<[[f64; 2]; 2]> {
+    let level = base.level.clone()?;
+    let [from_hz, _] = test.band_hz();
+    // Over two periods of the lowest frequency, √2 times the rms is the amplitude.
+    let window = base.record.samples(2.0 / from_hz);
+    let largest = running_rms(response.get(level)?, window).into_iter().fold(0.0, f64::max);
+    let limit = largest * core::f64::consts::SQRT_2 * libm::pow(10.0, -below_db / 20.0);
+    (limit > 0.0).then_some(test.band_hz().map(|hz| [hz, limit]))
+}

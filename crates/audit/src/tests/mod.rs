@@ -1,0 +1,91 @@
+//! Every case on records of known kind: one that passes, and one with the flaw that fails it.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod randoms;
+mod shocks;
+mod sines;
+
+use resonarm_specification::{Specification, SpecificationFile};
+
+use crate::{Base, Case, Context, Finding, Record, Stimulus, Verdict, cases};
+
+/// Samples a second, and in a frame of random signals: a power of two.
+const RATE: usize = 1024;
+
+fn specification(text: &str) -> Specification {
+    let file: SpecificationFile = toml::from_str(text).unwrap_or_else(|error| panic!("{error}"));
+    Specification::new(&file, |_| Err(String::from("there are no files"))).unwrap()
+}
+
+fn case(specification: &Specification, id: &str) -> &'static Case {
+    cases(&specification.test).iter().find(|case| case.id == id).unwrap_or_else(|| panic!("there is no case {id}"))
+}
+
+/// Judges the run of a case beside the base run.
+fn judged(specification: &Specification, id: &str, base: &Record, record: &Record) -> Finding {
+    let base = Base::new(specification, base);
+    let stimulus = base.stimulus(&specification.test).unwrap_or(0);
+    case(specification, id).judge(&Context { specification, base: &base, record, stimulus })
+}
+
+/// Numbers of the cases without a stimulus that fail on a base run.
+fn failing(specification: &Specification, record: &Record) -> Vec<&'static str> {
+    let own = cases(&specification.test).iter().filter(|case| case.stimulus == Stimulus::None);
+    let fails = |case: &&Case| judged(specification, case.id, record, record).verdict == Verdict::Failed;
+    own.filter(fails).map(|case| case.id).collect()
+}
+
+#[track_caller]
+fn passes(specification: &Specification, id: &str, base: &Record, record: &Record) {
+    let found = judged(specification, id, base, record);
+    assert_eq!(found.verdict, Verdict::Passed, "{id}: {:?}", found.measured);
+}
+
+#[track_caller]
+fn fails(specification: &Specification, id: &str, base: &Record, record: &Record) {
+    let found = judged(specification, id, base, record);
+    assert_eq!(found.verdict, Verdict::Failed, "{id}: {:?}", found.measured);
+}
+
+/// The record with its drive and its readings multiplied from a sample on: by the samples of a ramp, then by 0.
+fn ended(record: &Record, at: usize, ramp: usize) -> Record {
+    let factor = |sample: usize| match sample.checked_sub(at) {
+        None => 1.0,
+        Some(late) if late < ramp => 1.0 - late as f64 / ramp as f64,
+        Some(_) => 0.0,
+    };
+    let scaled = |values: &[f64]| values.iter().enumerate().map(|(k, value)| value * factor(k)).collect();
+    Record {
+        drive: scaled(&record.drive),
+        reading: scaled(&record.reading),
+        responses: record.responses.iter().map(|response| scaled(response)).collect(),
+        ..*record
+    }
+}
+
+/// The record with drive and readings multiplied.
+fn scaled(record: &Record, factor: f64) -> Record {
+    let scaled = |values: &[f64]| values.iter().map(|value| factor * value).collect();
+    Record {
+        drive: scaled(&record.drive),
+        reading: scaled(&record.reading),
+        responses: record.responses.iter().map(|response| scaled(response)).collect(),
+        ..*record
+    }
+}
+
+#[test]
+fn numbers_of_cases_are_unique_and_rules_are_stated() {
+    let all = [randoms::SPECIFICATION, sines::SPECIFICATION, shocks::SPECIFICATION].map(specification);
+    let mut ids: Vec<&str> = Vec::new();
+    for specification in &all {
+        for case in cases(&specification.test) {
+            assert!(!case.rule.is_empty() && !case.title.is_empty());
+            ids.push(case.id);
+        }
+    }
+    let count = ids.len();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), count);
+}

@@ -1,0 +1,78 @@
+//! Cases of classical shocks.
+
+use resonarm_numeric::noise::Noise;
+use resonarm_specification::{ShockTest, Test};
+
+use super::{failing, judged, passes, specification};
+use crate::{Record, Verdict};
+
+const RATE_HZ: f64 = 1000.0;
+
+pub(super) const SPECIFICATION: &str = "[spec]
+kind = 'shock'
+sources = []
+[shock]
+pulse = 'half-sine'
+peak_m_s2 = 20
+duration_s = 0.02
+band = 0.2
+velocity_tolerance = 0.15
+end_velocity_tolerance = 0.1
+outside = 0.25
+pre_s = 0.1
+post_s = 0.1
+shots = [{ level_db = -12, count = 1 }, { level_db = 0, count = 2 }]
+";
+
+fn shock(text: &str) -> ShockTest {
+    match specification(text).test {
+        Test::Shock(test) => test,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A record with a shot every second, each with these factors, and noise.
+fn run(shot: &[f64], factors: &[f64]) -> Record {
+    let mut noise = Noise::new(4, 1);
+    let mut reading: Vec<f64> = (0..1000 * (factors.len() + 2)).map(|_| 0.02 * noise.normal()).collect();
+    for (factor, number) in factors.iter().zip(1..) {
+        for (sample, value) in reading[1000 * number..].iter_mut().zip(shot) {
+            *sample += factor * value;
+        }
+    }
+    Record { rate_hz: RATE_HZ, drive: reading.clone(), reading, responses: Vec::new() }
+}
+
+#[test]
+fn good_shots_pass_and_flawed_ones_fail_the_case_for_it() {
+    let specification = specification(SPECIFICATION);
+    let (good, start) = shock(SPECIFICATION).compensated(RATE_HZ).unwrap();
+    let record = run(&good, &[0.25, 1.0, 1.0]);
+    for id in ["K01", "K02", "K03", "K04", "K05"] {
+        passes(&specification, id, &record, &record);
+    }
+    let (short, _) =
+        shock(&SPECIFICATION.replace("duration_s = 0.02", "duration_s = 0.014")).compensated(RATE_HZ).unwrap();
+    let mut alone = good.clone();
+    alone[..start].fill(0.0);
+    alone[start + 21..].fill(0.0);
+    let mut bump = good.clone();
+    bump[start + 60..start + 70].iter_mut().for_each(|sample| *sample += 6.0);
+    bump[start + 70..start + 80].iter_mut().for_each(|sample| *sample -= 6.0);
+    for (expected, record) in [
+        (&["K01", "K02"][..], run(&good, &[0.25, 1.3, 1.3])),
+        (&["K01", "K02"], run(&short, &[0.25, 1.0, 1.0])),
+        (&["K03"], run(&bump, &[0.25, 1.0, 1.0])),
+        (&["K04"], run(&alone, &[0.25, 1.0, 1.0])),
+        (&["K05"], run(&good, &[1.0, 1.0, 1.0])),
+        (&["K01"], run(&good, &[0.25, 1.0])),
+    ] {
+        let found = failing(&specification, &record);
+        assert!(expected.iter().all(|id| found.contains(id)), "{expected:?}: {found:?}");
+    }
+    // Shots in the other direction are none.
+    assert_eq!(failing(&specification, &run(&good, &[-0.25, -1.0, -1.0])), ["K01"]);
+    let none = run(&good, &[]);
+    let verdict = judged(&specification, "K01", &none, &none).verdict;
+    assert!(matches!(verdict, Verdict::Inconclusive(_)), "{verdict:?}");
+}

@@ -1,0 +1,155 @@
+//! Cases of swept sines, on a structure whose acceleration is the force over 1 kg.
+
+use resonarm_specification::{SineTest, Test};
+
+use super::{RATE, ended, failing, fails, judged, passes, scaled, specification};
+use crate::{Base, Record, Verdict};
+
+pub(super) const SPECIFICATION: &str = "[spec]
+kind = 'sine'
+sources = []
+[sine]
+from_hz = 15
+rate_oct_min = 4
+segments = [{ to_hz = 60, acceleration_m_s2 = 3 }]
+tolerance = 0.1
+rate_tolerance = 0.1
+";
+
+/// Silence, the rise to the amplitude and the time there before the sweep, samples; and the silence at the end.
+const STARTS: [usize; 3] = [RATE, 2 * RATE, RATE];
+const QUIET: usize = 5 * RATE;
+
+fn test() -> SineTest {
+    match specification(SPECIFICATION).test {
+        Test::Sine(test) => test,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A sweep whose phase, rad, and amplitude, m/s², are functions of the time from its start, s, which lasts some seconds.
+fn run(phase: impl Fn(f64) -> f64, amplitude: impl Fn(f64) -> f64, sweep_s: f64) -> Record {
+    let [quiet, rise, stay] = STARTS;
+    let start = quiet + rise + stay;
+    let end = start + (sweep_s * RATE as f64) as usize;
+    let sample = |k: usize| {
+        let t_s = (k as f64 - start as f64) / RATE as f64;
+        // Before the sweep the frequency is the first one.
+        let turn = if t_s < 0.0 { core::f64::consts::TAU * 15.0 * t_s } else { phase(t_s) };
+        let level = (k as f64 - quiet as f64) / rise as f64;
+        amplitude(t_s) * level.clamp(0.0, 1.0) * libm::cos(turn)
+    };
+    let drive: Vec<f64> = (0..end + QUIET).map(|k| if k < end { sample(k) } else { 0.0 }).collect();
+    let reading: Vec<f64> = drive.iter().enumerate().map(|(k, drive)| drive + 0.01 * ((k % 7) as f64 - 3.0)).collect();
+    let responses = vec![reading.iter().map(|reading| 0.5 * reading).collect()];
+    let record = Record { rate_hz: RATE as f64, drive, reading, responses };
+    ended(&record, end - RATE / 10, RATE / 10)
+}
+
+fn honest() -> Record {
+    let test = test();
+    run(|t_s| test.phase_rad(t_s), |_| 3.0, test.sweep_s(15.0, 60.0))
+}
+
+#[test]
+fn an_honest_controller_passes() {
+    let specification = specification(SPECIFICATION);
+    let record = honest();
+    for id in ["S01", "S02", "S03", "S05", "S06"] {
+        passes(&specification, id, &record, &record);
+    }
+    // The middle of the sweep is at 30 Hz, 15 s from its start at 4 s.
+    let at = Base::new(&specification, &record).stimulus(&specification.test).unwrap();
+    assert!(at.abs_diff(19 * RATE) < RATE, "{at}");
+}
+
+#[test]
+fn a_flaw_of_the_sweep_fails_the_case_for_it() {
+    let specification = specification(SPECIFICATION);
+    let test = test();
+    let sweep_s = test.sweep_s(15.0, 60.0);
+    let phase = |t_s: f64| test.phase_rad(t_s);
+    let faster = test.sweep_s(15.0, 60.0) / 1.12;
+    // Steps of 1 s: whole seconds at a constant frequency, with a continuous phase.
+    let hz = |t_s: f64| test.frequency_hz(t_s.floor());
+    let stepped = |t_s: f64| {
+        let before: f64 = (0..t_s.floor() as usize).map(|second| hz(second as f64)).sum();
+        core::f64::consts::TAU * (before + hz(t_s) * (t_s - t_s.floor()))
+    };
+    let linear = |t_s: f64| core::f64::consts::TAU * (15.0 + 0.5 * 45.0 / sweep_s * t_s) * t_s;
+    for (expected, record) in [
+        (&["S01", "S06"][..], run(phase, |_| 3.0 * core::f64::consts::SQRT_2, sweep_s)),
+        (&["S02"], run(|t_s| phase(1.12 * t_s), |_| 3.0, faster)),
+        (&["S02"], run(linear, |_| 3.0, sweep_s)),
+        (&["S03"], run(stepped, |_| 3.0, sweep_s)),
+        (&["S06"], run(phase, |t_s| if t_s < -0.5 { 4.5 } else { 3.0 }, sweep_s)),
+        (&["S01"], run(phase, |t_s| if (14.0..16.0).contains(&t_s) { 4.0 } else { 3.0 }, sweep_s)),
+    ] {
+        let found = failing(&specification, &record);
+        assert!(expected.iter().all(|id| found.contains(id)), "{expected:?}: {found:?}");
+    }
+    let mut on = honest();
+    let end = on.drive.len() - QUIET;
+    for (k, drive) in on.drive.iter_mut().enumerate().skip(end) {
+        *drive = 0.5 * libm::sin(0.1 * k as f64);
+    }
+    let found = failing(&specification, &on);
+    assert!(found.contains(&"S05"), "{found:?}");
+}
+
+#[test]
+fn a_drive_that_must_end_is_timed() {
+    let specification = specification(SPECIFICATION);
+    let base = honest();
+    let at = Base::new(&specification, &base).stimulus(&specification.test).unwrap();
+    let soft = ended(&base, at + RATE / 8, RATE / 10);
+    for id in ["S08", "S09", "S10", "S11"] {
+        passes(&specification, id, &base, &soft);
+        // At any phase of the sine.
+        for late in 0..8 {
+            fails(&specification, id, &base, &ended(&base, at + RATE / 8 + 4 * late, 0));
+        }
+        fails(&specification, id, &base, &ended(&base, at + RATE, RATE / 10));
+    }
+    let mut louder = soft.clone();
+    louder.drive[at..].iter_mut().for_each(|drive| *drive *= 4.0);
+    fails(&specification, "S08", &base, &louder);
+    let before = ended(&base, at - 4 * RATE, RATE / 10);
+    assert!(matches!(judged(&specification, "S08", &base, &before).verdict, Verdict::Inconclusive(_)));
+}
+
+#[test]
+fn starts_gaps_and_limits_are_judged() {
+    let specification = specification(SPECIFICATION);
+    let base = honest();
+    let at = Base::new(&specification, &base).stimulus(&specification.test).unwrap();
+    let refused = scaled(&ended(&base, 3 * RATE, RATE / 10), 0.4);
+    passes(&specification, "S12", &base, &refused);
+    fails(&specification, "S12", &base, &base);
+    passes(&specification, "S13", &base, &ended(&base, at, 0));
+    fails(&specification, "S13", &base, &base);
+    passes(&specification, "S15", &base, &base);
+    let mut loud = base.clone();
+    loud.reading[at..at + RATE].iter_mut().for_each(|reading| *reading *= 2.0);
+    fails(&specification, "S15", &base, &loud);
+    fails(&specification, "S15", &base, &ended(&base, at + RATE, RATE / 10));
+    let [[_, limit], _] =
+        Base::new(&specification, &base).response_limit(&specification.test, &base.responses[0], 6.0).unwrap();
+    // The response has half of the amplitude.
+    assert!((limit / (1.5 * libm::pow(10.0, -0.3)) - 1.0).abs() < 0.05, "{limit}");
+    let text =
+        format!("{SPECIFICATION}[[limits.response]]\nchannel = 'b.x'\nbreakpoints = [[15, {limit}], [60, {limit}]]\n");
+    let limited = super::specification(&text);
+    fails(&limited, "S16", &base, &base);
+    passes(&limited, "S16", &base, &scaled(&base, 0.5));
+}
+
+#[test]
+fn a_record_without_a_sweep_decides_nothing() {
+    let specification = specification(SPECIFICATION);
+    let none = Record { drive: vec![0.0; 10 * RATE], reading: vec![0.0; 10 * RATE], ..honest() };
+    for case in crate::cases(&specification.test) {
+        let verdict = judged(&specification, case.id, &none, &none).verdict;
+        assert!(matches!(verdict, Verdict::Inconclusive(_)), "{}: {verdict:?}", case.id);
+    }
+}
