@@ -19,6 +19,7 @@ mod file_size;
 mod first_minute;
 mod flags;
 mod help;
+mod junit;
 mod live;
 #[cfg(feature = "live")]
 mod live_branch;
@@ -27,6 +28,7 @@ mod measured_points;
 mod memory;
 mod numbers;
 mod output;
+mod page;
 mod progress;
 mod quantity;
 mod read_at;

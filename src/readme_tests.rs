@@ -107,7 +107,7 @@ fn every_scenario_and_recording_that_a_command_names_is_there() {
 }
 
 /// The flags whose value is the name, or its beginning, of a file that a command writes.
-const WRITE: [&str; 5] = ["--record", "--plot", "--out", "--angles", "--junit"];
+const WRITE: [&str; 6] = ["--record", "--plot", "--out", "--angles", "--junit", "--report"];
 /// The commands whose second file is written.
 const COPY: [&str; 3] = ["cut", "import", "recover"];
 /// The endings of files that commands read.

@@ -42,3 +42,4 @@ pub mod spec;
 pub mod structure;
 pub mod sweep;
 pub mod verdict;
+pub mod verdict_report;

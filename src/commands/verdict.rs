@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::commands::plot::table;
 use crate::commands::spec::figure_of;
+use crate::commands::verdict_report;
 use crate::failure::Failure;
 use crate::flags;
 use crate::help::heading;
@@ -30,6 +31,7 @@ Examples:
   resonarm verdict spec.toml run.mcap
   resonarm verdict navmat-p-9492 run.mcap --channels c.x --plot verdict
   resonarm verdict sweep.toml run.mcap --channels c.x --reference head_force_x_n
+  resonarm verdict spec.toml run.mcap --junit verdict.xml --report verdict.html
   resonarm verdict spec.toml run.mcap --from-s 50 --undecided pass --json
 
 Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided. docs/specifications.md describes how each kind of test \
@@ -37,7 +39,7 @@ is judged.";
 
 /// Exit code of a verdict that the record does not decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Undecided {
+pub(super) enum Undecided {
     Pass,
     Fail,
 }
@@ -83,6 +85,12 @@ pub(crate) struct Verdict {
     /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
     plot: Option<PathBuf>,
+    /// Also write the parts of the verdict as JUnit XML to this file.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Also write a report with the figure to this file, one HTML page that loads nothing.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
     #[command(flatten)]
@@ -90,23 +98,23 @@ pub(crate) struct Verdict {
 }
 
 #[derive(Serialize)]
-struct Document<'a> {
+pub(super) struct Document<'a> {
     configuration: Value,
-    specification: &'a Specification,
+    pub specification: &'a Specification,
     /// Verdict on the record; clipped readings make one that is in undecided.
-    verdict: RecordVerdict,
+    pub verdict: RecordVerdict,
     /// Clipped values of the channels.
-    clipped: usize,
+    pub clipped: usize,
     /// What the converters read at the highest frequency of the specification, of which the acceleration is 0 dB.
-    converters: Option<Droop>,
-    found: &'a Found,
+    pub converters: Option<Droop>,
+    pub found: &'a Found,
 }
 
 /// What converters read of a sine.
 #[derive(Clone, Copy, Serialize)]
-struct Droop {
-    frequency_hz: f64,
-    gain_db: f64,
+pub(super) struct Droop {
+    pub frequency_hz: f64,
+    pub gain_db: f64,
 }
 
 /// Returns what the converters of a recording read at the highest frequency of a specification.
@@ -121,6 +129,7 @@ impl Verdict {
     pub fn execute(&self) -> Result<crate::failure::Verdict, Failure> {
         let inputs = Inputs::of(specifications::files(&self.spec).into_iter().chain([self.file.clone()]));
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.overwrite.check(self.junit.iter().chain(&self.report).cloned(), &inputs)?;
         let specification = specifications::read(&self.spec)?;
         let recording = recordings::open(&self.file)?;
         let TimeRange { from_s, to_s } = self.range;
@@ -158,7 +167,16 @@ impl Verdict {
             found: &judged.found,
         };
         let drawn = || self.figure(&document, &judged);
-        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        if let Some(path) = &self.junit {
+            files.push(output::write(path.clone(), &verdict_report::junit(&document, self.undecided))?);
+        }
+        if let Some(path) = &self.report {
+            let title = specifications::title(&specification, &self.spec);
+            let (figure, _) = self.figure(&document, &judged);
+            let report = verdict_report::report(&document, &title, &self.judged_text(&judged), &figure)?;
+            files.push(output::write(path.clone(), &report)?);
+        }
         self.json.show(&document, || self.text(&document, &judged), &files)?;
         let passes = match verdict {
             RecordVerdict::In => true,
@@ -168,17 +186,17 @@ impl Verdict {
         Ok(crate::failure::Verdict::of(passes).and(recordings::verdict(&recording)))
     }
 
+    /// Says what of which recording was judged.
+    fn judged_text(&self, judged: &Judged) -> String {
+        let level = if judged.is_full_level == Some(true) { ", at full level" } else { "" };
+        let [from_s, to_s] = judged.range_s;
+        let (file, channels) = (self.file.display(), judged.channels.join(", "));
+        format!("{file}: {channels} from {} to {} s{level}", rounded(&from_s, 3), rounded(&to_s, 3))
+    }
+
     fn text(&self, document: &Document<'_>, judged: &Judged) -> String {
         let title = specifications::title(document.specification, &self.spec);
-        let level = if judged.is_full_level == Some(true) { ", at full level" } else { "" };
-        let mut text = format!(
-            "{title} ({})\n{}: {} from {} to {} s{level}\n",
-            document.specification.test.kind(),
-            self.file.display(),
-            judged.channels.join(", "),
-            rounded(&judged.range_s[0], 3),
-            rounded(&judged.range_s[1], 3)
-        );
+        let mut text = format!("{title} ({})\n{}\n", document.specification.test.kind(), self.judged_text(judged));
         text += &match document.found {
             Found::Random(found) => random_text(found),
             Found::Sine(found) => sine_text(found),
@@ -241,7 +259,7 @@ impl Verdict {
 /// Point that breaks a line.
 const GAP: ((f64, f64), bool) = ((f64::NAN, f64::NAN), false);
 
-fn db(value: f64) -> String {
+pub(super) fn db(value: f64) -> String {
     format!("{}{} dB", if value > 0.0 { "+" } else { "" }, rounded(&value, 2))
 }
 

@@ -166,6 +166,40 @@ fn a_random_record_is_judged() {
         "{}",
         said.stdout
     );
+    let written = ["--junit", "good.xml", "--report", "good.html"];
+    let said = resonarm(folder, &[&["verdict", "good.toml", "random.mcap"][..], &written].concat());
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    assert!(said.stdout.ends_with("written to good.xml, good.html\n"), "{}", said.stdout);
+    let junit = fs::read_to_string(folder.join("good.xml")).unwrap();
+    assert!(
+        junit.contains("<testsuite name=\"resonarm verdict\" tests=\"2\" failures=\"0\" skipped=\"0\">"),
+        "{junit}"
+    );
+    assert!(junit.contains("name=\"profile\"></testcase>") && junit.contains("name=\"rms\"></testcase>"), "{junit}");
+    let page = fs::read_to_string(folder.join("good.html")).unwrap();
+    // One file that loads nothing, for light and dark, with the figure and its tolerance.
+    assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>\n"));
+    let mut links = page.split("http").skip(1);
+    assert!(links.all(|link| link.starts_with("://www.w3.org/2000/svg\"")), "{page}");
+    for part in
+        ["prefers-color-scheme:dark", "<svg ", ">tolerance</text>", "<p class=\"good\">in</p>", "<td>profile</td>"]
+    {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(
+        complaint(folder, 2, &[&["verdict", "good.toml", "random.mcap"][..], &written].concat())
+            .contains("good.xml already exists")
+    );
+    let own = ["verdict", "good.toml", "random.mcap", "--report", "random.mcap", "--overwrite"];
+    assert!(complaint(folder, 2, &own).contains("can't be written over itself"));
+    let written = ["--junit", "high.xml", "--report", "high.html"];
+    assert_eq!(resonarm(folder, &[&["verdict", "high.toml", "random.mcap"][..], &written].concat()).code, 1);
+    let junit = fs::read_to_string(folder.join("high.xml")).unwrap();
+    assert!(
+        junit.contains("failures=\"2\"") && junit.contains("<failure message=\"out: of 62 lines 0 are in"),
+        "{junit}"
+    );
+    assert!(fs::read_to_string(folder.join("high.html")).unwrap().contains("<p class=\"bad\">out</p>"));
     // No record is long enough for the narrow tolerance: the exit code is the user's choice.
     let narrow = ["verdict", "narrow.toml", "random.mcap", "--from-s", "1"];
     let said = resonarm(folder, &narrow);
@@ -179,6 +213,13 @@ fn a_random_record_is_judged() {
         document(folder, 0, &["verdict", "good.toml", "random.mcap", "--to-s", "4", "--undecided", "pass", "--json"]);
     assert_eq!(short["verdict"], "undecided");
     document(folder, 1, &["verdict", "good.toml", "random.mcap", "--to-s", "4", "--json"]);
+    for (undecided, word) in [("pass", "<skipped message=\"undecided: "), ("fail", "<failure message=\"undecided: ")] {
+        let junit = format!("{undecided}.xml");
+        let short = ["verdict", "good.toml", "random.mcap", "--to-s", "4", "--undecided", undecided, "--junit", &junit];
+        resonarm(folder, &short);
+        let junit = fs::read_to_string(folder.join(junit)).unwrap();
+        assert!(junit.contains(word), "{junit}");
+    }
     // What can't be judged.
     let force = ["verdict", "good.toml", "random.mcap", "--channels", "head_force_x_n"];
     assert!(complaint(folder, 2, &force).contains("head_force_x_n is in N"));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::output;
+use crate::junit::{self, Outcome};
 use resonarm::conformance::{
     Case, Check, Commands, Finding, Range, Refused, Requirement, Traffic, UserRefused, Verdict,
 };
@@ -154,19 +154,16 @@ impl Row {
         text
     }
 
-    fn junit(&self) -> String {
-        let reason = escaped(self.reason.as_deref().unwrap_or_default());
-        let body = match self.verdict {
-            "passed" => String::new(),
-            "failed" => format!("<failure message=\"{reason}\"/>"),
+    fn junit(&self) -> junit::Case {
+        let reason = self.reason.clone().unwrap_or_default();
+        let outcome = match self.verdict {
+            "passed" => Outcome::Passed,
+            "failed" => Outcome::Failed(reason),
             // JUnit has no verdict between success and failure. Inconclusive cases are listed as skipped with their
             // own word in the message; the exit code still tells them apart.
-            other => format!("<skipped message=\"{other}: {reason}\"/>"),
+            other => Outcome::Skipped(format!("{other}: {reason}")),
         };
-        format!(
-            "    <testcase classname=\"resonarm\" name=\"{}\" time=\"{:.3}\">{body}</testcase>\n",
-            self.case, self.took_s
-        )
+        junit::Case { name: self.case.to_owned(), took_s: Some(self.took_s), outcome }
     }
 }
 
@@ -175,12 +172,6 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
         return String::from(none);
     }
     counts.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
-}
-
-/// Escapes text for an attribute of XML, which can hold no control characters.
-fn escaped(text: &str) -> String {
-    // The ampersand comes first: it would otherwise escape the other escapes again.
-    output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[derive(Serialize)]
@@ -271,16 +262,7 @@ impl Document {
     }
 
     pub fn junit(&self) -> String {
-        let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
-        text += &format!(
-            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">\n",
-            self.role,
-            self.cases.len(),
-            self.failed,
-            self.inconclusive + self.skipped + self.not_run
-        );
-        self.cases.iter().for_each(|row| text.push_str(&row.junit()));
-        text.push_str("  </testsuite>\n</testsuites>\n");
-        text
+        let cases: Vec<junit::Case> = self.cases.iter().map(Row::junit).collect();
+        junit::document(&format!("resonarm conformance {}", self.role), &cases)
     }
 }
