@@ -18,7 +18,7 @@ use crate::specifications::{self, level_curve, level_label, level_panel};
 use resonarm::judge::{Found, JudgeOptions, Judged, judge};
 use resonarm::recording::Recording;
 use resonarm::scenario::Scenario;
-use resonarm::specification::verdict::{LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict};
+use resonarm::specification::verdict::{LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict};
 use resonarm::specification::{Specification, Test};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm_numeric::number::{rounded, short};
@@ -107,6 +107,8 @@ pub(super) struct Document<'a> {
     pub clipped: usize,
     /// What the converters read at the highest frequency of the specification, of which the acceleration is 0 dB.
     pub converters: Option<Droop>,
+    /// Levels of the record of a random test.
+    pub level: Option<&'a LevelVerdict>,
     pub found: &'a Found,
 }
 
@@ -144,7 +146,8 @@ impl Verdict {
             let clipped = judged.clipped;
             tracing::warn!("{clipped} values of the channels are clipped: the record can't show that the test is in");
         }
-        if judged.is_full_level == Some(false) {
+        let is_level_missing = judged.level.as_ref().is_some_and(|level| level.longest.is_none());
+        if is_level_missing {
             tracing::warn!("the record has no stretch within 2 dB of the specified rms: all of it is judged");
         }
         let verdict = judged.verdict;
@@ -164,6 +167,7 @@ impl Verdict {
             verdict,
             clipped: judged.clipped,
             converters: droop(&recording, &specification, judged.rate_hz),
+            level: judged.level.as_ref(),
             found: &judged.found,
         };
         let drawn = || self.figure(&document, &judged);
@@ -188,7 +192,8 @@ impl Verdict {
 
     /// Says what of which recording was judged.
     fn judged_text(&self, judged: &Judged) -> String {
-        let level = if judged.is_full_level == Some(true) { ", at full level" } else { "" };
+        let is_full = judged.level.as_ref().is_some_and(|level| level.longest.is_some());
+        let level = if is_full { ", at full level" } else { "" };
         let [from_s, to_s] = judged.range_s;
         let (file, channels) = (self.file.display(), judged.channels.join(", "));
         format!("{file}: {channels} from {} to {} s{level}", rounded(&from_s, 3), rounded(&to_s, 3))
@@ -197,6 +202,9 @@ impl Verdict {
     fn text(&self, document: &Document<'_>, judged: &Judged) -> String {
         let title = specifications::title(document.specification, &self.spec);
         let mut text = format!("{title} ({})\n{}\n", document.specification.test.kind(), self.judged_text(judged));
+        if let Some(level) = &judged.level {
+            text += &format!("level: {}; {}\n", level.verdict.name(), level_measured(level));
+        }
         text += &match document.found {
             Found::Random(found) => random_text(found),
             Found::Sine(found) => sine_text(found),
@@ -261,6 +269,17 @@ const GAP: ((f64, f64), bool) = ((f64::NAN, f64::NAN), false);
 
 pub(super) fn db(value: f64) -> String {
     format!("{}{} dB", if value > 0.0 { "+" } else { "" }, rounded(&value, 2))
+}
+
+/// Returns what was measured of the level of a record, in words.
+pub(super) fn level_measured(level: &LevelVerdict) -> String {
+    let asked = level.asked_s.map_or_else(String::new, |asked_s| format!(" of {} s asked for", short(&asked_s)));
+    format!(
+        "{} s at full level{asked}; highest rms over 2 s {}, from {} s on",
+        rounded(&level.full_s, 1),
+        db(level.highest_db),
+        rounded(&level.highest_s, 1)
+    )
 }
 
 fn random_text(found: &RandomVerdict) -> String {
@@ -345,6 +364,7 @@ fn sine_text(found: &SineVerdict) -> String {
             text += &format!("  {name}: {} to {}, median {}\n", percent(*low), percent(*high), percent(*median));
         }
     }
+    text += &format!("whole sweeps: {} of {}\n", found.whole, found.asked);
     for pass in &found.passes {
         let still =
             pass.still.map_or(String::new(), |still| format!(", still for {} % of it", rounded(&(100.0 * still), 1)));

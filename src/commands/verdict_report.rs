@@ -1,7 +1,7 @@
 //! The parts of a verdict, for JUnit XML and for the report as HTML.
 
 use crate::commands::spec::figure_of;
-use crate::commands::verdict::{Document, Droop, Undecided, db};
+use crate::commands::verdict::{Document, Droop, Undecided, db, level_measured};
 use crate::failure::Failure;
 use crate::junit::{self, Outcome};
 use crate::page::{Page, Tone};
@@ -48,6 +48,9 @@ fn number_of_shots(full: usize, asked: u32) -> Part {
 /// Returns the parts. The worst of their verdicts is that of the document.
 fn parts(document: &Document<'_>) -> Vec<Part> {
     let mut parts = Vec::new();
+    if let Some(level) = document.level {
+        parts.push(Part::new("level", level.verdict, level_measured(level)));
+    }
     match document.found {
         Found::Random(found) => {
             let [inside, undecided, out] = found.counts;
@@ -74,6 +77,8 @@ fn parts(document: &Document<'_>) -> Vec<Part> {
             let measured =
                 format!("in for {inside} of the time, undecided for {undecided}, out for {out}; {low} to {high}");
             parts.push(Part::new("amplitude", found.amplitude, measured));
+            let verdict = if found.whole < found.asked as usize { Verdict::Undecided } else { Verdict::In };
+            parts.push(Part::new("whole sweeps", verdict, format!("{} of {}", found.whole, found.asked)));
             if let Some(verdict) = found.rate {
                 let rates: Vec<String> = found.passes.iter().map(|pass| figure_of(pass.rate)).collect();
                 parts.push(Part::new("sweep rate", verdict, rates.join(", ")));

@@ -8,8 +8,8 @@ use crate::recording::Recording;
 use crate::signals::{SignalError, Signals};
 use resonarm_bench::structure::{Channel, Kind, Point, Quantity};
 use resonarm_specification::verdict::{
-    RandomOptions, RandomVerdict, ShockVerdict, SineVerdict, SrsVerdict, Verdict, full_level, judge_random,
-    judge_shock, judge_sine, judge_srs,
+    LevelVerdict, RandomOptions, RandomVerdict, ShockVerdict, SineVerdict, SrsVerdict, Verdict, judge_level,
+    judge_random, judge_shock, judge_sine, judge_srs,
 };
 use resonarm_specification::{Specification, Test, VerdictError};
 
@@ -28,7 +28,7 @@ pub struct JudgeOptions {
 /// A judged recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// Verdict: that on the record, and undecided instead of in if readings are clipped.
+    /// Verdict: the worse of that on the record and that on its levels, and undecided instead of in if readings are clipped.
     pub verdict: Verdict,
     /// What was found.
     pub found: Found,
@@ -40,8 +40,9 @@ pub struct Judged {
     pub rate_hz: f64,
     /// Judged range of simulated time, s.
     pub range_s: [f64; 2],
-    /// Whether a random test was judged over its longest stretch at full level; `None` if that was not searched for.
-    pub is_full_level: Option<bool>,
+    /// Levels of a random test whose longest stretch at full level is judged, or the whole record if there is none; `None` if a
+    /// range is given, and if the record is too short.
+    pub level: Option<LevelVerdict>,
     /// Values of the first control channel over the range, m/s².
     pub reading: Vec<f64>,
 }
@@ -151,11 +152,11 @@ pub fn judge(
     let rate_hz = signals.rate_hz;
     let level = match (test, options.range_s) {
         (Test::Random(test), [None, None]) => {
-            Some(signals.values.first().and_then(|control| full_level(test, rate_hz, control)))
+            signals.values.first().and_then(|control| judge_level(test, rate_hz, control))
         }
         _ => None,
     };
-    let range = level.clone().flatten().unwrap_or(0..signals.count());
+    let range = level.as_ref().and_then(|level| level.longest.clone()).unwrap_or(0..signals.count());
     let values: Vec<&[f64]> = signals.values.iter().map(|values| &values[range.clone()]).collect();
     let (control, responses) = values.split_at(controls);
     let reading = control.first().copied().unwrap_or_default();
@@ -174,7 +175,8 @@ pub fn judge(
     };
     let clipped = signals.clipped.iter().sum();
     // What is beyond a sensor's range is not in the record, so it can't prove that the test is in.
-    let verdict = if clipped > 0 { found.verdict().max(Verdict::Undecided) } else { found.verdict() };
+    let least = if clipped > 0 { Verdict::Undecided } else { Verdict::In };
+    let verdict = level.iter().map(|level| level.verdict).fold(found.verdict().max(least), Verdict::max);
     let at = |sample: usize| signals.start_s + sample as f64 / rate_hz;
     Ok(Judged {
         verdict,
@@ -182,7 +184,7 @@ pub fn judge(
         clipped,
         rate_hz,
         range_s: [at(range.start), at(range.end)],
-        is_full_level: level.map(|level| level.is_some()),
+        level,
         reading: reading.to_vec(),
         found,
     })

@@ -5,7 +5,7 @@ use resonarm_numeric::dft::Fft;
 use resonarm_numeric::noise::Noise;
 
 use super::random;
-use crate::verdict::{RandomOptions, RandomVerdict, Verdict, full_level, judge_random};
+use crate::verdict::{RandomOptions, RandomVerdict, Verdict, judge_level, judge_random};
 use crate::{Average, Limits, RandomTest};
 
 /// Samples a second, and in a segment: a power of two.
@@ -114,13 +114,42 @@ fn the_full_level_is_found_between_ramps() {
     for (k, sample) in record.iter_mut().enumerate() {
         *sample += 20.0 * libm::sin(core::f64::consts::TAU * 3.0 * k as f64 / RATE as f64);
     }
-    let range = full_level(&test, RATE as f64, &record).unwrap();
+    let found = judge_level(&test, RATE as f64, &record).unwrap();
+    let range = found.longest.clone().unwrap();
+    assert_eq!(found.verdict, Verdict::In, "{found:?}");
     assert!(range.start >= 20 * RATE && range.start <= 23 * RATE, "{range:?}");
     assert!(range.end <= 55 * RATE && range.end >= 52 * RATE, "{range:?}");
     let high = random("breakpoints = [[10, 2], [200, 2]]\ntolerance_db = [-3, 3]");
-    assert_eq!(full_level(&high, RATE as f64, &record), None);
+    assert_eq!(judge_level(&high, RATE as f64, &record).unwrap().longest, None);
     let whole = shaped(&test, |_| 1.0, 30, 6);
-    assert_eq!(full_level(&test, RATE as f64, &whole), Some(0..whole.len()));
+    assert_eq!(judge_level(&test, RATE as f64, &whole).unwrap().longest, Some(0..whole.len()));
+}
+
+/// A controller that overshoots before it settles, or that ends too early, has not carried out the test, however good the rest is.
+#[test]
+fn levels_beyond_the_full_one_are_out_and_missing_time_is_undecided() {
+    let test = random(&format!("{SHAPED}tolerance_db = [-3, 3]"));
+    let good = shaped(&test, |_| 1.0, 60, 11);
+    let level = |db: f64| libm::pow(10.0, db / 20.0);
+    let with = |db: f64| -> Vec<f64> {
+        let overshoot = 5 * RATE..9 * RATE;
+        good.iter().enumerate().map(|(k, y)| if overshoot.contains(&k) { y * level(db) } else { *y }).collect()
+    };
+    let found = judge_level(&test, RATE as f64, &with(4.0)).unwrap();
+    assert_eq!(found.verdict, Verdict::Out, "{found:?}");
+    assert!((found.highest_db - 4.0).abs() < 1.0 && (4.0..8.0).contains(&found.highest_s), "{found:?}");
+    assert_eq!(judge_level(&test, RATE as f64, &with(1.0)).unwrap().verdict, Verdict::In);
+    let scheduled = |seconds: f64| {
+        let text = format!(
+            "spec = {{ kind = 'random', sources = [] }}\n[random]\nunit = '(m/s2)2/Hz'\n{SHAPED}tolerance_db = [-3, 3]\n\
+             [schedule]\nlevels_db = [0]\nseconds = [{seconds}]"
+        );
+        match super::parsed(&text).unwrap().test {
+            crate::Test::Random(test) => judge_level(&test, RATE as f64, &good).unwrap().verdict,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([60.0, 64.0, 70.0].map(scheduled), [Verdict::In, Verdict::In, Verdict::Undecided]);
 }
 
 #[test]

@@ -115,6 +115,19 @@ fn wrong_sweeps_are_out() {
     assert_eq!((found.is_continuous, found.verdict), (Some(false), Verdict::Out), "{:?}", found.passes);
 }
 
+/// A controller that gives up at 40 of 60 Hz, and one that sweeps up but not down, have not carried out the test.
+#[test]
+fn sweeps_that_are_missing_or_broken_off_leave_the_test_undecided() {
+    let whole = phases(4.0);
+    let test = specified("tolerance = 0.1");
+    let end = ((2.0 + test.sweep_s(15.0, 40.0)) * RATE_HZ) as usize;
+    let found = judged(&test, &whole[..end], |phase| 3.0 * libm::sin(phase), 0.01);
+    assert_eq!((found.amplitude, found.whole, found.verdict), (Verdict::In, 0, Verdict::Undecided), "{:?}", found.passes);
+    let twice = specified("tolerance = 0.1\nsweeps = 2");
+    let found = judged(&twice, &whole, |phase| 3.0 * libm::sin(phase), 0.01);
+    assert_eq!((found.whole, found.asked, found.verdict), (1, 2, Verdict::Undecided));
+}
+
 #[test]
 fn up_and_down_are_two_sweeps_and_noise_is_none() {
     let test = specified("tolerance = 0.1\nsweeps = 2");

@@ -12,7 +12,7 @@ mod srs;
 use serde::Serialize;
 
 pub use random::{
-    Density, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, full_level, judge_density,
+    Density, LevelVerdict, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, judge_density, judge_level,
     judge_random, line_verdict, perfect_probability,
 };
 pub use shock::{ShockVerdict, Shot, judge_shock};

@@ -24,7 +24,7 @@ use resonarm_numeric::distribution::{
 use serde::Serialize;
 
 use super::{Verdict, mean};
-use crate::{Average, Limits, Profile, RandomTest, VerdictError};
+use crate::{Average, Limits, Profile, RandomTest, Schedule, VerdictError};
 
 /// Correlations of adjacent lines, and of lines with one between them.
 const CORRELATIONS: [f64; 2] = [4.0 / 9.0, 1.0 / 36.0];
@@ -374,24 +374,45 @@ fn deciding_dof(lines: &[LineVerdict], ratios: &[f64]) -> Option<f64> {
     (margin > 0.0 && margin.is_finite()).then_some(2.0 * scatter * scatter)
 }
 
-/// Returns the longest stretch of a record at full level: in which the rms within the band of the profile stays within 2 dB of
-/// the specified one, over 2 s. Ramps at its ends are left out. `None` if there is none as long as two of these windows.
-pub fn full_level(test: &RandomTest, rate_hz: f64, samples: &[f64]) -> Option<Range<usize>> {
+/// Levels of a record in the course of a random test.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LevelVerdict {
+    /// Longest stretch at full level, in samples. Ramps at its ends are left out, and so are up to 2 s at each of them. `None` if
+    /// there is none of 4 s.
+    #[serde(skip)]
+    pub longest: Option<Range<usize>>,
+    /// Time at full level, s, of all stretches together.
+    pub full_s: f64,
+    /// Time at full level that the specification asks for, s, if it states a schedule.
+    pub asked_s: Option<f64>,
+    /// Highest rms over 2 s relative to the specified one, dB.
+    pub highest_db: f64,
+    /// Start of these 2 s, s from the start of the record.
+    pub highest_s: f64,
+    /// Out if the record proves that the level exceeded the specified one by 2 dB at any time, with a probability of error of 1 %
+    /// for the whole; undecided if it is at full level for less time than the specification asks for.
+    pub verdict: Verdict,
+}
+
+/// Finds the stretches of a record at full level: in which the rms within the band of the profile stays within 2 dB of the
+/// specified one, over 2 s. `None` if the record is shorter than two of these windows.
+///
+/// The square of an rms over the time T has 2T (∫G df)²/∫G² df degrees of freedom for the density G of the profile.
+pub fn judge_level(test: &RandomTest, rate_hz: f64, samples: &[f64]) -> Option<LevelVerdict> {
     let window = libm::ceil(LEVEL_S * rate_hz) as usize;
     if window == 0 || samples.len() < 2 * window {
         return None;
     }
-    let rms = libm::sqrt(test.profile.moment(0));
+    let [from_hz, to_hz] = test.profile.band_hz();
+    let specified = test.profile.moment(0);
     let mut sums = vec![0.0; samples.len() + 1];
-    for (index, sample) in within_band(samples, rate_hz, test.profile.band_hz()).iter().enumerate() {
+    for (index, sample) in within_band(samples, rate_hz, [from_hz, to_hz]).iter().enumerate() {
         sums[index + 1] = sums[index] + sample * sample;
     }
-    let is_full = |start: usize| {
-        let square = (sums[start + window] - sums[start]) / window as f64;
-        (10.0 * libm::log10(square / (rms * rms))).abs() <= LEVEL_DB
-    };
+    let ratio = |start: usize| (sums[start + window] - sums[start]) / window as f64 / specified;
+    let is_full = |start: usize| (10.0 * libm::log10(ratio(start))).abs() <= LEVEL_DB;
     let starts = samples.len() - window + 1;
-    let mut longest: Option<Range<usize>> = None;
+    let mut stretches: Vec<Range<usize>> = Vec::new();
     let mut first = None;
     for start in 0..=starts {
         if start < starts && is_full(start) {
@@ -400,12 +421,36 @@ pub fn full_level(test: &RandomTest, rate_hz: f64, samples: &[f64]) -> Option<Ra
             // The first window may hold a part of the ramp up, the last one of the ramp down.
             let from = if first == 0 { 0 } else { first + window };
             let to = if start == starts { samples.len() } else { start };
-            if to > from && longest.as_ref().is_none_or(|longest| to - from > longest.len()) {
-                longest = Some(from..to);
+            if to >= from + 2 * window {
+                stretches.push(from..to);
             }
         }
     }
-    longest.filter(|range| range.len() >= 2 * window)
+    let (highest, highest_at) = (0..starts).map(|start| (ratio(start), start)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let lines = (0..).map(|line| from_hz + f64::from(line) * test.lines_hz).take_while(|hz| *hz <= to_hz);
+    let squares: f64 = lines.filter_map(|hz| test.profile.at(hz)).map(|density| density * density).sum();
+    let freedom = 2.0 * LEVEL_S * specified * specified / (squares * test.lines_hz);
+    let chance = chi_square_survival(freedom * highest / libm::pow(10.0, 0.1 * LEVEL_DB), freedom);
+    let windows = samples.len() as f64 / window as f64;
+    let full_s = stretches.iter().map(|stretch| stretch.len() as f64).sum::<f64>() / rate_hz;
+    // What may have been left out at the ends of stretches.
+    let unseen_s = 2.0 * LEVEL_S * stretches.len() as f64;
+    let asked_s = test.schedule.as_ref().map(Schedule::full_level_s);
+    let verdict = if highest > 1.0 && chance * windows < ALPHA {
+        Verdict::Out
+    } else if asked_s.is_some_and(|asked_s| full_s + unseen_s < asked_s) {
+        Verdict::Undecided
+    } else {
+        Verdict::In
+    };
+    Some(LevelVerdict {
+        longest: stretches.into_iter().max_by_key(Range::len),
+        full_s,
+        asked_s,
+        highest_db: 10.0 * libm::log10(highest),
+        highest_s: highest_at as f64 / rate_hz,
+        verdict,
+    })
 }
 
 /// Returns the part of samples within a band of frequencies, by the Fourier transform of the whole.

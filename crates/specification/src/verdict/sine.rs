@@ -23,8 +23,10 @@ const CYCLES: f64 = 4.0;
 const IN_WINDOW: f64 = 8.0;
 /// Points to either side over which the noise is averaged.
 const NOISE_POINTS: usize = 8;
-/// Least part of the octaves of the sweep that a pass runs through.
+/// Least part of the octaves of the sweep that a pass runs through, and that one that is whole does. The rest allows for noise of
+/// the frequency at the ends.
 const LEAST_PART: f64 = 0.5;
+const WHOLE_PART: f64 = 0.95;
 /// Largest departure of the frequency from the sweep, octaves.
 const MOST_DEPARTURE: f64 = 0.05;
 /// Interval over which steps of the frequency are searched for, s; the part of the nominal step below which the frequency stands
@@ -76,6 +78,8 @@ pub struct SinePass {
     pub departure_octaves: f64,
     /// Share of the intervals of 0.1 s in which the frequency stands still, if the drive is known.
     pub still: Option<f64>,
+    /// Whether it runs through the whole range, but for its ends.
+    pub is_whole: bool,
 }
 
 /// Verdict on a swept sine.
@@ -97,6 +101,10 @@ pub struct SineVerdict {
     pub is_continuous: Option<bool>,
     /// Sweeps that were found.
     pub passes: Vec<SinePass>,
+    /// Sweeps among them that run through the whole range.
+    pub whole: usize,
+    /// Sweeps that the specification asks for.
+    pub asked: u32,
     /// Verdicts on responses with a limit.
     pub limits: Vec<LimitVerdict>,
     /// Judged instants.
@@ -202,7 +210,8 @@ fn read(channel: &[f64], middle: f64, phase: &Phase, sample: usize, half: usize)
 }
 
 /// Judges a record of a swept sine, `rate_hz` samples a second. `reference` is the drive; without it the reading itself gives the
-/// phase, and a stepped sweep is not told from a continuous one. `responses` are the channels of [`Limits::response`].
+/// phase, and a stepped sweep is not told from a continuous one. `responses` are the channels of [`Limits::response`]. A record
+/// with fewer whole sweeps than are asked for is undecided.
 ///
 /// The ends of the sweep are left out by the bandwidth of the filter.
 ///
@@ -281,7 +290,7 @@ pub fn judge_sine(
         judge_points(test, &mut points[first..]);
     }
     let passes: Vec<SinePass> =
-        ranges.iter().map(|range| pass(test, &phase, range.clone(), reference.is_some())).collect();
+        ranges.iter().map(|range| pass(test, &phase, range.clone(), judged_hz, reference.is_some())).collect();
     Ok(conclude(test, limits, points, passes, &over_limit))
 }
 
@@ -328,8 +337,14 @@ fn passes(phase: &Phase, [from_hz, to_hz]: [f64; 2]) -> Vec<Range<usize>> {
     found
 }
 
-/// Measures the rate of a pass.
-fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, is_drive: bool) -> SinePass {
+/// Measures the rate of a pass through a range of frequencies.
+fn pass(
+    test: &SineTest,
+    phase: &Phase,
+    range: Range<usize>,
+    [from_hz, to_hz]: [f64; 2],
+    is_drive: bool,
+) -> SinePass {
     let is_logarithmic = matches!(test.rate, SweepRate::OctavesPerMinute(_));
     let frequencies = &phase.frequency_hz[range.clone()];
     let at = |hz: f64| if is_logarithmic { libm::log2(hz) } else { hz };
@@ -353,14 +368,16 @@ fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, is_drive: bool) -> 
         let count = measured.windows(2).filter(is_still).count();
         count as f64 / (measured.len().max(2) - 1) as f64
     };
+    let [first_hz, last_hz] = [frequencies.first(), frequencies.last()].map(|hz| hz.copied().unwrap_or_default());
     SinePass {
         from_s: range.start as f64 / phase.rate_hz,
         to_s: range.end as f64 / phase.rate_hz,
-        from_hz: frequencies.first().copied().unwrap_or_default(),
-        to_hz: frequencies.last().copied().unwrap_or_default(),
+        from_hz: first_hz,
+        to_hz: last_hz,
         rate: slope.abs() * phase.rate_hz * if is_logarithmic { 60.0 } else { 1.0 },
         departure_octaves: frequencies.iter().enumerate().map(departure).fold(0.0, f64::max),
         still: is_drive.then(still),
+        is_whole: libm::log2(last_hz / first_hz).abs() >= WHOLE_PART * libm::log2(to_hz / from_hz),
     }
 }
 
@@ -405,7 +422,9 @@ fn conclude(
         })
         .collect();
     let stepped = if is_continuous == Some(false) { Verdict::Out } else { Verdict::In };
-    let others = rate.into_iter().chain([stepped]).chain(limits.iter().map(|limit| limit.verdict));
+    let whole = passes.iter().filter(|pass| pass.is_whole).count();
+    let missing = if whole < test.sweeps as usize { Verdict::Undecided } else { Verdict::In };
+    let others = rate.into_iter().chain([stepped, missing]).chain(limits.iter().map(|limit| limit.verdict));
     SineVerdict {
         verdict: others.fold(amplitude, Verdict::max),
         amplitude,
@@ -415,6 +434,8 @@ fn conclude(
         rate,
         is_continuous,
         passes,
+        whole,
+        asked: test.sweeps,
         limits,
         points: points.into_iter().map(|(point, _)| point).collect(),
     }
