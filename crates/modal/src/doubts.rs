@@ -29,19 +29,19 @@ pub(crate) fn doubt(
     excess: Option<Excess>,
 ) {
     let mut common: Vec<Doubt> = Vec::new();
-    for report in reports {
+    let channels = reports.iter().flat_map(|report| {
         let references = report.reference_noise.iter().map(|channel| (channel, true));
-        for (channel, is_reference) in references.chain(report.response_noise.iter().map(|channel| (channel, false))) {
-            if let Some(known) = channel.known
-                && channel.estimated > ABOVE_NOISE * known
-            {
-                common.push(Doubt::AboveInstrument {
-                    dof: channel.dof,
-                    is_reference,
-                    ratio: channel.estimated / known,
-                });
-            }
-        }
+        references.chain(report.response_noise.iter().map(|channel| (channel, false)))
+    });
+    let above: Vec<(usize, bool, f64)> = channels
+        .filter_map(|(channel, is_reference)| {
+            let ratio = channel.estimated / channel.known?;
+            (ratio > ABOVE_NOISE).then_some((channel.dof, is_reference, ratio))
+        })
+        .collect();
+    // What is missing in the model shows in many channels: they are one doubt.
+    if let Some((dof, is_reference, ratio)) = above.iter().copied().max_by(|a, b| a.2.total_cmp(&b.2)) {
+        common.push(Doubt::AboveInstrument { dof, is_reference, ratio, others: above.len() - 1 });
     }
     if let Some(Excess { frequency_hz, ratio }) = excess {
         common.push(Doubt::NotWhite { frequency_hz, ratio });

@@ -56,15 +56,17 @@ pub struct PoleDeviations {
 /// Reason why the deviations of a mode can't be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Doubt {
-    /// The residual of a channel exceeds the known noise of its instrument: the structure is not linear, or something is
+    /// The residuals of channels exceed the known noise of their instruments: the structure is not linear, or something is
     /// missing in the model.
     AboveInstrument {
-        /// Degree of freedom of the channel.
+        /// Degree of freedom of the channel that exceeds it most.
         dof: usize,
         /// Whether the channel is a reference.
         is_reference: bool,
-        /// Estimated standard deviation of the noise over the known one, above 1.5.
+        /// Estimated standard deviation of its noise over the known one, above 1.5.
         ratio: f64,
+        /// Number of other channels, of all runs, for which this ratio is above 1.5.
+        others: usize,
     },
     /// The residual is not white: a mode is missing, or the structure is not linear.
     NotWhite {

@@ -43,14 +43,19 @@ impl Names {
 /// States a doubt: why no deviations are stated.
 pub(super) fn of_doubt(doubt: &Doubt, names: &Names) -> Remark {
     let (reason, text) = match doubt {
-        Doubt::AboveInstrument { dof, is_reference, ratio } => {
+        Doubt::AboveInstrument { dof, is_reference, ratio, others } => {
             let what = if *is_reference { "force" } else { "acceleration" };
             let at = names.of(*dof);
+            let others = match others {
+                0 => String::new(),
+                1 => String::from(", and that of another reading is above 1.5 times"),
+                count => format!(", and those of {count} other readings are above 1.5 times"),
+            };
             (
                 "above-instrument",
                 format!(
-                    "the residual of the {what} at {at} is {ratio:.1} times the noise of its instrument: the structure did not \
-                     vibrate linearly (reduce the force), or a mode is missing"
+                    "the residual of the {what} at {at} is {ratio:.1} times the noise of its instrument{others}: the structure \
+                     did not vibrate linearly (reduce the force), or a mode is missing"
                 ),
             )
         }
