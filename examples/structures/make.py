@@ -1,15 +1,17 @@
-"""Writes bracket.uff and the matrices of the plate; needs NumPy and pyuff 2.5.8."""
+"""Writes bracket.uff, the matrices of the plate and free-plate.toml; needs NumPy, and pyuff 2.5.8 for the bracket."""
 
 from pathlib import Path
 
 import numpy as np
-import pyuff
+from numpy.polynomial import legendre
 
 HERE = Path(__file__).parent
 
 
 def bracket(path: Path) -> None:
     """Three modes at four nodes on a line; node 1 is clamped."""
+    import pyuff
+
     path.unlink(missing_ok=True)
     file = pyuff.UFF(str(path))
     units = {"units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 2}
@@ -52,6 +54,76 @@ def plate(folder: Path, n: int = 3) -> None:
     np.save(folder / "plate-k.npy", np.asfortranarray(k))
 
 
+def free_modes(length: float, width: float, stiffness: float, area_mass: float, poisson: float, order: int = 12):
+    """Natural frequencies in Hz, and shapes as functions of x and y, of a rectangular plate that nothing holds.
+
+    W. Ritz (1909): w = Σ a_mn P_m(ξ) P_n(η) with Legendre's polynomials, ξ = 2x/length − 1 and η = 2y/width − 1. No edge is
+    held, so that any polynomial is admissible, and the first three are the rigid motions. Kirchhoff's energy is
+    D/2 ∫ w_xx² + w_yy² + 2ν w_xx w_yy + 2(1 − ν) w_xy² dA; with the integrals of P_m^(i) P_n^(j) over an axis it is a sum of
+    products.
+    """
+    node, weight = legendre.leggauss(order + 1)
+    axes = []
+    for size in (length, width):
+        values = [legendre.legval(node, legendre.legder(np.eye(order), d)) * (2 / size) ** d for d in range(3)]
+        axes.append(lambda i, j, v=values, s=size: (v[i] * weight) @ v[j].T * s / 2)
+    along, across = axes
+    mass = area_mass * np.kron(along(0, 0), across(0, 0))
+    mixed = np.kron(along(2, 0), across(0, 2))
+    energy = (
+        np.kron(along(2, 2), across(0, 0))
+        + np.kron(along(0, 0), across(2, 2))
+        + poisson * (mixed + mixed.T)
+        + 2 * (1 - poisson) * np.kron(along(1, 1), across(1, 1))
+    )
+    scale = 1 / np.sqrt(np.diag(mass))  # the mass is diagonal: Legendre polynomials are orthogonal
+    squared, vectors = np.linalg.eigh(stiffness * energy * np.outer(scale, scale))
+    vectors = vectors * scale[:, None]
+    # The rigid motions are the lowest polynomials, in place of any mixture of them.
+    rigid = [0, order, 1]
+    vectors[:, :3] = 0
+    for mode, term in enumerate(rigid):
+        vectors[term, mode] = scale[term]
+
+    def shape(mode: int, x: float, y: float) -> float:
+        terms = np.kron(*(legendre.legval(2 * p / s - 1, np.eye(order)) for p, s in ((x, length), (y, width))))
+        return float(terms @ vectors[:, mode])
+
+    return [0.0] * 3 + list(np.sqrt(squared[3:]) / (2 * np.pi)), shape
+
+
+def free_plate(path: Path, modes: int = 13) -> None:
+    """A free aluminium plate of 600 × 400 × 5 mm, with 20 points in a grid of 5 × 4."""
+    length, width, thickness, modulus, density, poisson = 0.6, 0.4, 0.005, 70e9, 2700.0, 0.33
+    bending = modulus * thickness**3 / (12 * (1 - poisson**2))
+    frequencies, shape = free_modes(length, width, bending, density * thickness, poisson)
+    points = {f"p{5 * j + i + 1}": (i / 4 * length, j / 3 * width) for j in range(4) for i in range(5)}
+    rows = [[f"p{5 * j + i + 1}" for i in range(5)] for j in range(4)]
+    lines = rows + [list(column) for column in zip(*rows, strict=True)]
+    quoted = ", ".join("[" + ", ".join(f'"{name}"' for name in line) + "]" for line in lines)
+    text = [
+        "# A free aluminium plate of 600 x 400 x 5 mm: three rigid modes and ten of bending, by make.py. A corner is driven.",
+        "",
+        "[structure]",
+        'kind = "modal"',
+        'name = "free plate"',
+        f"lines = [{quoted}]",
+        "",
+        "[structure.points]",
+    ]
+    text += [f"{name} = [{x:.3f}, {y:.6f}, 0.0]" for name, (x, y) in points.items()]
+    for mode in range(modes):
+        shapes = ", ".join(f'"{name}.z" = {shape(mode, x, y):.6g}' for name, (x, y) in points.items())
+        damping = 0.0 if mode < 3 else 0.005
+        text += ["", "[[structure.modes]]", f"frequency_hz = {frequencies[mode]:.6g}" if mode > 2 else "frequency_hz = 0.0", f"damping_ratio = {damping}"]
+        text += [f"shape = {{ {shapes} }}"]
+    text += ["", "[simulation]", "rate_hz = 4000.0", "", "[rig.exciter]", 'at = "p1.z"', "", "[excitation]"]
+    text += ["amplitude = { exciter_x = 20.0 }"]
+    text += ['profile = { waveform = "dwell", frequency_hz = 40.0, duration_s = 2.0, settle_s = 1.0 }', ""]
+    path.write_text("\n".join(text), encoding="utf-8")
+
+
 if __name__ == "__main__":
     bracket(HERE / "bracket.uff")
     plate(HERE)
+    free_plate(HERE / "free-plate.toml")
