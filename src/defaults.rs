@@ -124,6 +124,7 @@ mod tests {
             ("export", _) => "x --to csv",
             ("plot", _) => "x --of psd",
             ("verdict", _) => "navmat-p-9492 x",
+            ("survey", _) => "x --out y",
             ("cut" | "merge" | "import" | "diff" | "recover", _) => "x y",
             ("basins", _) => "--frequency-hz 1",
             ("sweep", _) => "--from-hz 1 --to-hz 2",
@@ -260,6 +261,13 @@ mod tests {
         plot --from-hz: 0, of srs that of two turns in the record
         plot --to-hz: half of the sample rate, of srs a tenth
         plot --segment-s: a power of two of samples, up to a fifth of the record
+        survey --duration-s: from the least damping
+        survey --exciters: where the scenario's load acts
+        survey --sensors: all degrees of freedom
+        survey --force-n: that of the scenario
+        survey --highest-mode: the highest that the sample rate allows
+        survey --from-hz: half of the first mode's
+        survey --to-hz: 1.3 times the highest mode's
         identify --from-hz: that of the recorded excitation, or 1
         identify --to-hz: that of the recorded excitation, or 100
         identify --segment-s: whole periods, or an eighth of the record

@@ -26,6 +26,7 @@ use resonarm::scenario::specification::SpecificationFileError;
 use resonarm::scenario::{ScenarioError, StructureSectionError};
 use resonarm::structure::StepError;
 use resonarm::study::{JournalError, StudyError};
+use resonarm::survey::SurveyError;
 use resonarm_figures::paper::PaperError;
 use resonarm_figures::plot::PlotError;
 use resonarm_numeric::number::short;
@@ -100,6 +101,8 @@ pub(crate) enum Failure {
     TimeDomain(#[from] TimeDomainError),
     #[error(transparent)]
     Study(#[from] StudyError),
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
     #[error("can't write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
     #[error("{} already exists: choose another place, or allow overwriting it (--overwrite)", path.display())]
@@ -189,6 +192,7 @@ impl Failure {
             Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
             Failure::Study(StudyError::Journal(error)) => journal(error),
+            Failure::Survey(error) => survey(error),
             Failure::Write { source, .. }
             | Failure::Export(ExportError::Write { source, .. })
             | Failure::Plot(PlotError::Write { source, .. })
@@ -282,6 +286,17 @@ fn time_domain(error: &TimeDomainError) -> Exit {
 fn journal(error: &JournalError) -> Exit {
     match error {
         JournalError::Write { .. } | JournalError::InUse { .. } => Exit::Environment,
+        _ => Exit::Usage,
+    }
+}
+
+fn survey(error: &SurveyError) -> Exit {
+    match error {
+        SurveyError::Scenario(error) => scenario(error),
+        SurveyError::Run(error) => run(error),
+        SurveyError::Recording(error) => recording(error),
+        SurveyError::Write { source, .. } => written(source),
+        SurveyError::InUse { .. } => Exit::Environment,
         _ => Exit::Usage,
     }
 }

@@ -131,6 +131,7 @@ commands! {
         Resim in resim, reported as "resim";
         Replay in replay;
         Plot in plot, reported as "plot";
+        Survey in survey;
         Identify in identify, reported as "identify";
         Diff in diff, reported as "diff";
         Cut in cut, reported as "cut";

@@ -10,6 +10,7 @@ use crate::commands::identify_angles::{self, Domain, Request};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
 use crate::commands::identify_found::{Found, smooth_hz};
 use crate::commands::identify_mac::{COMPUTED, Shapes};
+use crate::commands::identify_report;
 use crate::commands::identify_responses;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
@@ -24,12 +25,14 @@ use resonarm::identification::{
     KnownPole, MissingMode, averaging, band, has_faults, missing_modes, mode_numbers, record, samples_in,
 };
 use resonarm::identify::{self, Averaging, Band, Direction, Identification, Record};
+use resonarm::import::IMPORTED_FROM;
 use resonarm::modal_file::{FileResponse, ModalFile};
 use resonarm::plant::TestedAssembly;
 use resonarm::recording::Recording;
 use resonarm::responses::{MeasuredQuantity, is_universal_file};
 use resonarm::scenario::{READS_IMAGES, Scenario};
-use resonarm_figures::plot::{Figure, beside};
+use resonarm::survey::{RunState, SurveyIndex};
+use resonarm_figures::plot::{Figure, Subtitle, beside};
 use resonarm_numeric::number::short;
 
 /// Identifies poles, mode shapes and frequency responses from the readings in recordings.
@@ -45,6 +48,7 @@ use resonarm_numeric::number::short;
 ///
 /// Several recordings of one structure are fitted together, with the same poles: the exciter or the accelerometers may be
 /// at other points in each. With --other-level the modes of a recording at another force tell whether the structure is linear.
+/// In the folder of a survey, the recordings of the first level are fitted, and compared with those of each other level.
 ///
 /// Frequency responses H1 and H2 and the coherence, in the document of --json and the files of --plot, are averages of
 /// periods of a multisine or of bursts, or of segments (Welch's method: a Hann window, half overlapping). Leakage makes sharp
@@ -59,7 +63,7 @@ use resonarm_numeric::number::short;
 /// converters is corrected. Times are those of the readings, earlier than their samples by the converters' delay.
 #[derive(Debug, Args)]
 pub(crate) struct Identify {
-    /// Recordings of one structure, MCAP files, or one UFF file of measured frequency responses.
+    /// Recordings of one structure, MCAP files, the folder of a survey, or one UFF file of measured frequency responses.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Lowest frequency, Hz [default: that of the recorded excitation, or 1].
@@ -100,10 +104,15 @@ pub(crate) struct Identify {
     /// (shapes) and 58 (measured responses).
     #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     uff: Option<PathBuf>,
+    /// Write a report to this HTML file: modes, figures, noise, and the recordings.
+    ///
+    /// The file needs no network and no other file.
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Write the angles of the joints over time to this CSV file, in place of identifying poles.
     ///
     /// The columns are α1 and α2, rad, and their standard deviations.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "other_level", "segment_s", "plot", "mac", "uff"])]
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "other_level", "segment_s", "plot", "mac", "uff", "report"])]
     angles: Option<PathBuf>,
     /// Domain in which accelerations are integrated twice [default: frequency].
     #[arg(long, help_heading = heading::COMPUTATION, value_name = "DOMAIN", value_enum, requires = "angles")]
@@ -141,43 +150,48 @@ const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json", "-poles.svg"
 const PLOTTED_MAC: &[&str] = &["-mac.svg", "-mac.png", "-mac.txt"];
 
 #[derive(Serialize)]
-struct Document {
+pub(super) struct Document {
     /// The recorded structure, to compare the modes with.
     configuration: Value,
     /// Name and unit of each coordinate; none of a structure whose equations are not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     coordinates: Option<Value>,
     #[serde(flatten)]
-    found: Found,
+    pub found: Found,
     /// Modes of the scenario's structure in the band that were not found.
-    missing: Vec<MissingMode>,
-    /// Comparison with the recording of --other-level.
+    pub missing: Vec<MissingMode>,
+    /// Comparisons with the recording of --other-level, or with the other levels of a survey.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub levels: Vec<Levels>,
+    /// The index of the survey.
     #[serde(skip_serializing_if = "Option::is_none")]
-    levels: Option<Levels>,
-    runs: Vec<Run>,
+    pub survey: Option<SurveyIndex>,
+    pub runs: Vec<Run>,
 }
 
 /// A recording.
 #[derive(Serialize)]
-struct Run {
-    recording: String,
-    samples: usize,
-    duration_s: f64,
+pub(super) struct Run {
+    pub recording: String,
+    pub samples: usize,
+    pub duration_s: f64,
+    /// Seed of the instruments' noise; none of an imported log.
+    pub seed: Option<u64>,
     /// Unit vector of the force that is the input.
     direction: [f64; 2],
     /// Degree of freedom of the force.
-    force: String,
+    pub force: String,
     /// Whether a transient was part of the model; false of a record that is at rest at both ends.
     transient: Option<bool>,
     averaging: &'static str,
-    averages: usize,
+    pub averages: usize,
     frequency_hz: Vec<f64>,
-    responses: Vec<ResponseCurve>,
+    pub responses: Vec<ResponseCurve>,
 }
 
 /// A response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
-struct ResponseCurve {
+pub(super) struct ResponseCurve {
     /// The sensor and its axis.
     response: String,
     /// Its degree of freedom.
@@ -195,26 +209,29 @@ struct ResponseCurve {
 
 /// Comparison of the modes at two levels of force.
 #[derive(Serialize)]
-struct Levels {
-    recording: String,
+pub(super) struct Levels {
+    /// Factor of the force in a survey.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<f64>,
+    pub recordings: Vec<String>,
     /// Whether the structure is linear, as far as the modes show; none if no mode was found at both levels.
-    linear: Option<bool>,
-    modes: Vec<LevelShift>,
+    pub linear: Option<bool>,
+    pub modes: Vec<LevelShift>,
 }
 
 /// Differences of a mode, other level less this one.
 #[derive(Serialize)]
-struct LevelShift {
-    mode: Option<u8>,
-    pole_frequency_hz: [f64; 2],
+pub(super) struct LevelShift {
+    pub mode: Option<u8>,
+    pub pole_frequency_hz: [f64; 2],
     /// Difference of the frequencies over the first one.
-    frequency_shift: f64,
+    pub frequency_shift: f64,
     /// Difference of the frequencies in its standard deviations.
-    frequency_z: f64,
+    pub frequency_z: f64,
     /// Difference of the damping ratios over the first one.
-    damping_shift: f64,
+    pub damping_shift: f64,
     /// Difference of the damping ratios in its standard deviations.
-    damping_z: f64,
+    pub damping_z: f64,
     linear: bool,
 }
 
@@ -224,6 +241,20 @@ struct Opened {
     scenario: Scenario,
     tested: Option<TestedAssembly>,
     record: Record,
+}
+
+/// What is identified.
+struct Given {
+    survey: Option<SurveyIndex>,
+    opened: Vec<Opened>,
+    others: Vec<OtherLevel>,
+}
+
+/// The recordings at another level of force.
+struct OtherLevel {
+    /// Factor of the force in a survey.
+    level: Option<f64>,
+    opened: Vec<Opened>,
 }
 
 /// Returns the poles of a structure's modes.
@@ -267,10 +298,11 @@ impl Identify {
             return Ok(identify_angles::execute(&recording, &scenario, &request)?.and(recordings::verdict(&recording)));
         }
         let shapes = self.other_shapes()?;
-        let opened = self.files.iter().map(|file| self.open(file)).collect::<Result<Vec<_>, _>>()?;
-        let other = self.other_level.as_deref().map(|file| self.open(file)).transpose()?;
-        let Some(first) = opened.first() else { return Err(Failure::usage("no recording was given")) };
-        for of in opened.iter().chain(&other) {
+        let Given { survey, opened, others } = self.given()?;
+        let Some(first) = opened.first() else {
+            return Err(Failure::usage("the survey has no complete recording of its first level: repeat its command"));
+        };
+        for of in opened.iter().chain(others.iter().flat_map(|other| &other.opened)) {
             if of.scenario.structure != first.scenario.structure {
                 return Err(Failure::usage(format!(
                     "{} has another structure than {}: give recordings of one structure",
@@ -279,9 +311,10 @@ impl Identify {
                 )));
             }
         }
-        let verdicts = opened.iter().chain(&other).map(|of| recordings::verdict(&of.recording));
-        let verdict = verdicts.fold(Verdict::Positive, Verdict::and);
-        let document = self.compute(&opened, other.as_ref(), shapes)?;
+        let all = || opened.iter().chain(others.iter().flat_map(|other| &other.opened));
+        let verdict = all().map(|of| recordings::verdict(&of.recording)).fold(Verdict::Positive, Verdict::and);
+        let verdict = verdict.and(Verdict::of(survey.as_ref().is_none_or(SurveyIndex::is_complete)));
+        let document = self.compute(&opened, &others, survey, shapes)?;
         document.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
         if document.missing.is_empty() {
             document.found.warn_of_none();
@@ -289,15 +322,16 @@ impl Identify {
         if opened.iter().any(|of| of.scenario.reads_images()) {
             tracing::warn!("{READS_IMAGES}");
         }
-        if opened.iter().chain(&other).any(|of| has_faults(&of.scenario)) {
+        if all().any(|of| has_faults(&of.scenario)) {
             tracing::warn!("an instrument had a fault in this run, so the modes from its readings may be wrong");
         }
         let Opened { scenario, tested, .. } = &opened[0];
-        let subtitled = |figure: Figure| match (tested, scenario.foreign_structure()) {
-            (Some(tested), _) => figure.subtitle(captions::structure(scenario, tested, &[])),
-            (None, Some(section)) => figure.subtitle(captions::foreign_label(section)),
-            (None, None) => figure,
+        let of = match (tested, scenario.foreign_structure()) {
+            (Some(tested), _) => captions::structure(scenario, tested, &[]),
+            (None, Some(section)) => captions::foreign_label(section).into(),
+            (None, None) => Subtitle::default(),
         };
+        let subtitled = |figure: Figure| figure.subtitle(of.clone());
         let drawn = || (subtitled(responses_figure(&document.found, &document.curves())), document.csv());
         let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
         if let Some(stem) = &self.plot {
@@ -308,6 +342,9 @@ impl Identify {
         if let Some(path) = &self.uff {
             files.push(write_uff(path, &document.modal_file(&opened[0]))?);
         }
+        if let Some(report) = &self.report {
+            files.push(output::write(report.clone(), &identify_report::page(&document, &of)?)?);
+        }
         self.json.show(&document, || document.text(), &files)?;
         Ok(Verdict::of(!document.found.modes.is_empty()).and(verdict))
     }
@@ -316,6 +353,7 @@ impl Identify {
     fn execute_responses(&self, file: &Path) -> Result<Verdict, Failure> {
         let given = [
             ("--angles", self.angles.is_some()),
+            ("--report", self.report.is_some()),
             ("--other-level", self.other_level.is_some()),
             ("--segment-s", self.segment_s.is_some()),
         ];
@@ -350,7 +388,7 @@ impl Identify {
         if self.mac.is_some() {
             self.overwrite.check_stem(self.plot.as_deref(), PLOTTED_MAC, &inputs)?;
         }
-        self.overwrite.check(self.angles.iter().chain(&self.uff).cloned(), &inputs)
+        self.overwrite.check(self.angles.iter().chain(&self.uff).chain(&self.report).cloned(), &inputs)
     }
 
     /// Says whether --mac asks for the modes of the scenario's structure.
@@ -363,8 +401,31 @@ impl Identify {
         self.mac.as_deref().filter(|_| !self.compares_computed()).map(Shapes::read).transpose()
     }
 
+    /// Opens the recordings, or those in the folder of a survey.
+    fn given(&self) -> Result<Given, Failure> {
+        let (folder, index) = match &self.files[..] {
+            [folder] if folder.is_dir() => (folder, SurveyIndex::read(folder)?),
+            files => {
+                let opened = files.iter().map(|file| self.open(file)).collect::<Result<Vec<_>, _>>()?;
+                let other = self.other_level.as_deref().map(|file| self.open(file)).transpose()?;
+                let others = other.map(|other| OtherLevel { level: None, opened: vec![other] });
+                return Ok(Given { survey: None, opened, others: others.into_iter().collect() });
+            }
+        };
+        self.check_survey(&index)?;
+        let mut levels = Vec::new();
+        for level in index.levels() {
+            let opened = index.at_level(level).map(|run| self.open(&folder.join(&run.file)));
+            levels.push(OtherLevel { level: Some(level), opened: opened.collect::<Result<_, _>>()? });
+        }
+        let mut levels = levels.into_iter();
+        let opened = levels.next().map_or(Vec::new(), |first| first.opened);
+        let others = levels.filter(|other| !other.opened.is_empty()).collect();
+        Ok(Given { survey: Some(index), opened, others })
+    }
+
     fn open(&self, file: &Path) -> Result<Opened, Failure> {
-        let is_one = self.files.len() == 1 && self.other_level.is_none();
+        let is_one = self.files == [file] && self.other_level.is_none();
         let recording = if is_one { recordings::open(file)? } else { recordings::open_one(file)? };
         let scenario = Scenario::from_configuration(recording.configuration())?;
         let tested = configuration::computable(&scenario)?;
@@ -372,22 +433,43 @@ impl Identify {
         Ok(Opened { recording, scenario, tested, record })
     }
 
-    /// Returns the band of the flags, or that in which all recordings have a force.
-    fn band(&self, opened: &[&Opened]) -> Band {
+    /// Fails if a flag contradicts a survey; warns of runs that are not in it.
+    fn check_survey(&self, index: &SurveyIndex) -> Result<(), Failure> {
+        if self.other_level.is_some() {
+            return Err(Failure::usage(
+                "--other-level is for recordings: a survey has its other levels itself; leave it out",
+            ));
+        }
+        let missing = index.runs.iter().filter(|run| run.state != RunState::Done).count();
+        if missing > 0 {
+            let total = index.runs.len();
+            tracing::warn!("{missing} of {total} runs of the survey have no complete recording, and are left out");
+        }
+        Ok(())
+    }
+
+    /// Returns the band of the flags, that of a plan, or that in which all recordings have a force.
+    fn band(&self, opened: &[&Opened], planned: Option<Band>) -> Band {
         let usual = opened.iter().map(|of| {
             let waveform = of.scenario.excitation.as_ref().map(|excitation| &excitation.profile);
             band(waveform, of.record.rate_hz())
         });
         let common = usual
             .reduce(|one, other| Band { from_hz: one.from_hz.max(other.from_hz), to_hz: one.to_hz.min(other.to_hz) });
-        let common = common.unwrap_or(Band { from_hz: 0.0, to_hz: 0.0 });
+        let common = planned.or(common).unwrap_or(Band { from_hz: 0.0, to_hz: 0.0 });
         Band { from_hz: self.from_hz.unwrap_or(common.from_hz), to_hz: self.to_hz.unwrap_or(common.to_hz) }
     }
 
-    fn compute(&self, opened: &[Opened], other: Option<&Opened>, shapes: Option<Shapes>) -> Result<Document, Failure> {
+    fn compute(
+        &self,
+        opened: &[Opened],
+        others: &[OtherLevel],
+        survey: Option<SurveyIndex>,
+        shapes: Option<Shapes>,
+    ) -> Result<Document, Failure> {
         let records: Vec<&Record> = opened.iter().map(|of| &of.record).collect();
-        let all: Vec<&Opened> = opened.iter().chain(other).collect();
-        let band = self.band(&all);
+        let all: Vec<&Opened> = opened.iter().chain(others.iter().flat_map(|other| &other.opened)).collect();
+        let band = self.band(&all, survey.as_ref().and_then(SurveyIndex::band));
         // The responses are estimated first: it is they that --segment-s must fit.
         let estimates = opened
             .iter()
@@ -406,10 +488,10 @@ impl Identify {
         };
         let numbers = numbers_of(&found);
         let missing = missing_modes(&records, &numbers, &known, band);
-        let levels = match other {
-            Some(other) => Some(levels(&mut found, &numbers, other, band)?),
-            None => None,
-        };
+        let levels = others
+            .iter()
+            .map(|other| levels(&mut found, &numbers, other, band))
+            .collect::<Result<Vec<_>, Failure>>()?;
         let runs = estimates.iter().enumerate().map(|(index, estimate)| {
             let of = &opened[index];
             let smooth_hz = smooth_hz(&estimate.frequency_hz, &found);
@@ -434,6 +516,7 @@ impl Identify {
                 recording: of.recording.path().display().to_string(),
                 samples: of.record.samples(),
                 duration_s: of.record.samples() as f64 / of.record.rate_hz(),
+                seed: of.recording.configuration().get(IMPORTED_FROM).is_none().then_some(of.scenario.simulation.seed),
                 direction: of.record.direction(),
                 force: found.forces[index].clone(),
                 transient: found.estimate.as_ref().map(|estimate| estimate.runs[index].transient),
@@ -470,6 +553,7 @@ impl Identify {
             found,
             missing,
             levels,
+            survey,
         })
     }
 
@@ -512,8 +596,14 @@ pub(super) fn pair(value: &nalgebra::Complex<f64>) -> [f64; 2] {
 }
 
 /// Identifies the modes at another level and compares them. If the structure is not linear, `found` states no deviations.
-fn levels(found: &mut Identification, numbers: &[Option<u8>], other: &Opened, band: Band) -> Result<Levels, Failure> {
-    let mut second = identify::modes(&[&other.record], band)?;
+fn levels(
+    found: &mut Identification,
+    numbers: &[Option<u8>],
+    other: &OtherLevel,
+    band: Band,
+) -> Result<Levels, Failure> {
+    let records: Vec<&Record> = other.opened.iter().map(|of| &of.record).collect();
+    let mut second = identify::modes(&records, band)?;
     let shifts = identify::compare_levels(found, &mut second);
     let modes: Vec<LevelShift> = shifts
         .iter()
@@ -531,7 +621,8 @@ fn levels(found: &mut Identification, numbers: &[Option<u8>], other: &Opened, ba
         })
         .collect();
     Ok(Levels {
-        recording: other.recording.path().display().to_string(),
+        level: other.level,
+        recordings: other.opened.iter().map(|of| of.recording.path().display().to_string()).collect(),
         linear: (!modes.is_empty()).then(|| modes.iter().all(|mode| mode.linear)),
         modes,
     })
@@ -553,10 +644,16 @@ impl Run {
 
 impl Document {
     /// Returns the curves of the figures.
-    fn curves(&self) -> Vec<Curve<'_>> {
+    pub fn curves(&self) -> Vec<Curve<'_>> {
+        self.curves_of_runs().into_iter().map(|(_, curve)| curve).collect()
+    }
+
+    /// Returns the curves of the figures, each with its recording.
+    pub fn curves_of_runs(&self) -> Vec<(&Run, Curve<'_>)> {
         let is_several = self.runs.len() > 1;
         let runs = self.runs.iter().zip(1..);
-        runs.flat_map(|(run, number)| run.curves(is_several.then_some(number))).collect()
+        let of = |(run, number)| Run::curves(run, is_several.then_some(number)).map(move |curve| (run, curve));
+        runs.flat_map(of).collect()
     }
 
     /// Returns the modes and the responses H1 for a file in the Universal File Format.
@@ -602,7 +699,7 @@ impl Document {
             );
         }
         text += &self.found.text(self.runs.len() > 1);
-        text + &self.levels.as_ref().map_or(String::new(), Levels::text)
+        text + &self.levels.iter().map(Levels::text).collect::<String>()
     }
 
     /// Returns the CSV: frequency, then modulus and phase of H1, of H2 and of the fit, and the coherence of each response. With
@@ -650,8 +747,12 @@ impl Document {
 
 impl Levels {
     fn text(&self) -> String {
-        let mut text = format!("\n  against {}   shift of frequency   (z)   shift of damping   (z)\n", self.recording);
-        let room = self.recording.chars().count() + 8;
+        let other = match self.level {
+            Some(level) => format!("level {}", short(&level)),
+            None => self.recordings.join(", "),
+        };
+        let mut text = format!("\n  against {other}   shift of frequency   (z)   shift of damping   (z)\n");
+        let room = other.chars().count() + 8;
         for shift in &self.modes {
             let name =
                 shift.mode.map_or(format!("{:.2} Hz", shift.pole_frequency_hz[0]), |mode| format!("mode {mode}"));

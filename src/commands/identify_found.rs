@@ -26,7 +26,7 @@ pub(super) struct Found {
     pub to_hz: f64,
     pub modes: Vec<NumberedMode>,
     /// Noise as the residuals show it, and that of the instruments.
-    noise: Vec<ReadingNoise>,
+    pub noise: Vec<ReadingNoise>,
     /// Terms for modes outside the band.
     residual_terms: Vec<ResidualTerm>,
     pub stabilisation: Stabilisation,

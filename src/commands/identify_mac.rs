@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nalgebra::Complex;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
@@ -76,6 +77,15 @@ fn name_of(mode: Option<u8>, frequency_hz: f64) -> String {
     mode.map_or(format!("{frequency_hz:.2} Hz"), |number| format!("{number}: {frequency_hz:.2} Hz"))
 }
 
+/// Reads keys of a document of `identify`.
+pub(super) fn read_document<T: DeserializeOwned>(file: &Path) -> Result<T, Failure> {
+    let name = file.display();
+    let text =
+        text_file::read_numbers(file).map_err(|source| Failure::usage(format!("{name} can't be read: {source}")))?;
+    serde_json::from_str(&text)
+        .map_err(|source| Failure::usage(format!("{name} is not a document of `identify --json`: {source}")))
+}
+
 impl Shapes {
     /// Returns the shapes of identified modes, given the number of each, its frequency and its shape.
     pub fn new<'a>(
@@ -96,10 +106,7 @@ impl Shapes {
     /// Reads a document of `identify`.
     pub fn read(file: &Path) -> Result<Shapes, Failure> {
         let name = file.display();
-        let text = text_file::read_numbers(file)
-            .map_err(|source| Failure::usage(format!("{name} can't be read: {source}")))?;
-        let document: OtherDocument = serde_json::from_str(&text)
-            .map_err(|source| Failure::usage(format!("{name} is not a document of `identify --json`: {source}")))?;
+        let document: OtherDocument = read_document(file)?;
         if let Some(mode) = document.modes.iter().find(|mode| mode.complex_shape.len() != document.at.len()) {
             let (got, expected) = (mode.complex_shape.len(), document.at.len());
             return Err(Failure::usage(format!(
@@ -199,7 +206,7 @@ impl Assurance {
     }
 
     /// Returns the name of the other modes for people.
-    fn others(&self) -> String {
+    pub fn others(&self) -> String {
         if self.with == COMPUTED { String::from("computed modes") } else { format!("modes of {}", self.with) }
     }
 

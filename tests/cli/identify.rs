@@ -300,7 +300,7 @@ fn two_levels_tell_whether_a_structure_is_linear() {
             played(folder, &format!("{name}-{force_n}"), &text)
         });
         let found = document(folder, 0, &["identify", &low, "--other-level", &high, "--json"]);
-        let levels = &found["levels"];
+        let [levels] = &found["levels"].as_array().unwrap()[..] else { panic!("{found:#}") };
         assert_eq!(levels["linear"], is_linear, "{levels:#}");
         assert_eq!(levels["modes"].as_array().unwrap().len(), 2);
         let first = &found["modes"][0];

@@ -31,6 +31,7 @@ mod signals;
 mod specifications;
 mod structure_words;
 mod structures;
+mod survey;
 mod time_domain;
 mod wire;
 

@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 42] = [
+const COMMANDS: [(&str, &str); 43] = [
     ("demo", "--out /dev/null/none"),
     ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
@@ -31,6 +31,7 @@ const COMMANDS: [(&str, &str); 42] = [
     ("replay", "none.mcap --bus vcan999"),
     ("resim", "none.mcap"),
     ("plot", "none.mcap --of psd --channels head_force_x_n"),
+    ("survey", "--from none.mcap --out /dev/null/none"),
     ("identify", "none.mcap"),
     ("spec", "navmat-p-9492"),
     ("verdict", "navmat-p-9492 none.mcap"),
@@ -55,7 +56,7 @@ const COMMANDS: [(&str, &str); 42] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 25] = [
+const NUMERIC: [&str; 26] = [
     "KG",
     "N",
     "NM",
@@ -67,6 +68,7 @@ const NUMERIC: [&str; 25] = [
     "DEG",
     "DEG,…",
     "X",
+    "X,…",
     "X,Y",
     "NX,NY",
     "RAD",

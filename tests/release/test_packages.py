@@ -126,7 +126,7 @@ def test_nothing_tells_to_install_resonarm_from_an_index():
 
 
 WRITTEN = re.compile(
-    r"(?:--(?:out|plot|record|angles|uff|junitxml)[ =]|(?<![>\d])> ?|bus-kwargs record=)([\w.-]+(?:/[\w.-]+)*)"
+    r"(?:--(?:out|plot|record|report|angles|uff|junitxml)[ =]|(?<![>\d])> ?|bus-kwargs record=)([\w.-]+(?:/[\w.-]+)*)"
     r"|resonarm (?:cut|import|recover) \S+ ([\w.-]+)|can\.logconvert \S+ ([\w.-]+)"
 )
 # A quickstart and the bench for a build server are copied out of the clone.

@@ -117,8 +117,9 @@ impl ModalFile {
         (1..).zip(&self.responses).try_for_each(|(number, response)| response.write_to(out, &nodes, number))
     }
 
-    /// Returns the number of each point. Points that were nodes of a file keep their numbers; the others follow.
-    fn nodes(&self) -> BTreeMap<&str, u32> {
+    /// Returns the number of each point in the file, from 1: in the order of the shapes' degrees of freedom, then of the
+    /// responses', then of the positions. Points that were nodes of a file keep their numbers, and the others follow.
+    pub fn nodes(&self) -> BTreeMap<&str, u32> {
         let of_shapes = self.at.iter().map(|dof| point_of(dof).0);
         let of_responses = self.responses.iter().flat_map(|of| [point_of(&of.response).0, point_of(&of.force).0]);
         let mut points: Vec<&str> = Vec::new();

@@ -49,6 +49,7 @@
 //! | [`specification`], [`judge`] | specifications of vibration and shock tests, verdicts on records and on recordings |
 //! | [`audit`] | cases that judge controllers of vibration tests by records of their runs |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
+//! | [`survey`] | plans of runs that measure the modes of a structure, and folders with their recordings |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
 //!
@@ -72,7 +73,7 @@ pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
 pub use resonarm_scenario as scenario;
 pub use resonarm_scenario::{dbc, toml_error};
-pub use resonarm_session::{experiment, identification, replay, run, study};
+pub use resonarm_session::{experiment, identification, replay, run, study, survey};
 pub use resonarm_specification as specification;
 pub use resonarm_wire as wire;
 

@@ -166,7 +166,7 @@ fn is_torn_header(bytes: &[u8]) -> bool {
 }
 
 /// Returns the first key in which two documents differ, as `a.b`, and the two values.
-fn difference(at: &str, had: &Value, has: &Value) -> Option<(String, Value, Value)> {
+pub(crate) fn difference(at: &str, had: &Value, has: &Value) -> Option<(String, Value, Value)> {
     if let (Value::Object(a), Value::Object(b)) = (had, has) {
         let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
         return keys.into_iter().find_map(|key| {

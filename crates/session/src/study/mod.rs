@@ -12,6 +12,7 @@ mod sweeps;
 use thiserror::Error;
 
 pub use basins::{BasinComputation, Basins, StateGrid};
+pub(crate) use journal::difference;
 pub use journal::{Journal, JournalError};
 pub use parallel::on_all_cores;
 pub use sweeps::{SweepComputation, SweepPoint, Sweeps};
