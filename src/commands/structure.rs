@@ -1,11 +1,13 @@
 //! `resonarm structure`: checks a scenario's structure, lists its parts and writes it as a section of a scenario.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::commands::identify_mac::read_document;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions::label;
@@ -13,8 +15,8 @@ use crate::flags::read_scenario;
 use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::plant::TestedAssembly;
-use resonarm::scenario::structure::NotModal;
-use resonarm::scenario::{Scenario, StructureSection};
+use resonarm::scenario::structure::{ModeSection, NotModal};
+use resonarm::scenario::{Scenario, StructureKind, StructureSection};
 use resonarm::structure::{BodySpec, Link};
 use resonarm_numeric::number::short;
 
@@ -24,7 +26,7 @@ use resonarm_numeric::number::short;
 ///
 /// What the scenario takes from files (URDF, UFF, matrices) is shown as the links or modes that it makes. With --out it
 /// is written as a section [structure] that needs no file. With --from-modes it is the modal structure of the modes
-/// that a scenario's chain has about its rest.
+/// that a scenario's chain has about its rest, and with --from-identified of those that `resonarm identify` found.
 #[derive(Debug, Args)]
 pub(crate) struct Structure {
     /// TOML file with the scenario.
@@ -33,6 +35,12 @@ pub(crate) struct Structure {
     /// TOML file with a scenario, to take the modes of its chain as a modal structure.
     #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE", conflicts_with = "scenario")]
     from_modes: Option<PathBuf>,
+    /// Document of `identify --json`, to take its modes as a modal structure.
+    ///
+    /// Points are those of the accelerometers. There must be one where the force acts: otherwise shapes have no scale. Modes
+    /// without deviations are taken with a warning that states the reasons.
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE", conflicts_with_all = ["scenario", "from_modes"])]
+    from_identified: Option<PathBuf>,
     /// Write the section [structure], with the links or modes from files in it, to this TOML file.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -66,7 +74,8 @@ struct Section<'a> {
 impl Structure {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let read = self.from_modes.as_deref().or(self.scenario.as_deref());
-        self.overwrite.check(self.out.clone(), &Inputs::of_scenario(read))?;
+        let inputs = Inputs::of_scenario(read).and(self.from_identified.as_deref());
+        self.overwrite.check(self.out.clone(), &inputs)?;
         let scenario = self.scenario()?;
         let tested = scenario.under_test()?;
         let document = Document::new(&scenario, &tested);
@@ -77,12 +86,15 @@ impl Structure {
         self.json.show(&document, || document.text(&scenario, &tested), &written)
     }
 
-    /// Reads the scenario, or makes that of the modes of one.
+    /// Reads the scenario, or makes that of the modes of one, or of identified ones.
     fn scenario(&self) -> Result<Scenario, Failure> {
-        match (&self.scenario, &self.from_modes) {
-            (_, Some(path)) => of_modes(path),
-            (Some(path), None) => read_scenario(path),
-            (None, None) => Err(Failure::usage("the structure is missing: give --scenario FILE or --from-modes FILE")),
+        match (&self.scenario, &self.from_modes, &self.from_identified) {
+            (Some(path), ..) => read_scenario(path),
+            (_, Some(path), _) => of_modes(path),
+            (.., Some(path)) => of_identified(path),
+            (None, None, None) => Err(Failure::usage(
+                "the structure is missing: give --scenario FILE, --from-modes FILE or --from-identified FILE",
+            )),
         }
     }
 }
@@ -94,6 +106,63 @@ fn of_modes(path: &Path) -> Result<Scenario, Failure> {
     let refused = |error: NotModal| Failure::usage(format!("{}: {error}", path.display()));
     let structure = StructureSection::from_modes(&assembly, None).map_err(refused)?;
     Ok(Scenario { structure, ..scenario })
+}
+
+/// The keys that are read from a document of `identify`.
+#[derive(Deserialize)]
+struct Identified {
+    at: Vec<String>,
+    modes: Vec<IdentifiedMode>,
+}
+
+#[derive(Deserialize)]
+struct IdentifiedMode {
+    pole_frequency_hz: f64,
+    pole_damping_ratio: f64,
+    /// None of a mode whose modal mass is unknown.
+    shape_per_sqrt_kg: Option<Vec<Option<f64>>>,
+    doubts: Vec<Doubt>,
+}
+
+/// A reason for which a mode has no deviations.
+#[derive(Deserialize)]
+struct Doubt {
+    text: String,
+}
+
+/// Returns a scenario with the modal structure of the modes in a document. |λ|/2π of a pole λ is the undamped natural frequency
+/// of a mode that no damping couples to the others.
+fn of_identified(path: &Path) -> Result<Scenario, Failure> {
+    let Identified { at, modes: found } = read_document(path)?;
+    let mut modes = Vec::new();
+    for (mode, number) in found.iter().zip(1..) {
+        let name = format!("{}: mode {number}, at {:.2} Hz", path.display(), mode.pole_frequency_hz);
+        let Some(shape) = &mode.shape_per_sqrt_kg else {
+            return Err(Failure::usage(format!(
+                "{name}, has no modal mass (shape_per_sqrt_kg): place an accelerometer where the force acts"
+            )));
+        };
+        if shape.len() != at.len() {
+            let (got, expected) = (shape.len(), at.len());
+            return Err(Failure::usage(format!(
+                "{name}, has {got} components, expected {expected}, one for each of `at`"
+            )));
+        }
+        for doubt in &mode.doubts {
+            tracing::warn!("{name}, has no deviations: {}", doubt.text);
+        }
+        modes.push(ModeSection {
+            frequency_hz: mode.pole_frequency_hz,
+            damping_ratio: mode.pole_damping_ratio,
+            shape: at.iter().zip(shape).filter_map(|(name, part)| Some((name.clone(), (*part)?))).collect(),
+            participation: BTreeMap::new(),
+        });
+    }
+    if modes.is_empty() {
+        return Err(Failure::usage(format!("{} has no modes to make a structure of", path.display())));
+    }
+    let structure = StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() };
+    Ok(Scenario { structure, ..Scenario::default() })
 }
 
 /// Writes the section alone, without the paths of files that it notes: they would count from another folder.

@@ -637,3 +637,60 @@ fn identified_modes_are_written_as_a_universal_file() {
     assert_snapshot!(complaint(folder, 2, &flags), @"resonarm: found.uff already exists: choose another place, or allow overwriting it (--overwrite)");
     assert_snapshot!(complaint(folder, 2, &["identify", &recording, "--uff", &recording, "--overwrite"]), @"resonarm: random.mcap can't be written over itself, since this command reads it: name another file for the result");
 }
+
+/// Identified modes as a structure of a scenario: those of the document to the last digit, and those of the truth.
+#[test]
+fn identified_modes_are_a_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let recording = played(folder, "random", &structure(&THREE, "", 20.0, 10.0, 1));
+    let found = resonarm(folder, &["identify", &recording, "--json"]).stdout;
+    fs::write(folder.join("found.json"), &found).unwrap();
+    let found: Value = serde_json::from_str(&found).unwrap();
+    let said = resonarm(folder, &["structure", "--from-identified", "found.json", "--out", "found.toml"]);
+    assert_eq!((said.code, said.stderr.as_str()), (0, ""));
+    assert_snapshot!(said.stdout, @"
+    3 modes
+    points: mid, tip
+      mode   undamped frequency   damping ratio
+         1           31.0000 Hz        1.000e-2
+         2           58.0003 Hz        1.500e-2
+         3          120.0000 Hz        2.000e-2
+    written to found.toml
+    ");
+    let made = document(folder, 0, &["structure", "--scenario", "found.toml", "--json"]);
+    let made = made["configuration"]["structure"]["modes"].as_array().unwrap();
+    for ((made, found), (hz, damping, tip, mid)) in made.iter().zip(found["modes"].as_array().unwrap()).zip(THREE) {
+        assert_eq!(made["frequency_hz"], found["pole_frequency_hz"]);
+        assert_eq!(made["damping_ratio"], found["pole_damping_ratio"]);
+        assert!((number(&made["frequency_hz"]) / hz - 1.0).abs() < 2e-5, "{made:#}");
+        assert!((number(&made["damping_ratio"]) / damping - 1.0).abs() < 2e-3, "{made:#}");
+        // Shapes are known but for their sign.
+        let sign = number(&made["shape"]["tip.x"]).signum() * tip.signum();
+        for (index, (name, truth)) in [("mid.x", mid), ("tip.x", tip)].into_iter().enumerate() {
+            assert_eq!(made["shape"][name], found["shape_per_sqrt_kg"][index]);
+            assert!((sign * number(&made["shape"][name]) - truth).abs() < 1e-3, "{name}: {made:#}");
+        }
+    }
+    let says = |text: &str| {
+        fs::write(folder.join("other.json"), text).unwrap();
+        complaint(folder, 2, &["structure", "--from-identified", "other.json"])
+    };
+    let mode = |shape: &str| {
+        format!(
+            r#"{{"at":["tip.x"],"modes":[{{"pole_frequency_hz":31,"pole_damping_ratio":0.01,"shape_per_sqrt_kg":{shape},"doubts":[]}}]}}"#
+        )
+    };
+    assert_snapshot!(says(&mode("null")), @"resonarm: other.json: mode 1, at 31.00 Hz, has no modal mass (shape_per_sqrt_kg): place an accelerometer where the force acts");
+    assert_snapshot!(says(&mode("[1,2]")), @"resonarm: other.json: mode 1, at 31.00 Hz, has 2 components, expected 1, one for each of `at`");
+    assert_snapshot!(says(r#"{"at":[],"modes":[]}"#), @"resonarm: other.json has no modes to make a structure of");
+    assert_snapshot!(says("{}"), @"resonarm: other.json is not a document of `identify --json`: missing field `at` at line 1 column 2");
+    let doubtful = mode("[1]").replace("[]}", r#"[{"reason":"not-white","text":"the residual is not white"}]}"#);
+    fs::write(folder.join("other.json"), doubtful).unwrap();
+    let said = resonarm(folder, &["structure", "--from-identified", "other.json"]);
+    assert!(
+        said.code == 0 && said.stderr.contains("mode 1, at 31.00 Hz, has no deviations: the residual is not white"),
+        "{}",
+        said.stderr
+    );
+}

@@ -313,7 +313,7 @@ fn the_modes_of_an_arm_are_a_structure() {
         }
     }
     let says = |words: &[&str]| complaint(folder.path(), 2, words);
-    insta::assert_snapshot!(says(&["structure"]).trim(), @"resonarm: the structure is missing: give --scenario FILE or --from-modes FILE");
+    insta::assert_snapshot!(says(&["structure"]).trim(), @"resonarm: the structure is missing: give --scenario FILE, --from-modes FILE or --from-identified FILE");
     let hardening = example("hardening.toml");
     let refused = says(&["structure", "--from-modes", &hardening]).replace(&hardening, "hardening.toml");
     insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements (1), but only its linear part has modes; leave them out, and add them to the modal structure");
