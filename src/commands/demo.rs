@@ -203,6 +203,9 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         ControlSpec::ResponseControl(spec) => {
             format!("response control at {} m, {} to {} Hz", spec.displacement_m, spec.from_hz, spec.to_hz)
         }
+        ControlSpec::Random(spec) => format!("random control by {}", spec.specification),
+        ControlSpec::SweptSine(spec) => format!("swept-sine control by {}", spec.specification),
+        ControlSpec::Shock(spec) => format!("shocks by {}", spec.specification),
     };
     Ok(format!(
         "structure    {label}\n\

@@ -15,13 +15,20 @@ fn folder(name: &str) -> PathBuf {
 #[test]
 fn every_scenario_makes_a_plant_and_a_controller() {
     let mut scenarios = 0;
-    for name in ["scenarios", "recordings", "examples/structures"] {
+    for name in ["scenarios", "recordings", "examples/structures", "examples/test-control"] {
         let paths = fs::read_dir(folder(name)).unwrap().map(|entry| entry.unwrap().path());
-        for path in paths.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
+        let is_scenario = |path: &PathBuf| {
+            let text = fs::read_to_string(path).unwrap_or_default();
+            path.extension().is_some_and(|extension| extension == "toml") && !text.contains("[spec]")
+        };
+        for path in paths.filter(is_scenario) {
             let check = || -> Result<(), Box<dyn std::error::Error>> {
                 let scenario = Scenario::read(&path)?;
                 scenario.plant()?;
-                scenario.controller()?;
+                match scenario.amplitude() {
+                    Some(_) => drop(scenario.controller()?),
+                    None => assert!(path.ends_with("test-control/plant.toml"), "it has no load"),
+                }
                 scenario.wire_rate_hz()?;
                 scenario.network()?;
                 scenario.real_time_timing()?;
@@ -79,6 +86,12 @@ fn force_controlled(waveform: &str) -> Scenario {
         "ramp_s = 1.0, cancel_harmonics = [2], notch_b_m_s2 = 1.0, notch_c_m_s2 = 1.0, profile = {{ {waveform} }}"
     );
     with_every_other_key(&format!("control = {{ law = 'force-control', amplitude = {{ {AMPLITUDE} }}, {profile} }}"))
+}
+
+/// The same with a test by its specification.
+fn test_controlled() -> Scenario {
+    let spec = "specification = 'spec.toml', seed = 1";
+    with_every_other_key(&format!("control = {{ law = 'random', amplitude = {{ {AMPLITUDE} }}, {spec} }}"))
 }
 
 /// The section of a shaker.
@@ -166,6 +179,7 @@ fn the_table_of_keys_has_every_key_and_no_other() {
     let mut known: Vec<String> = waveforms.iter().flat_map(|waveform| keys_of(&full(waveform)).into_keys()).collect();
     known.extend(keys_of(&controlled()).into_keys());
     known.extend(keys_of(&response_controlled()).into_keys());
+    known.extend(keys_of(&test_controlled()).into_keys());
     for waveform in &waveforms[..3] {
         known.extend(keys_of(&force_controlled(waveform)).into_keys());
     }

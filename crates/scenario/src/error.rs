@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::{StructureSectionError, WireError};
+use crate::specification::SpecificationFileError;
 use crate::toml_error::TomlError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
@@ -66,6 +67,9 @@ pub enum ScenarioError {
     /// The controller of the section `[control]` can't be built.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// The specification of the control can't be used.
+    #[error("control: {0}")]
+    Specification(#[from] SpecificationFileError),
     /// The scenario has both an excitation and a control.
     #[error("the scenario has both [excitation] and [control], but an exciter has one controller; leave one out")]
     TwoControllers,

@@ -29,12 +29,15 @@ pub use structure::{StructureKind, StructureSection, StructureSectionError};
 pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::toml_error::TomlError;
 use crate::wire::Quantities;
-use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
+use resonarm_bench::control::{
+    ControlError, ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered, TestController,
+};
 use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, Load, RigSpec, Sampling};
@@ -189,20 +192,26 @@ impl Scenario {
         if let Some(Waveform::File { path, .. }) = scenario.excitation.as_ref().map(|spec| &spec.profile) {
             files.push(folder.join(path));
         }
+        if let Some((_, test)) = scenario.control.as_ref().and_then(ControlSpec::test) {
+            files.extend(specification::files(&folder.join(&test.specification)));
+        }
         files
     }
 
-    /// Reads the files that the scenario names: the load of its excitation, the DBC of its user protocol, and
-    /// the files of its structure. Paths are relative to `folder`.
+    /// Reads the files that the scenario names: the load of its excitation, the specification of its control, the DBC of
+    /// its user protocol, and the files of its structure. Paths are relative to `folder`.
     ///
     /// # Errors
-    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Wire`] of the DBC,
-    /// [`ScenarioError::Structure`] of the structure.
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Specification`] of the
+    /// specification, [`ScenarioError::Wire`] of the DBC, [`ScenarioError::Structure`] of the structure.
     pub fn read_files(&mut self, folder: &Path) -> Result<(), ScenarioError> {
         if let Some(wire) = &mut self.wire {
             wire.read(folder)?;
         }
         self.read_structure(folder)?;
+        if let Some(test) = self.control.as_mut().and_then(ControlSpec::test_mut) {
+            test.source = Some(Arc::new(specification::read_source(&folder.join(&test.specification))?));
+        }
         let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
         let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
         let path = folder.join(path);
@@ -441,6 +450,11 @@ impl Scenario {
             None => Ok(Box::new(OpenLoop::new(self.profile()?, converter))),
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
+                // A test is controlled without a model, so that its structure may also be an FMU.
+                if let Some((law, test)) = spec.test() {
+                    let controller = TestController::new(law, test, sampling.rate_hz, limit, self.rig.c_is_driven());
+                    return Ok(Box::new(controller.map_err(ControlError::from)?));
+                }
                 let tested = self.under_test()?;
                 let of = Modelled::new(&tested, &self.rig).map_err(StructureSectionError::from)?;
                 Ok(spec.controller(of, sampling, limit)?)

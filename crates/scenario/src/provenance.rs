@@ -1,14 +1,21 @@
 //! Stores a scenario in a recording and restores it.
 
+use std::sync::Arc;
+
 use super::{Scenario, ScenarioError};
 use crate::configuration::Configuration;
+use crate::specification;
 use crate::structure::StructureKind;
+use resonarm_bench::control::ControlSpec;
 use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 
 /// Key of the scenario in a recording's configuration.
 const SCENARIO: &str = "scenario";
 /// Key of the DBC text of the user protocol in a recording's configuration.
 const DBC: &str = "wire_dbc";
+/// Key of the text of the specification in a recording's configuration, and beginning of the keys of the files that it names.
+const SPECIFICATION: &str = "specification";
+const TABLE: &str = "specification_file:";
 
 impl Scenario {
     /// Returns what a recording states about its run: the whole scenario, the run loop, the protocol.
@@ -22,6 +29,13 @@ impl Scenario {
         if let Some(text) = self.wire.as_ref().and_then(|wire| wire.text.clone()) {
             configuration = configuration.with(DBC, text);
         }
+        let test = self.control.as_ref().and_then(ControlSpec::test);
+        if let Some(source) = test.and_then(|(_, test)| test.source.as_ref()) {
+            configuration = configuration.with(SPECIFICATION, &source.text);
+            for (name, text) in &source.tables {
+                configuration = configuration.with(format!("{TABLE}{name}"), text);
+            }
+        }
         Ok(configuration
             .with("run_loop", run_loop)
             .with("protocol_version", format!("{}.{}", PROTOCOL_VERSION >> 4, PROTOCOL_VERSION & 0xF))
@@ -33,7 +47,7 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read
-    /// it.
+    /// it, [`ScenarioError::Specification`] if it can't read the specification of its control.
     pub fn from_configuration(configuration: &Configuration) -> Result<Scenario, ScenarioError> {
         let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
         // Checks are skipped: the run has taken place, and a check that was added since must not make its
@@ -41,6 +55,15 @@ impl Scenario {
         let mut scenario = Scenario::parse_unchecked(text, "the recording's scenario")?;
         if let Some(wire) = &mut scenario.wire {
             wire.text = configuration.get(DBC).map(str::to_string);
+        }
+        let test = scenario.control.as_mut().and_then(ControlSpec::test_mut);
+        if let (Some(test), Some(text)) = (test, configuration.get(SPECIFICATION)) {
+            let table = |name: &str| {
+                let text = configuration.get(&format!("{TABLE}{name}")).map(str::to_string);
+                text.ok_or_else(|| String::from("the recording does not hold it"))
+            };
+            let source = specification::parse_source(text, "the recording's specification", table)?;
+            test.source = Some(Arc::new(source));
         }
         scenario.structure.is_recorded = scenario.structure.kind == StructureKind::Fmu;
         Ok(scenario)

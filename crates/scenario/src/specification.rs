@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::text_file;
 use crate::toml_error::TomlError;
+use resonarm_bench::control::SpecificationSource;
 use resonarm_specification::{Specification, SpecificationError, SpecificationFile};
 
 /// Reason why a file is not a specification.
@@ -38,9 +39,19 @@ pub enum SpecificationFileError {
 /// # Errors
 /// [`SpecificationFileError`] names the place of what can't be used.
 pub fn read(path: &Path) -> Result<Specification, SpecificationFileError> {
+    Ok(read_source(path)?.specification)
+}
+
+/// Reads a specification with the texts that it is made of, as [`read`].
+///
+/// # Errors
+/// As [`read`].
+pub fn read_source(path: &Path) -> Result<SpecificationSource, SpecificationFileError> {
     let read = text_file::read(path);
     let text = read.map_err(|source| SpecificationFileError::Read { path: path.to_path_buf(), source })?;
-    parse(&text, &path.display().to_string(), path.parent().unwrap_or(Path::new("")))
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let table = |name: &str| text_file::read_numbers(&folder.join(name)).map_err(|error| error.to_string());
+    parse_source(&text, &path.display().to_string(), table)
 }
 
 /// Reads a specification from its text; messages call the text `origin`. Files of breakpoints are relative to `folder`.
@@ -48,10 +59,29 @@ pub fn read(path: &Path) -> Result<Specification, SpecificationFileError> {
 /// # Errors
 /// [`SpecificationFileError`] names the place of what can't be used.
 pub fn parse(text: &str, origin: &str, folder: &Path) -> Result<Specification, SpecificationFileError> {
-    let file: SpecificationFile = toml::from_str(text).map_err(|error| TomlError::new(origin, &error))?;
     let table = |name: &str| text_file::read_numbers(&folder.join(name)).map_err(|error| error.to_string());
-    Specification::new(&file, table)
-        .map_err(|source| SpecificationFileError::Value { origin: origin.to_owned(), source })
+    Ok(parse_source(text, origin, table)?.specification)
+}
+
+/// Reads a specification from its text; `table` returns the text of a file of breakpoints by its name, or says why it can't.
+///
+/// # Errors
+/// [`SpecificationFileError`] names the place of what can't be used.
+pub fn parse_source(
+    text: &str,
+    origin: &str,
+    mut table: impl FnMut(&str) -> Result<String, String>,
+) -> Result<SpecificationSource, SpecificationFileError> {
+    let file: SpecificationFile = toml::from_str(text).map_err(|error| TomlError::new(origin, &error))?;
+    let mut tables = Vec::new();
+    let specification = Specification::new(&file, |name| {
+        let text = table(name)?;
+        tables.push((name.to_owned(), text.clone()));
+        Ok(text)
+    });
+    let specification =
+        specification.map_err(|source| SpecificationFileError::Value { origin: origin.to_owned(), source })?;
+    Ok(SpecificationSource { specification, text: text.to_owned(), tables })
 }
 
 /// Returns the files that [`read`] reads: the specification itself and those that it names, as far as it can be read.

@@ -128,7 +128,7 @@ impl WalkExperiment {
     fn spec(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<PhaseWalkSpec, Failure> {
         let of_scenario = match &scenario.control {
             Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
-            Some(ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_)) | None => None,
+            _ => None,
         };
         let amplitude = self.amplitude(scenario, tested)?;
         let mut spec = of_scenario.map_or(PhaseWalkSpec::new(amplitude), |spec| PhaseWalkSpec { amplitude, ..spec });

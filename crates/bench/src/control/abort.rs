@@ -4,6 +4,7 @@ use core::fmt;
 
 use thiserror::Error;
 
+use super::StopReason;
 use crate::rig::InstrumentName;
 use crate::structure::Axis;
 use resonarm_numeric::number::{rounded, short};
@@ -216,4 +217,7 @@ pub enum Abort {
         /// Time after the first answered sample, s.
         time_s: f64,
     },
+    /// A test by a specification was stopped before its end.
+    #[error(transparent)]
+    Test(#[from] StopReason),
 }

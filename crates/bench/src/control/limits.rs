@@ -7,7 +7,8 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Abort, Answer, Controller, InstrumentAxis, Length, LoadKind, NeededReading, ReadingLimit, ResponsePoint, SetPoint,
+    Abort, Answer, ControlSpectrum, Controller, InstrumentAxis, Length, LoadKind, NeededReading, ReadingLimit,
+    ResponsePoint, SetPoint, TestProgress,
 };
 use crate::rig::{InstrumentName, Load, Measurement, RigSpec};
 use crate::structure::{Channel, Point};
@@ -242,6 +243,14 @@ impl Controller for Limited {
 
     fn length(&self) -> Length {
         self.inner.length()
+    }
+
+    fn test_progress(&self) -> Option<TestProgress> {
+        self.inner.test_progress()
+    }
+
+    fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {
+        self.inner.control_spectrum()
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! [`OpenLoop`] plays a profile and reads the responses; [`ForceControl`] brings the force in the head to its
 //! amplitude; [`PhaseWalk`] traces a whole response at constant load, stable or not; [`Steered`] plays a sine that is
-//! set while it plays. You can implement the trait yourself; the exciter node runs the controller over the bus, in
+//! set while it plays; [`TestController`] controls random, swept-sine and shock tests by a specification. You can implement the trait yourself; the exciter node runs the controller over the bus, in
 //! real time, in lockstep and free alike (`Session::with_controller` of the crate `resonarm-session`).
 
 mod abort;
@@ -21,6 +21,7 @@ mod response;
 mod set_point;
 mod spec;
 mod steered;
+mod test_control;
 
 use alloc::vec::Vec;
 use core::fmt::Debug;
@@ -37,6 +38,10 @@ pub use response::ResponsePoint;
 pub use set_point::SetPoint;
 pub use spec::{ControlError, ControlSpec};
 pub use steered::Steered;
+pub use test_control::{
+    ControlSpectrum, SpecificationSource, StopReason, TestControlError, TestControlSpec, TestController, TestLaw,
+    TestLine, TestPhase, TestProgress, TestReport,
+};
 
 use crate::rig::{Load, Measurement};
 use crate::structure::{ChannelName, OUTPUTS};
@@ -128,4 +133,14 @@ pub trait Controller: Debug + Send {
 
     /// Returns the duration of the work, as far as it is known beforehand.
     fn length(&self) -> Length;
+
+    /// Returns the state of a test; `None` if it controls none.
+    fn test_progress(&self) -> Option<TestProgress> {
+        None
+    }
+
+    /// Returns the spectrum by which a random test is controlled, while one is at a level.
+    fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {
+        None
+    }
 }

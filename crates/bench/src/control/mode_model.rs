@@ -29,6 +29,8 @@ pub struct Modelled<'a> {
     pub armature: Option<Armature>,
     /// Largest accelerations that the accelerometers at B and C can read, m/s².
     pub ranges_m_s2: [f64; 2],
+    /// Whether the accelerometer C is where the exciter acts.
+    pub c_is_driven: bool,
 }
 
 impl<'a> Modelled<'a> {
@@ -39,7 +41,7 @@ impl<'a> Modelled<'a> {
     pub fn new(tested: &'a TestedAssembly, rig: &RigSpec) -> Result<Modelled<'a>, ShakerAcross> {
         let armature = rig.shaker.map(|shaker| shaker.armature_at(&tested.places.exciter)).transpose()?;
         let ranges_m_s2 = [&rig.sensors.b, &rig.sensors.c].map(SensorSpec::largest_reading);
-        Ok(Modelled { tested, armature, ranges_m_s2 })
+        Ok(Modelled { tested, armature, ranges_m_s2, c_is_driven: rig.c_is_driven() })
     }
 
     /// Returns the share of the exciter's force that enters the structure far above its natural frequencies.

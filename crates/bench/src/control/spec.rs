@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::{
     Controller, ForceControl, ForceControlError, ForceControlSpec, Modelled, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
-    ResponseControlSpec,
+    ResponseControlSpec, TestControlError, TestControlSpec, TestController, TestLaw,
 };
 use crate::rig::{Load, Sampling};
 
@@ -22,6 +22,12 @@ pub enum ControlSpec {
     ForceControl(ForceControlSpec),
     /// Steps a sine, and finds the load that holds one amplitude of the response at every frequency.
     ResponseControl(ResponseControlSpec),
+    /// Controls a random test by its specification.
+    Random(TestControlSpec),
+    /// Controls a swept sine by its specification.
+    SweptSine(TestControlSpec),
+    /// Plays shocks by their specification.
+    Shock(TestControlSpec),
 }
 
 /// Reason why a controller can't be built.
@@ -34,6 +40,9 @@ pub enum ControlError {
     /// The force control is not possible.
     #[error(transparent)]
     ForceControl(#[from] ForceControlError),
+    /// The test can't be controlled.
+    #[error(transparent)]
+    Test(#[from] TestControlError),
 }
 
 impl ControlSpec {
@@ -43,11 +52,30 @@ impl ControlSpec {
             ControlSpec::PhaseWalk(spec) => &spec.amplitude,
             ControlSpec::ForceControl(spec) => &spec.amplitude,
             ControlSpec::ResponseControl(spec) => &spec.amplitude,
+            ControlSpec::Random(spec) | ControlSpec::SweptSine(spec) | ControlSpec::Shock(spec) => &spec.amplitude,
+        }
+    }
+
+    /// Returns the law and its settings if a test is controlled by a specification.
+    pub fn test(&self) -> Option<(TestLaw, &TestControlSpec)> {
+        match self {
+            ControlSpec::Random(spec) => Some((TestLaw::Random, spec)),
+            ControlSpec::SweptSine(spec) => Some((TestLaw::SweptSine, spec)),
+            ControlSpec::Shock(spec) => Some((TestLaw::Shock, spec)),
+            ControlSpec::PhaseWalk(_) | ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_) => None,
+        }
+    }
+
+    /// Returns the settings if a test is controlled by a specification, to hand over what was read.
+    pub fn test_mut(&mut self) -> Option<&mut TestControlSpec> {
+        match self {
+            ControlSpec::Random(spec) | ControlSpec::SweptSine(spec) | ControlSpec::Shock(spec) => Some(spec),
+            ControlSpec::PhaseWalk(_) | ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_) => None,
         }
     }
 
     /// Builds the controller for the modelled structure, with readings at this `sampling` and an exciter with
-    /// the limit `limit`, N or N·m.
+    /// the limit `limit`, N or N·m. A test needs no model of the structure: [`TestController::new`] builds its controller.
     ///
     /// # Errors
     /// [`ControlError`] names the impossible setting.
@@ -57,10 +85,16 @@ impl ControlSpec {
         sampling: Sampling,
         limit: f64,
     ) -> Result<Box<dyn Controller>, ControlError> {
+        let test = |law, spec| -> Result<Box<dyn Controller>, ControlError> {
+            Ok(Box::new(TestController::new(law, spec, sampling.rate_hz, limit, of.c_is_driven)?))
+        };
         Ok(match self {
             ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, of, sampling, limit)?),
             ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, of, sampling, limit)?),
             ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, of, sampling, limit)?),
+            ControlSpec::Random(spec) => test(TestLaw::Random, spec)?,
+            ControlSpec::SweptSine(spec) => test(TestLaw::SweptSine, spec)?,
+            ControlSpec::Shock(spec) => test(TestLaw::Shock, spec)?,
         })
     }
 }

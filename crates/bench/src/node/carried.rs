@@ -7,7 +7,10 @@ use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::{TimeBase, sample};
-use crate::control::{Abort, Answer, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint};
+use crate::control::{
+    Abort, Answer, ControlSpectrum, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint, TestProgress,
+    TestReport,
+};
 use crate::rig::{Load, Measurement, Readings};
 
 /// Largest number of responses that wait to be fetched.
@@ -79,6 +82,21 @@ impl Carried {
     /// Returns the set-point that the controller approaches or holds; `None` if it accepts none.
     pub fn set_point(&self) -> Option<SetPoint> {
         self.controller.set_point()
+    }
+
+    /// Returns the state of a test; `None` if the controller controls none.
+    pub fn test_progress(&self) -> Option<TestProgress> {
+        self.controller.test_progress()
+    }
+
+    /// Returns the spectrum by which a random test is controlled, while one is at a level.
+    pub fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {
+        self.controller.control_spectrum()
+    }
+
+    /// Returns the state of a test for a report; `None` if the controller controls none.
+    pub fn test_report(&self) -> Option<TestReport> {
+        TestReport::new(&*self.controller)
     }
 }
 

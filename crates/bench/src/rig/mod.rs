@@ -91,6 +91,11 @@ impl RigSpec {
         self
     }
 
+    /// Returns whether the accelerometer C is where the exciter acts.
+    pub fn c_is_driven(&self) -> bool {
+        self.sensors.c.at.is_none() || self.sensors.c.at == self.exciter.at
+    }
+
     /// Returns the head and all sensors, by name.
     pub fn instruments(&self) -> impl Iterator<Item = (InstrumentName, &SensorSpec)> {
         let SensorSpecs { b, c, more } = &self.sensors;
