@@ -172,7 +172,7 @@ fn a_random_record_is_judged() {
     assert!(said.stdout.ends_with("written to good.xml, good.html\n"), "{}", said.stdout);
     let junit = fs::read_to_string(folder.join("good.xml")).unwrap();
     assert!(
-        junit.contains("<testsuite name=\"resonarm verdict\" tests=\"2\" failures=\"0\" skipped=\"0\">"),
+        junit.contains("<testsuite name=\"resonarm verdict\" tests=\"3\" failures=\"0\" skipped=\"0\">"),
         "{junit}"
     );
     assert!(junit.contains("name=\"profile\"></testcase>") && junit.contains("name=\"rms\"></testcase>"), "{junit}");
