@@ -103,6 +103,7 @@ impl ExciterReport {
             rearmed: 0,
             bus: BusCounts::default(),
             responses: Vec::new(),
+            test: node.carried().test_report(),
         }
     }
 }

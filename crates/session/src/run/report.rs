@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 use super::bench::Bench;
 use super::mistakes::{RefusedFrame, first_such_sample, refused_command, unsent_command};
 use super::{BusLoss, RunError, Signals};
-use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
 use resonarm_bench::rig::Load;
 use resonarm_bus::{ControllerErrors, Statistics};
@@ -191,6 +191,8 @@ pub struct ExciterReport {
     pub bus: BusCounts,
     /// Responses that the controller has read.
     pub responses: Vec<ResponsePoint>,
+    /// State of the test at the end, if the controller controls one.
+    pub test: Option<TestReport>,
 }
 
 impl ExciterReport {
