@@ -350,8 +350,8 @@ class Bench:
 
     @contextmanager
     def sensor_fault(self, instrument: str, kind: SensorFault, **values: Any) -> Iterator[None]:
-        """An instrument (head, or a sensor by its name) has a fault: stuck, dropout, drift, noise
-        or spike, with the keys of `[[rig.faults]]`."""
+        """An instrument (head, or a sensor by its name) has a fault: stuck, dropout, drift, noise,
+        spike or gain, with the keys of `[[rig.faults]]`."""
         with self._section("rig", {"instrument": instrument, "kind": kind, **values}):
             yield
 

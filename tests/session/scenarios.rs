@@ -115,7 +115,7 @@ const HEAD: &str = "noise_rms_n = 1, noise_density_n_per_sqrt_hz = 1, resolution
     transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
 const FAULT: &str = "instrument = 'b', kind = 'drift', from_s = 1, to_s = 2, rate_m_s2_per_s = 1, \
     rate_n_per_s = 1, rms_m_s2 = 1, rms_n = 1, amplitude_m_s2 = 1, amplitude_n = 1, rate_m_s_per_s = 1, rms_m_s = 1, \
-    amplitude_m_s = 1, rate_m_per_s = 1, rms_m = 1, amplitude_m = 1, rate_rad_per_s = 1, rms_rad = 1, amplitude_rad = 1";
+    amplitude_m_s = 1, rate_m_per_s = 1, rms_m = 1, amplitude_m = 1, rate_rad_per_s = 1, rms_rad = 1, amplitude_rad = 1, factor = 1";
 const SENSOR: &str = "at = 'tip', measures = 'velocity', noise_rms_m_s = 1, noise_density_m_s_per_sqrt_hz = 1, resolution_m_s = 1, \
     bits = 2, sensor_range_m_s = 1, transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
 const GATE: &str = "force_rate_limit_n_per_s = 1, torque_rate_limit_nm_per_s = 1, travel_limit_m = 0.001";

@@ -1,7 +1,7 @@
 //! Faults of instruments at stated times.
 //!
-//! Drift, noise and spike are added between delay and converter, which rounds and clips them; a stuck or dropped-out
-//! axis replaces the converter's output. Several faults of an axis act in the order of the specification.
+//! Drift, noise and spike are added between delay and converter, and a gain acts there, before the converter rounds and clips;
+//! a stuck or dropped-out axis replaces the converter's output. Several faults of an axis act in the order of the specification.
 
 use alloc::boxed::Box;
 
@@ -49,10 +49,12 @@ pub enum FaultKind {
     Noise,
     /// A constant is added, for one sample unless the fault has an end.
     Spike,
+    /// The axis reads its value times a factor: a wrong sensitivity, or with a negative factor a reversed sensor.
+    Gain,
 }
 
 /// A fault as a scenario states it. A drift has a rate, noise its standard deviation, a spike its amplitude, each in
-/// the key of the instrument's unit; stuck axes and dropouts have none.
+/// the key of the instrument's unit, a gain its factor; stuck axes and dropouts have none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultSpec {
@@ -114,9 +116,39 @@ pub struct FaultSpec {
     /// Amplitude of a spike, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_rad: Option<f64>,
+    /// Factor of a gain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub factor: Option<f64>,
 }
 
 impl FaultSpec {
+    /// Returns a fault of all axes of an instrument that lasts to the end of the run, without an amount.
+    pub const fn new(instrument: InstrumentName, kind: FaultKind, from_s: f64) -> FaultSpec {
+        FaultSpec {
+            instrument,
+            axis: FaultAxis::All,
+            kind,
+            from_s,
+            to_s: None,
+            rate_m_s2_per_s: None,
+            rate_n_per_s: None,
+            rate_m_s_per_s: None,
+            rate_m_per_s: None,
+            rate_rad_per_s: None,
+            rms_m_s2: None,
+            rms_n: None,
+            rms_m_s: None,
+            rms_m: None,
+            rms_rad: None,
+            amplitude_m_s2: None,
+            amplitude_n: None,
+            amplitude_m_s: None,
+            amplitude_m: None,
+            amplitude_rad: None,
+            factor: None,
+        }
+    }
+
     /// Returns the key of the amount, if the kind has one, in the unit of what the instrument measures.
     fn key(&self, measures: Measured) -> Option<&'static str> {
         let [rate, rms, amplitude] = match measures {
@@ -131,6 +163,7 @@ impl FaultSpec {
             FaultKind::Drift => Some(rate),
             FaultKind::Noise => Some(rms),
             FaultKind::Spike => Some(amplitude),
+            FaultKind::Gain => Some("factor"),
         }
     }
 
@@ -152,6 +185,7 @@ impl FaultSpec {
             ("amplitude_m_s", self.amplitude_m_s),
             ("amplitude_m", self.amplitude_m),
             ("amplitude_rad", self.amplitude_rad),
+            ("factor", self.factor),
         ];
         let wanted = self.key(measures);
         let mut size = None;
@@ -195,6 +229,7 @@ enum Effect {
     /// Standard deviation, and a noise stream for each axis.
     Noise(f64, Box<[Noise; MOST_AXES]>),
     Spike(f64),
+    Gain(f64),
 }
 
 impl Fault {
@@ -234,6 +269,7 @@ impl Fault {
                 Effect::Noise(size, Box::new(streams.map(|stream| Noise::new(seed, stream))))
             }
             FaultKind::Spike => Effect::Spike(size),
+            FaultKind::Gain => Effect::Gain(size),
         };
         let has = |axis: &Axis| match spec.axis {
             FaultAxis::X => *axis == Axis::X,
@@ -272,6 +308,7 @@ impl Fault {
             Effect::Drift(step) => value + *step * (sample - self.first) as f64,
             Effect::Noise(rms, noise) => value + *rms * noise[axis].normal(),
             Effect::Spike(amplitude) => value + *amplitude,
+            Effect::Gain(factor) => value * *factor,
         }
     }
 
@@ -335,6 +372,9 @@ mod tests {
         assert_eq!(b(&drift, 1), [2.0, 4.0, 5.0, 6.0, 7.0, 12.0, 14.0, 16.0]);
         let spike = fault("axis = 'x'\nkind = 'spike'\namplitude_m_s2 = 50\nfrom_s = 0.2");
         assert_eq!(b(&spike, 0), [1.0, 2.0, 53.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+        let gain = fault("axis = 'x'\nkind = 'gain'\nfactor = -2\nfrom_s = 0.5\nto_s = 0.7");
+        assert_eq!(b(&gain, 0), [1.0, 2.0, 3.0, 4.0, 5.0, -12.0, -14.0, 8.0]);
+        assert_eq!(b(&gain, 1), b("", 1));
         let both = format!("{spike}\n{}", fault("axis = 'x'\nkind = 'stuck'\nfrom_s = 0.3"));
         assert_eq!(b(&both, 0)[2..], [53.0; 6]);
     }
