@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::Fault;
+use resonarm_bench::control::ControlSpec;
 use resonarm_bench::excitation::{LoadFile, Waveform};
 use resonarm_scenario::{Scenario, ScenarioError};
 
@@ -21,6 +22,10 @@ const SCENARIO: &str = "scenario.toml";
 const DBC: &str = "wire.dbc";
 /// The load of the scenario's excitation.
 const LOAD: &str = "load.csv";
+/// The specification of the scenario's control.
+const SPECIFICATION: &str = "specification.toml";
+/// Names that a file that the specification names can't have.
+const RESERVED: [&str; 5] = [SETTINGS, SCENARIO, DBC, LOAD, SPECIFICATION];
 
 /// Interface by which an FMU is connected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,6 +112,24 @@ impl Content {
         {
             files.insert(LOAD.to_string(), rows(load).into_bytes());
             *path = LOAD.to_string();
+        }
+        if let Some(test) = scenario.control.as_mut().and_then(ControlSpec::test_mut)
+            && let Some(source) = &test.source
+        {
+            // The specification names its tables, which therefore keep their names beside it.
+            for (name, text) in &source.tables {
+                if Path::new(name).file_name().is_none_or(|file| file != name.as_str())
+                    || RESERVED.contains(&name.as_str())
+                {
+                    let reason = format!(
+                        "the specification names {name}: put the file beside it, under another name than those of the FMU"
+                    );
+                    return Err(ScenarioError::Write { reason });
+                }
+                files.insert(name.clone(), text.clone().into_bytes());
+            }
+            files.insert(SPECIFICATION.to_string(), source.text.clone().into_bytes());
+            test.specification = SPECIFICATION.to_string();
         }
         let versioned = Versioned { version: VERSION.to_string(), settings: self.settings };
         let settings =
