@@ -125,6 +125,7 @@ mod tests {
             ("plot", _) => "x --of psd",
             ("verdict", _) => "navmat-p-9492 x",
             ("survey", _) => "x --out y",
+            ("audit", _) => "--scenario x --specification navmat-p-9492 --controller y",
             ("cut" | "merge" | "import" | "diff" | "recover", _) => "x y",
             ("basins", _) => "--frequency-hz 1",
             ("sweep", _) => "--from-hz 1 --to-hz 2",

@@ -143,6 +143,7 @@ commands! {
     "Specifications of tests" {
         Spec in spec, reported as "spec";
         Verdict in verdict, reported as "verdict";
+        Audit in audit, reported as "audit";
     }
     "Structures and their vibration" {
         Structure in structure;

@@ -1,5 +1,6 @@
 //! The commands, one file each, with their flags and their output.
 
+pub mod audit;
 pub mod backbone;
 pub mod basins;
 pub mod compare;

@@ -18,7 +18,9 @@ use crate::specifications::{self, level_curve, level_label, level_panel};
 use resonarm::judge::{Found, JudgeOptions, Judged, judge};
 use resonarm::recording::Recording;
 use resonarm::scenario::Scenario;
-use resonarm::specification::verdict::{LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict};
+use resonarm::specification::verdict::{
+    LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict,
+};
 use resonarm::specification::{Specification, Test};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm_numeric::number::{rounded, short};

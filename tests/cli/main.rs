@@ -1,6 +1,7 @@
 //! The command line from the user's side: documents, messages and exit codes of the program.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
+mod audit;
 mod backbone;
 mod bad_input;
 mod branches;

@@ -122,7 +122,12 @@ fn sweeps_that_are_missing_or_broken_off_leave_the_test_undecided() {
     let test = specified("tolerance = 0.1");
     let end = ((2.0 + test.sweep_s(15.0, 40.0)) * RATE_HZ) as usize;
     let found = judged(&test, &whole[..end], |phase| 3.0 * libm::sin(phase), 0.01);
-    assert_eq!((found.amplitude, found.whole, found.verdict), (Verdict::In, 0, Verdict::Undecided), "{:?}", found.passes);
+    assert_eq!(
+        (found.amplitude, found.whole, found.verdict),
+        (Verdict::In, 0, Verdict::Undecided),
+        "{:?}",
+        found.passes
+    );
     let twice = specified("tolerance = 0.1\nsweeps = 2");
     let found = judged(&twice, &whole, |phase| 3.0 * libm::sin(phase), 0.01);
     assert_eq!((found.whole, found.asked, found.verdict), (1, 2, Verdict::Undecided));

@@ -12,8 +12,8 @@ mod srs;
 use serde::Serialize;
 
 pub use random::{
-    Density, LevelVerdict, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, judge_density, judge_level,
-    judge_random, line_verdict, perfect_probability,
+    Density, LevelVerdict, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, judge_density,
+    judge_level, judge_random, line_verdict, perfect_probability,
 };
 pub use shock::{ShockVerdict, Shot, judge_shock};
 pub use sine::{SinePass, SinePoint, SineVerdict, judge_sine};

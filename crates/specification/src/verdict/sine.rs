@@ -338,13 +338,7 @@ fn passes(phase: &Phase, [from_hz, to_hz]: [f64; 2]) -> Vec<Range<usize>> {
 }
 
 /// Measures the rate of a pass through a range of frequencies.
-fn pass(
-    test: &SineTest,
-    phase: &Phase,
-    range: Range<usize>,
-    [from_hz, to_hz]: [f64; 2],
-    is_drive: bool,
-) -> SinePass {
+fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, [from_hz, to_hz]: [f64; 2], is_drive: bool) -> SinePass {
     let is_logarithmic = matches!(test.rate, SweepRate::OctavesPerMinute(_));
     let frequencies = &phase.frequency_hz[range.clone()];
     let at = |hz: f64| if is_logarithmic { libm::log2(hz) } else { hz };

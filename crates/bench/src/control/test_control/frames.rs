@@ -295,8 +295,8 @@ mod tests {
             last = value;
         }
         let mut deviations = 0.0;
-        for k in 12..98 {
-            let ratio = frames.density[DRIVE][k] / (4.0 * density[k]);
+        for (k, density) in density.iter().enumerate().take(98).skip(12) {
+            let ratio = frames.density[DRIVE][k] / (4.0 * density);
             deviations += 10.0 * libm::log10(ratio);
             assert!((ratio - 1.0).abs() < 0.1, "{k}: {ratio}");
             let transfer = frames.with_drive[k] / frames.density[DRIVE][k];

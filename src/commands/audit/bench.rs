@@ -1,0 +1,456 @@
+//! Runs of an audit: the plant with its stimulus, the controller under test, and the record of both.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use toml::{Table, Value};
+
+use crate::failure::Failure;
+use crate::session::open_bus;
+use crate::specifications;
+use resonarm::audit::{Base, Record, Stimulus};
+use resonarm::bus::BusAddress;
+use resonarm::recording::{Existing, Recording, Topic};
+use resonarm::rig::{FaultKind, FaultSpec, InstrumentName};
+use resonarm::run::{Mode, Options, RecordTo, Session, Signals as RunSignals};
+use resonarm::scenario::{Scenario, specification as files};
+use resonarm::signals::Signals;
+use resonarm::specification::{Specification, Test};
+
+/// Time at full level of a random test, s: enough to decide a tolerance of 3 dB.
+const FULL_LEVEL_S: f64 = 60.0;
+/// Rms of the noise of an open cable, m/s².
+const OPEN_M_S2: f64 = 0.05;
+/// Time for which a run waits for the controller's first arming, s.
+const PATIENCE_S: u64 = 30;
+/// Deadlines of a run with a gap in the samples, s: the nodes note it and go on.
+const GAP_DEADLINE_S: f64 = 1.0;
+/// Time for a command to end by itself before it is killed, s.
+const END_S: u64 = 5;
+
+/// The controller under test.
+#[derive(Debug)]
+pub(super) enum UnderTest {
+    /// The control, or the excitation, of a scenario, which runs in one process with the plant.
+    Scenario {
+        /// Scenario as it stands in its file.
+        table: Table,
+        /// Folder to which its paths are relative.
+        folder: PathBuf,
+        /// Name of the file, for messages.
+        origin: String,
+    },
+    /// A command that is started for each run.
+    Command {
+        /// Bus on which it controls the plant.
+        bus: BusAddress,
+        /// Program and arguments.
+        words: Vec<String>,
+    },
+}
+
+impl UnderTest {
+    /// Reads the scenario of a controller.
+    pub fn scenario(path: &Path) -> Result<UnderTest, Failure> {
+        // The first reading finds what is wrong with it; the table keeps what an audit replaces.
+        let scenario = Scenario::read(path)?;
+        if scenario.control.is_none() && scenario.excitation.is_none() {
+            let file = path.display();
+            return Err(Failure::usage(format!(
+                "{file} has neither a section [control] nor [excitation]: it is no controller"
+            )));
+        }
+        let text =
+            fs::read_to_string(path).map_err(|source| Failure::usage(format!("{}: {source}", path.display())))?;
+        let table = parsed(&text, path)?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Ok(UnderTest::Scenario { table, folder, origin: path.display().to_string() })
+    }
+
+    /// Says whether the controller learns the specification of a run.
+    fn is_told(&self) -> bool {
+        match self {
+            UnderTest::Scenario { table, .. } => {
+                table.get("control").and_then(|control| control.get("specification")).is_some()
+            }
+            UnderTest::Command { words, .. } => words.iter().any(|word| word.contains("{spec}")),
+        }
+    }
+}
+
+/// A run with what it recorded.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub specification: Specification,
+    pub record: Record,
+    pub recording: PathBuf,
+}
+
+/// Plant, specification and controller of an audit.
+#[derive(Debug)]
+pub(super) struct AuditBench {
+    scenario: Scenario,
+    specification: Table,
+    under_test: UnderTest,
+    out: PathBuf,
+    /// Control channel as the specification names it, and another one whose response can have a limit.
+    control: String,
+    response: String,
+    instrument: InstrumentName,
+}
+
+impl AuditBench {
+    pub fn new(
+        scenario: Scenario,
+        name: &Path,
+        specification: &Specification,
+        under_test: UnderTest,
+        out: PathBuf,
+    ) -> Result<AuditBench, Failure> {
+        let control = match &specification.control.channels[..] {
+            [] => String::from("c.x"),
+            [one] => one.clone(),
+            several => {
+                let count = several.len();
+                return Err(Failure::usage(format!(
+                    "an audit has one control channel, the specification names {count}"
+                )));
+            }
+        };
+        let (instrument, other) = match control.split_once('.').map(|(sensor, _)| sensor) {
+            Some("c") => (InstrumentName::C, "b"),
+            Some("b") => (InstrumentName::B, "c"),
+            _ => {
+                let what =
+                    "the control channel must be an axis of the sensor b or c, which the protocol carries, as c.x";
+                return Err(Failure::usage(format!("the control channel is {control}: {what}")));
+            }
+        };
+        let axis = control.split_once('.').map_or("x", |(_, axis)| axis);
+        let response = format!("{other}.{axis}");
+        let specification = table(name, &specification.test)?;
+        Ok(AuditBench { scenario, specification, under_test, out, response, control, instrument })
+    }
+
+    /// Says why a stimulus can't be tried on this controller; `None` if it can.
+    pub fn why_not(&self, stimulus: Stimulus) -> Option<&'static str> {
+        match stimulus {
+            Stimulus::Stop | Stimulus::Restart => {
+                Some("the protocol has no word by which a controller is told to stop or start")
+            }
+            Stimulus::Gap(_) if matches!(self.under_test, UnderTest::Command { .. }) => {
+                Some("in lockstep time waits for the controller, which notices no gap")
+            }
+            Stimulus::ResponseLimit(_) | Stimulus::DriveLimit(_) if !self.under_test.is_told() => {
+                Some("the controller does not read the specification: name it by {spec}, or by control.specification")
+            }
+            _ => None,
+        }
+    }
+
+    /// Runs the controller on the plant with a stimulus, which acts from a sample of the base run on.
+    pub fn run(&self, id: &str, stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) -> Result<Run, Failure> {
+        let folder = self.out.join(id);
+        fs::create_dir_all(&folder).map_err(|source| Failure::Write { path: folder.clone(), source })?;
+        let folder = folder.canonicalize().map_err(|source| Failure::Write { path: folder.clone(), source })?;
+        let (spec, recording) = (folder.join("spec.toml"), folder.join("run.mcap"));
+        let table = self.limited(stimulus, base);
+        fs::write(&spec, table.to_string()).map_err(|source| Failure::Write { path: spec.clone(), source })?;
+        let specification = files::read(&spec)?;
+        let mut scenario = self.scenario.clone();
+        scenario.simulation.duration_s = Some(match base {
+            Some((base, at)) => duration_s(stimulus, base, at),
+            None => longest_s(&specification.test),
+        });
+        self.stimulate(&mut scenario, &specification.test, stimulus, base);
+        let record = RecordTo { path: recording.clone(), existing: Existing::Overwrite };
+        let options =
+            Options { record: Some(record), patience: Some(Duration::from_secs(PATIENCE_S)), ..Options::default() };
+        match &self.under_test {
+            UnderTest::Scenario { table, folder, origin } => {
+                let controller = with_specification(table, folder, origin, &spec)?;
+                (scenario.control, scenario.excitation) = (controller.control, controller.excitation);
+                scenario.limits = controller.limits;
+                let session = Session::new(scenario, Mode::Free, options)?;
+                session.both(&RunSignals::default(), |_| {})?;
+            }
+            UnderTest::Command { bus, words } => {
+                (scenario.control, scenario.excitation, scenario.limits) = (None, None, None);
+                let options = Options { end_on_disarm: true, ..options };
+                let session = Session::new(scenario, Mode::Lockstep, options)?;
+                let mut opened = open_bus(bus, &session, false)?;
+                let bus = bus.to_string();
+                let replaced = |word: &String| {
+                    word.replace("{bus}", &bus).replace("{spec}", &spec.display().to_string()).replace("{case}", id)
+                };
+                let words: Vec<String> = words.iter().map(replaced).collect();
+                let started = Started::new(&words, &folder.join("controller.txt"))?;
+                let ran = session.plant(opened.as_mut(), &RunSignals::default(), |_| {});
+                started.end();
+                ran?;
+                opened.close()?;
+            }
+        }
+        let record = self.record(&recording, &specification)?;
+        Ok(Run { specification, record, recording })
+    }
+
+    /// Returns the specification with the limits of a case.
+    fn limited(&self, stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) -> Table {
+        let mut table = self.specification.clone();
+        let Some((base, _)) = base else { return table };
+        let limits = table.entry("limits").or_insert_with(|| Value::Table(Table::new()));
+        let Value::Table(limits) = limits else { return table };
+        match stimulus {
+            Stimulus::DriveLimit(part) => {
+                limits.insert(String::from("drive_peak_n"), Value::Float(part * base.peak_n));
+            }
+            Stimulus::ResponseLimit(below_db) => {
+                let response = base.record.responses.first();
+                let test = self.test();
+                let limit =
+                    response.zip(test).and_then(|(response, test)| base.response_limit(&test, response, below_db));
+                if let Some(points) = limit {
+                    let point = |[hz, level]: [f64; 2]| Value::Array(vec![Value::Float(hz), Value::Float(level)]);
+                    let mut limit = Table::new();
+                    limit.insert(String::from("channel"), Value::String(self.response.clone()));
+                    limit.insert(String::from("breakpoints"), Value::Array(points.map(point).to_vec()));
+                    limits.insert(String::from("response"), Value::Array(vec![Value::Table(limit)]));
+                }
+            }
+            _ => {}
+        }
+        table
+    }
+
+    /// Returns the test of the specification.
+    fn test(&self) -> Option<Test> {
+        let parsed = files::parse(&self.specification.to_string(), "the specification", Path::new(""));
+        parsed.ok().map(|specification| specification.test)
+    }
+
+    /// Adds what the plant does to its scenario.
+    fn stimulate(&self, scenario: &mut Scenario, test: &Test, stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) {
+        let rate_hz = scenario.simulation.rate_hz;
+        let at_s = base.map_or(0.0, |(_, at)| at as f64 / rate_hz);
+        let fault = |kind, from_s| FaultSpec::new(self.instrument, kind, from_s);
+        let gain = |factor, from_s| FaultSpec { factor: Some(factor), ..fault(FaultKind::Gain, from_s) };
+        let open = |from_s| {
+            // The signal is lost, and its cable picks up noise.
+            let noise = FaultSpec { rms_m_s2: Some(OPEN_M_S2), ..fault(FaultKind::Noise, from_s) };
+            [gain(0.0, from_s), noise]
+        };
+        let faults = &mut scenario.rig.faults;
+        match stimulus {
+            Stimulus::DeadFromStart => faults.push(fault(FaultKind::Dropout, 0.0)),
+            Stimulus::OpenFromStart => faults.extend(open(0.0)),
+            Stimulus::Dead => faults.push(fault(FaultKind::Dropout, at_s)),
+            Stimulus::Open => faults.extend(open(at_s)),
+            Stimulus::Gain(factor) => faults.push(gain(factor, at_s)),
+            Stimulus::Inverted => faults.push(gain(-1.0, 0.0)),
+            Stimulus::Clipped(sigma) => {
+                let Test::Random(test) = test else { return };
+                let range = sigma * libm::sqrt(test.profile.moment(0));
+                let sensors = &mut scenario.rig.sensors;
+                let sensor = if self.instrument == InstrumentName::C { &mut sensors.c } else { &mut sensors.b };
+                sensor.range = range;
+            }
+            Stimulus::Gap(seconds) => {
+                let network = &mut scenario.network;
+                network.command_timeout_s = network.command_timeout_s.max(GAP_DEADLINE_S);
+                network.partner_timeout_s = network.partner_timeout_s.max(GAP_DEADLINE_S);
+                network.faults.push(resonarm::bus::fault::FaultSpec {
+                    node: resonarm::bus::fault::FaultNode::Exciter,
+                    kind: resonarm::bus::fault::FaultKind::Loss,
+                    direction: Some(resonarm::bus::fault::FaultDirection::Both),
+                    from_s: at_s,
+                    to_s: Some(at_s + seconds),
+                    ids: Vec::new(),
+                    extended_ids: Vec::new(),
+                    probability: Some(1.0),
+                    count: None,
+                    delay_s: None,
+                    rate_hz: None,
+                });
+            }
+            Stimulus::None
+            | Stimulus::Stop
+            | Stimulus::Restart
+            | Stimulus::ResponseLimit(_)
+            | Stimulus::DriveLimit(_) => {}
+        }
+    }
+
+    /// Reads what the controller commanded and what its channels read.
+    fn record(&self, path: &Path, specification: &Specification) -> Result<Record, Failure> {
+        let rate_hz = self.scenario.simulation.rate_hz;
+        let failed = |error: &dyn core::fmt::Display| Failure::usage(format!("{}: {error}", path.display()));
+        let recording = Recording::open(path)?;
+        let limited = specification.limits.response.iter().map(|limit| limit.channel.clone());
+        let mut names = vec![channel(&self.control)];
+        names.extend(limited.map(|name| channel(&name)));
+        if names.len() == 1 {
+            names.push(channel(&self.response));
+        }
+        let readings = match Signals::read(&recording, &names, [None, None]) {
+            Ok(readings) => readings,
+            // A controller that never armed the plant leaves no sample behind.
+            Err(_) if recording.summary().topics.get(Topic::Samples.name()).is_none_or(|topic| topic.records == 0) => {
+                return Ok(Record { rate_hz, ..Record::default() });
+            }
+            Err(error) => return Err(failed(&error)),
+        };
+        let loads: Vec<String> = recording
+            .channels()
+            .of(Topic::States)
+            .iter()
+            .map(|channel| channel.name.to_string())
+            .filter(|name| name.starts_with("force_"))
+            .collect();
+        let loads = Signals::read(&recording, &loads, [None, None]).map_err(|error| failed(&error))?;
+        let energy = |values: &Vec<f64>| values.iter().map(|value| value * value).sum::<f64>();
+        let drive = loads.values.into_iter().max_by(|a, b| energy(a).total_cmp(&energy(b))).unwrap_or_default();
+        let armed = armed(&recording, drive.len())?;
+        let drive = drive.into_iter().zip(armed).map(|(drive, is_armed)| if is_armed { drive } else { 0.0 }).collect();
+        let mut values = readings.values.into_iter();
+        let reading = values.next().unwrap_or_default();
+        Ok(Record { rate_hz: readings.rate_hz, drive, reading, responses: values.collect() })
+    }
+}
+
+/// Says for every sample whether the plant was armed: only then a load is what the controller commanded.
+fn armed(recording: &Recording, samples: usize) -> Result<Vec<bool>, Failure> {
+    let mut armed = vec![false; samples];
+    for event in recording.events()? {
+        let event = event?;
+        if event.name.starts_with("state.") {
+            let from = usize::try_from(event.sample).unwrap_or(samples).min(samples);
+            armed[from..].fill(event.name == "state.operational");
+        }
+    }
+    // The last row is the state in which the run ended, whose load is meaningless.
+    if let Some(last) = armed.last_mut() {
+        *last = false;
+    }
+    Ok(armed)
+}
+
+/// Returns the name of the channel of a sensor and an axis, as c.x.
+fn channel(name: &str) -> String {
+    name.split_once('.').map_or(name.to_owned(), |(sensor, axis)| format!("acceleration_{sensor}_{axis}_m_s2"))
+}
+
+/// Time of simulation after which a run ends if the controller does not end it, s.
+fn longest_s(test: &Test) -> f64 {
+    // For checks and identification, which no specification states.
+    const OWN_S: f64 = 240.0;
+    OWN_S
+        + match test {
+            Test::Random(test) => test.schedule.as_ref().map_or(0.0, |schedule| schedule.duration_s()),
+            Test::Sine(test) => {
+                let [from_hz, to_hz] = test.band_hz();
+                f64::from(test.sweeps) * test.sweep_s(from_hz, to_hz)
+            }
+            Test::Shock(_) | Test::Srs(_) => 0.0,
+        }
+}
+
+/// Length of the run of a case, s.
+fn duration_s(stimulus: Stimulus, base: &Base<'_>, at: usize) -> f64 {
+    let seconds = |sample: usize| sample as f64 / base.record.rate_hz;
+    let level_s = base.level.as_ref().map_or(0.0, |level| seconds(level.start));
+    let end_s = seconds(base.record.len());
+    match stimulus {
+        Stimulus::DeadFromStart | Stimulus::OpenFromStart | Stimulus::Inverted => level_s + 2.0,
+        Stimulus::Clipped(_) | Stimulus::DriveLimit(_) => level_s + 12.0,
+        // The test must be back at its level.
+        Stimulus::Gain(factor) if factor < 1.0 => seconds(at) + 26.0,
+        Stimulus::Gap(_) => seconds(at) + 9.0,
+        Stimulus::ResponseLimit(_) | Stimulus::None => end_s + 5.0,
+        Stimulus::Dead | Stimulus::Open | Stimulus::Gain(_) | Stimulus::Stop | Stimulus::Restart => seconds(at) + 5.0,
+    }
+}
+
+fn parsed(text: &str, path: &Path) -> Result<Table, Failure> {
+    text.parse().map_err(|error: toml::de::Error| Failure::usage(format!("{}: {error}", path.display())))
+}
+
+/// Reads a specification as a table whose files have absolute paths and whose full level takes `FULL_LEVEL_S`.
+fn table(name: &Path, test: &Test) -> Result<Table, Failure> {
+    let (text, folder) = match specifications::preset(name) {
+        Some(preset) => (preset.text.to_owned(), PathBuf::new()),
+        None => {
+            let failed = |source| Failure::usage(format!("{}: {source}", name.display()));
+            let folder = name.canonicalize().map_err(failed)?.parent().map(Path::to_path_buf).unwrap_or_default();
+            (fs::read_to_string(name).map_err(failed)?, folder)
+        }
+    };
+    let mut table = parsed(&text, name)?;
+    for section in ["random", "shock", "srs"] {
+        if let Some(Value::String(file)) = table.get_mut(section).and_then(|section| section.get_mut("file")) {
+            *file = folder.join(&*file).display().to_string();
+        }
+    }
+    if matches!(test, Test::Random(_)) {
+        let schedule = table.entry("schedule").or_insert_with(|| {
+            let floats = |values: [f64; 4]| Value::Array(values.map(Value::Float).to_vec());
+            let mut schedule = Table::new();
+            schedule.insert(String::from("levels_db"), floats([-12.0, -6.0, -3.0, 0.0]));
+            schedule.insert(String::from("seconds"), floats([10.0, 10.0, 10.0, FULL_LEVEL_S]));
+            Value::Table(schedule)
+        });
+        if let Some(last) = schedule.get_mut("seconds").and_then(Value::as_array_mut).and_then(|all| all.last_mut()) {
+            *last = Value::Float(FULL_LEVEL_S);
+        }
+    }
+    Ok(table)
+}
+
+/// Reads the scenario of a controller that follows the specification of a run.
+fn with_specification(table: &Table, folder: &Path, origin: &str, spec: &Path) -> Result<Scenario, Failure> {
+    let mut table = table.clone();
+    if let Some(Value::String(own)) = table.get_mut("control").and_then(|control| control.get_mut("specification")) {
+        *own = spec.display().to_string();
+    }
+    let mut scenario = Scenario::parse(&table.to_string(), origin)?;
+    scenario.read_files(folder)?;
+    Ok(scenario)
+}
+
+/// A controller that runs; it is ended when it is dropped.
+struct Started(Child);
+
+impl Started {
+    fn new(words: &[String], log: &Path) -> Result<Started, Failure> {
+        let Some((program, arguments)) = words.split_first() else {
+            return Err(Failure::usage("the command of the controller is empty"));
+        };
+        let failed = |source| Failure::Write { path: log.to_path_buf(), source };
+        let output = fs::File::create(log).map_err(failed)?;
+        let errors = output.try_clone().map_err(failed)?;
+        let started = Command::new(program).args(arguments).stdin(Stdio::null()).stdout(output).stderr(errors).spawn();
+        started.map(Started).map_err(|source| Failure::usage(format!("can't start the controller {program}: {source}")))
+    }
+
+    /// Lets the controller end by itself, as it does when the plant leaves, or ends it.
+    fn end(mut self) {
+        let until = Instant::now() + Duration::from_secs(END_S);
+        while Instant::now() < until {
+            match self.0.try_wait() {
+                Ok(Some(_)) => return,
+                Ok(None) => std::thread::sleep(Duration::from_millis(20)),
+                Err(_) => break,
+            }
+        }
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        // One that has ended can't be killed, and is only waited for.
+        let _ended = self.0.kill();
+        let _status = self.0.wait();
+    }
+}

@@ -1,0 +1,184 @@
+//! `audit`: a player without control, which knows nothing of what it shakes, on a structure that needs no control.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use serde_json::Value;
+
+use crate::{complaint, document, resonarm};
+
+/// Far above its only mode the structure is a mass of 1 kg: a force of 3 N is an acceleration of 3 m/s².
+const PLANT: &str = "[structure]
+kind = 'modal'
+modes = [{ frequency_hz = 1.0, damping_ratio = 0.05, shape = { 'tip.x' = 1.0, 'mid.x' = 1.0 } }]
+[rig.exciter]
+at = 'tip.x'
+[rig.sensors.b]
+at = 'mid'
+[rig.sensors.c]
+at = 'tip'
+";
+
+const PLAYER: &str = "[excitation]
+amplitude = { exciter_x = 3.0 }
+profile = { waveform = 'swept-sine', law = 'logarithmic', from_hz = 15, to_hz = 60, duration_s = 30 }
+";
+
+const SPECIFICATION: &str = "[spec]
+kind = 'sine'
+sources = ['own']
+[sine]
+from_hz = 15
+rate_oct_min = 4
+segments = [{ to_hz = 60, acceleration_m_s2 = 3 }]
+tolerance = 0.1
+rate_tolerance = 0.1
+";
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in [("plant.toml", PLANT), ("player.toml", PLAYER), ("sine.toml", SPECIFICATION)] {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+const AUDIT: [&str; 7] =
+    ["audit", "--scenario", "plant.toml", "--specification", "sine.toml", "--controller", "player.toml"];
+
+fn verdicts(document: &Value) -> BTreeMap<&str, &str> {
+    let cases = document["cases"].as_array().unwrap().iter();
+    cases.map(|case| (case["case"].as_str().unwrap(), case["verdict"].as_str().unwrap())).collect()
+}
+
+/// The sweep itself is good. The player notices neither a lost signal nor one of three times the level, nor a dead channel.
+#[test]
+fn a_player_passes_the_cases_about_its_sweep_and_fails_those_about_its_readings() {
+    let folder = folder();
+    let folder = folder.path();
+    let found =
+        document(folder, 1, &[&AUDIT[..], &["--json", "--junit", "audit.xml", "--report", "audit.html"]].concat());
+    let expected = [
+        ("S01", "passed"),
+        ("S02", "passed"),
+        ("S03", "passed"),
+        ("S05", "passed"),
+        ("S06", "passed"),
+        ("S08", "failed"),
+        ("S09", "failed"),
+        ("S10", "skipped"),
+        ("S11", "failed"),
+        ("S12", "failed"),
+        ("S13", "skipped"),
+        ("S15", "passed"),
+        ("S16", "skipped"),
+    ];
+    assert_eq!(verdicts(&found), BTreeMap::from(expected), "{found:#}");
+    assert_eq!((&found["passed"], &found["failed"], &found["skipped"]), (&6.into(), &4.into(), &3.into()));
+    // The lost signal reads exactly nothing, from the middle of the sweep on.
+    let lost = found["cases"].as_array().unwrap().iter().find(|case| case["case"] == "S08").unwrap();
+    assert_eq!(lost["measured"][0]["most"], 500.0);
+    let recording = lost["recording"].as_str().unwrap();
+    let said = resonarm(folder, &["export", recording, "--to", "csv", "--out", "lost"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    let junit = fs::read_to_string(folder.join("audit.xml")).unwrap();
+    assert!(junit.contains("<testsuite name=\"resonarm audit\" tests=\"13\" failures=\"4\" skipped=\"3\">"), "{junit}");
+    assert!(
+        junit.contains("name=\"S08 stops when the channel reads nothing\"><failure message=\"time to no drive"),
+        "{junit}"
+    );
+    let page = fs::read_to_string(folder.join("audit.html")).unwrap();
+    for part in
+        ["<p class=\"bad\">failed</p>", "<td class=\"good\">passed</td>", "prefers-color-scheme:dark", "<td>S12 "]
+    {
+        assert!(page.contains(part), "{part}");
+    }
+    // It repeats bit for bit.
+    fs::remove_dir_all(folder.join("resonarm-audit")).unwrap();
+    assert_eq!(document(folder, 1, &[&AUDIT[..], &["--json"]].concat()), found);
+}
+
+/// The noise itself is as specified: the excitation's peak is 20 N, its density that of 4.06 N between 5 and 100 Hz. The player has
+/// no levels, goes on whatever it reads, and does not equalise; in a gap it only misses samples.
+#[test]
+fn a_player_of_noise_fails_the_cases_that_ask_for_control() {
+    let folder = folder();
+    let folder = folder.path();
+    let player = "[excitation]\namplitude = { exciter_x = 20.0 }\n\
+        profile = { waveform = 'random', from_hz = 5, to_hz = 100, seed = 3, duration_s = 70 }\n";
+    let random = "[spec]\nkind = 'random'\nsources = []\n[random]\nunit = '(m/s2)2/Hz'\n\
+        breakpoints = [[5, 0.174], [100, 0.174]]\ntolerance_db = [-3, 3]\nlines_hz = 1\n";
+    fs::write(folder.join("noise.toml"), player).unwrap();
+    fs::write(folder.join("random.toml"), random).unwrap();
+    let audit =
+        ["audit", "--scenario", "plant.toml", "--specification", "random.toml", "--controller", "noise.toml", "--json"];
+    let found = document(folder, 1, &audit);
+    let of = |verdict: &str| -> Vec<&str> {
+        verdicts(&found).into_iter().filter(|(_, found)| *found == verdict).map(|(case, _)| case).collect()
+    };
+    assert_eq!(of("passed"), ["R01", "R02", "R03", "R04", "R05", "R07", "R08", "R09", "R20", "R23"], "{found:#}");
+    assert_eq!(of("failed"), ["R06", "R10", "R11", "R12", "R13", "R14", "R15", "R16"]);
+    // It holds its level also with an inverted sensor.
+    assert_eq!(of("inconclusive"), ["R22"]);
+    assert_eq!(of("skipped"), ["R17", "R18", "R19", "R21"]);
+    // Readings that are 3 dB less stay so: 20 log 0.708.
+    let drifted = found["cases"].as_array().unwrap().iter().find(|case| case["case"] == "R15").unwrap();
+    let level_db = drifted["measured"][0]["value"].as_f64().unwrap();
+    assert!((level_db + 3.0).abs() < 0.3, "{level_db}");
+}
+
+#[test]
+fn chosen_cases_alone_are_run() {
+    let folder = folder();
+    let folder = folder.path();
+    let said = resonarm(folder, &[&AUDIT[..], &["--case", "S01", "--case", "S02", "--out", "runs"]].concat());
+    assert_eq!((said.code, said.stderr.as_str()), (0, ""), "{}", said.stdout);
+    let lines: Vec<&str> = said.stdout.lines().collect();
+    assert!(
+        lines[0].starts_with("passed        S01 holds the amplitude: time within the tolerance 100 % (at least 90)"),
+        "{}",
+        lines[0]
+    );
+    assert_eq!(lines[2], "2 passed, 0 failed, 0 inconclusive, 0 skipped");
+    let runs: Vec<_> = fs::read_dir(folder.join("runs")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(runs, ["base"]);
+    // Its specification is another one.
+    fs::write(folder.join("fast.toml"), SPECIFICATION.replace("rate_oct_min = 4", "rate_oct_min = 8")).unwrap();
+    let fast = [&AUDIT[..4], &["fast.toml"], &AUDIT[5..], &["--case", "S02"]].concat();
+    let said = resonarm(folder, &fast);
+    assert_eq!(said.code, 1, "{}", said.stdout);
+    assert!(said.stdout.contains("rule: rate within 10 %"), "{}", said.stdout);
+}
+
+/// A controller that does nothing fails the case about its level, and every other one decides nothing.
+#[test]
+fn a_test_that_never_begins_is_not_passed() {
+    let folder = folder();
+    let folder = folder.path();
+    let random = "[spec]\nkind = 'random'\nsources = []\n[random]\nunit = '(m/s2)2/Hz'\nbreakpoints = [[10, 10], [60, 10]]\n\
+        tolerance_db = [-3, 3]\nlines_hz = 1\n[schedule]\nlevels_db = [-6, 0]\nseconds = [5, 100]\n";
+    fs::write(folder.join("random.toml"), random).unwrap();
+    let found = document(folder, 1, &[&AUDIT[..4], &["random.toml"], &AUDIT[5..], &["--json"]].concat());
+    let found = verdicts(&found);
+    assert_eq!((found["R01"], found["R18"], found["R21"]), ("failed", "skipped", "skipped"));
+    assert!(
+        found.iter().all(|(case, verdict)| *case == "R01" || *verdict != "passed" && *verdict != "failed"),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn what_can_not_be_audited_is_refused() {
+    let folder = folder();
+    let folder = folder.path();
+    let says = |arguments: &[&str]| complaint(folder, 2, arguments);
+    assert!(says(&AUDIT[..5]).contains("no controller is given"));
+    assert!(
+        says(&[&AUDIT[..], &["--case", "R01"]].concat()).contains("unknown case \"R01\", expected one of S01, S02")
+    );
+    assert!(says(&[&AUDIT[..6], &["plant.toml"]].concat()).contains("neither a section [control] nor [excitation]"));
+    fs::write(folder.join("two.toml"), format!("{SPECIFICATION}[control]\nchannels = ['b.x', 'c.x']\n")).unwrap();
+    assert!(says(&[&AUDIT[..4], &["two.toml"], &AUDIT[5..]].concat()).contains("an audit has one control channel"));
+    fs::write(folder.join("audit.xml"), "").unwrap();
+    assert!(says(&[&AUDIT[..], &["--junit", "audit.xml"]].concat()).contains("already exists"));
+}
