@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use toml::{Table, Value};
 
@@ -12,6 +12,7 @@ use crate::session::open_bus;
 use crate::specifications;
 use resonarm::audit::{Base, Record, Stimulus};
 use resonarm::bus::BusAddress;
+use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::{Existing, Recording, Topic};
 use resonarm::rig::{FaultKind, FaultSpec, InstrumentName};
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals as RunSignals};
@@ -27,8 +28,9 @@ const OPEN_M_S2: f64 = 0.05;
 const PATIENCE_S: u64 = 30;
 /// Deadlines of a run with a gap in the samples, s: the nodes note it and go on.
 const GAP_DEADLINE_S: f64 = 1.0;
-/// Time for a command to end by itself before it is killed, s.
-const END_S: u64 = 5;
+/// Time for a command to end by itself before it is killed, and between two looks, ns.
+const END_NS: u64 = 5_000_000_000;
+const LOOK_NS: u64 = 20_000_000;
 
 /// The controller under test.
 #[derive(Debug)]
@@ -436,11 +438,11 @@ impl Started {
 
     /// Lets the controller end by itself, as it does when the plant leaves, or ends it.
     fn end(mut self) {
-        let until = Instant::now() + Duration::from_secs(END_S);
-        while Instant::now() < until {
+        let until_ns = SystemClock.now_ns() + END_NS;
+        while SystemClock.now_ns() < until_ns {
             match self.0.try_wait() {
                 Ok(Some(_)) => return,
-                Ok(None) => std::thread::sleep(Duration::from_millis(20)),
+                Ok(None) => SystemClock.sleep_until_ns(SystemClock.now_ns() + LOOK_NS),
                 Err(_) => break,
             }
         }
