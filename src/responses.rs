@@ -1,9 +1,10 @@
-//! The responses that an exciter read, as documents and as a table.
+//! The responses that an exciter read, as documents and as a table; and the state of a test that it controls.
 
 use serde::Serialize;
 
-use resonarm::control::ResponsePoint;
+use resonarm::control::{ResponsePoint, TestPhase, TestReport};
 use resonarm::excitation::Phasor;
+use resonarm_numeric::number::rounded;
 
 /// A response as JSON: phasors against the drive's phase as [in phase, in quadrature], for x and y.
 #[derive(Serialize)]
@@ -80,4 +81,29 @@ fn remark(point: &ResponsePoint) -> &'static str {
 /// Returns √(|x|² + |y|²), the size of a vector of phasors.
 fn magnitude(phasors: &[Phasor; 2]) -> f64 {
     (phasors[0].norm_sqr() + phasors[1].norm_sqr()).sqrt()
+}
+
+/// Describes the state of a test at the end.
+pub(crate) fn test_text(test: &TestReport) -> String {
+    let TestReport { progress, lines } = test;
+    let mut text = String::from("test");
+    match (progress.level_db, progress.phase) {
+        (Some(level_db), _) => text += &format!(" at {} dB", rounded(&level_db, 1)),
+        (None, TestPhase::Silence | TestPhase::LoopCheck) => text += " in its loop check",
+        (None, _) => text += " before its first level",
+    }
+    if let Some(frequency_hz) = progress.frequency_hz {
+        text += &format!(", {} Hz", rounded(&frequency_hz, 2));
+    }
+    if progress.full_level_s > 0.0 {
+        text += &format!(", {} s at full level", rounded(&progress.full_level_s, 1));
+    }
+    let deviations = lines.iter().map(|line| 10.0 * libm::log10(line.control / line.demand));
+    let [low, high] =
+        deviations.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], db| [low.min(db), high.max(db)]);
+    if !lines.is_empty() {
+        text +=
+            &format!(", control average from {} to {} dB of the specification", rounded(&low, 2), rounded(&high, 2));
+    }
+    text + "\n"
 }

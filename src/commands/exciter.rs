@@ -14,6 +14,7 @@ use crate::session::{frames_text, open_bus, other_sender_warning, seconds};
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::supervise;
 use resonarm::bus::BusAddress;
+use resonarm::control::TestReport;
 use resonarm::node::ExciterOutcome;
 use resonarm::rig::Converter;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
@@ -72,6 +73,9 @@ struct Document<'a> {
     /// The converter for which readings were corrected; none if they are as received.
     plant_converter: Option<Converter>,
     responses: Vec<ResponseDocument>,
+    /// State of the test at the end, if a test is controlled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    test: Option<&'a TestReport>,
 }
 
 /// Returns the default scenario: a stepped sine below the first resonance.
@@ -139,6 +143,7 @@ impl Exciter {
             bus: report.bus,
             plant_converter,
             responses: responses::documents(&report.responses),
+            test: report.test.as_ref(),
         };
         let Document { end: ExciterEnd { outcome, .. }, samples_played, missed_samples, bus, .. } = &document;
         let text = || {
@@ -153,7 +158,8 @@ impl Exciter {
             let refused = refused.map_or(String::new(), |first| format!("the first rejected frame is {first}\n"));
             format!(
                 "{outcome} after {samples_played} samples, {missed_samples} missed; frames: {frames}\n{refused}{readings}"
-            ) + &responses::table(&report.responses)
+            ) + &report.test.as_ref().map_or(String::new(), responses::test_text)
+                + &responses::table(&report.responses)
         };
         self.json.show(&document, text, &[])
     }

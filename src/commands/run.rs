@@ -22,7 +22,7 @@ use crate::session::{
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::{Line, supervise};
 use resonarm::bus::{self, BusAddress};
-use resonarm::control::Length;
+use resonarm::control::{Length, TestReport};
 use resonarm::node::ExciterOutcome;
 use resonarm::realtime::OverrunPolicy;
 use resonarm::run::{
@@ -103,6 +103,9 @@ struct Document<'a> {
     /// The responses that the exciter read.
     #[serde(skip_serializing_if = "Option::is_none")]
     responses: Option<Vec<ResponseDocument>>,
+    /// State of the exciter's test at the end, if it controls one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    test: Option<&'a TestReport>,
 }
 
 /// Returns the default scenario; that of a free run includes an excitation.
@@ -251,8 +254,13 @@ impl Run {
             plant: PlantDocument { configuration, report: &report },
             exciter: exciter.map(ExciterEnd::from),
             responses: exciter.map(|report| responses::documents(&report.responses)),
+            test: exciter.and_then(|report| report.test.as_ref()),
         };
-        let read = || exciter.map_or(String::new(), |report| responses::table(&report.responses));
+        let read = || {
+            exciter.map_or(String::new(), |report| {
+                report.test.as_ref().map_or(String::new(), responses::test_text) + &responses::table(&report.responses)
+            })
+        };
         self.json.show(&document, || report_text(&report) + &read(), &drawn.unwrap_or_default())?;
         // With a duration the plant may leave before the excitation is over: no complaint.
         let complaints = [
