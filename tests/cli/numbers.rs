@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 43] = [
+const COMMANDS: [(&str, &str); 44] = [
     ("demo", "--out /dev/null/none"),
     ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
@@ -35,6 +35,7 @@ const COMMANDS: [(&str, &str); 43] = [
     ("identify", "none.mcap"),
     ("spec", "navmat-p-9492"),
     ("verdict", "navmat-p-9492 none.mcap"),
+    ("audit", "--scenario none.toml --specification navmat-p-9492 --controller none.toml"),
     ("inspect", "none.mcap"),
     ("recover", "none.mcap"),
     ("cut", "none.mcap new.mcap"),

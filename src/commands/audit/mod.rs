@@ -54,7 +54,7 @@ pub(crate) struct Audit {
     #[arg(long, help_heading = heading::BUS, value_name = "BUS", requires = "command")]
     bus: Option<String>,
     /// Only the cases whose numbers begin with this; may be repeated.
-    #[arg(long = "case", help_heading = heading::TEST, value_name = "NUMBER")]
+    #[arg(long = "case", help_heading = heading::TEST, value_name = "ID")]
     cases: Vec<String>,
     /// Folder for specifications and recordings of the runs; those of an earlier audit are overwritten.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "DIR", default_value = "resonarm-audit")]
