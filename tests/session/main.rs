@@ -20,6 +20,7 @@ mod scenarios;
 mod sensors;
 mod shaker_force;
 mod soak;
+mod test_control;
 #[cfg(debug_assertions)]
 mod watch_alloc;
 mod wire;
