@@ -41,9 +41,11 @@ use swept_sine::SweptSineLaw;
 const LOW_N: f64 = 1.0;
 /// Duration of the ramp to zero at the end, s, unless the specification states one.
 const RAMP_S: f64 = 0.1;
-/// Equal readings in a row after which the control channel counts as stuck, and clipped ones after which the test ends.
+/// Equal readings in a row after which the control channel counts as stuck. Clipped readings after which the test ends, if they
+/// follow each other, or if more than one in so many samples is clipped: peaks of noise are clipped one at a time.
 const STUCK_SAMPLES: u32 = 30;
 const CLIPPED_SAMPLES: u32 = 5;
+const CLIPPED_EVERY: u32 = 50;
 /// Lost samples after which the drive fades in again: the plant has ramped its load down meanwhile.
 const MOST_LOST: u64 = 5;
 
@@ -428,6 +430,7 @@ pub struct TestController {
     /// Share of the drive that is played.
     share: f64,
     last: Option<u64>,
+    /// Clipped readings times [`CLIPPED_EVERY`], less the other readings since.
     clipped: u32,
 }
 
@@ -517,9 +520,10 @@ impl TestController {
                     self.share = 0.0;
                 }
                 let Step { drive_n, end } = self.law.step(&readings);
-                self.clipped = if control.clipped { self.clipped + 1 } else { 0 };
-                let samples = self.clipped;
-                let clipped = (samples >= CLIPPED_SAMPLES).then_some(End::Stopped(StopReason::Clipped { samples }));
+                let (samples, every) = (CLIPPED_SAMPLES, CLIPPED_EVERY);
+                self.clipped = if control.clipped { self.clipped + every } else { self.clipped.saturating_sub(1) };
+                let is_clipped = self.clipped >= samples * every;
+                let clipped = is_clipped.then_some(End::Stopped(StopReason::Clipped { samples, every }));
                 if let Some(end) = clipped.or(end) {
                     self.ramp = Ramp::Down(end);
                 }

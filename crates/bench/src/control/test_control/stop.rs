@@ -58,11 +58,14 @@ pub enum StopReason {
     },
     /// The control channel is clipped.
     #[error(
-        "the control channel is clipped for {samples} samples in a row: reduce the level, or increase the sensor's range"
+        "the control channel is clipped for {samples} samples in a row, or more often than once in {every} samples: reduce the level, or \
+         increase the sensor's range"
     )]
     Clipped {
-        /// Number of clipped samples in a row.
+        /// Clipped samples in a row that end the test.
         samples: u32,
+        /// Samples of which at most one may be clipped for long.
+        every: u32,
     },
     /// The control channel reads much more than the test asks for.
     #[error(

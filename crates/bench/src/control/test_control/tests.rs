@@ -585,7 +585,7 @@ fn faults_of_the_control_channel_stop_a_test() {
     random Open at full level: Lost, stops after 165 and is at 0 after 265
     random Gain(2.0) at full level: TooHigh, stops after 186 and is at 0 after 286
     random Gain(3.0) at full level: TooHigh, stops after 60 and is at 0 after 160
-    random Range(10.0) at full level: Clipped, stops after 1046 and is at 0 after 1146
+    random Range(10.0) at full level: Clipped, stops after 353 and is at 0 after 453
     random Stall(150) at full level: goes on
     swept-sine Dead from the start: OpenLoop, stops after 9728 and is at 0 after 9828, at most 3.1 N
     swept-sine Open from the start: OpenLoop, stops after 9728 and is at 0 after 9828, at most 3.1 N
