@@ -153,7 +153,7 @@ impl Identification {
         // A response in the noise is not smaller than its deviation.
         for k in 0..self.drive.len() {
             let power = self.responses[0][k].norm_sqr() + self.variance(k, noise);
-            self.drive[k].re = wanted(k) / libm::sqrt(power);
+            self.drive[k].re = wanted(k) / libm::sqrt(power.max(f64::MIN_POSITIVE));
             self.drive[k].im = 0.0;
         }
         let largest = self.drive.iter().fold(0.0_f64, |largest, line| largest.max(line.re));

@@ -309,7 +309,8 @@ impl ShockLaw {
         self.shot += 1;
         let Some(next) = self.levels.get(self.shot).copied() else { return Some(End::Complete) };
         let is_same_level = next == level;
-        // A step that has just proved too long is tried again, shorter, at the same level only.
+        // A step that has just proved too long is tried again, shorter, at the same level only: the next level begins with the
+        // drive that is known to be best.
         let step = if is_better || is_same_level { self.step } else { 0.0 };
         for (k, drive) in self.drive.iter_mut().enumerate() {
             *drive = self.best[k] + self.inverse[k] * self.missing[k] * step;
@@ -365,7 +366,8 @@ impl Law for ShockLaw {
             }
             Stage::Pause(0) => {
                 self.stage = Stage::Shot;
-                self.play(sample)
+                // Samples that were lost before it are not of the shot.
+                self.play(&TestSample { lost: 0, ..*sample })
             }
             Stage::Pause(left) => {
                 self.stage = Stage::Pause(left - 1);
