@@ -216,4 +216,28 @@ mod tests {
         let error = Content::read(folder.path(), "{0}").unwrap_err().to_string();
         assert!(error.starts_with("the instantiation token is {0}"), "{error}");
     }
+
+    /// The specification of a test, with its table, is read from the resources alone; one elsewhere is refused.
+    #[test]
+    fn a_specification_goes_along() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        let random = "[spec]\nkind = 'random'\nsources = []\n[random]\nunit = '(m/s2)2/Hz'\nfile = 'profile.csv'\n\
+                      tolerance_db = [-3, 3]\n[schedule]\nlevels_db = [0]\nseconds = [10]\n[control]\nchannels = ['c.x']\n";
+        write("random.toml", random);
+        write("profile.csv", "10,0.1\n100,0.1\n");
+        write("s.toml", "control = { law = 'random', amplitude = { exciter_x = 3 }, specification = 'random.toml' }");
+        let scenario = || Scenario::read(&folder.path().join("s.toml")).unwrap();
+        let files = Content { settings: Settings::default(), scenario: scenario() }.files().unwrap();
+        let alone = tempfile::tempdir().unwrap();
+        for (name, data) in &files {
+            fs::write(alone.path().join(name), data).unwrap();
+        }
+        let content = Content::read(alone.path(), &token(&files)).unwrap();
+        content.scenario.controller().unwrap();
+        assert_eq!(content.files().unwrap(), files);
+        write("random.toml", &random.replace("profile.csv", "./profile.csv"));
+        let error = Content { settings: Settings::default(), scenario: scenario() }.files().unwrap_err().to_string();
+        assert!(error.contains("the specification names ./profile.csv"), "{error}");
+    }
 }
