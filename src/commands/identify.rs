@@ -383,7 +383,9 @@ impl Identify {
 
     /// Fails if an output would replace an input, or another file without --overwrite.
     fn check_outputs(&self) -> Result<(), Failure> {
-        let inputs = Inputs::of(self.files.iter().chain(&self.other_level).chain(&self.mac));
+        let given = self.files.iter().chain(&self.other_level).chain(&self.mac);
+        let files = |path: &PathBuf| if path.is_dir() { SurveyIndex::files(path) } else { vec![path.clone()] };
+        let inputs = Inputs::of(given.flat_map(files));
         self.overwrite.check_stem(self.plot.as_deref(), PLOTTED, &inputs)?;
         if self.mac.is_some() {
             self.overwrite.check_stem(self.plot.as_deref(), PLOTTED_MAC, &inputs)?;

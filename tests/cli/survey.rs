@@ -356,5 +356,10 @@ fn a_report_is_one_file() {
     let again = ["identify", "data", "--report", "again.html"];
     assert_eq!(resonarm(folder, &again).code, 0);
     assert_eq!(page, fs::read_to_string(folder.join("again.html")).unwrap());
+    // A report over a recording of the survey was written once.
+    for input in ["data/run-01.mcap", "data/index.json"] {
+        let over = ["identify", "data", "--report", input, "--overwrite"];
+        assert!(complaint(folder, 2, &over).contains("can't be written over itself"), "{input}");
+    }
     assert_snapshot!(complaint(folder, 2, &report), @"resonarm: report.html already exists: choose another place, or allow overwriting it (--overwrite)");
 }

@@ -121,19 +121,19 @@ pub enum SurveyError {
     /// A file is there that is not of this survey.
     #[error("{} already exists: choose another folder, or allow overwriting it (--overwrite)", path.display())]
     Exists {
-        /// The file.
+        /// File that would be overwritten.
         path: PathBuf,
     },
     /// Another process works in the folder.
     #[error("{} is in use by another process: wait until it has ended, or choose another folder", path.display())]
     InUse {
-        /// The folder.
+        /// Folder of the survey.
         path: PathBuf,
     },
     /// The index can't be read.
     #[error("can't read {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the index.
         path: PathBuf,
         /// Error of the operating system.
         source: io::Error,
@@ -141,7 +141,7 @@ pub enum SurveyError {
     /// The file is no index of a survey.
     #[error("{} is not the index of a survey: {reason}", path.display())]
     NotAnIndex {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Reason.
         reason: String,

@@ -175,6 +175,13 @@ impl SurveyIndex {
         Ok(index)
     }
 
+    /// Returns the files of a survey: its index, and the recordings that it lists, as far as it can be read.
+    pub fn files(folder: &Path) -> Vec<PathBuf> {
+        let listed = SurveyIndex::read(folder).map_or(Vec::new(), |index| index.runs);
+        let recordings = listed.into_iter().map(|run| folder.join(run.file));
+        core::iter::once(folder.join(SurveyIndex::FILE)).chain(recordings).collect()
+    }
+
     /// Writes the index into a folder, replacing one that is there.
     ///
     /// # Errors
