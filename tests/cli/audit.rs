@@ -150,6 +150,22 @@ fn chosen_cases_alone_are_run() {
     assert!(said.stdout.contains("rule: rate within 10 %"), "{}", said.stdout);
 }
 
+/// A specification of an earlier audit is audited again, into the same folder.
+#[test]
+fn an_audit_overwrites_neither_its_inputs_nor_earlier_runs() {
+    let folder = folder();
+    let folder = folder.path();
+    let spec = folder.join("runs/base/spec.toml");
+    fs::create_dir_all(spec.parent().unwrap()).unwrap();
+    fs::write(&spec, SPECIFICATION).unwrap();
+    let again =
+        [&AUDIT[..4], &["runs/base/spec.toml"], &AUDIT[5..], &["--case", "S01", "--out", "runs", "--overwrite"]];
+    assert!(complaint(folder, 2, &again.concat()).contains("spec.toml"));
+    let kept = [&AUDIT[..], &["--case", "S01", "--out", "runs"]].concat();
+    assert!(complaint(folder, 2, &kept).contains("already exists"));
+    assert_eq!(fs::read_to_string(&spec).unwrap(), SPECIFICATION);
+}
+
 /// A controller that does nothing fails the case about its level, and every other one decides nothing.
 #[test]
 fn a_test_that_never_begins_is_not_passed() {

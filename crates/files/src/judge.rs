@@ -208,7 +208,7 @@ fn accelerations(recording: &Recording) -> impl Iterator<Item = &Channel> {
 }
 
 /// Returns the name of a channel in a recording: that of a reading for a sensor and an axis, as `c.x`, and any other as it is.
-fn channel_name(recording: &Recording, name: &str) -> String {
+pub fn channel_name(recording: &Recording, name: &str) -> String {
     let sensor = |channel: &Channel| match channel.point {
         Point::Joint2B => String::from("b"),
         Point::TipC => String::from("c"),

@@ -12,6 +12,7 @@ use crate::session::open_bus;
 use crate::specifications;
 use resonarm::audit::{Base, Record, Stimulus};
 use resonarm::bus::BusAddress;
+use resonarm::judge::channel_name;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::{Existing, Recording, Topic};
 use resonarm::rig::{FaultKind, FaultSpec, InstrumentName};
@@ -24,13 +25,16 @@ use resonarm::specification::{Specification, Test};
 const FULL_LEVEL_S: f64 = 60.0;
 /// Rms of the noise of an open cable, m/s².
 const OPEN_M_S2: f64 = 0.05;
-/// Time for which a run waits for the controller's first arming, s.
-const PATIENCE_S: u64 = 30;
+/// Time for which a run waits for the controller's first arming, s: an interpreter on a busy machine takes half a minute to start.
+const PATIENCE_S: u64 = 120;
 /// Deadlines of a run with a gap in the samples, s: the nodes note it and go on.
 const GAP_DEADLINE_S: f64 = 1.0;
 /// Time for a command to end by itself before it is killed, and between two looks, ns.
 const END_NS: u64 = 5_000_000_000;
 const LOOK_NS: u64 = 20_000_000;
+
+/// Files of a run in its folder: the specification, the recording, and what a command printed.
+pub(super) const FILES: [&str; 3] = ["spec.toml", "run.mcap", "controller.txt"];
 
 /// The controller under test.
 #[derive(Debug)]
@@ -157,7 +161,7 @@ impl AuditBench {
         let folder = self.out.join(id);
         fs::create_dir_all(&folder).map_err(|source| Failure::Write { path: folder.clone(), source })?;
         let folder = folder.canonicalize().map_err(|source| Failure::Write { path: folder.clone(), source })?;
-        let (spec, recording) = (folder.join("spec.toml"), folder.join("run.mcap"));
+        let [spec, recording, printed] = FILES.map(|file| folder.join(file));
         let table = self.limited(stimulus, base);
         fs::write(&spec, table.to_string()).map_err(|source| Failure::Write { path: spec.clone(), source })?;
         let specification = files::read(&spec)?;
@@ -188,7 +192,7 @@ impl AuditBench {
                     word.replace("{bus}", &bus).replace("{spec}", &spec.display().to_string()).replace("{case}", id)
                 };
                 let words: Vec<String> = words.iter().map(replaced).collect();
-                let started = Started::new(&words, &folder.join("controller.txt"))?;
+                let started = Started::new(&words, &printed)?;
                 let ran = session.plant(opened.as_mut(), &RunSignals::default(), |_| {});
                 started.end();
                 ran?;
@@ -291,10 +295,10 @@ impl AuditBench {
         let failed = |error: &dyn core::fmt::Display| Failure::usage(format!("{}: {error}", path.display()));
         let recording = Recording::open(path)?;
         let limited = specification.limits.response.iter().map(|limit| limit.channel.clone());
-        let mut names = vec![channel(&self.control)];
-        names.extend(limited.map(|name| channel(&name)));
+        let mut names = vec![channel_name(&recording, &self.control)];
+        names.extend(limited.map(|name| channel_name(&recording, &name)));
         if names.len() == 1 {
-            names.push(channel(&self.response));
+            names.push(channel_name(&recording, &self.response));
         }
         let readings = match Signals::read(&recording, &names, [None, None]) {
             Ok(readings) => readings,
@@ -337,11 +341,6 @@ fn armed(recording: &Recording, samples: usize) -> Result<Vec<bool>, Failure> {
         *last = false;
     }
     Ok(armed)
-}
-
-/// Returns the name of the channel of a sensor and an axis, as c.x.
-fn channel(name: &str) -> String {
-    name.split_once('.').map_or(name.to_owned(), |(sensor, axis)| format!("acceleration_{sensor}_{axis}_m_s2"))
 }
 
 /// Time of simulation after which a run ends if the controller does not end it, s.

@@ -56,7 +56,7 @@ pub(crate) struct Audit {
     /// Only the cases whose numbers begin with this; may be repeated.
     #[arg(long = "case", help_heading = heading::TEST, value_name = "ID")]
     cases: Vec<String>,
-    /// Folder for specifications and recordings of the runs; those of an earlier audit are overwritten.
+    /// Folder for specifications and recordings of the runs.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "DIR", default_value = "resonarm-audit")]
     out: PathBuf,
     /// Also write the results as JUnit XML to this file.
@@ -79,13 +79,15 @@ const BASE: &str = "base";
 
 impl Audit {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(Some(&self.scenario)).and(self.controller.as_deref());
-        let inputs =
-            specifications::files(&self.specification).iter().fold(inputs, |inputs, file| inputs.and(Some(file)));
-        self.overwrite.check(self.junit.iter().chain(&self.report).cloned(), &inputs)?;
-        let scenario = Scenario::read(&self.scenario)?;
+        let of_controller = self.controller.as_deref().map_or(Vec::new(), Scenario::files);
+        let inputs = Scenario::files(&self.scenario).into_iter().chain(of_controller);
+        let inputs = Inputs::of(inputs.chain(specifications::files(&self.specification)));
         let specification = specifications::read(&self.specification)?;
         let chosen = self.chosen(&specification)?;
+        let folders = core::iter::once(BASE).chain(chosen.iter().map(|case| case.id)).map(|id| self.out.join(id));
+        let of_runs = folders.flat_map(|folder| bench::FILES.map(|file| folder.join(file)));
+        self.overwrite.check(self.junit.iter().chain(&self.report).cloned().chain(of_runs), &inputs)?;
+        let scenario = Scenario::read(&self.scenario)?;
         let bench =
             AuditBench::new(scenario, &self.specification, &specification, self.under_test()?, self.out.clone())?;
         let base_run = bench.run(BASE, Stimulus::None, None)?;
