@@ -71,7 +71,8 @@ def commands(program):
     def add(*words):
         text = help_of(program, *words)
         parts.append(f"## resonarm {' '.join(words)}".rstrip() + f"\n\n```text\n{text.rstrip()}\n```\n")
-        for name in listed(text) if not words or "<COMMAND>" in text else []:
+        # `<COMMAND>...` is the command line of another program.
+        for name in listed(text) if not words or re.search(r"^Usage: .* <COMMAND>$", text, re.MULTILINE) else []:
             add(*words, name)
 
     add()

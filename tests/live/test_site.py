@@ -66,6 +66,8 @@ FAULTS = """(() => {
 
 @pytest.fixture(scope="module")
 def address():
+    assert (SITE / "index.html").is_file(), "docs/run makes the site"
+
     class Silent(http.server.SimpleHTTPRequestHandler):
         def log_message(self, *_):
             pass
