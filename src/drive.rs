@@ -124,9 +124,14 @@ impl DriveFlags {
         }
     }
 
+    /// Says whether no load is given.
+    pub fn is_empty(&self) -> bool {
+        self.loads.is_empty()
+    }
+
     /// Returns the loads with their amplitudes; `None` if no load is given.
     pub fn any(&self, assembly: &Assembly) -> Result<Option<Drive>, Failure> {
-        if self.loads.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
+        if self.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
     }
 
     /// Returns the loads whose common amplitude varies: one without an amplitude, which counts as 1, or several, whose

@@ -25,6 +25,7 @@ use resonarm::analysis::{
 use resonarm::analysis::{Bending, BranchOptions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
+use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style, Subtitle, beside};
 
 const EXAMPLES: &str = "\
@@ -34,6 +35,7 @@ Examples:
   resonarm backbone --mode 2 --undamped --angles-deg 0,120 --at joint2 --to 0.1
   resonarm backbone --drive tip.x=60 --angles-deg 30,120 --json
   resonarm backbone --scenario hardening.toml --drive tip.x=4 --plot hardening
+  resonarm backbone --scenario hardening.toml --undamped --at tip.x --to 0.02
 
 A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
 
@@ -41,8 +43,8 @@ A curve that ends early is printed as far as it came; standard error says why, a
 ///
 /// The curve shows whether the structure hardens or softens. With damping each point is a response in phase quadrature,
 /// 90° behind the excitation, which is at the peak of the forced response. Without damping it is a free vibration, which
-/// has an energy in place of a drive, and the curve a nonlinear normal mode. Without --drive a torque acts at joint 1 of a chain; the amplitude of a load may be
-/// left out, and the curve then ends at --to.
+/// has an energy in place of an excitation, and the curve a nonlinear normal mode. Without --drive a torque acts at joint 1 of
+/// a chain; the amplitude of a load may be left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Backbone {
@@ -53,12 +55,14 @@ pub(crate) struct Backbone {
     mode: u8,
     /// Follow the nonlinear normal mode of the undamped structure.
     ///
-    /// It takes no excitation; --drive says where one would act.
+    /// It takes no excitation. With --plot, --drive DOF=A draws the forced response of the damped structure beside it.
     #[arg(long, help_heading = heading::COMPUTATION)]
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
     /// Degrees of freedom to read, as tip.x,joint1 [default: where the loads act].
+    ///
+    /// With --undamped and without --drive the default is joint1 of a chain; other structures have none.
     #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
     /// Displacement at which the curve ends, m, or rad at a joint [default: 0.3 at a joint].
@@ -86,7 +90,8 @@ const SMOOTH_STEP: f64 = 0.05;
 
 /// The backbone to compute: its load, its readings and its end.
 struct Walk {
-    drive: Drive,
+    /// The load; without damping none is needed.
+    drive: Option<Drive>,
     /// The amplitude of the first load at which the curve ends, if it is given.
     amplitude: Option<f64>,
     read: Vec<ReadAt>,
@@ -123,14 +128,17 @@ impl Backbone {
         // The forced response of the plot is always that of the damped structure, also when the backbone is the
         // undamped normal mode: without damping its peak would be infinite, and the agreement of the two is what the
         // plot shows.
-        let damped = walk.drive.forced(&tested.assembly);
-        let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
+        let damped = walk.drive.as_ref().map(|drive| drive.forced(&tested.assembly));
+        let forced = match &damped {
+            Some(damped) if !self.undamped => damped.clone(),
+            _ => Forced::free(&tested.assembly, self.mode())?,
+        };
         let options = self.options(&forced, &walk)?;
         let mut early = Early::default();
         let (followed, wall_s) = timed(|| backbone(&forced, &options));
         let curve = early.keep("the backbone", followed)?;
-        let response = match (&self.plot, walk.amplitude) {
-            (Some(_), Some(_)) => self.response(&damped, &curve, &walk.read, &mut early)?,
+        let response = match (&self.plot, walk.amplitude, &damped) {
+            (Some(_), Some(_), Some(damped)) => self.response(damped, &curve, &walk.read, &mut early)?,
             _ => None,
         };
         let document = Document {
@@ -169,8 +177,16 @@ impl Backbone {
     /// ends.
     fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
         self.drive.refuse_harmonics("a backbone is the resonance under one sine")?;
-        let (drive, amplitude) = self.drive.up_to(&tested.assembly)?;
-        let read = read_at(&self.at, &drive.driven(), &tested.assembly)?;
+        let (drive, amplitude) = if self.undamped && self.drive.is_empty() {
+            (None, None)
+        } else {
+            let (drive, amplitude) = self.drive.up_to(&tested.assembly)?;
+            (Some(drive), amplitude)
+        };
+        let read = match &drive {
+            Some(drive) => read_at(&self.at, &drive.driven(), &tested.assembly)?,
+            None => self.read_without_load(&tested.assembly)?,
+        };
         let to = match self.to {
             Some(to) if to > 0.0 => Some(to),
             Some(to) => return Err(Failure::value("--to", to, "it must be a positive number")),
@@ -183,25 +199,48 @@ impl Backbone {
         // only the damped curve: an undamped normal mode needs no load.
         if to.is_none() && (amplitude.is_none() || self.undamped) {
             let ReadAt { name, .. } = &read[0];
-            let or = if self.undamped {
-                String::new()
-            } else {
-                format!(", or the load at which it ends, by --drive {}=A", drive.loads[0].at.name)
+            let or = match &drive {
+                Some(drive) if !self.undamped => {
+                    format!(", or the load at which it ends, by --drive {}=A", drive.loads[0].at.name)
+                }
+                _ => String::new(),
             };
             return Err(Failure::usage(format!(
                 "the end of the curve is missing: give the displacement of {name} at which it ends, in {}, by --to X{or}",
                 read[0].unit()
             )));
         }
+        if let (Some(drive), true) = (&drive, self.undamped) {
+            let drawn = if amplitude.is_some() && self.plot.is_some() { " but for the forced response" } else { "" };
+            let at = drive.at();
+            tracing::warn!("a free vibration has no excitation: the load at {at} changes nothing{drawn}");
+        }
         Ok(Walk { drive, amplitude, read, to })
     }
 
+    /// Returns the degrees of freedom that are read of a free vibration: those of --at, or joint 1 of a chain.
+    fn read_without_load(&self, assembly: &Assembly) -> Result<Vec<ReadAt>, Failure> {
+        let joint1 = assembly.dof("joint1").ok().map(|dof| ReadAt { dof, name: String::from("joint1") });
+        let usual: Vec<ReadAt> = joint1.into_iter().collect();
+        if self.at.is_empty() && usual.is_empty() {
+            let known = assembly.dof_names().join(", ");
+            return Err(Failure::usage(format!(
+                "the degree of freedom to read is missing: give it by --at DOF, one of {known}"
+            )));
+        }
+        read_at(&self.at, &usual, assembly)
+    }
+
+    /// Returns the mode, numbered from 0.
+    fn mode(&self) -> usize {
+        usize::from(self.mode).saturating_sub(1)
+    }
+
     fn options(&self, forced: &Forced, walk: &Walk) -> Result<BackboneOptions, Failure> {
-        let mode = usize::from(self.mode).saturating_sub(1);
         // An infinite limit is never reached. At least one of the two is finite, as `walk` has checked.
         let largest = walk.to.unwrap_or(f64::INFINITY);
         let load = walk.amplitude.map_or(f64::INFINITY, f64::abs);
-        let mut options = BackboneOptions::new(forced, mode, largest, load, dofs(&walk.read));
+        let mut options = BackboneOptions::new(forced, self.mode(), largest, load, dofs(&walk.read));
         options.branch = self.walk.options(options.branch)?;
         if self.plot.is_some() {
             smooth(&mut options.branch);
@@ -211,7 +250,9 @@ impl Backbone {
 
     fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk) -> Value {
         let mut configuration = configuration::of_structure(scenario, tested);
-        configuration["drive"] = walk.drive.document();
+        if let Some(drive) = &walk.drive {
+            configuration["drive"] = drive.document();
+        }
         configuration["backbone"] = json!({ "undamped": self.undamped, "to": walk.to });
         configuration
     }
@@ -246,10 +287,9 @@ impl Backbone {
     }
 
     fn head(&self, label: &str, document: &Document, walk: &Walk) -> String {
-        let what = if self.undamped {
-            String::from("nonlinear normal mode of the structure without damping")
-        } else {
-            format!("in phase quadrature with a load at {}", walk.drive.at())
+        let what = match &walk.drive {
+            Some(drive) if !self.undamped => format!("in phase quadrature with a load at {}", drive.at()),
+            _ => String::from("nonlinear normal mode of the structure without damping"),
         };
         format!("{label}, mode {} from {:.6} Hz: {what}", self.mode, document.linear_frequency_hz)
     }
@@ -259,7 +299,10 @@ impl Backbone {
             walk.read.iter().map(|at| format!("{:>16}", format!("largest {} {}", at.name, at.unit()))).collect();
         let mut text = String::from("  frequency Hz");
         heads.iter().for_each(|head| text += &format!("   {head}"));
-        let last = if self.undamped { "energy J" } else { walk.drive.unit() };
+        let last = match &walk.drive {
+            Some(drive) if !self.undamped => drive.unit(),
+            _ => "energy J",
+        };
         text += &format!("   {last:>12}\n");
         for orbit in &curve.points {
             text += &format!("  {:12.6}", orbit.frequency_hz);
@@ -289,7 +332,8 @@ impl Backbone {
     /// Draws the curve over the forced response.
     fn figure(&self, conditions: Subtitle, curve: &Curve, response: Option<&Branch>, walk: &Walk) -> Figure {
         let kind = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
-        let with = response.map_or(String::new(), |_response| format!("response to {}", walk.drive.words()));
+        let with = walk.drive.as_ref().filter(|_| response.is_some());
+        let with = with.map_or(String::new(), |drive| format!("response to {}", drive.words()));
         let figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(conditions.and(with));
         let branches: Vec<&Branch> = response.into_iter().collect();
         let line = |y: &dyn Fn(&BackboneOrbit) -> f64| {

@@ -384,12 +384,22 @@ fn backbones_of_structures() {
 
     hardening: +1.264491 Hz (+12.6449 %) at tip.x 1.889511e-2 m; at small amplitudes a of tip.x, df/d(a²) = +3.799543e3 Hz/m²
     ");
-    let free = document(folder.path(), 0, &on_oscillator("backbone", "--drive tip.x --to 0.02 --undamped --json"));
+    let free = document(folder.path(), 0, &on_oscillator("backbone", "--at tip.x --to 0.02 --undamped --json"));
+    assert!(free["configuration"].get("drive").is_none(), "{free:#}");
     assert_eq!((&free["kind"], &free["bending"]), (&"nonlinear-normal-mode".into(), &"hardening".into()));
     let names = ["energy_j", "frequency_hz", "harmonics", "readings"];
     let last = free["points"].as_array().unwrap().last().unwrap();
     assert_eq!(super::names(last), names);
     assert!((last["readings"]["tip.x"]["largest"].as_f64().unwrap() - 0.02).abs() < 1e-9);
+    // A load changes nothing, and the command says so.
+    let loaded = resonarm(folder.path(), &on_oscillator("backbone", "--drive tip.x --to 0.02 --undamped --json"));
+    assert!(
+        loaded.stderr.contains("a free vibration has no excitation: the load at tip.x changes nothing"),
+        "{}",
+        loaded.stderr
+    );
+    let loaded: serde_json::Value = serde_json::from_str(&loaded.stdout).unwrap();
+    assert_eq!(loaded["points"], free["points"]);
 
     let plotted = on_oscillator("backbone", "--drive tip.x=5 --plot curve");
     let said = resonarm(folder.path(), &plotted).stdout;
@@ -548,6 +558,8 @@ fn analyses_of_structures_refuse_in_words() {
     let backbone = |more: &str| says("backbone", &format!("--drive tip.x {more}"));
     insta::assert_snapshot!(says("backbone", ""), @"the excitation is missing: give it by --drive DOF=A, with DOF one of tip.x");
     insta::assert_snapshot!(backbone(""), @"the end of the curve is missing: give the displacement of tip.x at which it ends, in m, by --to X, or the load at which it ends, by --drive tip.x=A");
+    insta::assert_snapshot!(says("backbone", "--undamped --to 0.1"), @"the degree of freedom to read is missing: give it by --at DOF, one of tip.x");
+    insta::assert_snapshot!(says("backbone", "--at tip.x --undamped"), @"the end of the curve is missing: give the displacement of tip.x at which it ends, in m, by --to X");
     insta::assert_snapshot!(says("backbone", "--drive tip.x=3 --undamped"), @"the end of the curve is missing: give the displacement of tip.x at which it ends, in m, by --to X");
     insta::assert_snapshot!(backbone("--to=-1"), @"--to is -1: it must be a positive number");
     insta::assert_snapshot!(backbone("--to 0.1 --mode 3"), @"along the backbone: there is no mode 3: the structure has modes 1 to 1");

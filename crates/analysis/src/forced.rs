@@ -9,7 +9,9 @@ use resonarm_dynamics::structure::{
     StructureError,
 };
 
-use crate::AnalysisError;
+use super::unknowns::load_at_rest;
+use crate::dense::dot;
+use crate::{AnalysisError, Place};
 
 /// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint; or several
 /// in phase, each with a share of the amplitude. The drive may have harmonics, [`Forced::with_harmonics`].
@@ -86,25 +88,28 @@ impl Forced {
     /// # Errors
     /// [`AnalysisError::Dissipates`] for an element whose loss can't be left out.
     pub fn undamped(&self) -> Result<Forced, AnalysisError> {
-        let mut spec = self.assembly.spec().clone();
-        match &mut spec.body {
-            BodySpec::Chain(chain) => chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 0.0),
-            BodySpec::Modal(modal) => modal.modes.iter_mut().for_each(|mode| mode.damping_ratio = 0.0),
-        }
-        for (index, element) in spec.elements.iter_mut().enumerate() {
-            let ElementSpec::Point { law, .. } = element else { continue };
-            match law {
-                Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
-                    *damping = 0.0;
-                }
-                Law::Cubic { .. } | Law::Gap { .. } => {}
-                law => return Err(AnalysisError::Dissipates { element: index + 1, law: law.name() }),
-            }
-        }
-        // A linear element that was only a damper exerts no force any more.
-        let idle = Law::Linear { stiffness: 0.0, damping: 0.0 };
-        spec.elements.retain(|element| !matches!(element, ElementSpec::Point { law, .. } if *law == idle));
-        Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
+        Ok(Forced { assembly: undamped(&self.assembly)?, ..self.clone() })
+    }
+
+    /// Returns a structure without damping for the free vibrations of a mode, numbered from 0 in the order of frequency.
+    ///
+    /// They need no drive. Their equations have one all the same, whose amplitude comes out as 0; it acts at the degree
+    /// of freedom that the mode moves most, so that it reaches the mode.
+    ///
+    /// # Errors
+    /// [`AnalysisError::Dissipates`] for an element whose loss can't be left out, [`AnalysisError::NoMode`] if there is no
+    /// such mode, [`AnalysisError::NotDriven`] if it moves none of the structure's points.
+    pub fn free(assembly: &Assembly, mode: usize) -> Result<Forced, AnalysisError> {
+        let assembly = undamped(assembly)?;
+        let (got, modes) = (mode + 1, assembly.modes());
+        let mode = modes.get(mode).ok_or(AnalysisError::NoMode { got, most: modes.len() })?;
+        let dofs = assembly.dof_names().into_iter().filter_map(|name| assembly.dof(&name).ok());
+        // Displacements count from the base, which none of them moves.
+        let moves = |dof: Dof| (dot(&load_at_rest(&assembly, dof), &mode.shape).abs(), dof);
+        let most = dofs.filter(|dof| !dof.is_base()).map(moves).max_by(|a, b| a.0.total_cmp(&b.0));
+        let at = Place { value: mode.frequency_hz, unit: "Hz" };
+        let (_, dof) = most.filter(|(size, _)| *size > 0.0).ok_or(AnalysisError::NotDriven { mode: got, at })?;
+        Ok(Forced::new(assembly, dof, 1.0))
     }
 
     /// Returns the structure without damping, and without elements whose force is friction.
@@ -203,6 +208,29 @@ impl Forced {
         let first = units.next().unwrap_or_default();
         if units.all(|unit| unit == first) { first } else { "times the drive" }
     }
+}
+
+/// Returns a structure without damping, see [`Forced::undamped`].
+fn undamped(assembly: &Assembly) -> Result<Assembly, AnalysisError> {
+    let mut spec = assembly.spec().clone();
+    match &mut spec.body {
+        BodySpec::Chain(chain) => chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 0.0),
+        BodySpec::Modal(modal) => modal.modes.iter_mut().for_each(|mode| mode.damping_ratio = 0.0),
+    }
+    for (index, element) in spec.elements.iter_mut().enumerate() {
+        let ElementSpec::Point { law, .. } = element else { continue };
+        match law {
+            Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
+                *damping = 0.0;
+            }
+            Law::Cubic { .. } | Law::Gap { .. } => {}
+            law => return Err(AnalysisError::Dissipates { element: index + 1, law: law.name() }),
+        }
+    }
+    // A linear element that was only a damper exerts no force any more.
+    let idle = Law::Linear { stiffness: 0.0, damping: 0.0 };
+    spec.elements.retain(|element| !matches!(element, ElementSpec::Point { law, .. } if *law == idle));
+    Ok(Assembly::new(&spec)?)
 }
 
 /// The coordinate that varies along a branch.

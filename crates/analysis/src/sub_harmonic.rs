@@ -15,7 +15,6 @@ use super::balance::Balance;
 use super::detect::point_of;
 use super::orbit::{Branch, BranchEnd, Orbit, TraceOptions};
 use super::switching::SubHarmonicSearch;
-use super::unknowns::direction_at_rest;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, System as _, at_parameter};
 use crate::dense::{Lu, dot, norm};
@@ -126,13 +125,9 @@ impl Places<'_> {
             if of_mode.frequency_hz == 0.0 {
                 continue;
             }
-            // Driven where the mode moves most: a free motion needs no drive, but the equations a direction.
-            let ends = free.assembly.elements().iter().flat_map(|element| [Some(element.at()), element.to()]);
-            let dofs = ends.flatten().chain(free.drives.iter().map(|(dof, _)| *dof));
-            let moves = |dof| dot(&direction_at_rest(&free.assembly, dof), &of_mode.shape).abs();
-            let Some(dof) = dofs.max_by(|a, b| moves(*a).total_cmp(&moves(*b))) else { continue };
-            let driven = Forced::new(free.assembly.clone(), dof, 0.0);
-            let mut options = BackboneOptions::new(&driven, mode, f64::INFINITY, f64::INFINITY, vec![dof]);
+            let Ok(driven) = Forced::free(&free.assembly, mode) else { continue };
+            let read = driven.drives.iter().map(|(dof, _)| *dof).collect();
+            let mut options = BackboneOptions::new(&driven, mode, f64::INFINITY, f64::INFINITY, read);
             let own = of_mode.frequency_hz;
             let [least, most] =
                 [low / SubHarmonicSearch::PERIODS[1] as f64, high / SubHarmonicSearch::PERIODS[0] as f64];

@@ -202,6 +202,33 @@ fn a_chain_of_two_links_has_the_backbone_of_the_arm() {
     }
 }
 
+/// A free vibration does not depend on a drive: it is that of the arm's own analysis, above, and exists where a force
+/// reaches no mode, as one along the straight arm.
+#[test]
+fn a_free_vibration_needs_no_drive() {
+    let bent = chain_of(60.0);
+    let joints = ["joint1", "joint2"].map(|name| bent.dof(name).unwrap());
+    let end = |forced: &Forced| {
+        let options = BackboneOptions::new(forced, 0, 0.1, f64::INFINITY, joints.into());
+        let curve = super::super::backbone(forced, &options).unwrap();
+        let last = curve.points.last().unwrap().clone();
+        assert!(last.drive < 1e-9, "{last:?}");
+        (last.frequency_hz, last.readings[1].largest)
+    };
+    let (hz, largest2_rad) = end(&Forced::free(&bent, 0).unwrap());
+    near(hz, 22.141_741_037_005_637, 1e-10);
+    near(largest2_rad, 0.083_380_700_609_368_47, 1e-8);
+    let straight = chain_of(0.0);
+    let joint1 = Forced::new(straight.clone(), joints[0], 1.0).undamped().unwrap();
+    let [free, driven] = [Forced::free(&straight, 0).unwrap(), joint1].map(|forced| end(&forced).0);
+    near(free, driven, 1e-10);
+    let friction = single(1e-3, Law::Friction { stiffness: 1e4, slip: 5.0 });
+    let cubic = single(1e-3, Law::Cubic { stiffness3: 1e7, stiffness5: 0.0 });
+    let refusal = |forced: &Forced, mode: usize| Forced::free(forced.assembly(), mode).unwrap_err().to_string();
+    insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, dissipates energy, so the undamped structure is not defined: leave the element out");
+    insta::assert_snapshot!(refusal(&cubic, 4), @"there is no mode 5: the structure has modes 1 to 1");
+}
+
 /// At 74° the fitted arm has f2 ≈ 2 f1, and its first nonlinear mode turns from softening to hardening.
 #[test]
 fn the_first_mode_changes_its_bending_at_the_internal_resonance() {
