@@ -180,11 +180,11 @@ class Recording(_resonarm.Recording):
     ) -> Spectra:
         """Power spectral densities of channels, or of vectors of them as `acceleration_b_m_s2`, between two simulated
         times, s, of the whole recording by default: one-sided, in unit²/Hz, averaged over segments as by SciPy's
-        `welch` with `detrend=False` (Welch 1967).
+        `welch` with `detrend=False` (Welch 1967). Readings are corrected for the droop of the converters that the
+        recording states: densities are divided by the square of their gain.
 
         `segment_s` is the length of a segment, by default a power of two of samples of at most a fifth of the record;
-        `overlap` the part of a segment, from 0 to below 1, that it shares with the next one. Readings include the droop
-        of the converters.
+        `overlap` the part of a segment, from 0 to below 1, that it shares with the next one.
 
         Raises ValueError for an unknown channel, states and readings together, and segments that don't fit;
         ResonarmError if samples are missing.

@@ -37,7 +37,7 @@ class Averages:
 
 @dataclass(frozen=True)
 class Spectra(Averages):
-    """Power spectral densities."""
+    """Power spectral densities, of readings without the droop of the converters."""
 
     psd: dict[str, NDArray[np.float64]]
     """The one-sided density of each channel, unit²/Hz."""

@@ -70,7 +70,7 @@ fn average(spectra: &CrossSpectra) -> Average {
     (spectra.averages, spectra.degrees_of_freedom, spectra.noise_bandwidth_hz, factors)
 }
 
-/// Power spectral densities: rows of the frequency and the density of each channel.
+/// Power spectral densities without the droop of the converters: rows of the frequency and the density of each channel.
 #[pyfunction]
 pub fn densities<'py>(
     py: Python<'py>,
@@ -80,7 +80,8 @@ pub fn densities<'py>(
 ) -> PyResult<(Channels, Average, Bound<'py, PyByteArray>)> {
     let (signals, spectra) = py.detach(|| {
         let signals = read(recording, &wanted)?;
-        let spectra = estimate(&signals, 0, &cut)?;
+        let mut spectra = estimate(&signals, 0, &cut)?;
+        spectra.outputs.iter_mut().for_each(|density| signals.correct_droop(&spectra.frequency_hz, density));
         Ok::<_, PyErr>((signals, spectra))
     })?;
     let mut rows = Rows::default();

@@ -32,6 +32,11 @@ def welch(first, second, rate_hz, length, overlap, window):
     return density
 
 
+def power_gain(frequency_hz, rate_hz):
+    """The square of the gain of sinc5, the converter of the recording: sin x / x to the fifth, x being pi f / rate."""
+    return np.sinc(frequency_hz / rate_hz) ** 10
+
+
 def hann(length):
     return 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
 
@@ -43,6 +48,7 @@ def test_densities_are_those_of_welch(recording):
     window = 0.54 - 0.46 * np.cos(2 * np.pi * np.arange(length) / length)
     psd = welch(reading, reading, rate_hz, length, length // 4, window).real
     np.testing.assert_allclose(spectra.frequency_hz, np.fft.rfftfreq(length, 1 / rate_hz), rtol=1e-14)
+    psd /= power_gain(spectra.frequency_hz, rate_hz)
     np.testing.assert_allclose(spectra.psd[READING], psd, rtol=1e-9, atol=1e-12 * psd.max())
     assert spectra.units == {READING: "m/s²"} and spectra.clipped == {READING: 0}
 
@@ -52,7 +58,9 @@ def test_a_vector_stands_for_its_components_and_the_area_is_the_mean_square(reco
     assert list(spectra.psd) == ["acceleration_c_x_m_s2", "acceleration_c_y_m_s2"]
     length = 2 * (len(spectra.frequency_hz) - 1)
     kept = values(recording)[1][: length * spectra.averages]
-    assert spectra.rms[READING] == pytest.approx(np.sqrt(np.mean(kept**2)), rel=1e-12)
+    readings = spectra.psd[READING] * power_gain(spectra.frequency_hz, 1 / recording.dt_s)
+    assert np.sum(readings) * spectra.frequency_hz[1] == pytest.approx(np.mean(kept**2), rel=1e-12)
+    assert spectra.rms[READING] ** 2 == pytest.approx(np.sum(spectra.psd[READING]) * spectra.frequency_hz[1], rel=1e-12)
 
 
 def test_responses_and_coherence_are_those_of_welch(recording):

@@ -4,7 +4,9 @@ use thiserror::Error;
 
 use crate::export::{ExportError, RecordingPart, samples};
 use crate::recording::{Recording, Topic};
+use resonarm_bench::rig::Converter;
 use resonarm_bench::structure::Channel;
+use resonarm_scenario::Scenario;
 
 /// Channels of a recording, all of its states or all of its samples, without a gap.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +21,8 @@ pub struct Signals {
     pub rate_hz: f64,
     /// Simulated time of the first value, s; readings were taken before their sample by the delay of the converters.
     pub start_s: f64,
+    /// Converters of readings; `None` of states, which have none, and if the recording does not state them.
+    pub converter: Option<Converter>,
 }
 
 /// Error of reading signals.
@@ -75,6 +79,7 @@ impl Signals {
             clipped: vec![0; places.len()],
             rate_hz: 1.0 / recording.origin().dt_s,
             start_s: 0.0,
+            converter: None,
         };
         let mut first = None;
         let mut take = |sample: u64, numbers: &[f64], clipped: u32| {
@@ -104,7 +109,22 @@ impl Signals {
         }
         let lead = if topic == Topic::Samples { recording.origin().reading_delay_samples } else { 0.0 };
         signals.start_s = (first.unwrap_or_default() as f64 - lead) * recording.origin().dt_s;
+        if topic == Topic::Samples {
+            // What an import writes there is the converter of the logged bench, if its scenario stated one.
+            let scenario = Scenario::from_configuration(recording.configuration());
+            signals.converter = scenario.ok().map(|scenario| scenario.rig.converter);
+        }
         Ok(signals)
+    }
+
+    /// Divides the power spectral densities of a channel by the square of the converters' gain at these frequencies, Hz: what is
+    /// left is the density of the motion, and noise and images beyond half the sample rate multiplied by the same factors.
+    pub fn correct_droop(&self, frequency_hz: &[f64], densities: &mut [f64]) {
+        let Some(converter) = self.converter else { return };
+        for (density, hz) in densities.iter_mut().zip(frequency_hz) {
+            let gain = converter.gain(hz / self.rate_hz);
+            *density /= gain * gain;
+        }
     }
 
     /// Number of values of each channel.

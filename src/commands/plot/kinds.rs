@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 use super::Shown;
 use crate::figures::response_curves::broken_at_wraps;
 use resonarm::modal::spectra::{CrossSpectra, Estimator, Segments, ShockResponse, Signals as Measured, SpectraError};
+use resonarm::rig::Converter;
 use resonarm::signals::Signals;
 use resonarm::structure::Channel;
 use resonarm_figures::plot::{Axis, Color, Dash, Legend, Panel, Series, Style};
@@ -201,12 +202,19 @@ fn averaged(spectra: &CrossSpectra, segments: &Segments, rate_hz: f64) -> (Map<S
     (document, text)
 }
 
-/// Power spectral densities of all channels.
+/// Names the converters whose droop is taken out of densities, as JSON; states have none.
+pub(super) fn converter(signals: &Signals) -> Map<String, Value> {
+    map(json!({ "converter": signals.converter.map(Converter::name) }))
+}
+
+/// Power spectral densities of all channels, without the droop of the converters.
 pub(super) fn psd(signals: &Signals, segments: &Segments) -> Result<Shown, SpectraError> {
     let values: Vec<&[f64]> = signals.values.iter().map(Vec::as_slice).collect();
     let record = Measured { inputs: &[], outputs: &values };
-    let spectra = CrossSpectra::estimate(signals.rate_hz, &[record], segments)?;
-    let (common, text) = averaged(&spectra, segments, signals.rate_hz);
+    let mut spectra = CrossSpectra::estimate(signals.rate_hz, &[record], segments)?;
+    spectra.outputs.iter_mut().for_each(|density| signals.correct_droop(&spectra.frequency_hz, density));
+    let (mut common, text) = averaged(&spectra, segments, signals.rate_hz);
+    common.extend(converter(signals));
     let mut shown = Shown::new(common, ("frequency_hz", spectra.frequency_hz.clone()));
     shown.text = text;
     let spacing_hz = signals.rate_hz / segments.length as f64;

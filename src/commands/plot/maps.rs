@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::Shown;
-use super::kinds::density_unit;
+use super::kinds::{converter, density_unit};
 use resonarm::modal::spectra::{CrossSpectra, Segments, Signals as Measured, SpectraError};
 use resonarm::signals::Signals;
 use resonarm::structure::Channel;
@@ -16,7 +16,7 @@ const MOST_TILES: [usize; 2] = [120, 150];
 const LEVELS: u8 = 10;
 const DECIBELS: f64 = 6.0;
 
-/// Densities of single segments over time and frequency.
+/// Densities of single segments over time and frequency, without the droop of the converters.
 pub(super) fn spectrogram(signals: &Signals, segments: &Segments) -> Result<Shown, SpectraError> {
     let step = segments.length - segments.overlap;
     let starts: Vec<usize> = (0..=signals.count() - segments.length).step_by(step).collect();
@@ -30,6 +30,7 @@ pub(super) fn spectrogram(signals: &Signals, segments: &Segments) -> Result<Show
             let part = &values[*start..start + segments.length];
             let record = Measured { inputs: &[], outputs: &[part] };
             let mut spectra = CrossSpectra::estimate(signals.rate_hz, &[record], segments)?;
+            spectra.outputs.iter_mut().for_each(|density| signals.correct_droop(&spectra.frequency_hz, density));
             rows.append(&mut spectra.outputs);
             frequency_hz = spectra.frequency_hz;
         }
@@ -42,6 +43,7 @@ pub(super) fn spectrogram(signals: &Signals, segments: &Segments) -> Result<Show
     shown.text = format!("{} segments of {} s\n", starts.len(), segments.length as f64 / signals.rate_hz);
     let common = [("time_s", json!(times)), ("frequency_hz", json!(frequency_hz))];
     shown.common = common.into_iter().map(|(name, value): (&str, Value)| (name.to_owned(), value)).collect();
+    shown.common.extend(converter(signals));
     Ok(shown)
 }
 

@@ -28,7 +28,7 @@ Examples:
   resonarm plot shock.mcap --of srs --channels acceleration_b_x_m_s2 --json
 
 psd, spectrogram, frf and coherence average segments of the record as SciPy's welch and csd do with detrend=False: densities \
-are one-sided, in unit²/Hz. A resonance whose half-power bandwidth is not several lines wide comes out too low and too wide.
+are one-sided, in unit²/Hz. psd and spectrogram correct readings for the droop of the recording's converters. A resonance whose half-power bandwidth is not several lines wide comes out too low and too wide.
 srs is the largest absolute acceleration of oscillators on a base with the acceleration of the channel (Smallwood 1981).";
 
 /// The kinds of figures.
