@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::commands::identify_angles::{self, Domain, Request};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
-use crate::commands::identify_found::{Found, smooth_hz};
+use crate::commands::identify_found::{Found, signed, smooth_hz};
 use crate::commands::identify_mac::{COMPUTED, Shapes};
 use crate::commands::identify_report;
 use crate::commands::identify_responses;
@@ -759,8 +759,11 @@ impl Levels {
             let name =
                 shift.mode.map_or(format!("{:.2} Hz", shift.pole_frequency_hz[0]), |mode| format!("mode {mode}"));
             text += &format!(
-                "  {name:<room$}   {:+18.1e}   {:+5.1}   {:+14.1e}   {:+5.1}\n",
-                shift.frequency_shift, shift.frequency_z, shift.damping_shift, shift.damping_z
+                "  {name:<room$}   {:+18.1e}   {:>5}   {:+14.1e}   {:>5}\n",
+                shift.frequency_shift,
+                signed(shift.frequency_z, 1),
+                shift.damping_shift,
+                signed(shift.damping_z, 1)
             );
         }
         text + match self.linear {

@@ -102,6 +102,13 @@ pub(super) fn smooth_hz(lines_hz: &[f64], found: &Identification) -> Vec<f64> {
     all
 }
 
+/// Formats a number with its sign, which is + where it rounds to 0.
+pub(super) fn signed(value: f64, places: usize) -> String {
+    let text = format!("{value:+.places$}");
+    let is_zero = !text.contains(|digit: char| matches!(digit, '1'..='9'));
+    if value.is_finite() && is_zero { text.replace('-', "+") } else { text }
+}
+
 impl Found {
     pub fn new(found: Identification, numbers: Vec<Option<u8>>, band: Band) -> Found {
         Found {
@@ -183,7 +190,7 @@ impl Found {
                 None if is_scaled => format!("   {:>18}", "–"),
                 None => String::new(),
             };
-            let part = |part: &Option<f64>| part.map_or(String::from("–"), |part| format!("{:+.4}", part + 0.0));
+            let part = |part: &Option<f64>| part.map_or(String::from("–"), |part| signed(part, 4));
             let shape = mode.shape_per_sqrt_kg.as_ref().unwrap_or(&mode.shape);
             let shape: Vec<String> = shape.iter().map(part).collect();
             text += &format!("  {number:>4}   {frequency}   {damping}{mass}   {}\n", shape.join(" "));
@@ -228,5 +235,17 @@ impl Found {
             text += &format!("  {name:<24}   {estimated:9.3e}   {instrument:>10}\n");
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_rounds_to_zero_has_no_minus() {
+        let texts = [-4e-5, -0.0, 4e-5, -6e-5, 6e-5, -12.0, f64::NAN, f64::NEG_INFINITY].map(|value| signed(value, 4));
+        let expected = ["+0.0000", "+0.0000", "+0.0000", "-0.0001", "+0.0001", "-12.0000", "NaN", "-inf"];
+        assert_eq!(texts, expected);
     }
 }

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use crate::commands::identify::{Document, Levels, Run};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
-use crate::commands::identify_found::{Found, NumberedMode};
+use crate::commands::identify_found::{Found, NumberedMode, signed};
 use crate::failure::Failure;
 use resonarm::identify::{IdentifiedMode, ReadingNoise};
 use resonarm::modal;
@@ -99,9 +99,17 @@ fn summary(document: &Document) -> String {
     text
 }
 
-/// Returns a table that scrolls by itself where it is wider than the page. `rows` are cells with their tags.
-fn table(caption: &str, head: &[&str], rows: &[String]) -> String {
-    let head: String = head.iter().map(|name| format!("<th scope=\"col\">{}</th>", escaped(name))).collect();
+/// Columns of numbers that have no text.
+const NO_TEXT: &[&str] = &[];
+
+/// Returns a table that scrolls by itself where it is wider than the page. `rows` are cells with their tags; the columns of
+/// `text` are those whose cells are aligned to the left, as the first one always is.
+fn table(caption: &str, head: &[&str], text: &[&str], rows: &[String]) -> String {
+    let column = |name: &&str| {
+        let class = if text.contains(name) { " class=\"name\"" } else { "" };
+        format!("<th scope=\"col\"{class}>{}</th>", escaped(name))
+    };
+    let head: String = head.iter().map(column).collect();
     let rows: String = rows.iter().map(|row| format!("<tr>{row}</tr>\n")).collect();
     let caption = escaped(caption);
     format!(
@@ -127,10 +135,14 @@ fn mode_name(NumberedMode { mode, found }: &NumberedMode) -> String {
 }
 
 fn modes(found: &Found) -> String {
-    let row = |numbered: &NumberedMode| {
-        let mode = &numbered.found;
+    let has_remarks = found.modes.iter().any(|mode| !(mode.found.doubts.is_empty() && mode.found.warnings.is_empty()));
+    let remarks_of = |mode: &IdentifiedMode| {
         let remarks: Vec<&str> = mode.doubts.iter().chain(&mode.warnings).map(|remark| remark.text.as_str()).collect();
         let class = if mode.doubts.is_empty() { "text" } else { "text warn" };
+        format!("<td class=\"{class}\">{}</td>", escaped(&remarks.join("; ")))
+    };
+    let row = |numbered: &NumberedMode| {
+        let mode = &numbered.found;
         let mass = mode
             .modal_mass_kg
             .map_or(String::from("–"), |kg| with_deviation(format!("{kg:.5}"), mode.modal_mass_deviation_kg));
@@ -143,16 +155,16 @@ fn modes(found: &Found) -> String {
             )),
             cell(&mass),
             cell(&mode.collinearity.map_or(String::from("–"), |collinearity| format!("{collinearity:.4}"))),
-            format!("<td class=\"{class}\">{}</td>", escaped(&remarks.join("; "))),
+            if has_remarks { remarks_of(mode) } else { String::new() },
         ]
         .concat()
     };
-    let head = ["mode", "pole frequency (Hz)", "damping ratio (%)", "modal mass (kg)", "collinearity", "remarks"];
+    let remarks = "remarks";
+    let mut head = vec!["mode", "pole frequency (Hz)", "damping ratio (%)", "modal mass (kg)", "collinearity"];
+    head.extend(has_remarks.then_some(remarks));
     let rows: Vec<String> = found.modes.iter().map(row).collect();
-    format!(
-        "<h2>Modes</h2>\n{}",
-        table("Poles, and modal masses of the shape that is 1 where the force acts", &head, &rows)
-    )
+    let caption = "Poles, and modal masses of the shape that is 1 where the force acts";
+    format!("<h2>Modes</h2>\n{}", table(caption, &head, &[remarks], &rows))
 }
 
 fn levels(levels: &Levels) -> String {
@@ -167,9 +179,9 @@ fn levels(levels: &Levels) -> String {
         [
             name(&shift.mode.map_or(format!("{first_hz:.2} Hz"), |number| number.to_string())),
             cell(&format!("{:+.1e}", shift.frequency_shift)),
-            cell(&format!("{:+.1}", shift.frequency_z)),
+            cell(&signed(shift.frequency_z, 1)),
             cell(&format!("{:+.1e}", shift.damping_shift)),
-            cell(&format!("{:+.1}", shift.damping_z)),
+            cell(&signed(shift.damping_z, 1)),
         ]
         .concat()
     };
@@ -178,7 +190,7 @@ fn levels(levels: &Levels) -> String {
     format!(
         "<h2>Against {}</h2>\n<p>{verdict}</p>\n{}",
         escaped(&title),
-        table("Shifts, relative, and in their standard deviations", &head, &rows)
+        table("Shifts, relative, and in their standard deviations", &head, NO_TEXT, &rows)
     )
 }
 
@@ -199,16 +211,13 @@ fn shapes(found: &Found) -> String {
                 let IdentifiedMode { shape, shape_per_sqrt_kg, shape_deviation_per_sqrt_kg, .. } = &mode.found;
                 let value = shape_per_sqrt_kg.as_ref().unwrap_or(shape)[index];
                 let deviation = shape_deviation_per_sqrt_kg.as_ref().and_then(|all| all[index]);
-                cell(
-                    &value
-                        .map_or(String::from("–"), |value| with_deviation(format!("{:+.4}", value + 0.0), deviation)),
-                )
+                cell(&value.map_or(String::from("–"), |value| with_deviation(signed(value, 4), deviation)))
             };
             name(at) + &found.modes.iter().map(part).collect::<String>()
         })
         .collect();
     let caption = "Real shapes for the modal mass 1 kg, 1/√kg; without a scale over the largest component";
-    format!("<h2>Shapes</h2>\n{}", table(caption, &head, &rows))
+    format!("<h2>Shapes</h2>\n{}", table(caption, &head, NO_TEXT, &rows))
 }
 
 /// Returns the components of a mode's shape, complex where it has a scale.
@@ -247,7 +256,7 @@ fn own_assurance(found: &Found) -> String {
     let rows: Vec<String> = names.iter().enumerate().map(row).collect();
     let caption =
         "MAC of the shapes with each other: far from 0 beside the diagonal, shapes differ too little at these points";
-    format!("<h2>Modal assurance criterion</h2>\n{}", table(caption, &head, &rows))
+    format!("<h2>Modal assurance criterion</h2>\n{}", table(caption, &head, NO_TEXT, &rows))
 }
 
 /// Returns a figure with its caption.
@@ -333,7 +342,7 @@ fn noise(found: &Found, has_several_runs: bool) -> String {
     };
     let rows: Vec<String> = found.noise.iter().map(row).collect();
     let caption = "Standard deviation of a sample's noise, as the residuals show it and as the instrument has it";
-    format!("<h2>Noise</h2>\n{}", table(caption, &["reading", "estimated", "instrument"], &rows))
+    format!("<h2>Noise</h2>\n{}", table(caption, &["reading", "estimated", "instrument"], NO_TEXT, &rows))
 }
 
 fn runs(document: &Document) -> String {
@@ -394,8 +403,8 @@ fn runs(document: &Document) -> String {
             }
         }
     }
-    let mut text =
-        format!("<h2>Recordings</h2>\n{}", table("The recordings, with their seeds and lengths", &head, &rows));
+    let caption = "The recordings, with their seeds and lengths";
+    let mut text = format!("<h2>Recordings</h2>\n{}", table(caption, &head, &["recording", "state"], &rows));
     if let Some(plan) = document.survey.as_ref().and_then(|survey| survey.plan.as_ref()) {
         text += &format!(
             "<p>Survey: {}, {} to {} Hz, {} samples a second, seed {}.</p>\n",
