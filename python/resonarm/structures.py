@@ -401,8 +401,8 @@ class Modal(Structure):
     def from_identified(
         cls, document: Mapping[str, Any], *, elements: Sequence[Element] = (), name: str | None = None
     ) -> "Self":
-        """The modes that `resonarm identify --json` found in recordings, as its document has them. Points are those of
-        the accelerometers.
+        """The modes that `resonarm identify --json` found, as its document has them. Points are those of the
+        accelerometers, with positions and lines if the document has them.
 
         Warns with AccuracyWarning of modes for which no deviations could be stated, with the reasons. Raises ValueError
         if the document has no modes, or one without its modal mass: it needs an accelerometer where the force acts.
@@ -422,7 +422,8 @@ class Modal(Structure):
                 warnings.warn(f"mode {number}, at {hz:g} Hz: {doubt['text']}", AccuracyWarning, stacklevel=2)
             of = {name: amount for name, amount in zip(document["at"], shape, strict=True) if amount is not None}
             modes.append({"frequency_hz": hz, "damping_ratio": mode["pole_damping_ratio"], "shape": of})
-        return cls(modes, elements=elements, name=name)
+        points, lines = document.get("positions_m"), document.get("lines", ())
+        return cls(modes, elements=elements, points=points, lines=lines, name=name)
 
     @property
     def mode_shapes(self) -> list[ModeShape]:

@@ -266,6 +266,65 @@ def test_pyuff_reads_identified_modes(command, tmp_path):
             assert abs(mode["shape"][dof]) == pytest.approx(abs(value), rel=1e-3, abs=1e-3)
 
 
+def accelerance(hz, modes, response, force):
+    """The accelerance of modes: frequency, damping ratio, and shapes of modal mass 1 kg at two nodes."""
+    ratio = hz[:, None] / [mode[0] for mode in modes]
+    damping = np.array([mode[1] for mode in modes])
+    product = np.array([mode[2 + response] * mode[2 + force] for mode in modes])
+    return np.sum(-(ratio**2) * product / (1 - ratio**2 + 2j * damping * ratio), axis=1)
+
+
+def test_a_file_of_pyuff_brings_its_geometry(command, tmp_path):
+    """Responses in mm/s² per N with nodes of dataset 2411 and elements of 2412, as pyuff writes them."""
+    modes, hz = [(20.0, 0.01, 0.5, 0.9), (55.0, 0.02, -0.8, 0.6)], np.arange(10.0, 80.0, 0.1)
+    nodes = {3: [100.0, 0.0, 0.0], 7: [200.0, 50.0, 0.0], 8: [300.0, 0.0, -25.0]}
+    noise = np.random.default_rng(1)
+    written = pyuff.UFF(str(tmp_path / "measured.uff"))
+    units = pyuff.prepare_164(
+        units_code=5, units_description="mm", temp_mode=2, length=1000.0, force=1.0, temp=1.0, temp_offset=0.0
+    )
+    places = np.transpose(list(nodes.values()))
+    grid = pyuff.prepare_2411(
+        node_nums=list(nodes), def_cs=[0] * 3, disp_cs=[0] * 3, color=[1] * 3, x=places[0], y=places[1], z=places[2]
+    )
+    sets = [units, grid]
+    for response, node in enumerate([3, 7]):
+        values = accelerance(hz, modes, response, 1)
+        values = values + 1e-4 * np.abs(values) * noise.standard_normal((2, len(hz))).T @ [1, 1j]
+        sets.append(
+            pyuff.prepare_58(
+                func_type=4,
+                rsp_node=node,
+                rsp_dir=3,
+                ref_node=7,
+                ref_dir=-3,
+                ord_data_type=6,
+                abscissa_spacing=1,
+                abscissa_min=hz[0],
+                abscissa_inc=0.1,
+                num_pts=len(hz),
+                abscissa_spec_data_type=18,
+                ordinate_spec_data_type=12,
+                orddenom_spec_data_type=13,
+                x=hz,
+                data=-1000.0 * values,
+            )
+        )
+    written.write_sets(sets, mode="overwrite")
+    document = command("identify", tmp_path / "measured.uff", "--uff", tmp_path / "again.uff")
+    expected = {f"node{node}": [value / 1000.0 for value in at] for node, at in nodes.items()}
+    assert document["positions_m"] == expected and document["at"] == ["node3.z", "node7.z"]
+    for mode, (frequency_hz, damping_ratio, *shape) in zip(document["modes"], modes, strict=True):
+        assert mode["pole_frequency_hz"] == pytest.approx(frequency_hz, rel=1e-4)
+        assert mode["pole_damping_ratio"] == pytest.approx(damping_ratio, rel=1e-2)
+        np.testing.assert_allclose(np.abs(mode["shape_per_sqrt_kg"]), np.abs(shape), rtol=1e-2)
+    modal = resonarm.Modal.from_identified(document)
+    assert modal.section["points"] == expected
+    (again,) = (one for one in pyuff.UFF(str(tmp_path / "again.uff")).read_sets() if one["type"] == 15)
+    np.testing.assert_array_equal(again["node_nums"], list(nodes))
+    np.testing.assert_allclose([again[axis] for axis in "xyz"], 0.001 * places, atol=1e-12)
+
+
 def test_structures_are_values():
     drawn = {"points": {"mid": [0.1, 0.0, 0.0], "tip": [0.3, 0.0, 0.0]}, "lines": [("mid", "tip")]}
     modal = resonarm.Modal(MODES, elements=[STOP], name="bracket", **drawn)

@@ -1,5 +1,6 @@
 //! `resonarm identify`: modes and frequency responses from the readings in recordings.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -30,7 +31,7 @@ use resonarm::modal_file::{FileResponse, ModalFile};
 use resonarm::plant::TestedAssembly;
 use resonarm::recording::Recording;
 use resonarm::responses::{MeasuredQuantity, is_universal_file};
-use resonarm::scenario::{READS_IMAGES, Scenario};
+use resonarm::scenario::{READS_IMAGES, Scenario, StructureKind};
 use resonarm::survey::{RunState, SurveyIndex};
 use resonarm_figures::plot::{Figure, Subtitle, beside};
 use resonarm_numeric::number::short;
@@ -156,6 +157,11 @@ pub(super) struct Document {
     /// Name and unit of each coordinate; none of a structure whose equations are not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     coordinates: Option<Value>,
+    /// Positions of the structure's points, m, and lines through them; none of a chain, whose links are drawn.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    positions_m: BTreeMap<String, [f64; 3]>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    lines: Vec<Vec<String>>,
     #[serde(flatten)]
     pub found: Found,
     /// Modes of the scenario's structure in the band that were not found.
@@ -548,9 +554,14 @@ impl Identify {
         if let Some(shapes) = &shapes {
             found.compare(shapes)?;
         }
+        let is_modal = scenario.structure.kind == StructureKind::Modal;
+        let drawing = drawing(&opened[0]).filter(|_| is_modal);
+        let (positions_m, lines) = drawing.as_ref().map(Drawing::named).unwrap_or_default();
         Ok(Document {
             runs,
             coordinates: tested.as_ref().map(|tested| configuration::coordinates(&tested.assembly)),
+            positions_m,
+            lines,
             configuration: configuration::of_scenario(scenario)?,
             found,
             missing,
@@ -644,6 +655,12 @@ impl Run {
     }
 }
 
+/// Returns the drawing of the recorded structure, if its equations are known and its points have positions.
+fn drawing(of: &Opened) -> Option<Drawing> {
+    let tested = of.tested.as_ref()?;
+    Drawing::of_assembly(&of.scenario.structure, &tested.assembly)
+}
+
 impl Document {
     /// Returns the curves of the figures.
     pub fn curves(&self) -> Vec<Curve<'_>> {
@@ -661,8 +678,7 @@ impl Document {
     /// Returns the modes and the responses H1 for a file in the Universal File Format.
     fn modal_file(&self, first: &Opened) -> ModalFile {
         let Opened { scenario, tested, recording, .. } = first;
-        let drawing = tested.as_ref().and_then(|tested| Drawing::of_assembly(&scenario.structure, &tested.assembly));
-        let (positions_m, lines) = drawing.as_ref().map(Drawing::named).unwrap_or_default();
+        let (positions_m, lines) = drawing(first).as_ref().map(Drawing::named).unwrap_or_default();
         let of_run = |run: &Run| {
             let (force, first_and_step_hz) = (run.force.clone(), first_and_step_hz(&run.frequency_hz));
             let of_curve = move |curve: &ResponseCurve| FileResponse {

@@ -39,6 +39,9 @@ struct Document {
     /// Positions of the file's nodes, m.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     positions_m: BTreeMap<String, [f64; 3]>,
+    /// Lines through them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    lines: Vec<Vec<String>>,
     #[serde(flatten)]
     found: Found,
     frequency_hz: Vec<f64>,
@@ -101,6 +104,7 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
         responses: request.file.display().to_string(),
         others: read.others,
         positions_m: read.positions_m,
+        lines: read.lines,
         functions,
         found,
         frequency_hz: read.frequency_hz,
@@ -123,7 +127,7 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
         let file = ModalFile {
             title: document.responses.clone(),
             positions_m: document.positions_m.clone(),
-            lines: read.lines,
+            lines: document.lines.clone(),
             at: document.found.at.clone(),
             modes: document.found.file_modes(),
             responses: read.responses.into_iter().map(measured).collect(),

@@ -37,7 +37,7 @@ pub(crate) struct Structure {
     from_modes: Option<PathBuf>,
     /// Document of `identify --json`, to take its modes as a modal structure.
     ///
-    /// Points are those of the accelerometers. There must be one where the force acts: otherwise shapes have no scale. Modes
+    /// Points are those of the accelerometers; the document may have positions of them, and lines. There must be one where the force acts: otherwise shapes have no scale. Modes
     /// without deviations are taken with a warning that states the reasons.
     #[arg(long, help_heading = heading::SIMULATED, value_name = "FILE", conflicts_with_all = ["scenario", "from_modes"])]
     from_identified: Option<PathBuf>,
@@ -113,6 +113,11 @@ fn of_modes(path: &Path) -> Result<Scenario, Failure> {
 struct Identified {
     at: Vec<String>,
     modes: Vec<IdentifiedMode>,
+    /// Positions of points, m, and lines through them; not all documents have them.
+    #[serde(default)]
+    positions_m: BTreeMap<String, [f64; 3]>,
+    #[serde(default)]
+    lines: Vec<Vec<String>>,
 }
 
 #[derive(Deserialize)]
@@ -133,7 +138,7 @@ struct Doubt {
 /// Returns a scenario with the modal structure of the modes in a document. |λ|/2π of a pole λ is the undamped natural frequency
 /// of a mode that no damping couples to the others.
 fn of_identified(path: &Path) -> Result<Scenario, Failure> {
-    let Identified { at, modes: found } = read_document(path)?;
+    let Identified { at, modes: found, positions_m: points, lines } = read_document(path)?;
     let mut modes = Vec::new();
     for (mode, number) in found.iter().zip(1..) {
         let name = format!("{}: mode {number}, at {:.2} Hz", path.display(), mode.pole_frequency_hz);
@@ -161,7 +166,8 @@ fn of_identified(path: &Path) -> Result<Scenario, Failure> {
     if modes.is_empty() {
         return Err(Failure::usage(format!("{} has no modes to make a structure of", path.display())));
     }
-    let structure = StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() };
+    let structure =
+        StructureSection { kind: StructureKind::Modal, modes, points, lines, ..StructureSection::default() };
     Ok(Scenario { structure, ..Scenario::default() })
 }
 

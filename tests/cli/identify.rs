@@ -525,7 +525,25 @@ fn modes_are_identified_from_measured_responses() {
         assert!((ratio - 1.0).abs() < 1e-8, "{one:#} {other:#}");
     }
     assert!((0..3).all(|mode| (number(&again["mac"]["values"][mode][mode]) - 1.0).abs() < 1e-9), "{:#}", again["mac"]);
+    // The nodes of dataset 2411 and the elements of 2412 in place of 15 and 82. A structure of the modes has its points at them.
     let text = String::from_utf8(universal_file(Layout::Ascii)).unwrap();
+    let ends = ["    -1\n    15\n", "    -1\n    58\n"].map(|begin| text.find(begin).unwrap());
+    let node = |number: u8, at: &str| format!("{number:10}{:10}{:10}{:10}\n{at}\n", 0, 0, 1);
+    let nodes = [node(1, "  1.0D+02 -2.5D+01  0.0D+00"), node(2, "  2.0D+02  0.0D+00  5.0D+01")].concat();
+    let beam =
+        format!("{:10}{:10}{:10}{:10}{:10}{:10}\n{:10}{:10}{:10}\n{:10}{:10}\n", 1, 21, 1, 1, 7, 2, 0, 1, 1, 2, 1);
+    let geometry = format!("    -1\n  2411\n{nodes}    -1\n    -1\n  2412\n{beam}    -1\n");
+    fs::write(folder.join("mesh.uff"), [&text[..ends[0]], &geometry, &text[ends[1]..]].concat()).unwrap();
+    let mesh = document(folder, 0, &["identify", "mesh.uff", "--json"]);
+    assert_eq!(
+        (&mesh["positions_m"], &mesh["lines"]),
+        (&first["positions_m"], &serde_json::json!([["node1", "node2"]]))
+    );
+    assert_eq!(first["lines"], mesh["lines"]);
+    fs::write(folder.join("mesh.json"), mesh.to_string()).unwrap();
+    let structure = document(folder, 0, &["structure", "--from-identified", "mesh.json", "--json"]);
+    let section = &structure["configuration"]["structure"];
+    assert_eq!((&section["points"], &section["lines"]), (&mesh["positions_m"], &mesh["lines"]));
     let written = |name: &str, text: String| fs::write(folder.join(name), text).unwrap();
     written("cut.uff", text[..text.len() - 100].to_string());
     assert_snapshot!(says("cut.uff", &[]), @"resonarm: cut.uff: dataset 58 has no end: the file is cut off");

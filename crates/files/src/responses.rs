@@ -1,11 +1,15 @@
 //! Measured frequency responses in the Universal File Format: dataset 58, function at nodal degree of freedom, in ASCII or
-//! binary (58b), with the nodes of dataset 15 or 2411, the trace lines of 82 and the units of 164 (SDRC 1988; the University of
-//! Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff).
+//! binary (58b), with the nodes of dataset 15 or 2411, the trace lines of 82, the elements of 2412 and the units of 164 (SDRC 1988;
+//! the University of Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff).
+//!
+//! Of elements the edges are read, as lines from node to node: those of rods, beams and others of two nodes, of faces of any order,
+//! and of solids of first order. Other elements have no lines.
 //!
 //! Dataset 164 states how many units of the file make a metre, l, and a newton, f, for what follows it. A response over a force in
 //! the file's units is multiplied by f/l, and positions are divided by l.
 
-use std::collections::BTreeMap;
+use core::ops::RangeInclusive;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -29,6 +33,16 @@ const FORCES: [i64; 2] = [9, 13];
 const HEADER_LINES: usize = 11;
 /// Longest line, bytes.
 const LINE: u64 = 80;
+/// Kinds of elements in dataset 2412 that have a line with their orientation: rod, linear, tapered, curved and parabolic beam.
+const RODS_AND_BEAMS: [i64; 5] = [11, 21, 22, 23, 24];
+/// Kinds of faces: plane stress and strain, plates, membranes, axisymmetric solids, thin shells.
+const FACES: RangeInclusive<i64> = 41..=98;
+/// Kinds of solids of first order with their numbers of nodes, and their edges: tetrahedron, wedge, brick.
+const SOLIDS: [(i64, usize, &[[usize; 2]]); 3] = [
+    (111, 4, &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]),
+    (112, 6, &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]]),
+    (115, 8, &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]]),
+];
 /// Names of the directions 1 to 3.
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Largest difference of two responses' frequencies, in steps.
@@ -73,7 +87,7 @@ pub struct MeasuredResponses {
     pub others: usize,
     /// Positions of the file's nodes by their names, such as `node4`, m.
     pub positions_m: BTreeMap<String, [f64; 3]>,
-    /// Lines through nodes that have positions.
+    /// Lines through nodes that have positions: first the trace lines, then the edges of elements, each once.
     pub lines: Vec<Vec<String>>,
 }
 
@@ -162,6 +176,24 @@ pub enum ResponseFault {
     Node {
         /// What is in its place.
         got: String,
+    },
+    /// The first line of an element has not six numbers.
+    #[error(
+        "an element is `{got}`: expected its number, its kind, two properties, a colour and the number of its nodes"
+    )]
+    Element {
+        /// What is in its place.
+        got: String,
+    },
+    /// An element has fewer nodes than stated.
+    #[error("element {element} has {got} nodes, but its first line states {expected}")]
+    Nodes {
+        /// Number of the element.
+        element: i64,
+        /// Nodes that are there.
+        got: usize,
+        /// Nodes that are stated.
+        expected: usize,
     },
     /// The values are not complex.
     #[error("its values have the type {got}: expected complex numbers, 5 or 6, so export real and imaginary part")]
@@ -304,7 +336,7 @@ fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, Response
     let mut lines = Lines { bytes };
     let mut found: Option<MeasuredResponses> = None;
     let (mut units, mut number, mut others) = (Units { length: 1.0, force: 1.0 }, 0, Others::default());
-    let (mut nodes, mut traces) = (BTreeMap::new(), Vec::new());
+    let (mut nodes, mut traces, mut edges) = (BTreeMap::new(), Vec::new(), BTreeSet::new());
     while let Some(line) = lines.next() {
         if line.trim() != DELIMITER {
             continue;
@@ -325,6 +357,7 @@ fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, Response
                     add_nodes(&mut nodes, joined.iter().map(String::as_str), units).map_err(geometry)?;
                 }
                 "82" => add_traces(&mut traces, &body).map_err(geometry)?,
+                "2412" => add_edges(&mut edges, &body).map_err(geometry)?,
                 "164" => units = Units::read(path, &body)?,
                 _ => {}
             }
@@ -372,6 +405,7 @@ fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, Response
         }
     }
     let found = found.ok_or_else(|| ResponsesError::None { path: path.to_owned(), content: others.text() })?;
+    traces.extend(edges.into_iter().map(Vec::from));
     let name_of = |node: i64| format!("node{node}");
     let drawn = |line: &Vec<i64>| -> Vec<String> {
         line.iter().filter(|node| nodes.contains_key(*node)).map(|node| name_of(*node)).collect()
@@ -424,6 +458,43 @@ fn add_traces(traces: &mut Vec<Vec<i64>>, body: &str) -> Result<(), ResponseFaul
     let nodes = body.lines().skip(2).map(|line| numbers(line, "a node of a line")).collect::<Result<Vec<_>, _>>()?;
     let nodes: Vec<i64> = nodes.concat().iter().map(|node| *node as i64).collect();
     traces.extend(nodes.split(|node| *node == 0).filter(|line| line.len() > 1).map(<[i64]>::to_vec));
+    Ok(())
+}
+
+/// Adds the edges of the elements of dataset 2412, as the lower node and the higher one. An element has a line with its number,
+/// kind, properties, colour and number of nodes; of a rod or beam a line with its orientation; and its nodes.
+fn add_edges(edges: &mut BTreeSet<[i64; 2]>, body: &str) -> Result<(), ResponseFault> {
+    let mut lines = body.lines().filter(|line| !line.trim().is_empty());
+    while let Some(line) = lines.next() {
+        let [element, kind, _, _, _, count] = numbers(line, "an element")?[..] else {
+            return Err(ResponseFault::Element { got: line.trim().to_owned() });
+        };
+        let (element, kind, expected) = (element as i64, kind as i64, count as usize);
+        if RODS_AND_BEAMS.contains(&kind) {
+            lines.next();
+        }
+        let mut nodes: Vec<i64> = Vec::new();
+        while nodes.len() < expected {
+            let Some(line) = lines.next() else {
+                return Err(ResponseFault::Nodes { element, got: nodes.len(), expected });
+            };
+            nodes.extend(numbers(line, "a node of an element")?.iter().map(|node| *node as i64));
+        }
+        nodes.truncate(expected);
+        let mut add = |a: usize, b: usize| {
+            let ends = [nodes[a], nodes[b]];
+            edges.insert([ends[0].min(ends[1]), ends[0].max(ends[1])]);
+        };
+        match kind {
+            kind if RODS_AND_BEAMS.contains(&kind) || expected == 2 => (1..expected).for_each(|k| add(k - 1, k)),
+            // The nodes go around the face, those within its edges among them.
+            kind if FACES.contains(&kind) => (0..expected).for_each(|k| add(k, (k + 1) % expected)),
+            _ => {
+                let solid = SOLIDS.iter().find(|(of, count, _)| *of == kind && *count == expected);
+                solid.iter().flat_map(|(.., edges)| *edges).for_each(|[a, b]| add(*a, *b));
+            }
+        }
+    }
     Ok(())
 }
 
@@ -639,6 +710,69 @@ mod tests {
         format!("    -1\n    58\n{names}{dofs}\n{steps}\n{}{values}    -1\n", axes.concat())
     }
 
+    /// A node in a line, and one in two lines; a rod between them, which has a line for its orientation; units of mm.
+    const GEOMETRY: &str = "    -1
+   164
+         1  mm, N                     2
+  1.00000000000000000D+03  1.00000000000000000D+00  1.00000000000000000D+00
+  0.00000000000000000D+00
+    -1
+    -1
+    15
+         1         0         0         1  1.00000E+02-2.50000E+01  0.00000E+00
+    -1
+    -1
+  2411
+         2         0         0         1
+   2.0000000000000000D+02  -1.0000000000000000D+00   5.0000000000000000D+01
+    -1
+    -1
+  2412
+         7        11         1         1         7         2
+         0         1         1
+         2         1
+    -1
+";
+
+    #[test]
+    fn geometry_is_read_in_metres() {
+        let found = responses_of([GEOMETRY, &file()].concat().as_bytes(), Path::new("rod.uff")).unwrap();
+        let expected = [("node1", [0.1, -0.025, 0.0]), ("node2", [0.2, -0.001, 0.05])];
+        assert_eq!(found.positions_m, expected.map(|(node, at)| (node.to_owned(), at)).into());
+        assert_eq!(found.lines, [["node1", "node2"]]);
+        // In units of N per mm the response is a thousandth.
+        assert_eq!(found.responses[0].values[2], Complex::new(-5.0, -6.0) / 1000.0);
+    }
+
+    /// A square and four triangles of a mesh that another program wrote, and elements of other kinds on its nodes. Each edge is
+    /// there once; an edge to a node without a position is left out.
+    #[test]
+    fn elements_have_their_edges_as_lines() {
+        let mesh = include_str!("../../../tests/oracles/pyuff/mesh_test_uff2412_mixed.uff");
+        let lines = |text: &str| {
+            let found = responses_of([text, &file()].concat().as_bytes(), Path::new("mesh.uff")).unwrap();
+            let ends = |line: &Vec<String>| line.iter().map(|node| node[4..].parse().unwrap()).collect::<Vec<i64>>();
+            found.lines.iter().map(ends).collect::<Vec<_>>()
+        };
+        let around = [[3, 4], [3, 6], [3, 11], [4, 5], [4, 11], [5, 6], [5, 11], [6, 11]];
+        assert_eq!(lines(mesh), around);
+        let with =
+            |rows: &str| mesh.replacen("    -1\n    -1\n  2412\n", &format!("    -1\n    -1\n  2412\n{rows}"), 1);
+        let diagonal = [&around[..1], &[[3, 5]], &around[1..]].concat();
+        let beam = "  9 24 1 1 7 3\n  0 1 1\n  3 5 1\n";
+        let spring = "  9 136 1 1 7 2\n  5 3\n";
+        let parabolic_solid = "  9 118 1 1 7 10\n  1 2 3 4 5 6 7 8\n  9 10\n";
+        assert_eq!(lines(&with(beam)), diagonal);
+        assert_eq!(lines(&with(spring)), diagonal);
+        assert_eq!(lines(&with(parabolic_solid)), around);
+        let tetrahedron = "  9 111 1 1 7 4\n  3 4 5 11\n";
+        assert_eq!(lines(&with(tetrahedron)).len(), around.len() + 1);
+        let fails = |rows: &str| responses_of(with(rows).as_bytes(), Path::new("mesh.uff")).unwrap_err().to_string();
+        insta::assert_snapshot!(fails("  9 44 1 1 7\n"), @"mesh.uff, dataset 2412: an element is `9 44 1 1 7`: expected its number, its kind, two properties, a colour and the number of its nodes");
+        insta::assert_snapshot!(fails("  9 44 1 1 7 4 x\n"), @"mesh.uff, dataset 2412: an element is `x`: expected a number");
+        insta::assert_snapshot!(fails("  9 44 1 1 7 400\n"), @"mesh.uff, dataset 2412: element 9 has 46 nodes, but its first line states 400");
+    }
+
     #[test]
     fn a_direction_against_an_axis_changes_the_sign() {
         let found = responses_of(file().as_bytes(), Path::new("three.uff")).unwrap();
@@ -651,12 +785,12 @@ mod tests {
     proptest! {
         /// Damaged files are read or refused, and never end the program.
         #[test]
-        fn damaged_files_do_no_harm(at in any::<prop::sample::Index>(), byte in any::<u8>(), length in 0_usize..2000) {
-            let mut bytes = file().into_bytes();
-            let place = at.index(bytes.len());
+        fn damaged_files_do_no_harm(at in any::<prop::sample::Index>(), byte in any::<u8>(), length in 0_usize..3000) {
+            let mut bytes = [GEOMETRY, &file()].concat().into_bytes();
+            let (place, whole) = (at.index(bytes.len()), bytes.len());
             bytes[place] = byte;
             bytes.truncate(length);
-            let cut = bytes.len() < file().len() - 8;
+            let cut = bytes.len() < whole - 8;
             let found = responses_of(&bytes, Path::new("damaged.uff"));
             prop_assert!(!cut || found.is_err());
         }
