@@ -29,8 +29,10 @@ use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly};
 const LONGEST_PERIOD: usize = 8;
 /// The most branches that are followed.
 const MOST_BRANCHES: usize = 64;
-/// First steps along a branch, in the order in which they are tried, relative to the size of the response.
-const FIRST_STEPS: [f64; 3] = [1e-2, 1e-3, 1e-4];
+/// First steps along a branch, in the order in which they are tried, relative to the size of the response. The branches of a
+/// cascade turn ever more sharply beside their doublings: of one with 8 periods the tangent turns by 0.4 rad in a step of
+/// 1e-4. A shorter last step would leave too little of the response in the harmonics that the other branch has not.
+const FIRST_STEPS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 /// Two branches have a branch point in common if they have one within this, relative, or within this many tolerances of
 /// the truncation error.
 const SAME: f64 = 1e-8;
@@ -414,8 +416,8 @@ impl Beginning {
                 Continuation::start_along(&mut balance, settings, &self.x, self.lambda, &direction, step)
                     .map(|continuation| (balance, continuation))
             };
-            let [first, second, third] = FIRST_STEPS;
-            begin(first).or_else(|_| begin(second)).or_else(|_| begin(third))
+            let [first, others @ ..] = FIRST_STEPS;
+            others.into_iter().fold(begin(first), |begun, step| begun.or_else(|_| begin(step)))
         };
         let is_outside = |at: &Continuation| options.branch.left_at(at.point().lambda).is_some();
         let (balance, continuation) = match begin(1.0) {

@@ -287,3 +287,27 @@ fn branches_keep_their_period() {
         }
     }
 }
+
+/// A branch of 8 periods turns so sharply beside the doubling at which it leaves that a first step of 1e-4 of the response is too
+/// long. The doubling is that of independent code: shooting by an explicit method of order 8 with a tolerance of 1e-12.
+#[test]
+fn a_branch_that_turns_sharply_is_followed() {
+    let case = case("period_doublings", "Ueda");
+    let (forced, ends) = (forced(&case), [0.136_750_136_379_319_3, 0.8596 / TAU]);
+    let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+    let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
+    options.near = Some(vec![-0.539_846_435_861_878_7, -1.698_808_833_217_677_8]);
+    let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
+    assert_eq!(branch.period(), Some(4));
+    all_near(&places(&branch, PeriodDoubling), &[0.859_375_421_919], 1e-11);
+    let leaving = OtherOptions { leaving: true, search: None };
+    let switched = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options, &leaving);
+    let [doubled, ..] = &switched.branches[..] else { panic!("{:?}", switched.left_out) };
+    assert_eq!((doubled.origin.period, whole(doubled).end), (8, BranchEnd::AtEnd));
+    let kept = switched.left_out.iter().all(|(_, reason)| *reason == NotFollowed::Cascade);
+    assert!(kept, "{:?}", switched.left_out);
+    // It comes back after 8 periods, by the accuracy of their integration, and not after 4.
+    let stable: Vec<&Orbit> = whole(doubled).orbits.iter().filter(|orbit| orbit.is_stable() == Some(true)).collect();
+    let [half, whole] = [4, 8].map(|periods| distance_after(&forced, stable[stable.len() / 2], periods));
+    assert!(whole < 1e-6 && half > 100.0 * whole, "{whole:e} {half:e}");
+}
