@@ -4,7 +4,7 @@ use std::path::Path;
 
 use insta::assert_snapshot;
 
-use crate::{complaint, resonarm};
+use crate::complaint;
 
 fn conformance(code: i32, arguments: &[&str]) -> String {
     complaint(Path::new("."), code, &[&["conformance", "--role", "plant"], arguments].concat())
@@ -110,7 +110,7 @@ fn a_missing_bus_has_its_exit_code() {
 #[cfg(feature = "python-can")]
 mod on_an_empty_bus {
     use super::*;
-    use crate::{document, names};
+    use crate::{document, names, resonarm};
 
     const EMPTY: [&str; 9] = [
         "conformance",
