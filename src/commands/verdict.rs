@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::{Map, json};
 
 use crate::commands::plot::table;
 use crate::commands::spec::figure_of;
@@ -15,13 +14,11 @@ use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings::{self, TimeRange};
 use crate::specifications::{self, level_curve, level_label, level_panel};
-use resonarm::judge::{Found, JudgeOptions, Judged, judge};
-use resonarm::recording::Recording;
-use resonarm::scenario::Scenario;
+use resonarm::judge::{Document, Droop, Found, JudgeOptions, Judged, judge};
+use resonarm::specification::Test;
 use resonarm::specification::verdict::{
     LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict,
 };
-use resonarm::specification::{Specification, Test};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm_numeric::number::{rounded, short};
 
@@ -64,8 +61,9 @@ impl Undecided {
 /// error of 1 % for the whole, and in if all is in. Else it is undecided, and the degrees of freedom that would decide it are
 /// stated.
 ///
-/// A random test is judged over the longest stretch at full level, unless --from-s or --to-s is given. The readings are judged,
-/// with the droop of their converters.
+/// A random test is judged over the longest stretch at full level, unless --from-s or --to-s is given; a sine from its first whole
+/// sweep on and a shock from its first shot on, unless --from-s is given. What a controller plays before is left out. The
+/// readings are judged, with the droop of their converters.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Verdict {
@@ -99,36 +97,6 @@ pub(crate) struct Verdict {
     json: JsonFlag,
 }
 
-#[derive(Serialize)]
-pub(super) struct Document<'a> {
-    configuration: Value,
-    pub specification: &'a Specification,
-    /// Verdict on the record; clipped readings make one that is in undecided.
-    pub verdict: RecordVerdict,
-    /// Clipped values of the channels.
-    pub clipped: usize,
-    /// What the converters read at the highest frequency of the specification, of which the acceleration is 0 dB.
-    pub converters: Option<Droop>,
-    /// Levels of the record of a random test.
-    pub level: Option<&'a LevelVerdict>,
-    pub found: &'a Found,
-}
-
-/// What converters read of a sine.
-#[derive(Clone, Copy, Serialize)]
-pub(super) struct Droop {
-    pub frequency_hz: f64,
-    pub gain_db: f64,
-}
-
-/// Returns what the converters of a recording read at the highest frequency of a specification.
-fn droop(recording: &Recording, specification: &Specification, rate_hz: f64) -> Option<Droop> {
-    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
-    let [_, frequency_hz] = specification.test.band_hz()?;
-    let gain = scenario.rig.converter.gain(frequency_hz / rate_hz);
-    Some(Droop { frequency_hz, gain_db: 20.0 * libm::log10(gain) })
-}
-
 impl Verdict {
     pub fn execute(&self) -> Result<crate::failure::Verdict, Failure> {
         let inputs = Inputs::of(specifications::files(&self.spec).into_iter().chain([self.file.clone()]));
@@ -153,25 +121,12 @@ impl Verdict {
             tracing::warn!("the record has no stretch within 2 dB of the specified rms: all of it is judged");
         }
         let verdict = judged.verdict;
-        let configuration = json!({
-            "specification": self.spec,
-            "recording": self.file,
-            "channels": judged.channels,
-            "reference": self.reference,
-            "from_s": judged.range_s[0],
-            "to_s": judged.range_s[1],
-            "rate_hz": judged.rate_hz,
-            "undecided": self.undecided.name(),
-        });
-        let document = Document {
-            configuration,
-            specification: &specification,
-            verdict,
-            clipped: judged.clipped,
-            converters: droop(&recording, &specification, judged.rate_hz),
-            level: judged.level.as_ref(),
-            found: &judged.found,
-        };
+        let mut names = Map::new();
+        names.insert(String::from("specification"), json!(self.spec));
+        names.insert(String::from("recording"), json!(self.file));
+        names.insert(String::from("reference"), json!(self.reference));
+        names.insert(String::from("undecided"), json!(self.undecided.name()));
+        let document = Document::new(names, &specification, &recording, &judged);
         let drawn = || self.figure(&document, &judged);
         let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
         if let Some(path) = &self.junit {
@@ -207,11 +162,13 @@ impl Verdict {
         if let Some(level) = &judged.level {
             text += &format!("level: {}; {}\n", level.verdict.name(), level_measured(level));
         }
+        text += &format!("{}\n", begins_text(document));
         text += &match document.found {
             Found::Random(found) => random_text(found),
             Found::Sine(found) => sine_text(found),
             Found::Shock(found) => shock_text(found),
             Found::Srs(found) => srs_text(found),
+            Found::NotBegun(_) => String::new(),
         };
         if document.clipped > 0 {
             text += &format!("clipped: {} values\n", document.clipped);
@@ -250,6 +207,7 @@ impl Verdict {
                 lines.unzip()
             }
             Found::Shock(found) => return shock_figure(figure, test, found, judged),
+            Found::NotBegun(_) => (Vec::new(), Vec::new()),
         };
         let columns = [
             (String::from("frequency_hz"), measured.iter().map(|(hz, _)| *hz).collect::<Vec<_>>()),
@@ -282,6 +240,23 @@ pub(super) fn level_measured(level: &LevelVerdict) -> String {
         db(level.highest_db),
         rounded(&level.highest_s, 1)
     )
+}
+
+/// Says where the test begins, or why nowhere.
+pub(super) fn begins_text(document: &Document<'_>) -> String {
+    match (document.begins_s.zip(document.begins_by), document.found) {
+        (_, Found::NotBegun(found)) => format!("begin of the test: not found; {}", found.reason),
+        (Some((at_s, by)), found) => {
+            let left_out = match found {
+                Found::Sine(found) if found.left_out > 0 => {
+                    format!("; sweeps before it that were broken off or at low level: {}", found.left_out)
+                }
+                _ => String::new(),
+            };
+            format!("begin of the test: {} s, {}{left_out}", rounded(&at_s, 3), by.name())
+        }
+        (None, _) => String::from("begin of the test: not found; no stretch is at full level"),
+    }
 }
 
 fn random_text(found: &RandomVerdict) -> String {

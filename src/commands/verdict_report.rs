@@ -1,11 +1,11 @@
 //! The parts of a verdict, for JUnit XML and for the report as HTML.
 
 use crate::commands::spec::figure_of;
-use crate::commands::verdict::{Document, Droop, Undecided, db, level_measured};
+use crate::commands::verdict::{Undecided, begins_text, db, level_measured};
 use crate::failure::Failure;
 use crate::junit::{self, Outcome};
 use crate::page::{Page, Tone};
-use resonarm::judge::Found;
+use resonarm::judge::{Document, Droop, Found};
 use resonarm::specification::verdict::{LimitVerdict, Verdict};
 use resonarm_figures::plot::Figure;
 use resonarm_numeric::number::rounded;
@@ -111,6 +111,7 @@ fn parts(document: &Document<'_>) -> Vec<Part> {
                 parts.push(Part::new(format!("shot {number}"), shot.verdict, measured));
             }
         }
+        Found::NotBegun(found) => parts.push(Part::new("begin of the test", found.verdict, found.reason.clone())),
     }
     if document.clipped > 0 {
         let measured = format!("{} values are clipped, so the record can't show that the test is in", document.clipped);
@@ -148,6 +149,7 @@ pub(super) fn report(document: &Document<'_>, title: &str, judged: &str, figure:
     let mut page = Page::new(title);
     page.verdict(tone(document.verdict), document.verdict.name());
     page.faint(judged);
+    page.faint(&begins_text(document));
     if let Some(Droop { frequency_hz, gain_db }) = document.converters {
         let hz = figure_of(frequency_hz);
         page.faint(&format!("The readings are judged: the converters read {} at {hz} Hz.", db(gain_db)));

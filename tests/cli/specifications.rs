@@ -255,7 +255,26 @@ fn a_swept_sine_is_judged() {
     let good = judged("good", 0);
     assert_eq!((&good["verdict"], &good["found"]["is_continuous"]), (&"in".into(), &true.into()));
     near(&good["found"]["passes"][0]["rate"], 2.0, 0.02);
+    assert_eq!(good["begins_by"], "sweep");
+    assert!(number(&good["begins_s"]) < 0.5, "{}", good["begins_s"]);
+    let given = ["verdict", "good.toml", "sweep.mcap", "--reference", "head_force_x_n", "--from-s", "0", "--json"];
+    assert_eq!(document(folder, 0, &given)["begins_by"], "given");
     assert_eq!(judged("low", 1)["found"]["amplitude"], "out");
     let slow = judged("slow", 1);
     assert_eq!((&slow["found"]["amplitude"], &slow["found"]["rate"]), (&"in".into(), &"out".into()));
+    // Noise is no sweep: the test has not begun.
+    recorded(folder, "noise", 20, "waveform = 'random', from_hz = 5, to_hz = 60, seed = 3", 20.0);
+    let none = ["verdict", "good.toml", "noise.mcap", "--junit", "none.xml"];
+    let said = resonarm(folder, &none);
+    assert_eq!(said.code, 1, "{}", said.stderr);
+    assert!(
+        said.stdout.contains("\nbegin of the test: not found; no sweep between 11.50 and 34.78 Hz"),
+        "{}",
+        said.stdout
+    );
+    assert!(said.stdout.contains("\nverdict: undecided\n"), "{}", said.stdout);
+    let junit = fs::read_to_string(folder.join("none.xml")).unwrap();
+    assert!(junit.contains("name=\"begin of the test\"><failure message=\"undecided: no sweep between"), "{junit}");
+    let none = document(folder, 1, &["verdict", "good.toml", "noise.mcap", "--json"]);
+    assert_eq!((&none["verdict"], &none["begins_s"]), (&"undecided".into(), &serde_json::Value::Null));
 }

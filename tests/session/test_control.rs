@@ -28,8 +28,8 @@ fn both(scenario: Scenario, mode: Mode, path: Option<&Path>) -> BothReport {
 #[test]
 fn the_examples_are_in_their_specifications() {
     let folder = tempfile::tempdir().unwrap();
-    // The identification of a sine is a sweep, too, and that of a shock is not silent: they are left out.
-    for (name, from_s) in [("random", None), ("sine", Some(78.0)), ("shock", Some(75.0))] {
+    // Loop check and identification come first: the tests begin where their verdicts find them.
+    for (name, begins_s) in [("random", 40.0..70.0), ("sine", 76.0..82.0), ("shock", 74.0..80.0)] {
         let path = folder.path().join(format!("{name}.mcap"));
         let scenario = Scenario::read(&example(&format!("{name}-exciter.toml"))).unwrap();
         let report = both(scenario.clone(), Mode::Lockstep, Some(&path));
@@ -41,9 +41,10 @@ fn the_examples_are_in_their_specifications() {
         let recording = Recording::open(&path).unwrap();
         let specification = specification::read(&example(&format!("{name}.toml"))).unwrap();
         let reference = (name == "sine").then(|| String::from("force_x_n"));
-        let options = JudgeOptions { reference, range_s: [from_s, None], ..JudgeOptions::default() };
+        let options = JudgeOptions { reference, ..JudgeOptions::default() };
         let judged = judge(&specification, &recording, &options).unwrap();
         assert_eq!(judged.verdict, Verdict::In, "{name}: {:?}", judged.found);
+        assert!(begins_s.contains(&judged.begins.unwrap().at_s), "{name}: {:?}", judged.begins);
         // The controller of the recording is that of the files, even without them.
         let restored = Scenario::from_configuration(recording.configuration()).unwrap();
         assert_eq!(restored.control, scenario.control, "{name}");
@@ -71,7 +72,7 @@ fn a_test_is_controlled_on_a_user_protocol() {
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
     let specification = specification::read(&folder.path().join("sine.toml")).unwrap();
     let reference = Some(String::from("force_x_n"));
-    let options = JudgeOptions { reference, range_s: [Some(78.0), None], ..JudgeOptions::default() };
+    let options = JudgeOptions { reference, ..JudgeOptions::default() };
     let judged = judge(&specification, &Recording::open(&path).unwrap(), &options).unwrap();
     assert_eq!(judged.verdict, Verdict::In, "{:?}", judged.found);
 }

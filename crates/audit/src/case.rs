@@ -4,7 +4,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::ops::Range;
 
-use resonarm_specification::verdict::{SineVerdict, judge_sine};
+use resonarm_specification::verdict::{Begin, ShockVerdict, SineVerdict, judge_shock, judge_sine};
 use resonarm_specification::{Specification, Test};
 use serde::Serialize;
 
@@ -181,14 +181,18 @@ pub const fn cases(test: &Test) -> &'static [Case] {
 pub struct Base<'a> {
     /// Record of the run.
     pub record: &'a Record,
-    /// Samples of a random test at full level, or of the first sweep of a sine; none if the test did not come so far.
+    /// Samples of a random test at full level, or of the first sweep of a sine; none if the test did not come so far. What the
+    /// controller plays before its test, such as an identification at low level, is no part of it.
     pub level: Option<Range<usize>>,
+    /// Time from the start of the run at which the test begins, s: of a random test its full level, of a sine its first sweep,
+    /// of a shock its first shot; none if the record does not show it.
+    pub begins_s: Option<f64>,
     /// Largest drive, N.
     pub peak_n: f64,
     /// What was found of a sine.
     pub(crate) sine: Option<SineVerdict>,
-    /// Sample of the record at which the judged part of a sine begins.
-    pub(crate) sine_start: usize,
+    /// What was found of a shock.
+    pub(crate) shock: Option<ShockVerdict>,
 }
 
 /// Time at full level before a stimulus, s.
@@ -197,25 +201,30 @@ const SETTLE_S: f64 = 6.0;
 impl<'a> Base<'a> {
     /// Searches a record for the level of the test.
     pub fn new(specification: &Specification, record: &'a Record) -> Base<'a> {
-        let mut base = Base { record, level: None, peak_n: record.peak(0, record.len()), sine: None, sine_start: 0 };
+        let peak_n = record.peak(0, record.len());
+        let mut base = Base { record, level: None, begins_s: None, peak_n, sine: None, shock: None };
         match &specification.test {
-            Test::Random(test) => base.level = random::level(test, record),
+            Test::Random(test) => {
+                base.level = random::level(test, record);
+                base.begins_s = base.level.as_ref().map(|level| level.start as f64 / record.rate_hz);
+            }
             Test::Sine(test) => {
-                let range = sine::driven(record);
-                let part = |values: &'a Vec<f64>| values.get(range.clone()).unwrap_or_default();
                 // A run without a limit may record a response all the same.
                 let limits = specification.limits.response.len();
-                let responses: Vec<&[f64]> = record.responses.iter().take(limits).map(part).collect();
-                let (reading, drive) = (part(&record.reading), part(&record.drive));
-                let judged = judge_sine(test, &specification.limits, record.rate_hz, reading, Some(drive), &responses);
-                base.sine_start = range.start;
+                let responses: Vec<&[f64]> = record.responses.iter().take(limits).map(Vec::as_slice).collect();
+                let (limits, reading, drive) = (&specification.limits, &record.reading, &record.drive);
+                let judged =
+                    judge_sine(test, limits, record.rate_hz, reading, Some(drive), &responses, Begin::Searched);
                 base.sine = judged.ok();
-                base.level = base.sine.as_ref().and_then(|found| found.passes.first()).map(|pass| {
-                    let at = |t_s: f64| range.start + record.samples(t_s);
-                    at(pass.from_s)..at(pass.to_s)
-                });
+                base.begins_s = base.sine.as_ref().map(|found| found.begins_s);
+                let first = base.sine.as_ref().and_then(|found| found.passes.first());
+                base.level = first.map(|pass| record.samples(pass.from_s)..record.samples(pass.to_s));
             }
-            Test::Shock(_) | Test::Srs(_) => {}
+            Test::Shock(test) => {
+                base.shock = judge_shock(test, record.rate_hz, &record.reading, Begin::Searched).ok();
+                base.begins_s = base.shock.as_ref().map(|found| found.begins_s);
+            }
+            Test::Srs(_) => {}
         }
         base
     }

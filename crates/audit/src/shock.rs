@@ -1,6 +1,6 @@
 //! Cases of classical shocks.
 
-use resonarm_specification::verdict::{ShockVerdict, Shot, judge_shock};
+use resonarm_specification::verdict::{ShockVerdict, Shot};
 use resonarm_specification::{ShockTest, Test};
 
 use crate::{Case, Context, Finding, Measure, Stimulus};
@@ -46,9 +46,12 @@ pub(crate) const CASES: &[Case] = &[
 /// Why a record without a shot decides nothing.
 const NO_SHOT: &str = "the run has no shot at full level";
 
-fn found<'a>(context: &Context<'a>) -> Option<(&'a ShockTest, ShockVerdict)> {
-    let Test::Shock(test) = &context.specification.test else { return None };
-    judge_shock(test, context.record.rate_hz, &context.record.reading).ok().map(|found| (test, found))
+/// Returns the test and what was found of it in the base run; none if it has no shot.
+fn found<'a>(context: &Context<'a>) -> Option<(&'a ShockTest, &'a ShockVerdict)> {
+    match (&context.specification.test, &context.base.shock) {
+        (Test::Shock(test), Some(found)) => Some((test, found)),
+        _ => None,
+    }
 }
 
 /// Returns the largest of a figure over the shots at full level; none if there is no such shot, or one without the figure.
@@ -65,7 +68,7 @@ fn worst(
     figure: impl Fn(&Shot) -> Option<f64>,
     most: impl Fn(&ShockTest) -> f64,
 ) -> Finding {
-    let of = found(context).and_then(|(test, found)| Some((largest(&found, figure)?, most(test))));
+    let of = found(context).and_then(|(test, found)| Some((largest(found, figure)?, most(test))));
     match of {
         Some((value, most)) => Finding::of([Measure::at_most(name, 100.0 * value, "%", 100.0 * most)]),
         None => Finding::inconclusive(NO_SHOT),
@@ -74,8 +77,8 @@ fn worst(
 
 fn pulse(context: &Context<'_>) -> Finding {
     let Test::Shock(test) = &context.specification.test else { return Finding::inconclusive(NO_SHOT) };
-    let found = judge_shock(test, context.record.rate_hz, &context.record.reading).ok();
-    let error = found.as_ref().and_then(|found| largest(found, |shot| Some(shot.error)));
+    let found = context.base.shock.as_ref();
+    let error = found.and_then(|found| largest(found, |shot| Some(shot.error)));
     // Shots in the other direction are none, but they are not nothing either.
     if error.is_none() && crate::record::largest(&context.record.reading) < 0.5 * test.peak_m_s2 {
         return Finding::inconclusive(NO_SHOT);
@@ -101,7 +104,7 @@ fn end_velocity(context: &Context<'_>) -> Finding {
 }
 
 fn first_shot(context: &Context<'_>) -> Finding {
-    match found(context).as_ref().and_then(|(_, found)| found.shots.first()) {
+    match found(context).and_then(|(_, found)| found.shots.first()) {
         Some(first) => Finding::of([Measure::at_most("first shot over the full level", first.amplitude, "", 0.55)]),
         None => Finding::inconclusive(NO_SHOT),
     }

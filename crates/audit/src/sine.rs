@@ -1,7 +1,5 @@
 //! Cases of swept sines.
 
-use core::ops::Range;
-
 use resonarm_specification::verdict::SineVerdict;
 use resonarm_specification::{SineTest, SweepRate, Test};
 
@@ -9,7 +7,7 @@ use crate::case::NO_LEVEL;
 use crate::random::{ended, refuses};
 use crate::reaction::Reaction;
 use crate::record::{largest, running_rms};
-use crate::{Base, Case, Context, Finding, Measure, Record, Stimulus};
+use crate::{Base, Case, Context, Finding, Measure, Stimulus};
 
 pub(crate) const CASES: &[Case] = &[
     Case {
@@ -105,12 +103,6 @@ pub(crate) const CASES: &[Case] = &[
     },
 ];
 
-/// Returns the samples of a record from the first to the last one with a drive.
-pub(crate) fn driven(record: &Record) -> Range<usize> {
-    let first = record.drive.iter().position(|drive| *drive != 0.0).unwrap_or(0);
-    first..record.drive_end().min(record.len()).max(first)
-}
-
 /// Returns the test and what was found of it in the base run; none if it has no sweep.
 fn found<'a>(context: &'a Context<'_>) -> Option<(&'a SineTest, &'a SineVerdict)> {
     match (&context.specification.test, &context.base.sine) {
@@ -159,24 +151,24 @@ fn quiet_end(context: &Context<'_>) -> Finding {
     let Some(last) = found(context).and_then(|(_, found)| found.passes.last()) else {
         return Finding::inconclusive(NO_LEVEL);
     };
-    let end = context.base.sine_start + context.record.samples(last.to_s + AFTER_S);
+    let end = context.record.samples(last.to_s + AFTER_S);
     ended(context, context.record.len() > end)
 }
 
 fn start(context: &Context<'_>) -> Finding {
-    let (Some((test, _)), Some(level)) = (found(context), context.base.level.as_ref()) else {
-        return Finding::inconclusive(NO_LEVEL);
-    };
+    let Some((test, found)) = found(context) else { return Finding::inconclusive(NO_LEVEL) };
     let [from_hz, _] = test.band_hz();
     let Some(demand) = test.acceleration_m_s2(from_hz) else { return Finding::inconclusive(NO_LEVEL) };
-    let peak = largest(&context.record.reading[..level.start.min(context.record.len())]);
+    // From there on the level is another one.
+    let begin = context.record.samples(found.begins_s).min(context.record.len());
+    let peak = largest(&context.record.reading[..begin]);
     Finding::of([Measure::at_most("reading over the first amplitude", peak / demand, "", 1.3)])
 }
 
 /// Returns the specified amplitude and the frequency of the base run at a sample, or the next one that was judged.
 fn at(context: &Context<'_>, sample: usize) -> Option<[f64; 2]> {
     let (_, found) = found(context)?;
-    let t_s = sample.saturating_sub(context.base.sine_start) as f64 / context.record.rate_hz;
+    let t_s = sample as f64 / context.record.rate_hz;
     let point = found.points.iter().find(|point| point.t_s >= t_s).or(found.points.last())?;
     Some([point.demand_m_s2, point.frequency_hz])
 }

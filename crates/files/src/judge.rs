@@ -1,15 +1,17 @@
 //! Recordings judged by specifications of tests.
 
 use serde::Serialize;
+use serde_json::Value;
 use thiserror::Error;
 
 use crate::export::RecordingPart;
 use crate::recording::Recording;
 use crate::signals::{SignalError, Signals};
 use resonarm_bench::structure::{Channel, Kind, Point, Quantity};
+use resonarm_scenario::Scenario;
 use resonarm_specification::verdict::{
-    LevelVerdict, RandomOptions, RandomVerdict, ShockVerdict, SineVerdict, SrsVerdict, Verdict, judge_level,
-    judge_random, judge_shock, judge_sine, judge_srs,
+    Begin, BeginBy, LevelVerdict, RandomOptions, RandomVerdict, ShockVerdict, SineVerdict, SrsVerdict, Verdict,
+    judge_level, judge_random, judge_shock, judge_sine, judge_srs,
 };
 use resonarm_specification::{Specification, Test, VerdictError};
 
@@ -21,7 +23,8 @@ pub struct JudgeOptions {
     pub channels: Vec<String>,
     /// Channel that gives the phase of a sine, the drive or the force; the control channel itself without it.
     pub reference: Option<String>,
-    /// Range of simulated time, s. Of a random test the longest stretch at full level is judged if neither end is given.
+    /// Range of simulated time, s. The test begins at its start, or where the record shows it if no start is given. Of a random
+    /// test the longest stretch at full level is judged if neither end is given.
     pub range_s: [Option<f64>; 2],
 }
 
@@ -32,6 +35,8 @@ pub struct Judged {
     pub verdict: Verdict,
     /// What was found.
     pub found: Found,
+    /// Where the test begins; `None` if the record does not show it.
+    pub begins: Option<TestBegin>,
     /// Names of the control channels.
     pub channels: Vec<String>,
     /// Number of clipped values of all channels.
@@ -47,6 +52,24 @@ pub struct Judged {
     pub reading: Vec<f64>,
 }
 
+/// Where the test begins in a recording. What a controller does before, such as an identification at low level, is not judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TestBegin {
+    /// Simulated time, s.
+    pub at_s: f64,
+    /// What shows it.
+    pub by: BeginBy,
+}
+
+/// Record in which the test does not begin.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NotBegun {
+    /// Undecided: the record shows neither that the test is in nor that it is out.
+    pub verdict: Verdict,
+    /// Why not, in words: no sweep or no shot is in it.
+    pub reason: String,
+}
+
 /// What was found, in the figures of the kind of the test.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -59,6 +82,8 @@ pub enum Found {
     Shock(ShockVerdict),
     /// Of a shock by its response spectrum.
     Srs(SrsVerdict),
+    /// Of a sine or a shock that is not in the record.
+    NotBegun(NotBegun),
 }
 
 impl Found {
@@ -69,8 +94,76 @@ impl Found {
             Found::Sine(found) => found.verdict,
             Found::Shock(found) => found.verdict,
             Found::Srs(found) => found.verdict,
+            Found::NotBegun(found) => found.verdict,
         }
     }
+}
+
+/// A verdict with what was judged, as `resonarm verdict --json` and Python have it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document<'a> {
+    /// What was judged: the names of the specification and the recording, and the options.
+    pub configuration: Value,
+    /// The specification.
+    pub specification: &'a Specification,
+    /// Verdict on the recording.
+    pub verdict: Verdict,
+    /// Number of clipped values of all channels.
+    pub clipped: usize,
+    /// Simulated time at which the test begins, s; `None` if the record does not show it.
+    pub begins_s: Option<f64>,
+    /// What shows it.
+    pub begins_by: Option<BeginBy>,
+    /// What the converters read at the highest frequency of the specification, of which the acceleration is 0 dB.
+    pub converters: Option<Droop>,
+    /// Levels of the record of a random test.
+    pub level: Option<&'a LevelVerdict>,
+    /// What was found.
+    pub found: &'a Found,
+}
+
+/// What converters read of a sine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Droop {
+    /// Frequency of the sine, Hz.
+    pub frequency_hz: f64,
+    /// Reading over the acceleration, dB.
+    pub gain_db: f64,
+}
+
+impl<'a> Document<'a> {
+    /// Makes the document of a judged recording. `names` are entries of the configuration beside those of the verdict itself.
+    pub fn new(
+        mut names: serde_json::Map<String, Value>,
+        specification: &'a Specification,
+        recording: &Recording,
+        judged: &'a Judged,
+    ) -> Document<'a> {
+        names.insert(String::from("channels"), judged.channels.clone().into());
+        names.insert(String::from("from_s"), judged.range_s[0].into());
+        names.insert(String::from("to_s"), judged.range_s[1].into());
+        names.insert(String::from("rate_hz"), judged.rate_hz.into());
+        Document {
+            configuration: Value::Object(names),
+            specification,
+            verdict: judged.verdict,
+            clipped: judged.clipped,
+            begins_s: judged.begins.map(|begins| begins.at_s),
+            begins_by: judged.begins.map(|begins| begins.by),
+            converters: droop(recording, specification, judged.rate_hz),
+            level: judged.level.as_ref(),
+            found: &judged.found,
+        }
+    }
+}
+
+/// Returns what the converters of a recording read at the highest frequency of a specification; `None` if the recording has no
+/// scenario, or the specification no band.
+fn droop(recording: &Recording, specification: &Specification, rate_hz: f64) -> Option<Droop> {
+    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
+    let [_, frequency_hz] = specification.test.band_hz()?;
+    let gain = scenario.rig.converter.gain(frequency_hz / rate_hz);
+    Some(Droop { frequency_hz, gain_db: 20.0 * libm::log10(gain) })
 }
 
 /// Reason why a recording can't be judged.
@@ -160,30 +253,51 @@ pub fn judge(
     let values: Vec<&[f64]> = signals.values.iter().map(|values| &values[range.clone()]).collect();
     let (control, responses) = values.split_at(controls);
     let reading = control.first().copied().unwrap_or_default();
-    let found = match test {
+    let begin = if options.range_s[0].is_some() { Begin::Start } else { Begin::Searched };
+    let judged = match test {
         Test::Random(test) => {
             let options = RandomOptions { control, responses, average: specification.control.average };
-            Found::Random(judge_random(test, limits, rate_hz, &options)?)
+            judge_random(test, limits, rate_hz, &options).map(Found::Random)
         }
         Test::Sine(test) => {
             let reference = options.reference.as_ref().map(|name| reference(recording, name, options.range_s));
             let reference = reference.transpose()?;
-            Found::Sine(judge_sine(test, limits, rate_hz, reading, reference.as_deref(), responses)?)
+            judge_sine(test, limits, rate_hz, reading, reference.as_deref(), responses, begin).map(Found::Sine)
         }
-        Test::Shock(test) => Found::Shock(judge_shock(test, rate_hz, reading)?),
-        Test::Srs(test) => Found::Srs(judge_srs(test, rate_hz, reading)?),
+        Test::Shock(test) => judge_shock(test, rate_hz, reading, begin).map(Found::Shock),
+        Test::Srs(test) => judge_srs(test, rate_hz, reading).map(Found::Srs),
+    };
+    let found = match judged {
+        Err(error @ (VerdictError::NoSweep { .. } | VerdictError::NoShot { .. })) => {
+            Found::NotBegun(NotBegun { verdict: Verdict::Undecided, reason: error.to_string() })
+        }
+        judged => judged?,
     };
     let clipped = signals.clipped.iter().sum();
     // What is beyond a sensor's range is not in the record, so it can't prove that the test is in.
     let least = if clipped > 0 { Verdict::Undecided } else { Verdict::In };
     let verdict = level.iter().map(|level| level.verdict).fold(found.verdict().max(least), Verdict::max);
     let at = |sample: usize| signals.start_s + sample as f64 / rate_hz;
+    let range_s = [at(range.start), at(range.end)];
+    let is_at_level = level.as_ref().is_some_and(|level| level.longest.is_some());
+    let after_s = match &found {
+        Found::NotBegun(_) => None,
+        // A range that is given begins with the test.
+        _ if begin == Begin::Start => Some(0.0),
+        Found::Random(_) => (options.range_s[1].is_some() || is_at_level).then_some(0.0),
+        Found::Sine(found) => Some(found.begins_s),
+        Found::Shock(found) => Some(found.begins_s),
+        Found::Srs(found) => found.shots.iter().find(|shot| shot.is_full).map(|shot| shot.t_s),
+    };
+    let is_given = begin == Begin::Start || (matches!(test, Test::Random(_)) && options.range_s[1].is_some());
+    let by = if is_given { BeginBy::Given } else { BeginBy::of(test) };
     Ok(Judged {
         verdict,
+        begins: after_s.map(|after_s| TestBegin { at_s: range_s[0] + after_s, by }),
         channels,
         clipped,
         rate_hz,
-        range_s: [at(range.start), at(range.end)],
+        range_s,
         level,
         reading: reading.to_vec(),
         found,

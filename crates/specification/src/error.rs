@@ -5,7 +5,7 @@ use alloc::string::String;
 use thiserror::Error;
 
 use resonarm_modal::spectra::SpectraError;
-use resonarm_numeric::number::short;
+use resonarm_numeric::number::{rounded, short};
 
 /// Reason why a text is not a specification.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -196,10 +196,10 @@ pub enum VerdictError {
         /// Spacing of the lines, Hz.
         spacing_hz: f64,
     },
-    /// The reference runs through no part of the sweep.
+    /// No sweep is in the record.
     #[error(
-        "no sweep between {} and {} Hz is in the record: expected a reference whose frequency runs through at least half of this range",
-        short(.from_hz), short(.to_hz)
+        "no sweep between {} and {} Hz is in the record: expected one sinusoid whose frequency runs through at least half of the octaves, at about the specified rate",
+        rounded(.from_hz, 2), rounded(.to_hz, 2)
     )]
     NoSweep {
         /// Lowest judged frequency, Hz.
@@ -208,7 +208,7 @@ pub enum VerdictError {
         to_hz: f64,
     },
     /// No shot is in the record.
-    #[error("no shot is in the record: the largest pulse of the specified shape has {} % of the specified peak", short(.largest_percent))]
+    #[error("no shot is in the record: expected a pulse after a silence; the largest one of the specified shape has {} % of the specified peak", short(.largest_percent))]
     NoShot {
         /// Largest amplitude of the pulse that fits, % of the peak.
         largest_percent: f64,

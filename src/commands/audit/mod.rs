@@ -31,9 +31,9 @@ Exit codes: 0 if no case failed and one passed, else 1. docs/audit.md describes 
 
 /// Audits a controller of vibration tests: numbered cases on a plant whose faults are known.
 ///
-/// The controller runs the specification on the simulated plant, once undisturbed, then once for each case: with a dead channel,
-/// an open cable, a clipped or inverted sensor, a gap in its samples, limits. Each case says what was measured, its rule with
-/// the numbers, and passed, failed or inconclusive.
+/// The controller runs the specification on the simulated plant, once undisturbed, then once for each case. In a case the plant
+/// has a dead channel, an open cable, a clipped or inverted sensor or a gap in its samples, or the specification limits the drive
+/// or a response. Each case says what was measured, its rule with the numbers, and passed, failed or inconclusive.
 ///
 /// The controller is the [control] or [excitation] of a scenario, which runs in one process with the plant, or a command that
 /// is started for each run and controls the plant over the bus in lockstep. In the command {bus} stands for the bus, {spec} for
@@ -70,7 +70,7 @@ pub(crate) struct Audit {
     #[command(flatten)]
     json: JsonFlag,
     /// Command that starts the controller, behind --, with {bus}, {spec} and {case} replaced.
-    #[arg(last = true, value_name = "COMMAND", requires = "bus")]
+    #[arg(last = true, help_heading = heading::TEST, value_name = "COMMAND", requires = "bus")]
     command: Vec<String>,
 }
 
@@ -92,6 +92,10 @@ impl Audit {
             AuditBench::new(scenario, &self.specification, &specification, self.under_test()?, self.out.clone())?;
         let base_run = bench.run(BASE, Stimulus::None, None)?;
         let base = Base::new(&base_run.specification, &base_run.record);
+        let begins_s = base.begins_s;
+        if !self.json.json {
+            output::print(&report::begins_text(&base_run, begins_s))?;
+        }
         let mut rows = Vec::new();
         for case in chosen {
             let row = self.row(&bench, case, &base_run, &base)?;
@@ -100,7 +104,7 @@ impl Audit {
             }
             rows.push(row);
         }
-        let document = Document::new(self.configuration(), &base_run, rows);
+        let document = Document::new(self.configuration(), &base_run, begins_s, rows);
         let mut files = Vec::new();
         if let Some(path) = &self.junit {
             files.push(output::write(path.clone(), &document.junit())?);

@@ -11,6 +11,8 @@ use crate::failure::Failure;
 use crate::junit::{self, Outcome};
 use crate::page::{Page, Tone};
 use resonarm::audit::{Case, Finding, Measure, Stimulus, Verdict};
+use resonarm::specification::verdict::BeginBy;
+use resonarm_numeric::number::rounded;
 
 /// Result of a case.
 #[derive(Debug, Serialize)]
@@ -79,6 +81,17 @@ fn measured(measure: &Measure) -> String {
     format!("{name} {}{unit}{limits}", figure_of(value))
 }
 
+/// Says where the test begins in the base run.
+pub(super) fn begins_text(base: &Run, begins_s: Option<f64>) -> String {
+    match begins_s {
+        Some(begins_s) => {
+            let by = BeginBy::of(&base.specification.test).name();
+            format!("begin of the test: {} s into the undisturbed run, {by}\n", rounded(&begins_s, 3))
+        }
+        None => String::from("begin of the test: not found in the undisturbed run\n"),
+    }
+}
+
 /// The whole audit.
 #[derive(Debug, Serialize)]
 pub(super) struct Document {
@@ -89,11 +102,14 @@ pub(super) struct Document {
     skipped: usize,
     /// Recording of the base run.
     recording: PathBuf,
+    /// Time from the start of the base run at which the test begins, s, and what shows it.
+    begins_s: Option<f64>,
+    begins_by: Option<BeginBy>,
     cases: Vec<Row>,
 }
 
 impl Document {
-    pub fn new(configuration: Value, base: &Run, cases: Vec<Row>) -> Document {
+    pub fn new(configuration: Value, base: &Run, begins_s: Option<f64>, cases: Vec<Row>) -> Document {
         let count = |name| cases.iter().filter(|row| row.finding.verdict.name() == name).count();
         Document {
             configuration,
@@ -102,6 +118,8 @@ impl Document {
             inconclusive: count("inconclusive"),
             skipped: count("skipped"),
             recording: base.recording.clone(),
+            begins_s,
+            begins_by: begins_s.map(|_| BeginBy::of(&base.specification.test)),
             cases,
         }
     }
@@ -129,6 +147,7 @@ impl Document {
         let (tone, word) = if self.is_positive() { (Tone::Good, "passed") } else { (Tone::Bad, "failed") };
         page.verdict(tone, word);
         page.faint(self.summary().trim_end());
+        page.faint(begins_text(base, self.begins_s).trim_end());
         page.faint(&format!("Recording of the undisturbed run: {}", base.recording.display()));
         let rows: Vec<(Tone, [String; 4])> = self
             .cases

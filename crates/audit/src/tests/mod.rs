@@ -5,6 +5,7 @@ mod randoms;
 mod shocks;
 mod sines;
 
+use resonarm_numeric::noise::Noise;
 use resonarm_specification::{Specification, SpecificationFile};
 
 use crate::{Base, Case, Context, Finding, Record, Stimulus, Verdict, cases};
@@ -72,6 +73,28 @@ fn scaled(record: &Record, factor: f64) -> Record {
         responses: record.responses.iter().map(|response| scaled(response)).collect(),
         ..*record
     }
+}
+
+/// White noise.
+fn noise(seed: u64, samples: usize, rms: f64) -> Vec<f64> {
+    let mut noise = Noise::new(seed, 7);
+    (0..samples).map(|_| rms * noise.normal()).collect()
+}
+
+/// What a mode with 1 % of damping makes of white noise, by its poles, at [`RATE`].
+fn mode(seed: u64, hz: f64, samples: usize, rms: f64) -> Vec<f64> {
+    let turn = core::f64::consts::TAU * hz / RATE as f64;
+    let decay = libm::exp(-0.01 * turn);
+    let (mut last, mut before) = (0.0, 0.0);
+    let step = |push: f64| {
+        let next = 2.0 * decay * libm::cos(turn) * last - decay * decay * before + push;
+        (before, last) = (last, next);
+        next
+    };
+    let mut values: Vec<f64> = noise(seed, samples, 1.0).into_iter().map(step).collect();
+    let own = rms / crate::record::rms(&values);
+    values.iter_mut().for_each(|value| *value *= own);
+    values
 }
 
 #[test]

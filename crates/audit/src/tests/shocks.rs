@@ -3,8 +3,8 @@
 use resonarm_numeric::noise::Noise;
 use resonarm_specification::{ShockTest, Test};
 
-use super::{failing, judged, passes, specification};
-use crate::{Record, Verdict};
+use super::{RATE, failing, judged, mode, noise, passes, specification};
+use crate::{Base, Record, Verdict};
 
 const RATE_HZ: f64 = 1000.0;
 
@@ -75,4 +75,28 @@ fn good_shots_pass_and_flawed_ones_fail_the_case_for_it() {
     let none = run(&good, &[]);
     let verdict = judged(&specification, "K01", &none, &none).verdict;
     assert!(matches!(verdict, Verdict::Inconclusive(_)), "{verdict:?}");
+}
+
+/// Noise at low level before the shots, whose pulses are no shots.
+#[test]
+fn a_controller_may_identify_the_structure_before_its_shots() {
+    let specification = specification(SPECIFICATION);
+    let (good, start) = shock(SPECIFICATION).compensated(RATE_HZ).unwrap();
+    let shots = run(&good, &[0.25, 1.0, 1.0]);
+    for seed in 1..=3 {
+        let before = [noise(seed, 10 * RATE, 2.0), mode(seed, 25.0, 10 * RATE, 2.0)].concat();
+        let before_s = before.len() as f64 / RATE_HZ;
+        let joined = |values: &[f64]| [&before[..], values].concat();
+        let record = Record { drive: joined(&shots.drive), reading: joined(&shots.reading), ..shots.clone() };
+        for id in ["K01", "K02", "K03", "K04", "K05"] {
+            passes(&specification, id, &record, &record);
+        }
+        let begins_s = Base::new(&specification, &record).begins_s.unwrap();
+        assert!((begins_s - (before_s + 1.0 + (start as f64 - 100.0) / RATE_HZ)).abs() < 2e-3, "{begins_s}");
+        let none = Record { drive: before.clone(), reading: before.clone(), ..shots.clone() };
+        for id in ["K01", "K02", "K03", "K04", "K05"] {
+            let verdict = judged(&specification, id, &none, &none).verdict;
+            assert!(matches!(verdict, Verdict::Inconclusive(_)), "{id}: {verdict:?}");
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use resonarm_specification::{SineTest, Test};
 
-use super::{RATE, ended, failing, fails, judged, passes, scaled, specification};
+use super::{RATE, ended, failing, fails, judged, mode, noise, passes, scaled, specification};
 use crate::{Base, Record, Verdict};
 
 pub(super) const SPECIFICATION: &str = "[spec]
@@ -142,6 +142,38 @@ fn starts_gaps_and_limits_are_judged() {
     let limited = super::specification(&text);
     fails(&limited, "S16", &base, &base);
     passes(&limited, "S16", &base, &scaled(&base, 0.5));
+}
+
+/// What a controller plays before its test is not taken for the sweep.
+#[test]
+fn a_controller_may_identify_the_structure_before_its_sweep() {
+    let specification = specification(SPECIFICATION);
+    let sweep = honest();
+    for seed in 1..=3 {
+        // Noise, and what a mode of the structure makes of it.
+        let before = [noise(seed, 15 * RATE, 0.3), mode(seed, 30.0, 15 * RATE, 0.3)].concat();
+        let joined = |values: &[f64]| [&before[..], values].concat();
+        let responses = sweep.responses.iter().map(|response| joined(response)).collect();
+        let record = Record { drive: joined(&sweep.drive), reading: joined(&sweep.reading), responses, ..sweep };
+        for id in ["S01", "S02", "S03", "S05", "S06"] {
+            passes(&specification, id, &record, &record);
+        }
+        // The sweep begins 4 s into its record, and its middle is 15 s later.
+        let base = Base::new(&specification, &record);
+        assert!((base.begins_s.unwrap() - 34.0).abs() < 0.3, "{:?}", base.begins_s);
+        let at = base.stimulus(&specification.test).unwrap();
+        assert!(at.abs_diff(49 * RATE) < RATE, "{at}");
+        // Too high until the sweep.
+        let loud = Record { reading: joined(&scaled(&sweep, 1.5).reading), ..record.clone() };
+        fails(&specification, "S06", &loud, &loud);
+        // The sweep never comes.
+        let quiet = vec![0.0; sweep.drive.len()];
+        let none = Record { drive: joined(&quiet), reading: joined(&quiet), ..record };
+        for case in crate::cases(&specification.test) {
+            let verdict = judged(&specification, case.id, &none, &none).verdict;
+            assert!(matches!(verdict, Verdict::Inconclusive(_)), "{}: {verdict:?}", case.id);
+        }
+    }
 }
 
 #[test]

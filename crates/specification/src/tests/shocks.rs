@@ -3,8 +3,8 @@
 use resonarm_modal::spectra::ShockResponse;
 use resonarm_numeric::noise::Noise;
 
-use super::{near, shock, srs};
-use crate::verdict::{Verdict, judge_shock, judge_srs};
+use super::{LOW_LEVELS, low_level, near, shock, srs};
+use crate::verdict::{Begin, Verdict, judge_shock, judge_srs};
 use crate::{ShockTest, VerdictError};
 
 const RATE_HZ: f64 = 1000.0;
@@ -32,7 +32,7 @@ fn record(shot: &[f64], factors: &[f64], noise: f64) -> Vec<f64> {
 fn good_shots_are_in() {
     let test = specified("shots = [{ level_db = -12, count = 1 }, { level_db = 0, count = 3 }]");
     let (shot, start) = test.compensated(RATE_HZ).unwrap();
-    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[0.25, 1.0, 1.0, 1.0], 0.02)).unwrap();
+    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[0.25, 1.0, 1.0, 1.0], 0.02), Begin::Searched).unwrap();
     assert_eq!(found.verdict, Verdict::In, "{:?}", found.shots);
     assert_eq!((found.shots.len(), found.full, found.asked, found.is_first_low), (4, 3, 3, Some(true)));
     // Shots are a sixth of the record.
@@ -44,13 +44,13 @@ fn good_shots_are_in() {
         assert!(shot.end_velocity.unwrap().abs() < 0.01 && shot.outside.unwrap() < 0.13, "{shot:?}");
     }
     // A third one is missing.
-    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[0.25, 1.0, 1.0], 0.02)).unwrap();
+    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[0.25, 1.0, 1.0], 0.02), Begin::Searched).unwrap();
     assert_eq!((found.verdict, found.full), (Verdict::Undecided, 2));
     // The first one is at full level.
-    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[1.0, 1.0, 1.0], 0.02)).unwrap();
+    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[1.0, 1.0, 1.0], 0.02), Begin::Searched).unwrap();
     assert_eq!((found.verdict, found.is_first_low), (Verdict::Out, Some(false)));
     // None is at full level.
-    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[0.25, 0.5], 0.02)).unwrap();
+    let found = judge_shock(&test, RATE_HZ, &record(&shot, &[0.25, 0.5], 0.02), Begin::Searched).unwrap();
     assert_eq!((found.verdict, found.full), (Verdict::Out, 0));
 }
 
@@ -59,7 +59,7 @@ fn good_shots_are_in() {
 fn a_pulse_between_samples_is_in() {
     let test = shock("pulse = 'half-sine'\npeak_m_s2 = 20\nduration_s = 0.02\nband = 0.02\nvelocity_tolerance = 0.02");
     let late: Vec<f64> = (0..30).map(|k| test.acceleration_m_s2((f64::from(k) - 3.35) / RATE_HZ)).collect();
-    let found = judge_shock(&test, RATE_HZ, &record(&late, &[1.0], 1e-3)).unwrap();
+    let found = judge_shock(&test, RATE_HZ, &record(&late, &[1.0], 1e-3), Begin::Searched).unwrap();
     assert_eq!(found.verdict, Verdict::In, "{:?}", found.shots);
     near(found.shots[0].t_s, 1.003_35, 1e-9);
 }
@@ -68,7 +68,9 @@ fn a_pulse_between_samples_is_in() {
 fn wrong_shots_are_out() {
     let test = specified("");
     let (shot, start) = test.compensated(RATE_HZ).unwrap();
-    let judged = |shot: &[f64], factor: f64| judge_shock(&test, RATE_HZ, &record(shot, &[factor], 0.02)).unwrap();
+    let judged = |shot: &[f64], factor: f64| {
+        judge_shock(&test, RATE_HZ, &record(shot, &[factor], 0.02), Begin::Searched).unwrap()
+    };
     let high = judged(&shot, 1.3);
     assert_eq!(high.verdict, Verdict::Out);
     near(high.shots[0].error, 0.3, 0.02);
@@ -84,11 +86,11 @@ fn wrong_shots_are_out() {
     assert!(found.shots[0].error < 0.01, "{found:?}");
     // The tolerance lies within the noise.
     let wide = shock(&KEYS.replace("velocity_tolerance = 0.15", "velocity_tolerance = 0.5"));
-    let noisy = judge_shock(&wide, RATE_HZ, &record(&shot, &[1.18], 0.4)).unwrap();
+    let noisy = judge_shock(&wide, RATE_HZ, &record(&shot, &[1.18], 0.4), Begin::Searched).unwrap();
     assert_eq!(noisy.verdict, Verdict::Undecided, "{:?}", noisy.shots);
-    let inverted = judge_shock(&test, RATE_HZ, &record(&shot, &[-1.0], 0.02));
+    let inverted = judge_shock(&test, RATE_HZ, &record(&shot, &[-1.0], 0.02), Begin::Searched);
     assert!(matches!(inverted, Err(VerdictError::NoShot { .. })), "{inverted:?}");
-    let slow = judge_shock(&test, 100.0, &shot);
+    let slow = judge_shock(&test, 100.0, &shot, Begin::Searched);
     assert!(matches!(slow, Err(VerdictError::Rate { .. })), "{slow:?}");
 }
 
@@ -124,4 +126,57 @@ fn shock_response_spectra_are_judged_line_by_line() {
     assert_eq!(judged(&[1.38, 1.38], 0.7).verdict, Verdict::Undecided);
     let slow = judge_srs(&test, 500.0, &pulse);
     assert!(matches!(slow, Err(VerdictError::Rate { .. })), "{slow:?}");
+}
+
+/// Noise or a multisine with an rms of a tenth of the peak, as an identification plays them, and a second of silence.
+fn identified(kind: &str, seed: u64) -> Vec<f64> {
+    let mut played = low_level(kind, RATE_HZ, [2.0, 300.0], 20_000, seed);
+    let rms = libm::sqrt(played.iter().map(|value| value * value).sum::<f64>() / played.len() as f64);
+    played.iter_mut().for_each(|value| *value *= 2.0 / rms);
+    played.resize(played.len() + 1000, 0.0);
+    played
+}
+
+#[test]
+fn a_test_begins_with_its_first_shot() {
+    let test = specified("shots = [{ level_db = -12, count = 2 }, { level_db = 0, count = 3 }]");
+    let (shot, start) = test.compensated(RATE_HZ).unwrap();
+    let shots = record(&shot, &[0.25, 0.25, 1.0, 1.0, 1.0], 0.02);
+    for kind in LOW_LEVELS {
+        for seed in 1..=4 {
+            let record = [identified(kind, seed), shots.clone()].concat();
+            let found = judge_shock(&test, RATE_HZ, &record, Begin::Searched).unwrap();
+            assert_eq!(found.verdict, Verdict::In, "{kind} {seed}: {:?}", found.shots);
+            assert_eq!((found.shots.len(), found.is_first_low), (5, Some(true)), "{kind} {seed}: {:?}", found.shots);
+            near(found.begins_s, 22.0 + (start as f64 - 100.0) / RATE_HZ, 1e-3);
+            near(found.shots[0].t_s, 22.0 + start as f64 / RATE_HZ, 1e-4);
+            near(found.noise_m_s2, 0.02, 0.4);
+        }
+    }
+    // Where all of the record counts, pulses of the mode do, too.
+    let record = [identified("mode", 1), shots].concat();
+    assert!(judge_shock(&test, RATE_HZ, &record, Begin::Start).unwrap().shots.len() > 5);
+}
+
+/// Pulses at low level, by which a structure is identified, are no shots, or shots below the full level.
+#[test]
+fn pulses_at_low_level_before_the_test_do_not_disturb_it() {
+    let test = specified("shots = [{ level_db = -12, count = 1 }, { level_db = 0, count = 3 }]");
+    let shot = test.compensated(RATE_HZ).unwrap().0;
+    for (pulse, shots) in [(0.05, 4), (0.2, 8)] {
+        let record = record(&shot, &[pulse, pulse, pulse, pulse, 0.25, 1.0, 1.0, 1.0], 0.02);
+        let found = judge_shock(&test, RATE_HZ, &record, Begin::Searched).unwrap();
+        assert_eq!((found.verdict, found.shots.len(), found.full), (Verdict::In, shots, 3), "{:?}", found.shots);
+    }
+}
+
+#[test]
+fn a_test_whose_shots_never_come_has_no_begin() {
+    let test = specified("shots = [{ level_db = -12, count = 2 }, { level_db = 0, count = 3 }]");
+    for kind in LOW_LEVELS {
+        for seed in 1..=4 {
+            let found = judge_shock(&test, RATE_HZ, &identified(kind, seed), Begin::Searched);
+            assert!(matches!(found, Err(VerdictError::NoShot { .. })), "{kind} {seed}: {found:?}");
+        }
+    }
 }

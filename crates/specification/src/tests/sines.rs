@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 
 use resonarm_numeric::noise::Noise;
 
-use super::{near, sine};
-use crate::verdict::{SineVerdict, Verdict, judge_sine};
+use super::{LOW_LEVELS, low_level, near, sine};
+use crate::verdict::{Begin, SineVerdict, Verdict, judge_sine};
 use crate::{Limits, Profile, ResponseLimit, SineTest, VerdictError};
 
 const RATE_HZ: f64 = 1000.0;
@@ -36,7 +36,8 @@ fn record(phases: &[f64], of: impl Fn(f64) -> f64, noise: f64) -> Vec<f64> {
 
 fn judged(test: &SineTest, phases: &[f64], of: impl Fn(f64) -> f64, noise: f64) -> SineVerdict {
     let drive = record(phases, |phase| 20.0 * libm::sin(phase + 0.7), 0.0);
-    judge_sine(test, &Limits::default(), RATE_HZ, &record(phases, of, noise), Some(&drive), &[]).unwrap()
+    judge_sine(test, &Limits::default(), RATE_HZ, &record(phases, of, noise), Some(&drive), &[], Begin::Searched)
+        .unwrap()
 }
 
 #[test]
@@ -52,7 +53,7 @@ fn a_good_sweep_is_in() {
     assert!(found.passes[0].departure_octaves < 0.01, "{:?}", found.passes);
     // Without the drive the reading gives the phase.
     let reading = record(&phases, |phase| 3.0 * libm::sin(phase), 0.05);
-    let alone = judge_sine(&test, &Limits::default(), RATE_HZ, &reading, None, &[]).unwrap();
+    let alone = judge_sine(&test, &Limits::default(), RATE_HZ, &reading, None, &[], Begin::Searched).unwrap();
     assert_eq!((alone.verdict, alone.is_continuous), (Verdict::In, None));
     near(alone.extremes[1], found.extremes[1], 0.01);
 }
@@ -70,7 +71,9 @@ fn the_fundamental_is_read_beside_harmonics() {
         near(point.peak_m_s2, 4.2, 0.02);
     }
     let reading = record(&phases, distorted, 0.0);
-    let alone = judge_sine(&specified("tolerance = 0.05"), &Limits::default(), RATE_HZ, &reading, None, &[]).unwrap();
+    let alone =
+        judge_sine(&specified("tolerance = 0.05"), &Limits::default(), RATE_HZ, &reading, None, &[], Begin::Searched)
+            .unwrap();
     assert_eq!(alone.verdict, Verdict::In, "{:?}", alone.extremes);
     let rms = judged(&specified("tolerance = 0.05\nmeasure = 'rms'"), &phases, distorted, 0.0);
     let peak = judged(&specified("tolerance = 0.05\nmeasure = 'peak'"), &phases, distorted, 0.0);
@@ -143,9 +146,9 @@ fn up_and_down_are_two_sweeps_and_noise_is_none() {
     assert_eq!((found.passes.len(), found.verdict), (2, Verdict::In), "{:?}", found.passes);
     assert!(found.passes[0].to_hz > 50.0 && found.passes[1].to_hz < 18.0);
     let noise = record(&up, |_| 0.0, 1.0);
-    let error = judge_sine(&test, &Limits::default(), RATE_HZ, &noise, None, &[]).unwrap_err();
+    let error = judge_sine(&test, &Limits::default(), RATE_HZ, &noise, None, &[], Begin::Searched).unwrap_err();
     assert!(matches!(error, VerdictError::NoSweep { .. }), "{error}");
-    let error = judge_sine(&test, &Limits::default(), 200.0, &noise, None, &[]).unwrap_err();
+    let error = judge_sine(&test, &Limits::default(), 200.0, &noise, None, &[], Begin::Searched).unwrap_err();
     assert!(matches!(error, VerdictError::Rate { .. }), "{error}");
 }
 
@@ -164,9 +167,11 @@ fn a_notch_may_be_low() {
         }],
         ..Limits::default()
     };
-    let judged = |level: f64| judge_sine(&test, &limits(level), RATE_HZ, &reading, Some(&drive), &[&response]).unwrap();
+    let judged = |level: f64| {
+        judge_sine(&test, &limits(level), RATE_HZ, &reading, Some(&drive), &[&response], Begin::Searched).unwrap()
+    };
     assert_eq!(
-        judge_sine(&test, &Limits::default(), RATE_HZ, &reading, Some(&drive), &[]).unwrap().verdict,
+        judge_sine(&test, &Limits::default(), RATE_HZ, &reading, Some(&drive), &[], Begin::Searched).unwrap().verdict,
         Verdict::Out
     );
     // Beside the notch the response is twice the limit.
@@ -175,4 +180,93 @@ fn a_notch_may_be_low() {
     near(found.limits[0].largest_db, 20.0 * libm::log10(2.0), 0.01);
     let found = judged(6.0);
     assert_eq!(found.limits[0].verdict, Verdict::In);
+}
+
+/// What a controller plays before its test, with the rms of a sine of 3 m/s² 12 dB below its level, and 2 s of silence.
+fn before(kind: &str, seed: u64) -> Vec<f64> {
+    let mut played = low_level(kind, RATE_HZ, [15.0, 60.0], 30_000, seed);
+    let rms = libm::sqrt(played.iter().map(|value| value * value).sum::<f64>() / played.len() as f64);
+    let level = 0.25 * 3.0 * core::f64::consts::FRAC_1_SQRT_2 / rms;
+    played.iter_mut().for_each(|value| *value *= level);
+    played.resize(played.len() + 2000, 0.0);
+    played
+}
+
+/// The reading with weak noise, judged with the drive that is 20 times as large, and by itself.
+fn judged_both(test: &SineTest, played: &[f64], begin: Begin) -> [Result<SineVerdict, VerdictError>; 2] {
+    let mut normal = Noise::new(4, 1);
+    let reading: Vec<f64> = played.iter().map(|value| value + 0.02 * normal.normal()).collect();
+    let drive: Vec<f64> = played.iter().map(|value| 20.0 * value).collect();
+    let limits = Limits::default();
+    [Some(&drive[..]), None].map(|drive| judge_sine(test, &limits, RATE_HZ, &reading, drive, &[], begin))
+}
+
+/// A sine of these phases with an amplitude, m/s².
+fn played(phases: &[f64], amplitude: f64) -> Vec<f64> {
+    phases.iter().map(|phase| amplitude * libm::sin(*phase)).collect()
+}
+
+#[test]
+fn a_test_begins_with_its_sweep() {
+    let test = specified("tolerance = 0.1\nrate_tolerance = 0.1");
+    let sweep = played(&phases(4.0), 3.0);
+    for kind in LOW_LEVELS {
+        for seed in 1..=4 {
+            let record = [before(kind, seed), sweep.clone()].concat();
+            for found in judged_both(&test, &record, Begin::Searched) {
+                let found = found.unwrap();
+                assert_eq!((found.verdict, found.passes.len()), (Verdict::In, 1), "{kind} {seed}: {:?}", found.passes);
+                // After 2 s at the first frequency.
+                assert!((found.begins_s - 34.0).abs() < 0.3, "{kind} {seed}: {}", found.begins_s);
+                assert_eq!(found.left_out, 0);
+            }
+        }
+    }
+}
+
+/// The first attempt is 20 % too high, and is broken off at 40 Hz.
+#[test]
+fn sweeps_before_the_test_are_left_out() {
+    let test = specified("tolerance = 0.1\nrate_tolerance = 0.1");
+    let whole = phases(4.0);
+    let end = ((2.0 + test.sweep_s(15.0, 40.0)) * RATE_HZ) as usize;
+    for first in [played(&whole[..end], 3.6), played(&whole, 0.75)] {
+        let begins_s = first.len() as f64 / RATE_HZ + 34.0;
+        let record = [first, before("multisine", 1), played(&whole, 3.0)].concat();
+        for found in judged_both(&test, &record, Begin::Searched) {
+            let found = found.unwrap();
+            assert_eq!((found.verdict, found.left_out), (Verdict::In, 1), "{:?}", found.passes);
+            assert!((found.begins_s - begins_s).abs() < 0.3, "{} {begins_s}", found.begins_s);
+        }
+        // All of a record that starts with the test is judged.
+        for found in judged_both(&test, &record, Begin::Start) {
+            let found = found.unwrap();
+            assert_eq!((found.verdict, found.left_out, found.passes.len()), (Verdict::Out, 0, 2), "{:?}", found.passes);
+        }
+    }
+}
+
+/// The silence after it is no part of a sweep that is broken off.
+#[test]
+fn a_sweep_that_is_broken_off_ends_there() {
+    let test = specified("tolerance = 0.1");
+    let end = ((2.0 + test.sweep_s(15.0, 40.0)) * RATE_HZ) as usize;
+    let record = [played(&phases(4.0)[..end], 3.0), vec![0.0; 20_000]].concat();
+    for found in judged_both(&test, &record, Begin::Searched) {
+        let found = found.unwrap();
+        assert_eq!((found.amplitude, found.whole, found.verdict), (Verdict::In, 0, Verdict::Undecided));
+        assert!((found.passes[0].to_hz - 40.0).abs() < 2.0, "{:?}", found.passes);
+    }
+}
+
+#[test]
+fn a_test_whose_sweep_never_comes_has_no_begin() {
+    let test = specified("tolerance = 0.1");
+    let dwell: Vec<f64> = (0..60_000).map(|k| TAU * 30.0 * f64::from(k) / RATE_HZ).collect();
+    let records = LOW_LEVELS.iter().flat_map(|kind| (1..=4).map(|seed| before(kind, seed)));
+    for record in records.chain([played(&dwell, 3.0), [before("multisine", 1), before("noise", 1)].concat()]) {
+        for found in judged_both(&test, &record, Begin::Searched) {
+            assert!(matches!(found, Err(VerdictError::NoSweep { .. })), "{found:?}");
+        }
+    }
 }

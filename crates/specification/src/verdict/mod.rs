@@ -11,6 +11,8 @@ mod srs;
 
 use serde::Serialize;
 
+use crate::Test;
+
 pub use random::{
     Density, LevelVerdict, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, judge_density,
     judge_level, judge_random, line_verdict, perfect_probability,
@@ -18,6 +20,51 @@ pub use random::{
 pub use shock::{ShockVerdict, Shot, judge_shock};
 pub use sine::{SinePass, SinePoint, SineVerdict, judge_sine};
 pub use srs::{SrsLine, SrsShot, SrsVerdict, judge_srs};
+
+/// Where a test begins in a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Begin {
+    /// It is searched for, and what was played before is left out: a check of the loop, an identification, an attempt that was
+    /// broken off.
+    Searched,
+    /// The record starts with the test, and all of it counts.
+    Start,
+}
+
+/// What shows where a test begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BeginBy {
+    /// The start of the range, which was given.
+    Given,
+    /// The full level of a random test.
+    Level,
+    /// The first sweep of a sine.
+    Sweep,
+    /// The first shot.
+    Shot,
+}
+
+impl BeginBy {
+    /// Returns what shows the begin of a test, unless it is given.
+    pub const fn of(test: &Test) -> BeginBy {
+        match test {
+            Test::Random(_) => BeginBy::Level,
+            Test::Sine(_) => BeginBy::Sweep,
+            Test::Shock(_) | Test::Srs(_) => BeginBy::Shot,
+        }
+    }
+
+    /// Returns what shows the begin, in words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BeginBy::Given => "as given",
+            BeginBy::Level => "at full level",
+            BeginBy::Sweep => "with the sweep",
+            BeginBy::Shot => "with the first shot",
+        }
+    }
+}
 
 /// Verdict on a value, or on a whole record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -2,13 +2,16 @@
 //!
 //! A shot is where the specified pulse p fits the record y best: a(t) = Σ p y/Σ p² is the amplitude of least squares of a pulse
 //! that begins at t, and a shot is a maximum of it. The start is then refined between the samples.
+//!
+//! An identification at low level has such maxima, too, but they follow each other, where a shot comes from silence. So the test
+//! begins with the first shot of those without an interruption by others up to the first one at full level.
 
 use alloc::vec::Vec;
 use core::ops::Range;
 
 use serde::Serialize;
 
-use super::Verdict;
+use super::{Begin, Verdict};
 use crate::{ShockTest, VerdictError};
 
 /// Least part of the lowest stated level that makes a shot.
@@ -19,6 +22,11 @@ const FULL: f64 = 0.708;
 const FINE: i32 = 20;
 /// Most shots of a record.
 const MOST_SHOTS: usize = 1000;
+/// Time before a shot, with its compensation, that is silent, s and in lengths of the pulse, and the largest rms there over the
+/// amplitude of the shot. The largest of the maxima of a minute of noise is about 4 times its rms.
+const SILENT_S: f64 = 0.5;
+const SILENT_PULSES: f64 = 10.0;
+const SILENT: f64 = 0.2;
 /// Largest amplitude of the first shot over its level.
 const FIRST: f64 = 1.1;
 /// Deviation of a Gaussian value over the median of its size.
@@ -77,7 +85,9 @@ pub struct Shot {
 pub struct ShockVerdict {
     /// Verdict on the whole.
     pub verdict: Verdict,
-    /// All shots of the record, in the order of time.
+    /// Time from the start of the record at which the first shot begins with its compensation, s.
+    pub begins_s: f64,
+    /// All shots from there on, in the order of time.
     pub shots: Vec<Shot>,
     /// Shots at full level.
     pub full: usize,
@@ -92,9 +102,17 @@ pub struct ShockVerdict {
 /// Judges a record of shots, `rate_hz` samples a second. A record without a shot at full level is out; one with fewer than are
 /// asked for is undecided.
 ///
+/// If the begin of the test is searched for, it is that of the first shot after a silence of those that follow each other
+/// without a pulse of noise between them up to the first one at full level, or else to the last one.
+///
 /// # Errors
 /// [`VerdictError`] if no shot is in the record, or it is too short.
-pub fn judge_shock(test: &ShockTest, rate_hz: f64, reading: &[f64]) -> Result<ShockVerdict, VerdictError> {
+pub fn judge_shock(
+    test: &ShockTest,
+    rate_hz: f64,
+    reading: &[f64],
+    begin: Begin,
+) -> Result<ShockVerdict, VerdictError> {
     let least_hz = LEAST_SAMPLES / test.duration_s;
     if rate_hz.is_nan() || rate_hz < least_hz {
         return Err(VerdictError::Rate { highest_hz: 1.0 / test.duration_s, rate_hz, least_hz });
@@ -127,15 +145,34 @@ pub fn judge_shock(test: &ShockTest, rate_hz: f64, reading: &[f64]) -> Result<Sh
         if amplitude < least {
             break;
         }
-        starts.push(start);
+        starts.push((start, amplitude));
         let end = (start + apart).min(fits.len());
         fits[start.saturating_sub(apart)..end].fill(f64::NEG_INFINITY);
     }
-    if starts.is_empty() {
+    starts.sort_unstable_by_key(|(start, _)| *start);
+    let pre = (test.pre_s.unwrap_or(0.0) * rate_hz) as usize;
+    let silence = (SILENT_S * rate_hz).max(SILENT_PULSES * pulse.len() as f64) as usize;
+    let begins = |start: usize| start.saturating_sub(pre);
+    let is_after_silence = |(start, amplitude): &(usize, f64)| {
+        let before = &reading[begins(*start).saturating_sub(silence)..begins(*start)];
+        let squares: f64 = before.iter().map(|sample| (sample - quiet.middle) * (sample - quiet.middle)).sum();
+        libm::sqrt(squares / before.len().max(1) as f64) <= SILENT * amplitude * test.peak_m_s2
+    };
+    let first = match begin {
+        Begin::Searched => first_of_test(&starts, is_after_silence),
+        Begin::Start => 0,
+    };
+    starts.drain(..first);
+    let Some((first, _)) = starts.first() else {
         return Err(VerdictError::NoShot { largest_percent: 100.0 * largest });
-    }
-    starts.sort_unstable();
-    let shots: Vec<Shot> = starts.iter().map(|start| shot(test, rate_hz, reading, *start, quiet)).collect();
+    };
+    // What was played before the test is not its noise.
+    let (begins, from) = match begin {
+        Begin::Searched => (begins(*first), begins(*first).saturating_sub(silence)),
+        Begin::Start => (0, 0),
+    };
+    let quiet = Quiet::of(&reading[from..]);
+    let shots: Vec<Shot> = starts.iter().map(|(start, _)| shot(test, rate_hz, reading, *start, quiet)).collect();
     let full = shots.iter().filter(|shot| shot.is_full).count();
     let asked = crate::shock::full_level_shots(&test.shots);
     let is_first_low = match test.shots.first() {
@@ -148,7 +185,17 @@ pub fn judge_shock(test: &ShockTest, rate_hz: f64, reading: &[f64]) -> Result<Sh
     let missing = if full < asked as usize { Verdict::Undecided } else { Verdict::In };
     let first = if is_first_low == Some(false) { Verdict::Out } else { Verdict::In };
     let verdict = of_shots.max(missing).max(first);
-    Ok(ShockVerdict { verdict, shots, full, asked, is_first_low, noise_m_s2: quiet.noise })
+    let begins_s = begins as f64 / rate_hz;
+    Ok(ShockVerdict { verdict, begins_s, shots, full, asked, is_first_low, noise_m_s2: quiet.noise })
+}
+
+/// Returns the index of the shot with which the test begins, by the starts and amplitudes of all; their number if it does not.
+fn first_of_test(starts: &[(usize, f64)], is_after_silence: impl Fn(&(usize, f64)) -> bool) -> usize {
+    let is_full = |shot: &(usize, f64)| shot.1 >= FULL;
+    let full = starts.iter().position(|shot| is_full(shot) && is_after_silence(shot));
+    let first_full = full.or_else(|| starts.iter().position(is_full)).unwrap_or(starts.len());
+    let before = starts[..first_full].iter().rev().take_while(|shot| is_after_silence(shot)).count();
+    first_full - before
 }
 
 /// Least samples of a pulse.

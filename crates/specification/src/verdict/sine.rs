@@ -4,6 +4,11 @@
 //! several cycles, so that harmonics don't disturb it. The reading is multiplied by e^(−jφ) and averaged under Hann's window, whose
 //! length 2/(b f) gives the bandwidth b f: this tracking filter has no phase shift, and takes in no harmonic. The same filter at
 //! 1.5 times the frequency, between the fundamental and the second harmonic, reads the noise.
+//!
+//! A record also holds what a controller does before its test: loops are checked by noise, and structures identified by multisines
+//! or noise. A sweep is told from these by its phase: with the size a and the phase ψ of the analytic signal, and the integral φ of
+//! its averaged rate, |Σ a² e^(i(ψ − φ))|²/(Σ a²)² is 1 of a single sinusoid, whatever its amplitude does, and about 1/(T B) of noise
+//! of the bandwidth B over the time T.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -14,7 +19,7 @@ use nalgebra::Complex;
 use resonarm_numeric::dft::Fft;
 use serde::Serialize;
 
-use super::{LimitVerdict, Verdict, mean};
+use super::{Begin, LimitVerdict, Verdict, mean};
 use crate::{Limits, Measure, SineTest, SweepRate, VerdictError};
 
 /// Cycles of the lowest frequency over which the rate of the phase is averaged, twice.
@@ -27,6 +32,19 @@ const NOISE_POINTS: usize = 8;
 /// the frequency at the ends.
 const LEAST_PART: f64 = 0.5;
 const WHOLE_PART: f64 = 0.95;
+/// Cycles of the lowest frequency over which the reference must be one sinusoid, and the least measure of that.
+const TONE_CYCLES: f64 = 16.0;
+const LEAST_TONE: f64 = 0.5;
+/// Largest ratio, either way, of the time of a sweep and that of the specified rate, and the least correlation of its frequency
+/// with the time.
+const MOST_TIMES: f64 = 4.0;
+const LEAST_CORRELATION: f64 = 0.8;
+/// Departure from the line through its middle at which a sweep ends, octaves, and the distance from an end of the range up to
+/// which it has run through it.
+const END: f64 = 0.15;
+const EDGE: f64 = 0.03;
+/// Amplitude of a sweep over that of a later one below which it was a sweep at low level before the test, −3 dB.
+const FULL: f64 = 0.708;
 /// Largest departure of the frequency from the sweep, octaves.
 const MOST_DEPARTURE: f64 = 0.05;
 /// Interval over which steps of the frequency are searched for, s; the part of the nominal step below which the frequency stands
@@ -99,7 +117,11 @@ pub struct SineVerdict {
     pub rate: Option<Verdict>,
     /// Whether the sweep is continuous, not stepped, if the drive is known.
     pub is_continuous: Option<bool>,
-    /// Sweeps that were found.
+    /// Time from the start of the record at which the first of the sweeps begins at an end of the specified range, s.
+    pub begins_s: f64,
+    /// Sweeps before that are left out: they were broken off, or 3 dB below a later one.
+    pub left_out: usize,
+    /// Sweeps that were found, without those that are left out.
     pub passes: Vec<SinePass>,
     /// Sweeps among them that run through the whole range.
     pub whole: usize,
@@ -114,6 +136,10 @@ pub struct SineVerdict {
 /// Phase of a reference with its rate.
 struct Phase {
     rate_hz: f64,
+    /// Samples on which an averaged frequency depends, to either side.
+    reach: usize,
+    /// Size of the analytic signal.
+    size: Vec<f64>,
     /// Phase, rad, unwrapped.
     phase: Vec<f64>,
     /// Integral of the averaged rate of the phase, rad.
@@ -135,6 +161,7 @@ impl Phase {
         };
         values.iter_mut().enumerate().filter(|(line, _)| !is_kept(*line)).for_each(|(_, value)| *value *= 0.0);
         transform.backward(&mut values);
+        let size = values[..reference.len()].iter().map(|value| libm::hypot(value.re, value.im)).collect();
         let mut phase = Vec::with_capacity(reference.len());
         let mut turned = 0.0;
         let mut before = values[0];
@@ -155,7 +182,23 @@ impl Phase {
         };
         let smooth = steps.iter().map(running).collect();
         let frequency_hz = steps.iter().map(|step| step * rate_hz / TAU).collect();
-        Phase { rate_hz, phase, smooth, frequency_hz }
+        Phase { rate_hz, reach: 2 * half, size, phase, smooth, frequency_hz }
+    }
+
+    /// Returns how far the signal is one sinusoid, from 0 to 1, over `half` samples to either side of each.
+    fn tone(&self, half: usize) -> Vec<f64> {
+        let turned = |(size, (phase, smooth)): (&f64, (&f64, &f64))| {
+            let (sine, cosine) = libm::sincos(phase - smooth);
+            [size * size * cosine, size * size * sine, size * size]
+        };
+        let parts: Vec<[f64; 3]> = self.size.iter().zip(self.phase.iter().zip(&self.smooth)).map(turned).collect();
+        let mean = |part: usize| averaged(&parts.iter().map(|parts| parts[part]).collect::<Vec<_>>(), half);
+        let [re, im, power] = [mean(0), mean(1), mean(2)];
+        let share = |((re, im), power): ((&f64, &f64), &f64)| {
+            let ratio = libm::hypot(*re, *im) / power.max(f64::MIN_POSITIVE);
+            ratio * ratio
+        };
+        re.iter().zip(&im).zip(&power).map(share).collect()
     }
 
     /// Returns the frequency at a sample, Hz, by the slope of the unsmoothed phase over `half` samples to either side.
@@ -213,6 +256,11 @@ fn read(channel: &[f64], middle: f64, phase: &Phase, sample: usize, half: usize)
 /// phase, and a stepped sweep is not told from a continuous one. `responses` are the channels of [`Limits::response`]. A record
 /// with fewer whole sweeps than are asked for is undecided.
 ///
+/// A sweep is a stretch in which the reference is one sinusoid whose frequency runs through at least half of the octaves, in a
+/// quarter of the specified time to four times it. If the begin of the test is searched for, it is that of the first sweep that
+/// runs through the whole range and has at least 0.708 times the amplitude of every later one; sweeps before it are left out. If
+/// there is no such sweep, it is that of the first one.
+///
 /// The ends of the sweep are left out by the bandwidth of the filter.
 ///
 /// # Errors
@@ -224,6 +272,7 @@ pub fn judge_sine(
     reading: &[f64],
     reference: Option<&[f64]>,
     responses: &[&[f64]],
+    begin: Begin,
 ) -> Result<SineVerdict, VerdictError> {
     let [lowest_hz, highest_hz] = test.band_hz();
     let least_hz = 4.0 * highest_hz;
@@ -244,15 +293,15 @@ pub fn judge_sine(
     }
     let phase = Phase::new(reference.unwrap_or(reading), rate_hz, [lowest_hz, highest_hz]);
     let judged_hz = [lowest_hz * (1.0 + test.tracking), highest_hz / (1.0 + test.tracking)];
-    let ranges = passes(&phase, judged_hz);
+    let ranges = passes(test, &phase, judged_hz);
     if ranges.is_empty() {
         return Err(VerdictError::NoSweep { from_hz: judged_hz[0], to_hz: judged_hz[1] });
     }
     let middles: Vec<f64> = core::iter::once(reading).chain(responses.iter().copied()).map(mean).collect();
-    let mut points: Vec<(SinePoint, f64)> = Vec::new();
-    let mut over_limit: Vec<(f64, f64)> = vec![(0.0, 0.0); responses.len()];
-    for range in &ranges {
-        let first = points.len();
+    let mut sweeps: Vec<Sweep> = Vec::new();
+    for Stretch { range, within } in ranges {
+        let mut points: Vec<(SinePoint, f64)> = Vec::new();
+        let mut over_limit: Vec<(f64, f64)> = vec![(0.0, 0.0); responses.len()];
         let mut sample = range.start as f64;
         while (sample as usize) < range.end {
             let index = sample as usize;
@@ -261,7 +310,7 @@ pub fn judge_sine(
             let (half, step) = ((0.5 * length) as usize, length / IN_WINDOW);
             sample += step;
             let Some(demand) = test.acceleration_m_s2(hz) else { continue };
-            if index < half || index + half >= reading.len() {
+            if index < within.start + half || index + half >= within.end {
                 continue;
             }
             let own = read(reading, middles[0], &phase, index, half);
@@ -287,11 +336,43 @@ pub fn judge_sine(
             };
             points.push((point, step / rate_hz));
         }
-        judge_points(test, &mut points[first..]);
+        judge_points(test, &mut points);
+        sweeps.push(Sweep { pass: pass(test, &phase, range, judged_hz, reference.is_some()), points, over_limit });
     }
-    let passes: Vec<SinePass> =
-        ranges.iter().map(|range| pass(test, &phase, range.clone(), judged_hz, reference.is_some())).collect();
-    Ok(conclude(test, limits, points, passes, &over_limit))
+    let left_out = match begin {
+        Begin::Searched => first_of_test(&sweeps),
+        Begin::Start => 0,
+    };
+    Ok(conclude(test, limits, sweeps.split_off(left_out), left_out))
+}
+
+/// A sweep with what was read during it.
+struct Sweep {
+    pass: SinePass,
+    /// Judged instants with the time that each stands for, s.
+    points: Vec<(SinePoint, f64)>,
+    /// Largest ratio of each response and its limit, with its frequency, Hz.
+    over_limit: Vec<(f64, f64)>,
+}
+
+impl Sweep {
+    /// Returns the median of the amplitude over the specified one; 0 without a judged instant.
+    fn level(&self) -> f64 {
+        let mut ratios: Vec<f64> =
+            self.points.iter().map(|(point, _)| point.tracked_m_s2 / point.demand_m_s2).collect();
+        ratios.sort_by(f64::total_cmp);
+        ratios.get(ratios.len() / 2).copied().unwrap_or(0.0)
+    }
+}
+
+/// Returns the index of the sweep with which the test begins: the first one that is whole and not at a lower level than a later
+/// one, or else the first one.
+fn first_of_test(sweeps: &[Sweep]) -> usize {
+    let is_of_test = |(index, sweep): (usize, &Sweep)| {
+        let later = sweeps[index..].iter().filter(|later| later.pass.is_whole).map(Sweep::level);
+        sweep.pass.is_whole && sweep.level() >= FULL * later.fold(0.0, f64::max)
+    };
+    sweeps.iter().enumerate().position(is_of_test).unwrap_or(0)
 }
 
 /// Returns the judged reading of a point.
@@ -315,20 +396,65 @@ fn judge_points(test: &SineTest, points: &mut [(SinePoint, f64)]) {
     }
 }
 
-/// Returns the stretches in which the frequency runs through the judged range, or at least half of its octaves.
-fn passes(phase: &Phase, [from_hz, to_hz]: [f64; 2]) -> Vec<Range<usize>> {
-    let octaves = LEAST_PART * libm::log2(to_hz / from_hz);
+/// Samples of a sweep.
+struct Stretch {
+    /// Samples at which the frequency is within the judged range.
+    range: Range<usize>,
+    /// Samples that a filter may take in: those beyond the judged range, too, but at an end that is broken off.
+    within: Range<usize>,
+}
+
+/// Straight line of least squares through the frequency over the time, or through its logarithm, as the specified law is.
+struct Line {
+    is_logarithmic: bool,
+    /// Value in the middle, and the sample of the record there.
+    middle: f64,
+    center: f64,
+    /// Slope by sample.
+    slope: f64,
+    correlation: f64,
+}
+
+impl Line {
+    fn new(test: &SineTest, phase: &Phase, range: Range<usize>) -> Line {
+        let is_logarithmic = matches!(test.rate, SweepRate::OctavesPerMinute(_));
+        let at = |hz: &f64| if is_logarithmic { libm::log2(*hz) } else { *hz };
+        let values: Vec<f64> = phase.frequency_hz[range.clone()].iter().map(at).collect();
+        let (middle, half) = (mean(&values), 0.5 * (values.len() as f64 - 1.0));
+        let [product, time, square] =
+            values.iter().enumerate().fold([0.0; 3], |[product, time, square], (k, value)| {
+                let (k, value) = (k as f64 - half, value - middle);
+                [product + k * value, time + k * k, square + value * value]
+            });
+        let slope = product / time.max(f64::MIN_POSITIVE);
+        let correlation = product / libm::sqrt(time * square).max(f64::MIN_POSITIVE);
+        Line { is_logarithmic, middle, center: range.start as f64 + half, slope, correlation }
+    }
+
+    /// Returns how far the frequency at a sample is from the line, octaves.
+    fn departure(&self, phase: &Phase, sample: usize) -> f64 {
+        let fitted = self.middle + self.slope * (sample as f64 - self.center);
+        let fitted_hz = if self.is_logarithmic { libm::exp2(fitted) } else { fitted };
+        libm::log2(phase.frequency_hz[sample] / fitted_hz.max(f64::MIN_POSITIVE)).abs()
+    }
+}
+
+/// Returns the stretches in which the reference is one sinusoid whose frequency runs through the judged range, or at least half
+/// of its octaves, at a rate that may be meant for the specified one.
+fn passes(test: &SineTest, phase: &Phase, judged_hz: [f64; 2]) -> Vec<Stretch> {
+    let [lowest_hz, _] = test.band_hz();
+    let tone = phase.tone((0.5 * TONE_CYCLES / lowest_hz * phase.rate_hz) as usize);
+    let is_tone = |sample: usize| {
+        let hz = phase.frequency_hz[sample];
+        hz >= judged_hz[0] && hz <= judged_hz[1] && tone[sample] >= LEAST_TONE
+    };
     let mut found = Vec::new();
     let mut first = None;
-    for sample in 0..=phase.frequency_hz.len() {
-        let is_within = phase.frequency_hz.get(sample).is_some_and(|hz| *hz >= from_hz && *hz <= to_hz);
-        match (first, is_within) {
+    for sample in 0..=tone.len() {
+        match (first, sample < tone.len() && is_tone(sample)) {
             (None, true) => first = Some(sample),
             (Some(start), false) => {
-                let [begin_hz, end_hz] = [start, sample - 1].map(|sample| phase.frequency_hz[sample]);
-                if octaves > 0.0 && libm::log2(end_hz / begin_hz).abs() >= octaves {
-                    found.push(start..sample);
-                }
+                found.extend(swept(test, phase, start..sample, judged_hz));
                 first = None;
             }
             _ => {}
@@ -337,23 +463,44 @@ fn passes(phase: &Phase, [from_hz, to_hz]: [f64; 2]) -> Vec<Range<usize>> {
     found
 }
 
+/// Returns the sweep in a stretch of a sinusoid. One that is broken off is followed by whatever the reference does then, as the
+/// ringing of a structure; it is cut off where the frequency leaves the line through the middle of the sweep.
+fn swept(test: &SineTest, phase: &Phase, stretch: Range<usize>, [from_hz, to_hz]: [f64; 2]) -> Option<Stretch> {
+    let hz = |sample: usize| phase.frequency_hz[sample];
+    let least = LEAST_PART * libm::log2(to_hz / from_hz);
+    let is_long = |range: &Range<usize>| least > 0.0 && libm::log2(hz(range.end - 1) / hz(range.start)).abs() >= least;
+    let by_frequency = |a: &usize, b: &usize| hz(*a).total_cmp(&hz(*b));
+    let (low, high) = (stretch.clone().min_by(by_frequency)?, stretch.max_by(by_frequency)?);
+    let mut range = low.min(high)..low.max(high) + 1;
+    let times = range.len() as f64 / phase.rate_hz / test.sweep_s(hz(low), hz(high));
+    if !is_long(&range) || !(1.0 / MOST_TIMES..=MOST_TIMES).contains(&times) {
+        return None;
+    }
+    let tenth = range.len() / 10;
+    let line = Line::new(test, phase, range.start + tenth..range.end - tenth);
+    if line.correlation.abs() < LEAST_CORRELATION {
+        return None;
+    }
+    let is_off = |sample: &usize| line.departure(phase, *sample) > END;
+    range.start += range.clone().take_while(is_off).count();
+    range.end -= range.clone().rev().take_while(is_off).count();
+    let is_edge = |sample: usize| [from_hz, to_hz].iter().any(|edge| libm::log2(hz(sample) / edge).abs() < EDGE);
+    let mut within = 0..phase.phase.len();
+    // The averaged frequency takes in what is beyond a broken end.
+    if !range.is_empty() && !is_edge(range.start) {
+        range.start += phase.reach;
+        within.start = range.start;
+    }
+    if !range.is_empty() && !is_edge(range.end - 1) {
+        range.end = range.end.saturating_sub(phase.reach);
+        within.end = range.end;
+    }
+    (!range.is_empty() && is_long(&range)).then_some(Stretch { range, within })
+}
+
 /// Measures the rate of a pass through a range of frequencies.
 fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, [from_hz, to_hz]: [f64; 2], is_drive: bool) -> SinePass {
-    let is_logarithmic = matches!(test.rate, SweepRate::OctavesPerMinute(_));
-    let frequencies = &phase.frequency_hz[range.clone()];
-    let at = |hz: f64| if is_logarithmic { libm::log2(hz) } else { hz };
-    let values: Vec<f64> = frequencies.iter().map(|hz| at(*hz)).collect();
-    let (middle, center) = (mean(&values), 0.5 * (values.len() as f64 - 1.0));
-    let moments = values.iter().enumerate().fold([0.0; 2], |[moment, square], (k, value)| {
-        let k = k as f64 - center;
-        [moment + k * (value - middle), square + k * k]
-    });
-    let slope = moments[0] / moments[1].max(f64::MIN_POSITIVE);
-    let departure = |(k, hz): (usize, &f64)| {
-        let fitted = middle + slope * (k as f64 - center);
-        let fitted_hz = if is_logarithmic { libm::exp2(fitted) } else { fitted };
-        libm::log2(hz / fitted_hz.max(f64::MIN_POSITIVE)).abs()
-    };
+    let line = Line::new(test, phase, range.clone());
     let still = || {
         let step = (STEP_S * phase.rate_hz) as usize;
         let measured = range.clone().step_by(step.max(1)).map(|sample| phase.slope_hz(sample, step));
@@ -362,26 +509,43 @@ fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, [from_hz, to_hz]: [
         let count = measured.windows(2).filter(is_still).count();
         count as f64 / (measured.len().max(2) - 1) as f64
     };
-    let [first_hz, last_hz] = [frequencies.first(), frequencies.last()].map(|hz| hz.copied().unwrap_or_default());
+    let [first_hz, last_hz] = [range.start, range.end - 1].map(|sample| phase.frequency_hz[sample]);
     SinePass {
         from_s: range.start as f64 / phase.rate_hz,
         to_s: range.end as f64 / phase.rate_hz,
         from_hz: first_hz,
         to_hz: last_hz,
-        rate: slope.abs() * phase.rate_hz * if is_logarithmic { 60.0 } else { 1.0 },
-        departure_octaves: frequencies.iter().enumerate().map(departure).fold(0.0, f64::max),
+        rate: line.slope.abs() * phase.rate_hz * if line.is_logarithmic { 60.0 } else { 1.0 },
+        departure_octaves: range.clone().map(|sample| line.departure(phase, sample)).fold(0.0, f64::max),
         still: is_drive.then(still),
         is_whole: libm::log2(last_hz / first_hz).abs() >= WHOLE_PART * libm::log2(to_hz / from_hz),
     }
 }
 
-fn conclude(
-    test: &SineTest,
-    limits: &Limits,
-    points: Vec<(SinePoint, f64)>,
-    passes: Vec<SinePass>,
-    over_limit: &[(f64, f64)],
-) -> SineVerdict {
+/// Returns when a sweep left the end of the specified range, s from the start of the record; the start itself at the least.
+fn begins_s(test: &SineTest, pass: &SinePass) -> f64 {
+    let [lowest_hz, highest_hz] = test.band_hz();
+    let before_s = if pass.from_hz < pass.to_hz {
+        test.sweep_s(lowest_hz, pass.from_hz)
+    } else {
+        test.sweep_s(pass.from_hz, highest_hz)
+    };
+    (pass.from_s - before_s).max(0.0)
+}
+
+fn conclude(test: &SineTest, limits: &Limits, sweeps: Vec<Sweep>, left_out: usize) -> SineVerdict {
+    let mut over_limit: Vec<(f64, f64)> = vec![(0.0, 0.0); limits.response.len()];
+    let (mut passes, mut points) = (Vec::new(), Vec::new());
+    for sweep in sweeps {
+        for (largest, own) in over_limit.iter_mut().zip(sweep.over_limit) {
+            if own.0 > largest.0 {
+                *largest = own;
+            }
+        }
+        passes.push(sweep.pass);
+        points.extend(sweep.points);
+    }
+    let begins_s = passes.first().map_or(0.0, |pass| begins_s(test, pass));
     let all: f64 = points.iter().map(|(_, seconds)| seconds).sum();
     let shares = [Verdict::In, Verdict::Undecided, Verdict::Out].map(|verdict| {
         let own = points.iter().filter(|(point, _)| point.verdict == verdict);
@@ -407,7 +571,7 @@ fn conclude(
     let limits: Vec<LimitVerdict> = limits
         .response
         .iter()
-        .zip(over_limit)
+        .zip(&over_limit)
         .map(|(limit, (ratio, hz))| LimitVerdict {
             channel: limit.channel.clone(),
             largest_db: 20.0 * libm::log10(*ratio),
@@ -427,6 +591,8 @@ fn conclude(
         extremes_hz: [lowest.1, highest.1],
         rate,
         is_continuous,
+        begins_s,
+        left_out,
         passes,
         whole,
         asked: test.sweeps,

@@ -13,7 +13,7 @@ use resonarm_dynamics::structure::{
     StructureSpec,
 };
 use resonarm_specification::SpecificationFile;
-use resonarm_specification::verdict::{RandomOptions, RandomVerdict, judge_random};
+use resonarm_specification::verdict::{Begin, RandomOptions, RandomVerdict, judge_random, judge_shock, judge_sine};
 use resonarm_specification::{Average, RandomTest};
 
 const RATE_HZ: f64 = 1000.0;
@@ -296,8 +296,7 @@ fn swept(text: &str, plant: &mut Plant) -> (Played, [f64; 2], f64) {
     let sweep = played.first(TestPhase::Level) + 4000..played.first(TestPhase::Stopping);
     let limits = resonarm_specification::Limits::default();
     let (reading, drive) = (&played.control[sweep.clone()], &played.drive[sweep]);
-    let verdict =
-        resonarm_specification::verdict::judge_sine(test, &limits, RATE_HZ, reading, Some(drive), &[]).unwrap();
+    let verdict = judge_sine(test, &limits, RATE_HZ, reading, Some(drive), &[], Begin::Searched).unwrap();
     let within =
         verdict.points.iter().filter(|point| (point.tracked_m_s2 / point.demand_m_s2 - 1.0).abs() <= 0.1).count();
     let share = within as f64 / verdict.points.len() as f64;
@@ -385,7 +384,7 @@ fn shots(text: &str, plant: &mut Plant) -> Vec<[f64; 2]> {
     let specification = specification(text);
     let Test::Shock(test) = &specification.test else { unreachable!("the kind is shock") };
     let first = played.first(TestPhase::Level);
-    let verdict = resonarm_specification::verdict::judge_shock(test, RATE_HZ, &played.control[first..]).unwrap();
+    let verdict = judge_shock(test, RATE_HZ, &played.control[first..], Begin::Searched).unwrap();
     assert_eq!(played.end, Answer::Finished);
     let full = verdict.shots.iter().filter(|shot| shot.is_full);
     full.map(|shot| [shot.error, shot.velocity_change.abs()]).collect()
