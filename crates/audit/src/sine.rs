@@ -32,6 +32,13 @@ pub(crate) const CASES: &[Case] = &[
         judge: continuity,
     },
     Case {
+        id: "S04",
+        title: "keeps its phase",
+        rule: "between two cubics that fit the phase of the drive before and behind any instant of the sweep at most 0.3 rad",
+        stimulus: Stimulus::None,
+        judge: phase,
+    },
+    Case {
         id: "S05",
         title: "ends its drive with the test",
         rule: "the drive is 0 at the end of the run",
@@ -142,6 +149,14 @@ fn continuity(context: &Context<'_>) -> Finding {
     let still = found(context).and_then(|(_, found)| found.passes.first()?.still);
     match still {
         Some(still) => Finding::of([Measure::at_most("intervals in which it stands still", 100.0 * still, "%", 15.0)]),
+        None => Finding::inconclusive(NO_LEVEL),
+    }
+}
+
+fn phase(context: &Context<'_>) -> Finding {
+    let jump = found(context).and_then(|(_, found)| found.passes.first()?.phase_jump_rad);
+    match jump {
+        Some(jump) => Finding::of([Measure::at_most("largest jump of the phase", jump, "rad", 0.3)]),
         None => Finding::inconclusive(NO_LEVEL),
     }
 }

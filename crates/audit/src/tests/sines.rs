@@ -55,7 +55,7 @@ fn honest() -> Record {
 fn an_honest_controller_passes() {
     let specification = specification(SPECIFICATION);
     let record = honest();
-    for id in ["S01", "S02", "S03", "S05", "S06"] {
+    for id in ["S01", "S02", "S03", "S04", "S05", "S06"] {
         passes(&specification, id, &record, &record);
     }
     // The middle of the sweep is at 30 Hz, 15 s from its start at 4 s.
@@ -82,6 +82,8 @@ fn a_flaw_of_the_sweep_fails_the_case_for_it() {
         (&["S02"], run(|t_s| phase(1.12 * t_s), |_| 3.0, faster)),
         (&["S02"], run(linear, |_| 3.0, sweep_s)),
         (&["S03"], run(stepped, |_| 3.0, sweep_s)),
+        // A jump of 1.9 rad in the middle.
+        (&["S04"], run(|t_s| phase(t_s) + if t_s > 15.0 { 1.9 } else { 0.0 }, |_| 3.0, sweep_s)),
         (&["S06"], run(phase, |t_s| if t_s < -0.5 { 4.5 } else { 3.0 }, sweep_s)),
         (&["S01"], run(phase, |t_s| if (14.0..16.0).contains(&t_s) { 4.0 } else { 3.0 }, sweep_s)),
     ] {
@@ -155,7 +157,7 @@ fn a_controller_may_identify_the_structure_before_its_sweep() {
         let joined = |values: &[f64]| [&before[..], values].concat();
         let responses = sweep.responses.iter().map(|response| joined(response)).collect();
         let record = Record { drive: joined(&sweep.drive), reading: joined(&sweep.reading), responses, ..sweep };
-        for id in ["S01", "S02", "S03", "S05", "S06"] {
+        for id in ["S01", "S02", "S03", "S04", "S05", "S06"] {
             passes(&specification, id, &record, &record);
         }
         // The sweep begins 4 s into its record, and its middle is 15 s later.

@@ -52,6 +52,10 @@ const MOST_DEPARTURE: f64 = 0.05;
 const STEP_S: f64 = 0.1;
 const STILL: f64 = 0.3;
 const MOST_STILL: f64 = 0.15;
+/// Jumps of the phase: length of the fit to either side, s and in cycles of the lowest frequency, and the time between two places.
+const JUMP_S: f64 = 0.25;
+const JUMP_CYCLES: f64 = 4.0;
+const JUMP_STEP_S: f64 = 0.02;
 /// Relative amounts by which a response may exceed its limit, and from which on below it holds the control channel down.
 const LIMIT: f64 = 0.15;
 const AT_LIMIT: f64 = 0.85;
@@ -96,6 +100,9 @@ pub struct SinePass {
     pub departure_octaves: f64,
     /// Share of the intervals of 0.1 s in which the frequency stands still, if the drive is known.
     pub still: Option<f64>,
+    /// Largest jump of the phase of the drive, rad, if the drive is known: the distance of two cubics that fit the phase before
+    /// and behind an instant.
+    pub phase_jump_rad: Option<f64>,
     /// Whether it runs through the whole range, but for its ends.
     pub is_whole: bool,
 }
@@ -201,6 +208,26 @@ impl Phase {
         re.iter().zip(&im).zip(&power).map(share).collect()
     }
 
+    /// Returns the largest jump of the phase in a range of samples, rad. The filter of the analytic signal has smeared a jump over
+    /// about two periods of its bandwidth, which are left out between the fits.
+    fn largest_jump_rad(&self, range: Range<usize>, [from_hz, to_hz]: [f64; 2]) -> f64 {
+        let samples = |seconds: f64| libm::ceil(seconds * self.rate_hz) as usize;
+        let count = samples(JUMP_S.max(JUMP_CYCLES / from_hz)).max(5);
+        let gap = samples(2.0 / (1.5 * to_hz - 0.5 * from_hz));
+        let weights = cubic_ahead(count, gap);
+        let jump = |sample: usize| {
+            let before = self.phase.get((sample + 1).checked_sub(gap + count)?..=sample - gap)?;
+            let behind = self.phase.get(sample + gap..sample + gap + count)?;
+            // Off the phase in the middle, since one of thousands of turns would be rounded.
+            let middle = self.phase[sample];
+            let fit = |weight: (&f64, &f64)| weight.0 * (weight.1 - middle);
+            let [before, behind]: [f64; 2] =
+                [weights.iter().zip(before).map(fit).sum(), weights.iter().zip(behind.iter().rev()).map(fit).sum()];
+            Some((behind - before).abs())
+        };
+        range.step_by(samples(JUMP_STEP_S).max(1)).filter_map(jump).fold(0.0, f64::max)
+    }
+
     /// Returns the frequency at a sample, Hz, by the slope of the unsmoothed phase over `half` samples to either side.
     fn slope_hz(&self, sample: usize, half: usize) -> Option<f64> {
         let window = self.phase.get(sample.checked_sub(half)?..=sample + half)?;
@@ -209,6 +236,27 @@ impl Phase {
         let square: f64 = (0..window.len()).map(|k| at(k) * at(k)).sum();
         Some(moment / square * self.rate_hz / TAU)
     }
+}
+
+/// Returns the weights of `count` values at 0, 1, … whose sum is the cubic of least squares through them, at `ahead` beyond the
+/// last one: with orthonormal polynomials pⱼ over the values, Σⱼ pⱼ(k) pⱼ(x).
+fn cubic_ahead(count: usize, ahead: usize) -> Vec<f64> {
+    let at = |k: usize| 2.0 * k as f64 / (count - 1) as f64 - 1.0;
+    let all = count + ahead;
+    let mut weights = vec![0.0; count];
+    let mut found: Vec<Vec<f64>> = Vec::new();
+    for power in 0..4 {
+        let mut own: Vec<f64> = (0..all).map(|k| libm::pow(at(k), f64::from(power))).collect();
+        for lower in &found {
+            let product: f64 = own[..count].iter().zip(lower).map(|(a, b)| a * b).sum();
+            own.iter_mut().zip(lower).for_each(|(own, lower)| *own -= product * lower);
+        }
+        let size = libm::sqrt(own[..count].iter().map(|value| value * value).sum());
+        own.iter_mut().for_each(|value| *value /= size);
+        weights.iter_mut().zip(&own).for_each(|(weight, value)| *weight += value * own[all - 1]);
+        found.push(own);
+    }
+    weights
 }
 
 /// Returns the means over `half` values to either side, over fewer at the ends.
@@ -518,6 +566,7 @@ fn pass(test: &SineTest, phase: &Phase, range: Range<usize>, [from_hz, to_hz]: [
         rate: line.slope.abs() * phase.rate_hz * if line.is_logarithmic { 60.0 } else { 1.0 },
         departure_octaves: range.clone().map(|sample| line.departure(phase, sample)).fold(0.0, f64::max),
         still: is_drive.then(still),
+        phase_jump_rad: is_drive.then(|| phase.largest_jump_rad(range.clone(), test.band_hz())),
         is_whole: libm::log2(last_hz / first_hz).abs() >= WHOLE_PART * libm::log2(to_hz / from_hz),
     }
 }
