@@ -41,6 +41,8 @@ pub enum Stimulus {
     ResponseLimit(f64),
     /// The specification limits the drive to this part of the largest one of the base run.
     DriveLimit(f64),
+    /// All modes of the plant have this damping ratio, and the specification sweeps at most 1 octave a minute.
+    LightModes(f64),
 }
 
 impl Stimulus {

@@ -108,6 +108,13 @@ pub(crate) const CASES: &[Case] = &[
         stimulus: Stimulus::ResponseLimit(6.0),
         judge: notches,
     },
+    Case {
+        id: "S17",
+        title: "passes through light resonances",
+        rule: "the fundamental at most 50 % above the specified amplitude in a whole sweep",
+        stimulus: Stimulus::LightModes(0.01),
+        judge: light_modes,
+    },
 ];
 
 /// Returns the test and what was found of it in the base run; none if it has no sweep.
@@ -263,6 +270,19 @@ fn notches(context: &Context<'_>) -> Finding {
     let Some(found) = &own.sine else { return Finding::inconclusive("the run has no sweep") };
     let over = found.limits.iter().map(|limit| libm::pow(10.0, limit.largest_db / 20.0)).fold(0.0, f64::max);
     Finding::of([Measure::at_most("largest response over its limit", over, "", 1.15)])
+}
+
+fn light_modes(context: &Context<'_>) -> Finding {
+    if context.base.level.is_none() {
+        return Finding::inconclusive(NO_LEVEL);
+    }
+    let own = Base::new(context.specification, context.record);
+    match &own.sine {
+        Some(found) if found.whole > 0 => {
+            Finding::of([Measure::at_most("highest amplitude", 100.0 * (found.extremes[1] - 1.0), "%", 50.0)])
+        }
+        _ => Finding::inconclusive("the run has no whole sweep"),
+    }
 }
 
 /// Returns a limit over the whole sweep, `below_db` below the largest amplitude of a response.

@@ -23,6 +23,8 @@ use resonarm::specification::{Specification, Test};
 
 /// Time at full level of a random test, s: enough to decide a tolerance of 3 dB.
 const FULL_LEVEL_S: f64 = 60.0;
+/// Fastest sweep through light modes, octaves a minute: a faster one can't be controlled.
+const LIGHT_OCT_MIN: f64 = 1.0;
 /// Rms of the noise of an open cable, m/s².
 const OPEN_M_S2: f64 = 0.05;
 /// Time for which a run waits for the controller's first arming, s: an interpreter on a busy machine takes half a minute to start.
@@ -149,7 +151,12 @@ impl AuditBench {
             Stimulus::Gap(_) if matches!(self.under_test, UnderTest::Command { .. }) => {
                 Some("in lockstep time waits for the controller, which notices no gap")
             }
-            Stimulus::ResponseLimit(_) | Stimulus::DriveLimit(_) if !self.under_test.is_told() => {
+            Stimulus::LightModes(_) if self.scenario.structure.modes.is_empty() => {
+                Some("the scenario of the plant has no modes whose damping could be changed")
+            }
+            Stimulus::ResponseLimit(_) | Stimulus::DriveLimit(_) | Stimulus::LightModes(_)
+                if !self.under_test.is_told() =>
+            {
                 Some("the controller does not read the specification: name it by {spec}, or by control.specification")
             }
             _ => None,
@@ -167,8 +174,8 @@ impl AuditBench {
         let specification = files::read(&spec)?;
         let mut scenario = self.scenario.clone();
         scenario.simulation.duration_s = Some(match base {
-            Some((base, at)) => duration_s(stimulus, base, at),
-            None => longest_s(&specification.test),
+            Some((base, at)) if !matches!(stimulus, Stimulus::LightModes(_)) => duration_s(stimulus, base, at),
+            _ => longest_s(&specification.test),
         });
         self.stimulate(&mut scenario, &specification.test, stimulus, base);
         let record = RecordTo { path: recording.clone(), existing: Existing::Overwrite };
@@ -207,6 +214,12 @@ impl AuditBench {
     fn limited(&self, stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) -> Table {
         let mut table = self.specification.clone();
         let Some((base, _)) = base else { return table };
+        if let (Stimulus::LightModes(_), Some(rate)) =
+            (stimulus, table.get_mut("sine").and_then(|sine| sine.get_mut("rate_oct_min")))
+        {
+            let stated = rate.as_float().or(rate.as_integer().map(|rate| rate as f64)).unwrap_or(LIGHT_OCT_MIN);
+            *rate = Value::Float(stated.min(LIGHT_OCT_MIN));
+        }
         let limits = table.entry("limits").or_insert_with(|| Value::Table(Table::new()));
         let Value::Table(limits) = limits else { return table };
         match stimulus {
@@ -280,6 +293,9 @@ impl AuditBench {
                     delay_s: None,
                     rate_hz: None,
                 });
+            }
+            Stimulus::LightModes(damping_ratio) => {
+                scenario.structure.modes.iter_mut().for_each(|mode| mode.damping_ratio = damping_ratio);
             }
             Stimulus::None
             | Stimulus::Stop
@@ -369,7 +385,7 @@ fn duration_s(stimulus: Stimulus, base: &Base<'_>, at: usize) -> f64 {
         // The test must be back at its level.
         Stimulus::Gain(factor) if factor < 1.0 => seconds(at) + 26.0,
         Stimulus::Gap(_) => seconds(at) + 9.0,
-        Stimulus::ResponseLimit(_) | Stimulus::None => end_s + 5.0,
+        Stimulus::ResponseLimit(_) | Stimulus::LightModes(_) | Stimulus::None => end_s + 5.0,
         Stimulus::Dead | Stimulus::Open | Stimulus::Gain(_) | Stimulus::Stop | Stimulus::Restart => seconds(at) + 5.0,
     }
 }

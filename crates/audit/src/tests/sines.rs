@@ -179,6 +179,23 @@ fn a_controller_may_identify_the_structure_before_its_sweep() {
 }
 
 #[test]
+fn light_resonances_are_judged_by_the_highest_amplitude() {
+    let specification = specification(SPECIFICATION);
+    let (test, base) = (test(), honest());
+    let sweep_s = test.sweep_s(15.0, 60.0);
+    // For 2 s about 30 Hz the loop is too slow.
+    let resonant = |high: f64| {
+        let amplitude = move |t_s: f64| if (14.0..16.0).contains(&t_s) { high } else { 3.0 };
+        run(|t_s| test.phase_rad(t_s), amplitude, sweep_s)
+    };
+    passes(&specification, "S17", &base, &resonant(3.9));
+    fails(&specification, "S17", &base, &resonant(5.4));
+    // One that gives up decides nothing.
+    let aborted = ended(&base, base.len() / 2, RATE / 10);
+    assert!(matches!(judged(&specification, "S17", &base, &aborted).verdict, Verdict::Inconclusive(_)));
+}
+
+#[test]
 fn a_record_without_a_sweep_decides_nothing() {
     let specification = specification(SPECIFICATION);
     let none = Record { drive: vec![0.0; 10 * RATE], reading: vec![0.0; 10 * RATE], ..honest() };
