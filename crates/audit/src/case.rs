@@ -267,12 +267,13 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Returns a finding if the drive was too weak before the stimulus: the stimulus then never acted.
+    /// Returns a finding if the drive was much weaker before the stimulus than in the base run: the stimulus then never acted.
     pub(crate) fn was_not_driven(&self) -> Option<Finding> {
-        let before = self.record.peak(self.stimulus.saturating_sub(self.record.samples(2.0)), self.stimulus);
+        let from = self.stimulus.saturating_sub(self.record.samples(2.0));
+        let [own, base] = [self.record, self.base.record].map(|record| record.peak(from, self.stimulus));
         if self.base.level.is_none() {
             Some(Finding::inconclusive(NO_LEVEL))
-        } else if before < 0.2 * self.base.peak_n || before == 0.0 {
+        } else if own < 0.2 * base || own == 0.0 {
             Some(Finding::inconclusive("the drive had ended before the stimulus, so it never acted"))
         } else {
             None

@@ -389,12 +389,20 @@ fn band(context: &Context<'_>) -> Finding {
 
 /// Judges whether the drive is 0 at the end of a run; inconclusive if the test was not over.
 pub(crate) fn ended(context: &Context<'_>, is_over: bool) -> Finding {
-    let record = context.record;
-    let quiet_s = (record.len() - record.drive_end().min(record.len())) as f64 / record.rate_hz;
+    let quiet_s = context.record.quiet_s();
     if quiet_s < QUIET_S && !is_over {
         return Finding::inconclusive("the run ended before the test");
     }
-    Finding::of([Measure::at_least("time without a drive at the end", quiet_s, "s", QUIET_S)])
+    Finding::of([quiet(quiet_s)])
+}
+
+/// The time without a drive at the end, s, or that the plant was disarmed there.
+fn quiet(quiet_s: f64) -> Measure {
+    if quiet_s.is_finite() {
+        Measure::at_least("time without a drive at the end", quiet_s, "s", QUIET_S)
+    } else {
+        Measure::at_most("drive at the end, where the plant was disarmed", 0.0, "N", 0.0)
+    }
 }
 
 fn quiet_end(context: &Context<'_>) -> Finding {
@@ -413,10 +421,9 @@ pub(crate) fn refuses(context: &Context<'_>) -> Finding {
     if context.base.level.is_none() {
         return Finding::inconclusive(NO_LEVEL);
     }
-    let quiet_s = (record.len() - record.drive_end().min(record.len())) as f64 / record.rate_hz;
     Finding::of([
         Measure::at_most("largest drive", record.peak(0, record.len()), "N", 0.1 * context.base.peak_n),
-        Measure::at_least("time without a drive at the end", quiet_s, "s", QUIET_S),
+        quiet(record.quiet_s()),
     ])
 }
 

@@ -15,6 +15,8 @@ pub struct Record {
     pub reading: Vec<f64>,
     /// What the channels with a limit read, m/s², in the order of the limits of the specification.
     pub responses: Vec<Vec<f64>>,
+    /// Whether the record ends because the controller disarmed the plant, so that no drive follows.
+    pub is_disarmed: bool,
 }
 
 impl Record {
@@ -37,6 +39,12 @@ impl Record {
     pub(crate) fn peak(&self, from: usize, to: usize) -> f64 {
         let to = to.min(self.drive.len());
         self.drive.get(from..to).map_or(0.0, largest)
+    }
+
+    /// Returns the time without a drive at the end, s; infinite if the plant was disarmed there.
+    pub(crate) fn quiet_s(&self) -> f64 {
+        let samples = self.len() - self.drive_end().min(self.len());
+        if self.is_disarmed { f64::INFINITY } else { samples as f64 / self.rate_hz }
     }
 
     /// Returns the sample after the last one with a drive.

@@ -48,7 +48,7 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         id: "S06",
         title: "starts without overshoot",
-        rule: "until the sweep the channel reads at most 1.3 times the first amplitude",
+        rule: "from the start of the sine to the sweep the channel reads at most 1.3 times the first amplitude; before, as during an identification, at most the largest one",
         stimulus: Stimulus::None,
         judge: start,
     },
@@ -183,9 +183,21 @@ fn start(context: &Context<'_>) -> Finding {
     let Some(demand) = test.acceleration_m_s2(from_hz) else { return Finding::inconclusive(NO_LEVEL) };
     // From there on the level is another one.
     let begin = context.record.samples(found.begins_s).min(context.record.len());
-    let peak = largest(&context.record.reading[..begin]);
-    Finding::of([Measure::at_most("reading over the first amplitude", peak / demand, "", 1.3)])
+    let reading = &context.record.reading[..begin];
+    // The sine starts where the channel last read little, over two periods.
+    let window = context.record.samples(2.0 / from_hz);
+    let weak = STARTED * core::f64::consts::FRAC_1_SQRT_2 * demand;
+    let start = running_rms(reading, window).iter().rposition(|rms| *rms < weak).map_or(0, |last| last + window);
+    let (before, sine) = reading.split_at(start.min(begin));
+    let highest = found.points.iter().map(|point| point.demand_m_s2).fold(demand, f64::max);
+    Finding::of([
+        Measure::at_most("reading over the first amplitude", largest(sine) / demand, "", 1.3),
+        Measure::at_most("reading before the sine over the largest amplitude", largest(before) / highest, "", 1.0),
+    ])
 }
+
+/// Part of the first amplitude beyond which a sine has started.
+const STARTED: f64 = 0.3;
 
 /// Returns the specified amplitude and the frequency of the base run at a sample, or the next one that was judged.
 fn at(context: &Context<'_>, sample: usize) -> Option<[f64; 2]> {

@@ -320,7 +320,7 @@ impl AuditBench {
             Ok(readings) => readings,
             // A controller that never armed the plant leaves no sample behind.
             Err(_) if recording.summary().topics.get(Topic::Samples.name()).is_none_or(|topic| topic.records == 0) => {
-                return Ok(Record { rate_hz, ..Record::default() });
+                return Ok(Record { rate_hz, is_disarmed: true, ..Record::default() });
             }
             Err(error) => return Err(failed(&error)),
         };
@@ -334,29 +334,33 @@ impl AuditBench {
         let loads = Signals::read(&recording, &loads, [None, None]).map_err(|error| failed(&error))?;
         let energy = |values: &Vec<f64>| values.iter().map(|value| value * value).sum::<f64>();
         let drive = loads.values.into_iter().max_by(|a, b| energy(a).total_cmp(&energy(b))).unwrap_or_default();
-        let armed = armed(&recording, drive.len())?;
+        let (armed, is_disarmed) = armed(&recording, drive.len())?;
         let drive = drive.into_iter().zip(armed).map(|(drive, is_armed)| if is_armed { drive } else { 0.0 }).collect();
         let mut values = readings.values.into_iter();
         let reading = values.next().unwrap_or_default();
-        Ok(Record { rate_hz: readings.rate_hz, drive, reading, responses: values.collect() })
+        Ok(Record { rate_hz: readings.rate_hz, drive, reading, responses: values.collect(), is_disarmed })
     }
 }
 
-/// Says for every sample whether the plant was armed: only then a load is what the controller commanded.
-fn armed(recording: &Recording, samples: usize) -> Result<Vec<bool>, Failure> {
+/// Says for every sample whether the plant was armed, for only then a load is what the controller commanded, and whether it was
+/// disarmed in the end.
+fn armed(recording: &Recording, samples: usize) -> Result<(Vec<bool>, bool), Failure> {
     let mut armed = vec![false; samples];
+    let mut is_disarmed = false;
     for event in recording.events()? {
         let event = event?;
         if event.name.starts_with("state.") {
             let from = usize::try_from(event.sample).unwrap_or(samples).min(samples);
             armed[from..].fill(event.name == "state.operational");
+            // A fault ends the drive, too, but the controller did not end it.
+            is_disarmed = event.name != "state.operational" && event.name != "state.fault";
         }
     }
     // The last row is the state in which the run ended, whose load is meaningless.
     if let Some(last) = armed.last_mut() {
         *last = false;
     }
-    Ok(armed)
+    Ok((armed, is_disarmed))
 }
 
 /// Time of simulation after which a run ends if the controller does not end it, s.

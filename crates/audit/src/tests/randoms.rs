@@ -91,7 +91,7 @@ fn run(controller: &Controller<'_>) -> Record {
     drive.resize(end + QUIET, 0.0);
     let reading: Vec<f64> = drive.iter().map(|drive| drive + 0.01 * noise.normal()).collect();
     let responses = vec![reading.iter().map(|reading| 0.5 * reading).collect()];
-    let record = Record { rate_hz: RATE as f64, drive, reading, responses };
+    let record = Record { rate_hz: RATE as f64, drive, reading, responses, is_disarmed: false };
     let ramp = RATE / 10;
     let mut ended = ended(&record, end - ramp, ramp);
     // The silence before the test is exactly that.

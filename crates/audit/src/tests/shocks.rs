@@ -40,7 +40,7 @@ fn run(shot: &[f64], factors: &[f64]) -> Record {
             *sample += factor * value;
         }
     }
-    Record { rate_hz: RATE_HZ, drive: reading.clone(), reading, responses: Vec::new() }
+    Record { rate_hz: RATE_HZ, drive: reading.clone(), reading, ..Record::default() }
 }
 
 #[test]

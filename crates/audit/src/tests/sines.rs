@@ -42,7 +42,7 @@ fn run(phase: impl Fn(f64) -> f64, amplitude: impl Fn(f64) -> f64, sweep_s: f64)
     let drive: Vec<f64> = (0..end + QUIET).map(|k| if k < end { sample(k) } else { 0.0 }).collect();
     let reading: Vec<f64> = drive.iter().enumerate().map(|(k, drive)| drive + 0.01 * ((k % 7) as f64 - 3.0)).collect();
     let responses = vec![reading.iter().map(|reading| 0.5 * reading).collect()];
-    let record = Record { rate_hz: RATE as f64, drive, reading, responses };
+    let record = Record { rate_hz: RATE as f64, drive, reading, responses, is_disarmed: false };
     ended(&record, end - RATE / 10, RATE / 10)
 }
 
@@ -118,6 +118,13 @@ fn a_drive_that_must_end_is_timed() {
     fails(&specification, "S08", &base, &louder);
     let before = ended(&base, at - 4 * RATE, RATE / 10);
     assert!(matches!(judged(&specification, "S08", &base, &before).verdict, Verdict::Inconclusive(_)));
+    // An antiresonance later in the sweep, at which the drive is ten times as large, says nothing about it.
+    let antiresonant = |record: &Record| {
+        let mut record = record.clone();
+        record.drive[at + 5 * RATE..at + 6 * RATE].iter_mut().for_each(|drive| *drive *= 10.0);
+        record
+    };
+    passes(&specification, "S08", &antiresonant(&base), &antiresonant(&soft));
 }
 
 #[test]
@@ -128,6 +135,16 @@ fn starts_gaps_and_limits_are_judged() {
     let refused = scaled(&ended(&base, 3 * RATE, RATE / 10), 0.4);
     passes(&specification, "S12", &base, &refused);
     fails(&specification, "S12", &base, &base);
+    // The record ends as the plant is disarmed.
+    let end = refused.drive.iter().rposition(|drive| *drive != 0.0).unwrap() + 3;
+    let cut = |is_disarmed| Record {
+        drive: refused.drive[..end].to_vec(),
+        reading: refused.reading[..end].to_vec(),
+        is_disarmed,
+        ..refused.clone()
+    };
+    passes(&specification, "S12", &base, &cut(true));
+    fails(&specification, "S12", &base, &cut(false));
     passes(&specification, "S13", &base, &ended(&base, at, 0));
     fails(&specification, "S13", &base, &base);
     passes(&specification, "S15", &base, &base);
@@ -168,6 +185,10 @@ fn a_controller_may_identify_the_structure_before_its_sweep() {
         // Too high until the sweep.
         let loud = Record { reading: joined(&scaled(&sweep, 1.5).reading), ..record.clone() };
         fails(&specification, "S06", &loud, &loud);
+        // An identification beyond the level of the test.
+        let mut beyond = record.clone();
+        beyond.reading[10 * RATE] = 3.3;
+        fails(&specification, "S06", &beyond, &beyond);
         // The sweep never comes.
         let quiet = vec![0.0; sweep.drive.len()];
         let none = Record { drive: joined(&quiet), reading: joined(&quiet), ..record };
