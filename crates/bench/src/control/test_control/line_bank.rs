@@ -141,7 +141,7 @@ impl Identification {
     pub fn begin(&mut self, rms_n: f64) {
         let size = rms_n.min(self.most_n) * libm::sqrt(2.0 / self.drive.len() as f64);
         self.drive.fill(Complex::new(size, 0.0));
-        self.spread();
+        self.spread(|_| 1.0);
         self.pass = 0;
         self.restart();
     }
@@ -165,23 +165,32 @@ impl Identification {
         }
         let scale = (rms_m_s2 / libm::sqrt(response)).min(self.most_n / libm::sqrt(force));
         self.drive.iter_mut().for_each(|line| line.re *= scale);
-        self.spread();
+        let responses = core::mem::take(&mut self.responses);
+        self.spread(|k| responses[0][k].norm_sqr());
+        self.responses = responses;
         self.pass = 1;
         self.restart();
     }
 
     /// Turns the lines of the drive, which are real, so that their sum is spread over the period: the peak of equal lines is about
-    /// 1.7 times their rms.
+    /// 1.7 times their rms. `gain` is |H|² of a line.
     ///
     /// M. R. Schroeder, "Synthesis of low-peak-factor signals and binary sequences with low autocorrelation", IEEE Trans. Inf.
-    /// Theory 16 (1970): line k has the phase −2π Σ (k − j) p(j) over the lines j below it, with their shares p of the power.
-    fn spread(&mut self) {
-        let power: f64 = self.drive.iter().map(|line| line.re * line.re).sum();
+    /// Theory 16 (1970): line k has the phase −2π Σ (k − j) p(j) over the lines j below it, with their shares p of the power. The
+    /// sum is a sweep that passes each line in its share of the period. With the shares of the drive alone it would stay at an
+    /// antiresonance, and pass all other lines in a burst of the response; so p is the mean of the shares in drive and response,
+    /// and neither has more than twice the power of an even spread at any time.
+    fn spread(&mut self, gain: impl Fn(usize) -> f64) {
+        let (mut force, mut response) = (0.0, 0.0);
+        for (k, line) in self.drive.iter().enumerate() {
+            force += line.re * line.re;
+            response += line.re * line.re * gain(k);
+        }
         let (mut cycles, mut below) = (0.0, 0.0);
-        for line in &mut self.drive {
+        for (k, line) in self.drive.iter_mut().enumerate() {
             cycles -= below;
             cycles -= libm::floor(cycles);
-            below += line.re * line.re / power;
+            below += 0.5 * line.re * line.re * (1.0 / force + gain(k) / response);
             let (sine, cosine) = libm::sincos(TAU * cycles);
             *line = Complex::new(cosine, sine) * line.re;
         }
@@ -301,6 +310,36 @@ mod tests {
             };
             assert!((line - (turn(3.0) - turn(4.0)) * 2.0).norm() < 1e-9, "{k}: {line}");
         }
+    }
+
+    /// At an antiresonance, which takes 95 % of the drive's power, the multisine does not stay so long that it passes the other
+    /// lines in a burst of the response.
+    #[test]
+    fn drive_and_response_are_spread_over_the_period() {
+        let mut found = Identification::new(LineBank::new(800, 100.0, [5.0, 40.0]), 1, 100.0, 1e3);
+        found.begin(0.5);
+        let mut past = [0.0; 3];
+        let (mut squares, mut peaks, mut count) = ([0.0; 2], [0.0_f64; 2], 0);
+        loop {
+            // Zeros at 0.98 e^(±2πi 20/100).
+            let reading = past[0] - 1.96 * libm::cos(TAU * 0.2) * past[1] + 0.98 * 0.98 * past[2];
+            let (drive_n, known) = found.step(core::iter::once(reading));
+            past = [drive_n, past[0], past[1]];
+            if found.pass == 1 && found.periods >= 1 {
+                count += 1;
+                for ((square, peak), value) in squares.iter_mut().zip(&mut peaks).zip([drive_n, reading]) {
+                    *square += value * value;
+                    *peak = peak.max(value.abs());
+                }
+            }
+            match known {
+                Known::Nothing => {}
+                Known::Roughly => found.shape(|_| 1.0, 0.0, 0.3, 0.0),
+                Known::Well => break,
+            }
+        }
+        let crests = [0, 1].map(|signal| peaks[signal] / libm::sqrt(squares[signal] / f64::from(count)));
+        assert!(crests.iter().all(|crest| *crest < 3.0), "{crests:?}");
     }
 
     /// Between lines 0.5 Hz apart, a mode with a half-power bandwidth of 0.3 Hz is right to 2.1 %, where H itself, interpolated,

@@ -45,6 +45,9 @@ use super::{End, Law, LawSettings, Step, StopReason, Stuck, TestControlError, Te
 const PERIOD_S: f64 = 8.0;
 /// Amplitude of the response to the identification over that of the test, rms to rms: −12 dB.
 const IDENTIFIED_LEVEL: f64 = 0.25;
+/// Level of the first pass of the identification over that of the second one: its peaks are those of resonances, which it does not
+/// know yet.
+const FIRST_PASS: f64 = 0.5;
 /// Share of the drive's limit that the peaks of the identification use at most.
 const IDENTIFIED_DRIVE: f64 = 0.25;
 /// Time in which the amplitude rises to its level, by 20 dB, and time at the level before the sweep, s.
@@ -251,7 +254,7 @@ impl SweptSineLaw {
 
     /// Begins the identification at a level by the gain that the loop check found.
     fn begin_identification(&mut self) {
-        self.identification.begin(self.identified_m_s2() / self.probe.gain());
+        self.identification.begin(FIRST_PASS * self.identified_m_s2() / self.probe.gain());
         self.phase = TestPhase::Identification;
     }
 

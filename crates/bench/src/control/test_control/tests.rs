@@ -591,7 +591,7 @@ fn faults_of_the_control_channel_stop_a_test() {
     swept-sine Inverted from the start: Inverted, stops after 9728 and is at 0 after 9828, at most 3.1 N
     swept-sine Dead at full level: Stuck, stops after 30 and is at 0 after 130
     swept-sine Open at full level: Lost, stops after 165 and is at 0 after 265
-    swept-sine Gain(2.0) at full level: TooHigh, stops after 86 and is at 0 after 186
+    swept-sine Gain(2.0) at full level: TooHigh, stops after 85 and is at 0 after 185
     swept-sine Range(2.0) at full level: Clipped, stops after 12 and is at 0 after 112
     swept-sine Stall(150) at full level: goes on
     shock Dead from the start: OpenLoop, stops after 9728 and is at 0 after 9828, at most 3.7 N
