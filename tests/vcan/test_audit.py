@@ -1,9 +1,17 @@
-"""The audit of a controller that is a process: the program's own exciter, which plays a sweep and looks at nothing."""
+"""Audits of controllers that are processes.
+
+One is the program's own exciter, which plays a sweep and looks at nothing. Those of examples/audit have their own DBC.
+"""
 
 import json
-import xml.etree.ElementTree as ElementTree
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
 
 from processes import RESONARM
+
+EXAMPLE = Path("examples/audit").resolve()
 
 PLANT = """
 [structure]
@@ -35,52 +43,24 @@ tolerance = 0.1
 """
 
 
-def test_a_player_is_audited_in_lockstep(tmp_path, programs):
-    for name, text in (
-        ("plant", PLANT),
-        ("player", PLANT + PLAYER),
-        ("sine", SPECIFICATION),
-    ):
-        (tmp_path / f"{name}.toml").write_text(text)
-    junit = tmp_path / "audit.xml"
-    where = [
-        "--scenario",
-        tmp_path / "plant.toml",
-        "--specification",
-        tmp_path / "sine.toml",
-        "--out",
-        tmp_path / "runs",
-    ]
-    cases = [
-        word
-        for case in ("S01", "S02", "S08", "S12", "S15")
-        for word in ("--case", case)
-    ]
-    player = [
-        RESONARM,
-        "exciter",
-        "--bus",
-        "{bus}",
-        "--mode",
-        "lockstep",
-        "--scenario",
-        tmp_path / "player.toml",
-    ]
-    tool = programs.resonarm(
-        "audit",
-        *where,
-        *cases,
-        "--bus",
-        "vcan0",
-        "--json",
-        "--junit",
-        junit,
-        "--",
-        *player,
-    )
+def audited(programs, folder, plant, specification, cases, controller, *more):
+    """The exit status and the report of an audit in lockstep; its runs lie in the folder `runs`."""
+    files = ["--scenario", plant, "--specification", specification, "--out", folder / "runs"]
+    cases = [word for case in cases for word in ("--case", case)]
+    tool = programs.resonarm("audit", *files, *cases, "--bus", "vcan0", "--json", *more, "--", *controller)
     status = tool.wait()
     report = json.loads(tool.stdout)
-    verdicts = {case["case"]: case["verdict"] for case in report["cases"]}
+    return status, {case["case"]: case["verdict"] for case in report["cases"]}, report
+
+
+def test_a_player_is_audited_in_lockstep(tmp_path, programs):
+    for name, text in (("plant", PLANT), ("player", PLANT + PLAYER), ("sine", SPECIFICATION)):
+        (tmp_path / f"{name}.toml").write_text(text)
+    junit = tmp_path / "audit.xml"
+    cases = ["S01", "S02", "S08", "S12", "S15"]
+    player = [RESONARM, "exciter", "--bus", "{bus}", "--mode", "lockstep", "--scenario", tmp_path / "player.toml"]
+    files = tmp_path / "plant.toml", tmp_path / "sine.toml"
+    status, verdicts, report = audited(programs, tmp_path, *files, cases, player, "--junit", junit)
     assert verdicts == {
         "S01": "passed",
         "S02": "passed",
@@ -90,10 +70,34 @@ def test_a_player_is_audited_in_lockstep(tmp_path, programs):
     }, report
     assert status == 1 and report["passed"] == 2
     # What the controller printed lies beside the recording of each run.
-    assert (
-        "finished after 30001 samples"
-        in (tmp_path / "runs/base/controller.txt").read_text()
-    )
+    assert "finished after 30001 samples" in (tmp_path / "runs/base/controller.txt").read_text()
     assert (tmp_path / "runs/S12/run.mcap").stat().st_size > 0
     suite = ElementTree.parse(junit).getroot().find("testsuite")
     assert suite.attrib["failures"] == "2" and suite.attrib["skipped"] == "1"
+
+
+def test_a_controller_in_c_on_its_dbc_is_audited(tmp_path, programs):
+    sine = tmp_path / "sine"
+    compiler = ["cc", "-O2", "-std=gnu99", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run([*compiler, "-o", sine, EXAMPLE / "sine.c", "-lm"], check=True)
+    # Four times as fast as in the example: the amplitude is held less well, and the audit takes a fourth of the time.
+    specification = tmp_path / "sine.toml"
+    text = (EXAMPLE / "sine.toml").read_text()
+    specification.write_text(text.replace("rate_oct_min = 1", "rate_oct_min = 4"))
+    controller = [sine, "{bus}", "20", "45", "4", "3"]
+    plant, cases = EXAMPLE / "plant.toml", ["S02", "S12"]
+    status, verdicts, report = audited(programs, tmp_path, plant, specification, cases, controller)
+    assert (status, verdicts) == (0, {"S02": "passed", "S12": "passed"}), report
+    said = (tmp_path / "runs/S12/controller.txt").read_text()
+    assert said == "stopped: the sensor does not read the drive\n"
+
+
+def test_a_controller_in_python_on_its_dbc_is_audited(tmp_path, programs):
+    specification = tmp_path / "random.toml"
+    text = (EXAMPLE / "random.toml").read_text()
+    schedule = "levels_db = [-12, -6, -3, 0]\nseconds = [10, 10, 10, 120]"
+    assert schedule in text
+    specification.write_text(text.replace(schedule, "levels_db = [-6, 0]\nseconds = [10, 60]"))
+    controller = [sys.executable, EXAMPLE / "random_control.py", "{bus}", "{spec}"]
+    status, verdicts, report = audited(programs, tmp_path, EXAMPLE / "plant.toml", specification, ["R02"], controller)
+    assert (status, verdicts) == (0, {"R02": "passed"}), report
