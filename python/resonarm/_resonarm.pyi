@@ -269,6 +269,13 @@ def frequency_responses(recording: Recording, wanted: _Wanted, cut: _Cut) -> tup
 def shock_responses(
     recording: Recording, wanted: _Wanted, quality: float, frequency_hz: bytes
 ) -> tuple[_Channels, bytearray]: ...
+def judge(
+    recording: Recording,
+    specification: _Path,
+    channels: list[str],
+    reference: str | None,
+    range_s: list[float | None],
+) -> dict[str, Any]: ...
 
 @final
 class LogWriter:

@@ -1,6 +1,7 @@
 """The result of a bench's run, and assertions about it."""
 
 import math
+from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from ._dtypes import Array
 from .recording import Recording
 from .session import Report
-from .words import Fault, NodeState, RecordingPart
+from .words import Fault, NodeState, RecordingPart, Undecided
 
 LOADS = ("force_n", "torque_nm")
 PARTS: tuple[RecordingPart, ...] = ("samples", "states")
@@ -287,6 +288,29 @@ class Result:
                 f"{frequency_hz:g} Hz has {1 / frequency_hz / dt_s:g}"
             )
 
+    def assert_in_specification(
+        self,
+        specification: str | PathLike[str],
+        *channels: str,
+        reference: str | None = None,
+        from_s: float | None = None,
+        to_s: float | None = None,
+        undecided: Undecided = "fail",
+    ) -> dict[str, Any]:
+        """The readings meet a specification of a vibration or shock test; see
+        `resonarm.testing.assert_in_specification`."""
+        __tracebackhide__ = True
+        self._check_end()
+        return assert_in_specification(
+            self.recording,
+            specification,
+            *channels,
+            reference=reference,
+            from_s=from_s,
+            to_s=to_s,
+            undecided=undecided,
+        )
+
     def assert_settled(
         self,
         name: str,
@@ -313,6 +337,138 @@ class Result:
             self.fail(f"{name} has not settled: its amplitude goes from {halves[0]:g} to {halves[1]:g}", name, at)
         if amplitude is not None and abs(halves[1] - _number("amplitude", amplitude)) > within * amplitude:
             self.fail(f"{name} has an amplitude of {halves[1]:g}: expected {amplitude:g} within {within:.1%}", name, at)
+
+
+def assert_in_specification(
+    recording: Recording | str | PathLike[str],
+    specification: str | PathLike[str],
+    *channels: str,
+    reference: str | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    undecided: Undecided = "fail",
+) -> dict[str, Any]:
+    """A recording meets a specification of a vibration or shock test, as `Recording.judge` finds. A record that does
+    not decide this fails, or passes with `undecided="pass"`. Returns the document of the verdict."""
+    __tracebackhide__ = True
+    if undecided not in get_args(Undecided):
+        raise ValueError(f"undecided is {undecided!r}: expected one of {', '.join(get_args(Undecided))}")
+    if not isinstance(recording, Recording):
+        recording = Recording(recording)
+    judged = recording.judge(specification, *channels, reference=reference, from_s=from_s, to_s=to_s)
+    if judged["verdict"] == "out" or (judged["verdict"] == "undecided" and undecided == "fail"):
+        of = judged["configuration"]
+        span = f"{', '.join(of['channels'])} from {of['from_s']:g} to {of['to_s']:g} s"
+        lines = [f"{span}: {judged['verdict']} by the specification {specification}", *_reasons(judged)]
+        raise AssertionError("\n  ".join(lines) + f"\nrecording: {recording.path}")
+    return judged
+
+
+def _reasons(judged: dict[str, Any]) -> list[str]:
+    """What a verdict found, in words: the worst value with its limit first."""
+    found, test = judged["found"], judged["specification"]["test"]
+    if "reason" in found:
+        lines = [found["reason"]]
+    elif test["kind"] == "random":
+        lines = _reasons_of_random(judged)
+    elif test["kind"] == "sine":
+        lines = _reasons_of_sine(found, test)
+    else:
+        lines = _reasons_of_shots(found, test)
+    for limit in found.get("limits", []):
+        level = f"largest {limit['largest_db']:+.2f} dB over it, at {limit['largest_hz']:g} Hz"
+        lines.append(f"limit of {limit['channel']} {limit['verdict']}: {level}")
+    if judged["clipped"]:
+        lines.append(f"{judged['clipped']} values are clipped, so that the record can't show that the test is in")
+    return lines
+
+
+def _reasons_of_random(judged: dict[str, Any]) -> list[str]:
+    found, level = judged["found"], judged["level"]
+    lines = []
+
+    def deviation(line: dict[str, Any]) -> float:
+        return 10 * math.log10(max(line["density"], 1e-300) / line["demand"])
+
+    def beyond(line: dict[str, Any]) -> float:
+        low, high = line["tolerance_db"]
+        above, below = deviation(line) - high, low - deviation(line)
+        return float(above if line["is_limited"] else max(above, below))
+
+    worst = max(found["lines"], key=beyond, default=None)
+    if worst is not None:
+        (low, high), (least, most) = worst["interval_db"], worst["tolerance_db"]
+        lines.append(
+            f"worst line {worst['frequency_hz']:g} Hz {worst['verdict']}: {deviation(worst):+.2f} dB, with 95 % "
+            f"probability {low:+.2f} to {high:+.2f} dB; tolerance {least:+g} to {most:+g} dB"
+        )
+    inside, open_, out = found["counts"]
+    lines.append(
+        f"profile {found['profile']}: {inside} lines in, {open_} undecided, {out} out; "
+        f"{found['degrees_of_freedom']:.0f} degrees of freedom"
+    )
+    if found["deciding_dof"] is not None:
+        lines.append(f"about {found['deciding_dof']:.0f} degrees of freedom would decide it")
+    if found["rms"]["verdict"] is not None:
+        rms = found["rms"]
+        lines.append(f"rms {rms['verdict']}: {rms['rms_m_s2']:.4g} m/s², specified {rms['demand_m_s2']:.4g} m/s²")
+    if judged["begins_s"] is None:
+        lines.append("no stretch is within 2 dB of the specified rms: all of the record was judged")
+    elif level is not None and level["verdict"] != "in":
+        asked = "" if level["asked_s"] is None else f" of {level['asked_s']:g} s asked for"
+        lines.append(
+            f"level {level['verdict']}: {level['full_s']:g} s at full level{asked}, "
+            f"at most {level['highest_db']:+.2f} dB"
+        )
+    return lines
+
+
+def _reasons_of_sine(found: dict[str, Any], test: dict[str, Any]) -> list[str]:
+    worst = max(range(2), key=lambda end: abs(found["extremes"][end] - 1))
+    lines = [
+        f"amplitude {found['amplitude']}: worst {100 * (found['extremes'][worst] - 1):+.1f} % at "
+        f"{found['extremes_hz'][worst]:.4g} Hz; tolerance {100 * test['tolerance']:g} %"
+    ]
+    if found["whole"] < found["asked"]:
+        lines.append(f"{found['whole']} of {found['asked']} sweeps are whole")
+    if found["rate"] is not None:
+        rates = ", ".join(f"{sweep['rate']:.4g}" for sweep in found["passes"])
+        lines.append(f"sweep rate {found['rate']}: {rates}")
+    if found["is_continuous"] is False:
+        lines.append("the sweep is stepped")
+    return lines
+
+
+def _reasons_of_shots(found: dict[str, Any], test: dict[str, Any]) -> list[str]:
+    full = [shot for shot in found["shots"] if shot["is_full"]]
+    lines = []
+    if full and test["kind"] == "shock":
+        worst = max(full, key=lambda shot: shot["error"])
+        lines.append(
+            f"worst shot at {worst['t_s']:.4g} s: error {worst['error']:.1%} of the peak; limit {test['band']:.1%}"
+        )
+        for name, limit, words in (
+            ("velocity_change", test["velocity_tolerance"], "velocity change off by"),
+            ("end_velocity", test["end_velocity_tolerance"], "velocity at the end over the velocity change"),
+            ("outside", test["outside"], "beside the pulse over the peak"),
+        ):
+            most = max(abs(shot[name] or 0.0) for shot in full)
+            if limit is not None and most > limit:
+                lines.append(f"{words} {most:.1%}; limit {limit:.1%}")
+    elif full:
+        at, line = max(
+            ((shot["t_s"], line) for shot in full for line in shot["lines"]),
+            key=lambda found: abs(found[1]["deviation_db"]),
+        )
+        lines.append(
+            f"worst line {line['frequency_hz']:.4g} Hz of the shot at {at:.4g} s {line['verdict']}: "
+            f"{line['response_m_s2']:.4g} m/s², {line['deviation_db']:+.2f} dB of the specified "
+            f"{line['demand_m_s2']:.4g} m/s²"
+        )
+    lines.append(f"shots at full level: {len(full)} of {found['asked']}")
+    if found.get("is_first_low") is False:
+        lines.append("the first shot is more than 10 % above its level")
+    return lines
 
 
 def _number(name: str, given: float) -> float:

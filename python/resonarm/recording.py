@@ -222,6 +222,28 @@ class Recording(_resonarm.Recording):
         sample rate, above which samples miss peaks. The errors are those of `psd`."""
         return spectra.shock_responses(self, (list(channels), [from_s, to_s]), quality, frequency_hz)
 
+    def judge(
+        self,
+        specification: str | PathLike[str],
+        *channels: str,
+        reference: str | None = None,
+        from_s: float | None = None,
+        to_s: float | None = None,
+    ) -> dict[str, Any]:
+        """Judges the recording by a specification of a vibration or shock test, a TOML file or the name of a preset.
+        `verdict` of the document is in, undecided or out, and `found` has what was measured, as `resonarm verdict
+        --json` has it.
+
+        `channels` are the control channels, as `c.x`, by default those of the specification; `reference` is the drive
+        or the measured force, which gives the phase of a sine. A random test is judged over its longest stretch at full
+        level, a sine from its sweep on and a shock from its first shot on, unless a range of simulated time, s, is
+        given: `begins_s` says where the test begins.
+
+        Raises ValueError for a specification that can't be read, an unknown channel, and a record that does not suit
+        the specification.
+        """
+        return _resonarm.judge(self, specification, list(channels), reference, [from_s, to_s])
+
     def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """Draws the coordinates over time, of the arm α1 and α2, on matplotlib's axes, by default those of a new
         figure; they are returned."""

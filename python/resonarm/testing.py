@@ -18,6 +18,7 @@ from typing import Any
 
 from . import _checks, _extras, _resonarm
 from ._result import Result
+from ._result import assert_in_specification as assert_in_specification
 from .own_structure import Stepped
 from .scenario import Scenario
 from .session import Controller, Node, run

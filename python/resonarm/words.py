@@ -51,6 +51,8 @@ MessageName = Literal[
 """A message, by its name in the DBC."""
 Verdict = Literal["taken", "refused", "foreign"]
 """The verdict of a receiver on a frame."""
+Undecided = Literal["fail", "pass"]
+"""What a record does that does not decide whether a specification is met."""
 Fault = Literal[
     "command timeout",
     "sensor timeout",

@@ -9,6 +9,7 @@ mod continuation;
 mod controller;
 mod errors;
 mod forced;
+mod judge;
 mod log;
 mod logging;
 mod modes;
@@ -55,6 +56,7 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(spectra::densities, module)?)?;
     module.add_function(wrap_pyfunction!(spectra::frequency_responses, module)?)?;
     module.add_function(wrap_pyfunction!(spectra::shock_responses, module)?)?;
+    module.add_function(wrap_pyfunction!(judge::judge, module)?)?;
     module.add_class::<log::LogWriter>()?;
     module.add_function(wrap_pyfunction!(log::import_log, module)?)?;
     module.add_class::<protocol::Network>()?;
