@@ -159,11 +159,13 @@ static double answer(struct controller *c, const struct reading *r)
     }
     case SWEEPING:
         return sweep(c, r);
-    case RAMPING:
-        if (c->sample >= RAMP)
-            enter(c, OVER);
+    case RAMPING: {
+        double left = 1.0 - (double)c->sample / RAMP;
         c->phase_rad += 2.0 * PI * c->from_hz / RATE_HZ;
-        return c->drive_n * (1.0 - (double)c->sample / RAMP) * cos(c->phase_rad);
+        if (left <= 0.0)
+            enter(c, OVER);
+        return c->drive_n * fmax(left, 0.0) * cos(c->phase_rad);
+    }
     default:
         return 0.0;
     }
@@ -248,7 +250,8 @@ int main(int argc, char **argv)
             }
             continue;
         }
-        if (!drive(bus, answer(&c, &r), c.phase != OVER)) {
+        double force_n = answer(&c, &r);
+        if (!drive(bus, force_n, c.phase != OVER)) {
             perror(argv[1]);
             return 1;
         }
