@@ -133,6 +133,11 @@ impl Backbone {
             Some(damped) if !self.undamped => damped.clone(),
             _ => Forced::free(&tested.assembly, self.mode())?,
         };
+        if let (Some(drive), true) = (&walk.drive, self.undamped) {
+            let is_drawn = walk.amplitude.is_some() && self.plot.is_some();
+            let (at, but) = (drive.at(), if is_drawn { " but for the forced response" } else { "" });
+            tracing::warn!("a free vibration has no excitation: the load at {at} changes nothing{but}");
+        }
         let options = self.options(&forced, &walk)?;
         let mut early = Early::default();
         let (followed, wall_s) = timed(|| backbone(&forced, &options));
@@ -209,11 +214,6 @@ impl Backbone {
                 "the end of the curve is missing: give the displacement of {name} at which it ends, in {}, by --to X{or}",
                 read[0].unit()
             )));
-        }
-        if let (Some(drive), true) = (&drive, self.undamped) {
-            let drawn = if amplitude.is_some() && self.plot.is_some() { " but for the forced response" } else { "" };
-            let at = drive.at();
-            tracing::warn!("a free vibration has no excitation: the load at {at} changes nothing{drawn}");
         }
         Ok(Walk { drive, amplitude, read, to })
     }

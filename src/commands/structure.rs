@@ -15,6 +15,7 @@ use crate::flags::read_scenario;
 use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::plant::TestedAssembly;
+use resonarm::rig::PlaceName;
 use resonarm::scenario::structure::{ModeSection, NotModal};
 use resonarm::scenario::{Scenario, StructureKind, StructureSection};
 use resonarm::structure::{BodySpec, Link};
@@ -168,7 +169,10 @@ fn of_identified(path: &Path) -> Result<Scenario, Failure> {
     }
     let structure =
         StructureSection { kind: StructureKind::Modal, modes, points, lines, ..StructureSection::default() };
-    Ok(Scenario { structure, ..Scenario::default() })
+    let mut scenario = Scenario { structure, ..Scenario::default() };
+    // Nodes of a file have no point that is usual for the exciter.
+    scenario.rig.exciter.at = at.first().and_then(|name| PlaceName::new(name));
+    Ok(scenario)
 }
 
 /// Writes the section alone, without the paths of files that it notes: they would count from another folder.
