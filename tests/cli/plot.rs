@@ -65,7 +65,7 @@ fn densities_have_the_mean_square_as_their_area() {
 /// The square of the gain of a sinc filter of order 5 at 1000 samples a second, (sin x/x)¹⁰ with x = πfT.
 fn droop(hz: f64) -> f64 {
     let x = core::f64::consts::PI * hz / 1000.0;
-    if hz == 0.0 { 1.0 } else { (x.sin() / x).powi(10) }
+    if hz == 0.0 { 1.0 } else { (libm::sin(x) / x).powi(10) }
 }
 
 /// A force F that is held from sample to sample has the fundamental F sin x/x, x = πfT, and the tip the accelerance
@@ -83,8 +83,8 @@ fn a_density_has_no_droop() {
     let segments = ["--segment-s", "1", "--overlap", "0", "--window", "rectangular"];
     let found = shown(folder.path(), "psd", &[&wanted[..], &segments].concat());
     let (x, ratio) = (core::f64::consts::PI * 0.15, 150.0_f64 / 20.0);
-    let force = 20.0 * x.sin() / x;
-    let accelerance = ratio * ratio / (1.0 - ratio * ratio).hypot(2.0 * 0.02 * ratio);
+    let force = 20.0 * libm::sin(x) / x;
+    let accelerance = ratio * ratio / libm::hypot(1.0 - ratio * ratio, 2.0 * 0.02 * ratio);
     let line = list(&found["frequency_hz"]).iter().position(|hz| *hz == 150.0).unwrap();
     for (channel, amplitude) in [(HEAD, force), (TIP, force * accelerance)] {
         let density = list(&found["channels"][channel]["psd"])[line];

@@ -7,6 +7,7 @@
 //!
 //! The argument is the number of records for each cell. A record is Gaussian noise of the specified density with a deviation that
 //! is known, made of overlapping frames, so nothing of the estimator is in it.
+#![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "a program that measures")]
 
 use nalgebra::Complex;
 use resonarm_numeric::dft::Fft;
