@@ -290,7 +290,7 @@ def test_a_file_of_pyuff_brings_its_geometry(command, tmp_path):
     sets = [units, grid]
     for response, node in enumerate([3, 7]):
         values = accelerance(hz, modes, response, 1)
-        values = values + 1e-4 * np.abs(values) * noise.standard_normal((2, len(hz))).T @ [1, 1j]
+        values = values + 1e-4 * np.abs(values) * (noise.standard_normal((len(hz), 2)) @ [1, 1j])
         sets.append(
             pyuff.prepare_58(
                 func_type=4,
