@@ -349,17 +349,21 @@ def assert_in_specification(
     undecided: Undecided = "fail",
 ) -> dict[str, Any]:
     """A recording meets a specification of a vibration or shock test, as `Recording.judge` finds. A record that does
-    not decide this fails, or passes with `undecided="pass"`. Returns the document of the verdict."""
+    not decide this fails, or passes with `undecided="pass"`; a record in which no test begins always fails. Returns
+    the document of the verdict."""
     __tracebackhide__ = True
     if undecided not in get_args(Undecided):
         raise ValueError(f"undecided is {undecided!r}: expected one of {', '.join(get_args(Undecided))}")
     if not isinstance(recording, Recording):
         recording = Recording(recording)
     judged = recording.judge(specification, *channels, reference=reference, from_s=from_s, to_s=to_s)
-    if judged["verdict"] == "out" or (judged["verdict"] == "undecided" and undecided == "fail"):
+    is_begun = judged["begins_s"] is not None
+    if judged["verdict"] == "out" or (judged["verdict"] == "undecided" and (undecided == "fail" or not is_begun)):
         of = judged["configuration"]
         span = f"{', '.join(of['channels'])} from {of['from_s']:g} to {of['to_s']:g} s"
         lines = [f"{span}: {judged['verdict']} by the specification {specification}", *_reasons(judged)]
+        if not is_begun and undecided == "pass":
+            lines.append('no test begins in the record, which undecided="pass" does not cover')
         raise AssertionError("\n  ".join(lines) + f"\nrecording: {recording.path}")
     return judged
 

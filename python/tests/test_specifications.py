@@ -115,6 +115,19 @@ def test_a_recording_without_a_sweep_is_undecided(result):
         assert_in_specification(result.recording, path)
 
 
+def test_a_recording_in_which_no_test_begins_does_not_pass_by_choice(result):
+    with pytest.raises(AssertionError, match=r"no test begins in the record, which undecided=\"pass\" does not cover"):
+        result.assert_in_specification(sine(result, "never"), undecided="pass")
+    # 4 dB below the level, and within a tolerance of 9 dB.
+    path = specification(result, "far", factor=10**0.4, tolerance_db=9.0)
+    path.write_text(path.read_text().replace("rms_tolerance = 0.2\n", ""))
+    judged = result.recording.judge(path)
+    assert judged["verdict"] == "undecided" and judged["found"]["verdict"] == "in" and judged["begins_s"] is None
+    with pytest.raises(AssertionError, match="no test begins in the record"):
+        result.assert_in_specification(path, undecided="pass")
+    assert result.assert_in_specification(path, from_s=1.0)["verdict"] == "in"
+
+
 def test_a_recording_far_below_it_fails_with_what_was_found(result):
     path = specification(result, "high", factor=4.0)
     with pytest.raises(AssertionError) as failed:

@@ -33,7 +33,7 @@ Examples:
   resonarm verdict spec.toml run.mcap --junit verdict.xml --report verdict.html
   resonarm verdict spec.toml run.mcap --from-s 50 --undecided pass --json
 
-Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided. docs/specifications.md describes how each kind of test \
+Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided; always 1 if no test begins in the record. docs/specifications.md describes how each kind of test \
 is judged.";
 
 /// Exit code of a verdict that the record does not decide.
@@ -79,7 +79,7 @@ pub(crate) struct Verdict {
     reference: Option<String>,
     #[command(flatten)]
     range: TimeRange,
-    /// Whether a record that does not decide passes, with exit code 0, or fails, with 1.
+    /// Whether a record that does not decide passes, with exit code 0, or fails, with 1. A record in which no test begins fails.
     #[arg(long, help_heading = heading::TEST, value_name = "WHICH", value_parser = flags::one_of(Undecided::ALL, Undecided::name), default_value = "fail")]
     undecided: Undecided,
     /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
@@ -120,7 +120,6 @@ impl Verdict {
         if is_level_missing {
             tracing::warn!("the record has no stretch within 2 dB of the specified rms: all of it is judged");
         }
-        let verdict = judged.verdict;
         let mut names = Map::new();
         names.insert(String::from("specification"), json!(self.spec));
         names.insert(String::from("recording"), json!(self.file));
@@ -139,11 +138,7 @@ impl Verdict {
             files.push(output::write(path.clone(), &report)?);
         }
         self.json.show(&document, || self.text(&document, &judged), &files)?;
-        let passes = match verdict {
-            RecordVerdict::In => true,
-            RecordVerdict::Undecided => self.undecided == Undecided::Pass,
-            RecordVerdict::Out => false,
-        };
+        let passes = judged.passes(self.undecided == Undecided::Pass);
         Ok(crate::failure::Verdict::of(passes).and(recordings::verdict(&recording)))
     }
 
@@ -177,7 +172,9 @@ impl Verdict {
             let hz = figure_of(frequency_hz);
             text += &format!("converters: the readings are {} at {hz} Hz, the acceleration is higher\n", db(gain_db));
         }
-        text + &format!("verdict: {}\n", document.verdict.name())
+        let is_missing = document.verdict == RecordVerdict::Undecided && document.begins_s.is_none();
+        let reason = if is_missing { "; no test begins in the record" } else { "" };
+        text + &format!("verdict: {}{reason}\n", document.verdict.name())
     }
 
     fn figure(&self, document: &Document<'_>, judged: &Judged) -> (Figure, String) {
@@ -242,10 +239,19 @@ pub(super) fn level_measured(level: &LevelVerdict) -> String {
     )
 }
 
+/// Says why no test begins in a record; `None` if one does.
+pub(super) fn not_begun(document: &Document<'_>) -> Option<String> {
+    match document.found {
+        _ if document.begins_s.is_some() => None,
+        Found::NotBegun(found) => Some(found.reason.clone()),
+        Found::Random(_) => Some(String::from("no stretch is at full level")),
+        Found::Sine(_) | Found::Shock(_) | Found::Srs(_) => Some(String::from("no shot is at full level")),
+    }
+}
+
 /// Says where the test begins, or why nowhere.
 pub(super) fn begins_text(document: &Document<'_>) -> String {
     match (document.begins_s.zip(document.begins_by), document.found) {
-        (_, Found::NotBegun(found)) => format!("begin of the test: not found; {}", found.reason),
         (Some((at_s, by)), found) => {
             let left_out = match found {
                 Found::Sine(found) if found.left_out > 0 => {
@@ -255,7 +261,7 @@ pub(super) fn begins_text(document: &Document<'_>) -> String {
             };
             format!("begin of the test: {} s, {}{left_out}", rounded(&at_s, 3), by.name())
         }
-        (None, _) => String::from("begin of the test: not found; no stretch is at full level"),
+        (None, _) => format!("begin of the test: not found; {}", not_begun(document).unwrap_or_default()),
     }
 }
 

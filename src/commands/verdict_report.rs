@@ -1,7 +1,7 @@
 //! The parts of a verdict, for JUnit XML and for the report as HTML.
 
 use crate::commands::spec::figure_of;
-use crate::commands::verdict::{Undecided, begins_text, db, level_measured};
+use crate::commands::verdict::{Undecided, begins_text, db, level_measured, not_begun};
 use crate::failure::Failure;
 use crate::junit::{self, Outcome};
 use crate::page::{Page, Tone};
@@ -111,7 +111,10 @@ fn parts(document: &Document<'_>) -> Vec<Part> {
                 parts.push(Part::new(format!("shot {number}"), shot.verdict, measured));
             }
         }
-        Found::NotBegun(found) => parts.push(Part::new("begin of the test", found.verdict, found.reason.clone())),
+        Found::NotBegun(_) => {}
+    }
+    if let Some(reason) = not_begun(document) {
+        parts.push(Part::new("begin of the test", Verdict::Undecided, reason));
     }
     if document.clipped > 0 {
         let measured = format!("{} values are clipped, so the record can't show that the test is in", document.clipped);
@@ -120,8 +123,10 @@ fn parts(document: &Document<'_>) -> Vec<Part> {
     parts
 }
 
-/// Returns the verdict as JUnit XML: a case for each part. What is undecided is a failure, or skipped if it passes.
+/// Returns the verdict as JUnit XML: a case for each part. What is undecided is a failure, or skipped if it passes, which it does
+/// only in a record in which a test begins.
 pub(super) fn junit(document: &Document<'_>, undecided: Undecided) -> String {
+    let undecided = if document.begins_s.is_some() { undecided } else { Undecided::Fail };
     let case = |part: Part| {
         let reason = format!("{}: {}", part.verdict.name(), part.measured);
         let outcome = match (part.verdict, undecided) {

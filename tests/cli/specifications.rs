@@ -272,9 +272,45 @@ fn a_swept_sine_is_judged() {
         "{}",
         said.stdout
     );
-    assert!(said.stdout.contains("\nverdict: undecided\n"), "{}", said.stdout);
+    assert!(said.stdout.contains("\nverdict: undecided; no test begins in the record\n"), "{}", said.stdout);
     let junit = fs::read_to_string(folder.join("none.xml")).unwrap();
     assert!(junit.contains("name=\"begin of the test\"><failure message=\"undecided: no sweep between"), "{junit}");
     let none = document(folder, 1, &["verdict", "good.toml", "noise.mcap", "--json"]);
     assert_eq!((&none["verdict"], &none["begins_s"]), (&"undecided".into(), &serde_json::Value::Null));
+    // What is undecided otherwise may pass by choice; a record without the test may not.
+    let pass = ["verdict", "good.toml", "noise.mcap", "--undecided", "pass", "--junit", "pass.xml"];
+    let said = resonarm(folder, &pass);
+    assert_eq!(said.code, 1, "{}", said.stdout);
+    assert!(said.stdout.contains("\nverdict: undecided; no test begins in the record\n"), "{}", said.stdout);
+    let junit = fs::read_to_string(folder.join("pass.xml")).unwrap();
+    assert!(junit.contains("name=\"begin of the test\"><failure message=\"undecided: no sweep between"), "{junit}");
+}
+
+/// Noise 4 dB below the level, within a tolerance of 9 dB: the full level is never reached, so no choice makes this a passed test.
+#[test]
+fn a_random_test_that_never_reaches_its_level_does_not_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recorded(folder, "low", 5, "waveform = 'random', from_hz = 5, to_hz = 100, seed = 3", 20.0);
+    let psd = ["plot", "low.mcap", "--of", "psd", "--channels", "acceleration_c_x_m_s2", "--segment-s", "1", "--json"];
+    let found = document(folder, 0, &psd);
+    let density: Vec<f64> = serde_json::from_value(found["channels"]["acceleration_c_x_m_s2"]["psd"].clone()).unwrap();
+    let level = density[15..80].iter().sum::<f64>() / 65.0 * 10_f64.powf(0.4);
+    let spec = format!(
+        "spec = {{ kind = 'random', sources = [] }}\ncontrol = {{ channels = ['c.x'] }}\n[random]\nunit = '(m/s2)2/Hz'\n\
+         breakpoints = [[15, {level:e}], [80, {level:e}]]\ntolerance_db = [-9, 9]\nlines_hz = 1\n"
+    );
+    fs::write(folder.join("high.toml"), spec).unwrap();
+    let judged = ["verdict", "high.toml", "low.mcap", "--undecided", "pass", "--junit", "low.xml"];
+    let said = resonarm(folder, &judged);
+    assert!(said.stdout.contains("\nverdict: undecided; no test begins in the record\n"), "{}", said.stdout);
+    assert_eq!(said.code, 1);
+    let junit = fs::read_to_string(folder.join("low.xml")).unwrap();
+    assert!(
+        junit.contains("name=\"begin of the test\"><failure message=\"undecided: no stretch is at full level"),
+        "{junit}"
+    );
+    // A range that is given begins with the test.
+    let given = ["verdict", "high.toml", "low.mcap", "--undecided", "pass", "--from-s", "0.5"];
+    assert_eq!(resonarm(folder, &given).code, 0);
 }

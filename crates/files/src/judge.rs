@@ -31,7 +31,8 @@ pub struct JudgeOptions {
 /// A judged recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// Verdict: the worse of that on the record and that on its levels, and undecided instead of in if readings are clipped.
+    /// Verdict: the worse of that on the record and that on its levels, and undecided instead of in if readings are clipped or
+    /// no test begins in the record.
     pub verdict: Verdict,
     /// What was found.
     pub found: Found,
@@ -50,6 +51,18 @@ pub struct Judged {
     pub level: Option<LevelVerdict>,
     /// Values of the first control channel over the range, m/s².
     pub reading: Vec<f64>,
+}
+
+impl Judged {
+    /// Says whether the recording passes. One that is undecided passes by the user's choice, unless no test begins in it: that
+    /// shows a controller that did not run its test, not a record that is too short.
+    pub fn passes(&self, passes_undecided: bool) -> bool {
+        match self.verdict {
+            Verdict::In => true,
+            Verdict::Undecided => passes_undecided && self.begins.is_some(),
+            Verdict::Out => false,
+        }
+    }
 }
 
 /// Where the test begins in a recording. What a controller does before, such as an identification at low level, is not judged.
@@ -274,9 +287,6 @@ pub fn judge(
         judged => judged?,
     };
     let clipped = signals.clipped.iter().sum();
-    // What is beyond a sensor's range is not in the record, so it can't prove that the test is in.
-    let least = if clipped > 0 { Verdict::Undecided } else { Verdict::In };
-    let verdict = level.iter().map(|level| level.verdict).fold(found.verdict().max(least), Verdict::max);
     let at = |sample: usize| signals.start_s + sample as f64 / rate_hz;
     let range_s = [at(range.start), at(range.end)];
     let is_at_level = level.as_ref().is_some_and(|level| level.longest.is_some());
@@ -289,6 +299,10 @@ pub fn judge(
         Found::Shock(found) => Some(found.begins_s),
         Found::Srs(found) => found.shots.iter().find(|shot| shot.is_full).map(|shot| shot.t_s),
     };
+    // What is beyond a sensor's range is not in the record, so it can't prove that the test is in; nor can a test that never
+    // begins.
+    let least = if clipped > 0 || after_s.is_none() { Verdict::Undecided } else { Verdict::In };
+    let verdict = level.iter().map(|level| level.verdict).fold(found.verdict().max(least), Verdict::max);
     let is_given = begin == Begin::Start || (matches!(test, Test::Random(_)) && options.range_s[1].is_some());
     let by = if is_given { BeginBy::Given } else { BeginBy::of(test) };
     Ok(Judged {

@@ -432,7 +432,7 @@ pub fn judge_level(test: &RandomTest, rate_hz: f64, samples: &[f64]) -> Option<L
     let freedom = 2.0 * LEVEL_S * specified * specified / (squares * test.lines_hz);
     let chance = chi_square_survival(freedom * highest / libm::pow(10.0, 0.1 * LEVEL_DB), freedom);
     let windows = samples.len() as f64 / window as f64;
-    let full_s = stretches.iter().map(|stretch| stretch.len() as f64).sum::<f64>() / rate_hz;
+    let full_s = stretches.iter().map(Range::len).sum::<usize>() as f64 / rate_hz;
     // What may have been left out at the ends of stretches.
     let unseen_s = 2.0 * LEVEL_S * stretches.len() as f64;
     let asked_s = test.schedule.as_ref().map(Schedule::full_level_s);
