@@ -2,7 +2,7 @@
 
 `python random_control.py vcan0 random.toml` listens, checks the loop with a little noise, equalises while it rises
 through the levels of the specification, holds the full level, and ramps the drive to zero. It stops when the reading is
-lost, too large or clipped.
+lost, too large or clipped, and when an operator says so. After that it waits for the operator to start the test again.
 """
 
 import argparse
@@ -18,9 +18,9 @@ RATE_HZ = 1000
 # Frames of one second, so that lines are 1 Hz apart; half of each overlaps the next.
 FRAME = 1000
 DATABASE = cantools.database.load_file(Path(__file__).with_name("bench.dbc"))
-DRIVE, MEAS = (DATABASE.get_message_by_name(name) for name in ("Drive", "Meas"))
+DRIVE, MEAS, OPERATOR = (DATABASE.get_message_by_name(name) for name in ("Drive", "Meas", "Operator"))
 
-SILENCE_S, CHECK_S, RAMP_S = 3, 8, 0.1
+SILENCE_S, CHECK_S, RAMP_S, WAIT_S = 3, 8, 0.1, 10
 CHECK_N = 1.0
 # The density is equalised every so many seconds, by this power of its error, and by 3 dB at most.
 EQUALISED_S, POWER, MOST = 4, 0.3, 10**0.3
@@ -102,6 +102,7 @@ class Controller:
         # The density of the drive for the full level, and that of the drive now.
         self.density = self.driven_by = np.zeros(len(specification.density))
         self.stopped = None
+        self.is_ending = False
 
     def steps(self):
         try:
@@ -111,9 +112,13 @@ class Controller:
                 yield from self.hold(10 ** (level_db / 20), seconds)
         except Stop as why:
             self.stopped = str(why)
+        self.is_ending = True
         count = int(RAMP_S * RATE_HZ)
         for k in range(count):
             yield self.limited(self.noise.sample(self.driven_by)) * (1 - (k + 1) / count)
+        # A stopped test may be started again.
+        for _ in range(WAIT_S * RATE_HZ if self.stopped else 0):
+            yield 0.0
 
     def limited(self, drive_n):
         rms_n = np.sqrt(self.driven_by.sum() * RATE_HZ / FRAME)
@@ -189,6 +194,8 @@ class Shaker:
 
     def __init__(self, bus):
         self.bus, self.alive = bus, 0
+        # What the operator has said since the last reading.
+        self.word = None
 
     def drive(self, force_n, *, enable):
         payload = DRIVE.encode({"Force": force_n, "Enable": enable, "Alive": self.alive})
@@ -197,14 +204,18 @@ class Shaker:
 
     def read(self, timeout_s):
         """The next reading; None after the timeout."""
+        self.word = None
         while (frame := self.bus.recv(timeout_s)) is not None:
+            if frame.arbitration_id == OPERATOR.frame_id:
+                self.word = OPERATOR.decode(frame.data)["Word"]
             if frame.arbitration_id == MEAS.frame_id:
                 return MEAS.decode(frame.data)
         return None
 
 
-def run(shaker, controller, timeout_s):
-    """Answers the readings of the enabled shaker; whether the controller came to its end."""
+def run(shaker, specification, timeout_s):
+    """Answers the readings of the enabled shaker, and returns why the test did not come to its end, or None."""
+    controller = Controller(specification)
     steps, drive_n = controller.steps(), None
     shaker.drive(0.0, enable=True)
     while (reading := shaker.read(timeout_s)) is not None:
@@ -212,14 +223,22 @@ def run(shaker, controller, timeout_s):
             # Readings from before the shaker is enabled are repeated, and not answered.
             if drive_n is None:
                 continue
-            return False
+            return "the shaker was disabled"
+        if shaker.word == "start" and controller.stopped:
+            controller = Controller(specification)
+            steps, drive_n = controller.steps(), None
         try:
-            drive_n = next(steps) if drive_n is None else steps.send((reading["Control"], reading["Clipped"]))
+            if drive_n is None:
+                drive_n = next(steps)
+            elif shaker.word == "stop" and not controller.is_ending:
+                drive_n = steps.throw(Stop("the operator has stopped the test"))
+            else:
+                drive_n = steps.send((reading["Control"], reading["Clipped"]))
         except StopIteration:
             shaker.drive(0.0, enable=False)
-            return True
+            return controller.stopped
         shaker.drive(drive_n, enable=True)
-    return False
+    return controller.stopped or f"no reading for {timeout_s:g} s"
 
 
 def main():
@@ -227,12 +246,12 @@ def main():
     parser.add_argument("channel")
     parser.add_argument("specification")
     flags = parser.parse_args()
-    controller = Controller(Specification(flags.specification))
+    specification = Specification(flags.specification)
     with can.Bus(interface="socketcan", channel=flags.channel) as bus:
-        is_complete = run(Shaker(bus), controller, 10.0)
-    if controller.stopped:
-        print(f"stopped: {controller.stopped}", file=sys.stderr)
-    return 0 if is_complete and not controller.stopped else 1
+        stopped = run(Shaker(bus), specification, 40.0)
+    if stopped:
+        print(f"stopped: {stopped}", file=sys.stderr)
+    return 1 if stopped else 0
 
 
 if __name__ == "__main__":

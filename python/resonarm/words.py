@@ -73,7 +73,7 @@ NetworkFault = Literal[
     "loss", "delay", "jitter", "reordering", "duplication", "bit_error", "babble", "bus_off", "link_down"
 ]
 """A fault of the network, as in `[[network.faults]]` of a scenario."""
-SensorFault = Literal["stuck", "dropout", "drift", "noise", "spike", "gain"]
+SensorFault = Literal["stuck", "dropout", "drift", "noise", "spike", "gain", "distortion"]
 """A fault of an instrument, as in `[[rig.faults]]` of a scenario."""
 RecordingPart = Literal["states", "samples", "frames", "ticks", "events"]
 """A part of a recording: its records of one kind."""

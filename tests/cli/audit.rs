@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 
@@ -65,18 +66,20 @@ fn a_player_passes_the_cases_about_its_sweep_and_fails_those_about_its_readings(
         ("S04", "passed"),
         ("S05", "passed"),
         ("S06", "passed"),
+        ("S07", "passed"),
         ("S08", "failed"),
         ("S09", "failed"),
         ("S10", "skipped"),
         ("S11", "failed"),
         ("S12", "failed"),
         ("S13", "skipped"),
+        ("S14", "skipped"),
         ("S15", "passed"),
         ("S16", "skipped"),
         ("S17", "skipped"),
     ];
     assert_eq!(verdicts(&found), BTreeMap::from(expected), "{found:#}");
-    assert_eq!((&found["passed"], &found["failed"], &found["skipped"]), (&7.into(), &4.into(), &4.into()));
+    assert_eq!((&found["passed"], &found["failed"], &found["skipped"]), (&8.into(), &4.into(), &5.into()));
     // The lost signal reads exactly nothing, from the middle of the sweep on.
     let lost = found["cases"].as_array().unwrap().iter().find(|case| case["case"] == "S08").unwrap();
     assert_eq!(lost["measured"][0]["most"], 500.0);
@@ -84,7 +87,7 @@ fn a_player_passes_the_cases_about_its_sweep_and_fails_those_about_its_readings(
     let said = resonarm(folder, &["export", recording, "--to", "csv", "--out", "lost"]);
     assert_eq!(said.code, 0, "{}", said.stderr);
     let junit = fs::read_to_string(folder.join("audit.xml")).unwrap();
-    assert!(junit.contains("<testsuite name=\"resonarm audit\" tests=\"15\" failures=\"4\" skipped=\"4\">"), "{junit}");
+    assert!(junit.contains("<testsuite name=\"resonarm audit\" tests=\"17\" failures=\"4\" skipped=\"5\">"), "{junit}");
     assert!(
         junit.contains("name=\"S08 stops when the channel reads nothing\"><failure message=\"time to no drive"),
         "{junit}"
@@ -186,6 +189,32 @@ fn a_test_that_never_begins_is_not_passed() {
     );
 }
 
+/// Audits a reference controller on the plant of `examples/test-control` by some cases, all of which it passes.
+fn audited(folder: &Path, kind: &str, cases: &[&str]) -> Value {
+    let examples = std::path::absolute("examples/test-control").unwrap();
+    let file = |name: &str| examples.join(name).to_str().unwrap().to_owned();
+    let [plant, specification, controller] =
+        ["plant.toml", &format!("{kind}.toml"), &format!("{kind}-exciter.toml")].map(file);
+    let mut arguments = vec!["audit", "--scenario", &plant, "--specification", &specification];
+    arguments.extend(["--controller", &controller, "--json"]);
+    arguments.extend(cases.iter().flat_map(|case| ["--case", case]));
+    let found = document(folder, 0, &arguments);
+    assert_eq!(verdicts(&found), cases.iter().map(|case| (*case, "passed")).collect(), "{found:#}");
+    found
+}
+
+/// The reference controllers hear an operator, and regulate the fundamental alone.
+#[test]
+fn reference_controllers_pass_the_cases_of_an_operator() {
+    let folder = tempfile::tempdir().unwrap();
+    audited(folder.path(), "random", &["R18", "R19"]);
+    let again = tempfile::tempdir().unwrap();
+    audited(again.path(), "sine", &["S07", "S10", "S13", "S14"]);
+    // The words are a part of the recorded scenario, so that a run can be simulated again.
+    let said = resonarm(again.path(), &["resim", "resonarm-audit/S14/run.mcap"]);
+    assert_eq!(said.code, 0, "{}{}", said.stdout, said.stderr);
+}
+
 #[test]
 fn what_can_not_be_audited_is_refused() {
     let folder = folder();
@@ -196,6 +225,8 @@ fn what_can_not_be_audited_is_refused() {
         says(&[&AUDIT[..], &["--case", "R01"]].concat()).contains("unknown case \"R01\", expected one of S01, S02")
     );
     assert!(says(&[&AUDIT[..6], &["plant.toml"]].concat()).contains("neither a section [control] nor [excitation]"));
+    let on_bus = [&AUDIT[..5], &["--bus", "none0", "--operator", "say stop", "--", "true"]].concat();
+    assert!(says(&on_bus).contains("--operator \"say stop\" has no {word}"));
     fs::write(folder.join("two.toml"), format!("{SPECIFICATION}[control]\nchannels = ['b.x', 'c.x']\n")).unwrap();
     assert!(says(&[&AUDIT[..4], &["two.toml"], &AUDIT[5..]].concat()).contains("an audit has one control channel"));
     fs::write(folder.join("audit.xml"), "").unwrap();

@@ -42,6 +42,9 @@ segments = [{ to_hz = 60, acceleration_m_s2 = 3 }]
 tolerance = 0.1
 """
 
+SCHEDULE = "levels_db = [-12, -6, -3, 0]\nseconds = [10, 10, 10, 120]"
+SHORT = "levels_db = [-6, 0]\nseconds = [10, 60]"
+
 
 def audited(programs, folder, plant, specification, cases, controller, *more):
     """The exit status and the report of an audit in lockstep; its runs lie in the folder `runs`."""
@@ -95,9 +98,32 @@ def test_a_controller_in_c_on_its_dbc_is_audited(tmp_path, programs):
 def test_a_controller_in_python_on_its_dbc_is_audited(tmp_path, programs):
     specification = tmp_path / "random.toml"
     text = (EXAMPLE / "random.toml").read_text()
-    schedule = "levels_db = [-12, -6, -3, 0]\nseconds = [10, 10, 10, 120]"
-    assert schedule in text
-    specification.write_text(text.replace(schedule, "levels_db = [-6, 0]\nseconds = [10, 60]"))
+    assert SCHEDULE in text
+    specification.write_text(text.replace(SCHEDULE, SHORT))
     controller = [sys.executable, EXAMPLE / "random_control.py", "{bus}", "{spec}"]
     status, verdicts, report = audited(programs, tmp_path, EXAMPLE / "plant.toml", specification, ["R02"], controller)
     assert (status, verdicts) == (0, {"R02": "passed"}), report
+
+
+def test_a_controller_in_python_hears_an_operator(tmp_path, programs):
+    specification = tmp_path / "random.toml"
+    text = (EXAMPLE / "random.toml").read_text()
+    specification.write_text(text.replace(SCHEDULE, SHORT))
+    controller = [sys.executable, EXAMPLE / "random_control.py", "{bus}", "{spec}"]
+    operator = "--operator", f"{sys.executable} {EXAMPLE / 'say.py'} {{bus}} {{word}}"
+    files = EXAMPLE / "plant.toml", specification
+    status, verdicts, report = audited(programs, tmp_path, *files, ["R18", "R19"], controller, *operator)
+    assert (status, verdicts) == (0, {"R18": "passed", "R19": "passed"}), report
+    said = (tmp_path / "runs/R18/controller.txt").read_text()
+    assert said == "stopped: the operator has stopped the test\n"
+
+
+def test_an_operator_whose_command_fails_ends_the_audit(tmp_path, programs):
+    plant, player, sine = (tmp_path / f"{name}.toml" for name in ("plant", "player", "sine"))
+    for path, text in ((plant, PLANT), (player, PLANT + PLAYER), (sine, SPECIFICATION)):
+        path.write_text(text)
+    player = [RESONARM, "exciter", "--bus", "{bus}", "--mode", "lockstep", "--scenario", player]
+    options = ["--out", tmp_path / "runs", "--case", "S10", "--bus", "vcan0", "--operator", "false {word}"]
+    tool = programs.resonarm("audit", "--scenario", plant, "--specification", sine, *options, "--", *player)
+    assert tool.wait() == 2
+    assert 'the operator\'s command "false stop" ended with exit status: 1' in tool.stderr

@@ -35,8 +35,14 @@ pub enum Stimulus {
     Gap(f64),
     /// The controller is told to stop at the level.
     Stop,
-    /// The control channel is lost at the level; afterwards it is back, and the controller is told to start again.
+    /// The control channel is lost at the level. [`BACK_S`] later it is back, and [`RESTART_S`] later the controller is told to
+    /// start again.
     Restart,
+    /// The controller is told at the level to change it by this many dB.
+    Level(f64),
+    /// From the begin of a sweep on the control channel reads a sine with a second harmonic of this part of its amplitude, where
+    /// the specified amplitude is largest.
+    Harmonic(f64),
     /// The specification limits a response to this many dB below what it reads in the base run.
     ResponseLimit(f64),
     /// The specification limits the drive to this part of the largest one of the base run.
@@ -48,12 +54,31 @@ pub enum Stimulus {
 impl Stimulus {
     /// Says whether it acts only once the test is at its level.
     pub const fn is_at_level(self) -> bool {
-        matches!(
-            self,
-            Stimulus::Dead | Stimulus::Open | Stimulus::Gain(_) | Stimulus::Gap(_) | Stimulus::Stop | Stimulus::Restart
-        )
+        match self {
+            Stimulus::None
+            | Stimulus::DeadFromStart
+            | Stimulus::OpenFromStart
+            | Stimulus::Clipped(_)
+            | Stimulus::Inverted
+            | Stimulus::ResponseLimit(_)
+            | Stimulus::DriveLimit(_)
+            | Stimulus::LightModes(_) => false,
+            Stimulus::Dead
+            | Stimulus::Open
+            | Stimulus::Gain(_)
+            | Stimulus::Gap(_)
+            | Stimulus::Stop
+            | Stimulus::Restart
+            | Stimulus::Level(_)
+            | Stimulus::Harmonic(_) => true,
+        }
     }
 }
+
+/// Time from the loss of the control channel until it is back, s.
+pub const BACK_S: f64 = 2.0;
+/// Time from the loss of the control channel until the controller is told to start again, s.
+pub const RESTART_S: f64 = 3.0;
 
 /// A figure that a case measured, with its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -232,11 +257,12 @@ impl<'a> Base<'a> {
     }
 
     /// Returns the sample at which a stimulus at the level acts: 6 s into the full level of a random test, in the middle of a
-    /// sweep.
-    pub fn stimulus(&self, test: &Test) -> Option<usize> {
+    /// sweep, or with its begin.
+    pub fn stimulus(&self, test: &Test, stimulus: Stimulus) -> Option<usize> {
         let level = self.level.as_ref()?;
-        Some(match test {
-            Test::Sine(_) => usize::midpoint(level.start, level.end),
+        Some(match (test, stimulus) {
+            (_, Stimulus::Harmonic(_)) => level.start,
+            (Test::Sine(_), _) => usize::midpoint(level.start, level.end),
             _ => level.start + self.record.samples(SETTLE_S),
         })
     }
@@ -267,6 +293,28 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
+    /// Judges a start after an abort: the drive of the first seconds over the largest one of the base run. Inconclusive if the
+    /// controller did not abort before, or did not begin again.
+    pub(crate) fn restarted(&self, first_s: f64, most: f64) -> Finding {
+        if let Some(finding) = self.was_not_driven() {
+            return finding;
+        }
+        let record = self.record;
+        let start = self.stimulus + record.samples(RESTART_S);
+        // A drive that still ends is not taken for one that goes on.
+        const BEFORE_S: f64 = 0.1;
+        if record.peak(start.saturating_sub(record.samples(BEFORE_S)), start) > 0.0 {
+            return Finding::inconclusive(
+                "the controller did not stop when its channel was lost, so it had nothing to start again",
+            );
+        }
+        if record.peak(start, record.len()) == 0.0 {
+            return Finding::inconclusive("the controller did not begin again when it was told to start");
+        }
+        let peak_n = record.peak(start, start + record.samples(first_s));
+        Finding::of([Measure::at_most("largest drive", peak_n, "N", most * self.base.peak_n)])
+    }
+
     /// Returns a finding if the drive was much weaker before the stimulus than in the base run: the stimulus then never acted.
     pub(crate) fn was_not_driven(&self) -> Option<Finding> {
         let from = self.stimulus.saturating_sub(self.record.samples(2.0));

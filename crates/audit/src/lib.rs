@@ -22,7 +22,7 @@ mod shock;
 mod sine;
 mod spectrum;
 
-pub use case::{Base, Case, Context, Finding, Measure, Stimulus, Verdict, cases};
+pub use case::{BACK_S, Base, Case, Context, Finding, Measure, RESTART_S, Stimulus, Verdict, cases};
 pub use record::Record;
 
 #[cfg(test)]

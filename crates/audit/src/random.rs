@@ -524,13 +524,7 @@ fn stops(context: &Context<'_>) -> Finding {
 }
 
 fn restarts(context: &Context<'_>) -> Finding {
-    const FIRST_S: f64 = 6.0;
-    if context.base.level.is_none() {
-        return Finding::inconclusive(NO_LEVEL);
-    }
-    let record = context.record;
-    let peak_n = record.peak(context.stimulus, context.stimulus + record.samples(FIRST_S));
-    Finding::of([Measure::at_most("largest drive", peak_n, "N", 0.1 * context.base.peak_n)])
+    context.restarted(6.0, 0.1)
 }
 
 fn bridges(context: &Context<'_>) -> Finding {

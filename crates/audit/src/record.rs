@@ -48,7 +48,7 @@ impl Record {
     }
 
     /// Returns the sample after the last one with a drive.
-    pub(crate) fn drive_end(&self) -> usize {
+    pub fn drive_end(&self) -> usize {
         self.drive.iter().rposition(|drive| *drive != 0.0).map_or(0, |last| last + 1)
     }
 }

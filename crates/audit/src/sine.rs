@@ -1,5 +1,8 @@
 //! Cases of swept sines.
 
+use alloc::vec::Vec;
+use core::ops::Range;
+
 use resonarm_specification::verdict::SineVerdict;
 use resonarm_specification::{SineTest, SweepRate, Test};
 
@@ -8,6 +11,9 @@ use crate::random::{ended, refuses};
 use crate::reaction::Reaction;
 use crate::record::{largest, running_rms};
 use crate::{Base, Case, Context, Finding, Measure, Stimulus};
+
+/// Change of the level that a controller is told to make, dB.
+const LEVEL_DB: f64 = -3.0;
 
 pub(crate) const CASES: &[Case] = &[
     Case {
@@ -53,6 +59,13 @@ pub(crate) const CASES: &[Case] = &[
         judge: start,
     },
     Case {
+        id: "S07",
+        title: "holds the fundamental of a distorted response",
+        rule: "the median of the fundamental moves by at most 3 % when the channel reads a second harmonic of 40 %",
+        stimulus: Stimulus::Harmonic(0.4),
+        judge: tracks,
+    },
+    Case {
         id: "S08",
         title: "stops when the channel reads nothing",
         rule: "no drive after 500 ms; a ramp of at least 10 ms or 0.3 periods; no more than 3 times the drive before",
@@ -93,6 +106,13 @@ pub(crate) const CASES: &[Case] = &[
         rule: "in the first 2.2 s at most a quarter of the largest drive of the base run",
         stimulus: Stimulus::Restart,
         judge: restarts,
+    },
+    Case {
+        id: "S14",
+        title: "keeps its phase when the level changes",
+        rule: "told to lower the level by 3 dB, the fundamental is 2 to 4 dB lower 2 s later; the phase of the drive as of S04",
+        stimulus: Stimulus::Level(LEVEL_DB),
+        judge: changes_level,
     },
     Case {
         id: "S15",
@@ -241,23 +261,63 @@ fn dead(context: &Context<'_>) -> Finding {
     if let Some(drive) = finding.measured.first().copied() {
         let rest = finding.measured.split_off(1);
         finding = Finding::of(
-            [Measure { most: Some(0.5 * context.base.peak_n), ..drive }]
-                .into_iter()
-                .chain(rest)
-                .collect::<alloc::vec::Vec<_>>(),
+            [Measure { most: Some(0.5 * context.base.peak_n), ..drive }].into_iter().chain(rest).collect::<Vec<_>>(),
         );
     }
     finding
 }
 
 fn restarts(context: &Context<'_>) -> Finding {
-    const FIRST_S: f64 = 2.2;
-    if context.base.level.is_none() {
-        return Finding::inconclusive(NO_LEVEL);
+    context.restarted(2.2, 0.25)
+}
+
+/// Returns the median of the tracked fundamental over the specified amplitude, over the judged instants in a range of time, s.
+fn median_level(found: &SineVerdict, range_s: Range<f64>) -> Option<f64> {
+    let points = found.points.iter().filter(|point| range_s.contains(&point.t_s));
+    let mut ratios: Vec<f64> = points.map(|point| point.tracked_m_s2 / point.demand_m_s2).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied()
+}
+
+fn changes_level(context: &Context<'_>) -> Finding {
+    // Time after the word in which the level may change, and over which it is then measured, s.
+    const CHANGE_S: f64 = 2.0;
+    const MEASURED_S: f64 = 3.0;
+    const TOLERANCE_DB: f64 = 1.0;
+    if let Some(finding) = context.was_not_driven() {
+        return finding;
     }
-    let record = context.record;
-    let peak_n = record.peak(context.stimulus, context.stimulus + record.samples(FIRST_S));
-    Finding::of([Measure::at_most("largest drive", peak_n, "N", 0.25 * context.base.peak_n)])
+    let own = Base::new(context.specification, context.record);
+    let Some(found) = &own.sine else { return Finding::inconclusive("the run has no sweep") };
+    let at_s = context.stimulus as f64 / context.record.rate_hz;
+    let after_s = at_s + CHANGE_S;
+    let levels =
+        [at_s - MEASURED_S..at_s - 0.1, after_s..after_s + MEASURED_S].map(|range_s| median_level(found, range_s));
+    let jump = found.passes.first().and_then(|pass| pass.phase_jump_rad);
+    let ([Some(before), Some(after)], Some(jump)) = (levels, jump) else {
+        return Finding::inconclusive("the run ends before its level can be measured");
+    };
+    let change_db = 20.0 * libm::log10(after / before);
+    Finding::of([
+        Measure::within("change of the level", change_db, "dB", [LEVEL_DB - TOLERANCE_DB, LEVEL_DB + TOLERANCE_DB]),
+        Measure::at_most("largest jump of the phase", jump, "rad", 0.3),
+    ])
+}
+
+fn tracks(context: &Context<'_>) -> Finding {
+    let own = Base::new(context.specification, context.record);
+    let Some(base) = &context.base.sine else { return Finding::inconclusive(NO_LEVEL) };
+    let Some(found) = own.sine.as_ref().filter(|found| found.whole > 0) else {
+        return Finding::inconclusive("the run has no whole sweep");
+    };
+    let level = |found: &SineVerdict| median_level(found, 0.0..f64::INFINITY);
+    match (level(base), level(found)) {
+        (Some(base), Some(own)) => {
+            let moved = 100.0 * (own / base - 1.0);
+            Finding::of([Measure::within("change of the median fundamental", moved, "%", [-3.0, 3.0])])
+        }
+        _ => Finding::inconclusive("the sweep has no judged instant"),
+    }
 }
 
 fn bridges(context: &Context<'_>) -> Finding {

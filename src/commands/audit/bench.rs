@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use toml::{Table, Value};
@@ -10,13 +11,13 @@ use toml::{Table, Value};
 use crate::failure::Failure;
 use crate::session::open_bus;
 use crate::specifications;
-use resonarm::audit::{Base, Record, Stimulus};
+use resonarm::audit::{BACK_S, Base, RESTART_S, Record, Stimulus};
 use resonarm::bus::BusAddress;
 use resonarm::judge::channel_name;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::{Existing, Recording, Topic};
 use resonarm::rig::{FaultKind, FaultSpec, InstrumentName};
-use resonarm::run::{Mode, Options, RecordTo, Session, Signals as RunSignals};
+use resonarm::run::{ExciterEnd, Mode, Options, RecordTo, Session, Signals as RunSignals};
 use resonarm::scenario::{Scenario, specification as files};
 use resonarm::signals::Signals;
 use resonarm::specification::{Specification, Test};
@@ -33,10 +34,12 @@ const PATIENCE_S: u64 = 120;
 const GAP_DEADLINE_S: f64 = 1.0;
 /// Time for a command to end by itself before it is killed, and between two looks, ns.
 const END_NS: u64 = 5_000_000_000;
+/// Longest time for an operator's command to say its word, ns.
+const SPEECH_NS: u64 = 30_000_000_000;
 const LOOK_NS: u64 = 20_000_000;
 
-/// Files of a run in its folder: the specification, the recording, and what a command printed.
-pub(super) const FILES: [&str; 3] = ["spec.toml", "run.mcap", "controller.txt"];
+/// Files of a run in its folder: the specification, the recording, and what the commands printed.
+pub(super) const FILES: [&str; 4] = ["spec.toml", "run.mcap", "controller.txt", "operator.txt"];
 
 /// The controller under test.
 #[derive(Debug)]
@@ -56,6 +59,8 @@ pub(super) enum UnderTest {
         bus: BusAddress,
         /// Program and arguments.
         words: Vec<String>,
+        /// Program and arguments that say an operator's word to it.
+        operator: Option<Vec<String>>,
     },
 }
 
@@ -86,6 +91,22 @@ impl UnderTest {
             UnderTest::Command { words, .. } => words.iter().any(|word| word.contains("{spec}")),
         }
     }
+
+    /// Says why the controller hears no operator; `None` if it does.
+    fn why_deaf(&self) -> Option<&'static str> {
+        let is_test_law =
+            |law: &Value| ["random", "swept-sine", "shock"].iter().any(|known| law.as_str() == Some(known));
+        match self {
+            UnderTest::Scenario { table, .. } => {
+                let law = table.get("control").and_then(|control| control.get("law"));
+                let hears = law.is_some_and(is_test_law);
+                (!hears).then_some("the controller hears no operator: only the laws random, swept-sine and shock do")
+            }
+            UnderTest::Command { operator, .. } => operator
+                .is_none()
+                .then_some("no command says an operator's word to the controller: state it by --operator"),
+        }
+    }
 }
 
 /// A run with what it recorded.
@@ -94,6 +115,10 @@ pub(super) struct Run {
     pub specification: Specification,
     pub record: Record,
     pub recording: PathBuf,
+    /// Sample at which the stimulus began.
+    pub stimulus: usize,
+    /// Why the controller ended early, if it runs in this process and says so.
+    pub ended_by: Option<String>,
 }
 
 /// Plant, specification and controller of an audit.
@@ -145,9 +170,7 @@ impl AuditBench {
     /// Says why a stimulus can't be tried on this controller; `None` if it can.
     pub fn why_not(&self, stimulus: Stimulus) -> Option<&'static str> {
         match stimulus {
-            Stimulus::Stop | Stimulus::Restart => {
-                Some("the protocol has no word by which a controller is told to stop or start")
-            }
+            Stimulus::Stop | Stimulus::Restart | Stimulus::Level(_) => self.under_test.why_deaf(),
             Stimulus::Gap(_) if matches!(self.under_test, UnderTest::Command { .. }) => {
                 Some("in lockstep time waits for the controller, which notices no gap")
             }
@@ -168,7 +191,7 @@ impl AuditBench {
         let folder = self.out.join(id);
         fs::create_dir_all(&folder).map_err(|source| Failure::Write { path: folder.clone(), source })?;
         let folder = folder.canonicalize().map_err(|source| Failure::Write { path: folder.clone(), source })?;
-        let [spec, recording, printed] = FILES.map(|file| folder.join(file));
+        let [spec, recording, printed, said] = FILES.map(|file| folder.join(file));
         let table = self.limited(stimulus, base);
         fs::write(&spec, table.to_string()).map_err(|source| Failure::Write { path: spec.clone(), source })?;
         let specification = files::read(&spec)?;
@@ -181,20 +204,38 @@ impl AuditBench {
         let record = RecordTo { path: recording.clone(), existing: Existing::Overwrite };
         let options =
             Options { record: Some(record), patience: Some(Duration::from_secs(PATIENCE_S)), ..Options::default() };
+        let mut ended_by = None;
         match &self.under_test {
             UnderTest::Scenario { table, folder, origin } => {
-                let controller = with_specification(table, folder, origin, &spec)?;
+                let word = word(stimulus, base).map(|(word, at)| (word, at as f64 / self.scenario.simulation.rate_hz));
+                let controller = controller_of_run(table, folder, origin, &spec, word)?;
                 (scenario.control, scenario.excitation) = (controller.control, controller.excitation);
                 scenario.limits = controller.limits;
                 let session = Session::new(scenario, Mode::Free, options)?;
-                session.both(&RunSignals::default(), |_| {})?;
+                let report = session.both(&RunSignals::default(), |_| {})?;
+                // A run may end before the controller does.
+                let end = ExciterEnd::of_controller(&report.exciter);
+                ended_by = end.reason.filter(|_| end.outcome != "plant-left");
             }
-            UnderTest::Command { bus, words } => {
+            UnderTest::Command { bus, words, operator } => {
                 (scenario.control, scenario.excitation, scenario.limits) = (None, None, None);
-                let options = Options { end_on_disarm: true, ..options };
-                let session = Session::new(scenario, Mode::Lockstep, options)?;
+                // A controller that is told to start again may have disarmed the plant.
+                let options = Options { end_on_disarm: !matches!(stimulus, Stimulus::Restart), ..options };
+                if word(stimulus, base).is_some() {
+                    // The nodes wait for each other while the word is said.
+                    let timeout_s = &mut scenario.network.lockstep_timeout_s;
+                    *timeout_s = timeout_s.max(2e-9 * SPEECH_NS as f64);
+                }
+                let mut session = Session::new(scenario, Mode::Lockstep, options)?;
                 let mut opened = open_bus(bus, &session, false)?;
                 let bus = bus.to_string();
+                let mut speech = None;
+                if let (Some((word, at)), Some(operator)) = (word(stimulus, base), operator) {
+                    let words = operator.iter().map(|part| part.replace("{bus}", &bus).replace("{word}", word.name()));
+                    let own = speech.insert(Arc::new(Speech::new(words.collect(), said)));
+                    let own = Arc::clone(own);
+                    session = session.held_at(at as u64, move || own.is_over());
+                }
                 let replaced = |word: &String| {
                     word.replace("{bus}", &bus).replace("{spec}", &spec.display().to_string()).replace("{case}", id)
                 };
@@ -204,10 +245,14 @@ impl AuditBench {
                 started.end();
                 ran?;
                 opened.close()?;
+                if let Some(failed) = speech.and_then(|speech| speech.failed()) {
+                    return Err(failed);
+                }
             }
         }
         let record = self.record(&recording, &specification)?;
-        Ok(Run { specification, record, recording })
+        let stimulus = base.filter(|_| stimulus.is_at_level()).map_or(0, |(_, at)| at);
+        Ok(Run { specification, record, recording, stimulus, ended_by })
     }
 
     /// Returns the specification with the limits of a case.
@@ -268,6 +313,22 @@ impl AuditBench {
             Stimulus::Dead => faults.push(fault(FaultKind::Dropout, at_s)),
             Stimulus::Open => faults.extend(open(at_s)),
             Stimulus::Gain(factor) => faults.push(gain(factor, at_s)),
+            Stimulus::Restart => {
+                faults.push(FaultSpec { to_s: Some(at_s + BACK_S), ..fault(FaultKind::Dropout, at_s) });
+            }
+            Stimulus::Harmonic(part) => {
+                let Test::Sine(test) = test else { return };
+                let ends = test.segments.iter().flat_map(|segment| [segment.from_hz, segment.to_hz]);
+                let [from_hz, to_hz] = test.band_hz();
+                let levels = ends.filter_map(|hz| test.acceleration_m_s2(hz.clamp(from_hz, to_hz)));
+                // A sine of amplitude A has a harmonic of A²/2a, and an offset of the same size, which is taken off.
+                let largest = levels.fold(0.0, f64::max);
+                let to_s = scenario.simulation.duration_s;
+                let distortion = fault(FaultKind::Distortion, at_s);
+                faults.push(FaultSpec { amplitude_m_s2: Some(0.5 * largest / part), ..distortion });
+                let offset = fault(FaultKind::Spike, at_s);
+                faults.push(FaultSpec { to_s, amplitude_m_s2: Some(-part * largest), ..offset });
+            }
             Stimulus::Inverted => faults.push(gain(-1.0, 0.0)),
             Stimulus::Clipped(sigma) => {
                 let Test::Random(test) = test else { return };
@@ -299,7 +360,7 @@ impl AuditBench {
             }
             Stimulus::None
             | Stimulus::Stop
-            | Stimulus::Restart
+            | Stimulus::Level(_)
             | Stimulus::ResponseLimit(_)
             | Stimulus::DriveLimit(_) => {}
         }
@@ -389,8 +450,13 @@ fn duration_s(stimulus: Stimulus, base: &Base<'_>, at: usize) -> f64 {
         // The test must be back at its level.
         Stimulus::Gain(factor) if factor < 1.0 => seconds(at) + 26.0,
         Stimulus::Gap(_) => seconds(at) + 9.0,
-        Stimulus::ResponseLimit(_) | Stimulus::LightModes(_) | Stimulus::None => end_s + 5.0,
-        Stimulus::Dead | Stimulus::Open | Stimulus::Gain(_) | Stimulus::Stop | Stimulus::Restart => seconds(at) + 5.0,
+        Stimulus::ResponseLimit(_)
+        | Stimulus::LightModes(_)
+        | Stimulus::Level(_)
+        | Stimulus::Harmonic(_)
+        | Stimulus::None => end_s + 5.0,
+        Stimulus::Restart => seconds(at) + RESTART_S + 12.0,
+        Stimulus::Dead | Stimulus::Open | Stimulus::Gain(_) | Stimulus::Stop => seconds(at) + 5.0,
     }
 }
 
@@ -429,9 +495,35 @@ fn table(name: &Path, test: &Test) -> Result<Table, Failure> {
     Ok(table)
 }
 
-/// Reads the scenario of a controller that follows the specification of a run.
-fn with_specification(table: &Table, folder: &Path, origin: &str, spec: &Path) -> Result<Scenario, Failure> {
+/// Returns the word that an operator says in a run, and its sample.
+fn word(stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) -> Option<(Word, usize)> {
+    let (base, at) = base?;
+    match stimulus {
+        Stimulus::Stop => Some((Word::Stop, at)),
+        Stimulus::Restart => Some((Word::Start, at + (RESTART_S * base.record.rate_hz) as usize)),
+        Stimulus::Level(level_db) => Some((Word::Level(level_db), at)),
+        _ => None,
+    }
+}
+
+/// Reads the scenario of a controller that follows the specification of a run, and hears a word of an operator at a time, s.
+fn controller_of_run(
+    table: &Table,
+    folder: &Path,
+    origin: &str,
+    spec: &Path,
+    word: Option<(Word, f64)>,
+) -> Result<Scenario, Failure> {
     let mut table = table.clone();
+    if let (Some((word, at_s)), Some(Value::Table(control))) = (word, table.get_mut("control")) {
+        let mut said = Table::new();
+        said.insert(String::from("word"), Value::String(word.name().to_owned()));
+        said.insert(String::from("at_s"), Value::Float(at_s));
+        if let Word::Level(level_db) = word {
+            said.insert(String::from("level_db"), Value::Float(level_db));
+        }
+        control.insert(String::from("operator"), Value::Array(vec![Value::Table(said)]));
+    }
     if let Some(Value::String(own)) = table.get_mut("control").and_then(|control| control.get_mut("specification")) {
         *own = spec.display().to_string();
     }
@@ -440,19 +532,110 @@ fn with_specification(table: &Table, folder: &Path, origin: &str, spec: &Path) -
     Ok(scenario)
 }
 
-/// A controller that runs; it is ended when it is dropped.
+/// Word of an operator.
+#[derive(Clone, Copy, Debug)]
+enum Word {
+    Stop,
+    Start,
+    /// Change of the level, dB.
+    Level(f64),
+}
+
+impl Word {
+    const fn name(self) -> &'static str {
+        match self {
+            Word::Stop => "stop",
+            Word::Start => "start",
+            Word::Level(_) => "level",
+        }
+    }
+}
+
+/// A command that says a word to the controller while simulated time stands.
+#[derive(Debug)]
+struct Speech {
+    words: Vec<String>,
+    log: PathBuf,
+    said: Mutex<Said>,
+}
+
+#[derive(Debug)]
+enum Said {
+    NotYet,
+    /// The command runs, at most until this time.
+    Runs(Started, u64),
+    /// It has ended, or could not be run.
+    Over(Option<Failure>),
+}
+
+impl Speech {
+    const fn new(words: Vec<String>, log: PathBuf) -> Speech {
+        Speech { words, log, said: Mutex::new(Said::NotYet) }
+    }
+
+    /// Starts the command with the first call, and says whether it has ended.
+    fn is_over(&self) -> bool {
+        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let command = || self.words.join(" ");
+        match &mut *said {
+            Said::NotYet => {
+                *said = match Started::new(&self.words, &self.log) {
+                    Ok(started) => Said::Runs(started, SystemClock.now_ns() + SPEECH_NS),
+                    Err(failure) => Said::Over(Some(failure)),
+                };
+            }
+            Said::Runs(started, until_ns) => match started.0.try_wait() {
+                Ok(Some(status)) if status.success() => *said = Said::Over(None),
+                Ok(Some(status)) => {
+                    let text = format!(
+                        "the operator's command {:?} ended with {status}; see {}",
+                        command(),
+                        self.log.display()
+                    );
+                    *said = Said::Over(Some(Failure::usage(text)));
+                }
+                Ok(None) if SystemClock.now_ns() < *until_ns => {}
+                Ok(None) => {
+                    let text = format!(
+                        "the operator's command {:?} has not ended after {} s",
+                        command(),
+                        SPEECH_NS / 1_000_000_000
+                    );
+                    *said = Said::Over(Some(Failure::usage(text)));
+                }
+                Err(error) => {
+                    *said =
+                        Said::Over(Some(Failure::usage(format!("the operator's command {:?}: {error}", command()))));
+                }
+            },
+            Said::Over(_) => {}
+        }
+        matches!(*said, Said::Over(_))
+    }
+
+    /// Returns why the word was not said.
+    fn failed(&self) -> Option<Failure> {
+        match &mut *self.said.lock().unwrap_or_else(PoisonError::into_inner) {
+            Said::Over(failure) => failure.take(),
+            Said::NotYet | Said::Runs(..) => None,
+        }
+    }
+}
+
+/// A controller that runs, or an operator's command; it is ended when it is dropped.
+#[derive(Debug)]
 struct Started(Child);
 
 impl Started {
     fn new(words: &[String], log: &Path) -> Result<Started, Failure> {
         let Some((program, arguments)) = words.split_first() else {
-            return Err(Failure::usage("the command of the controller is empty"));
+            return Err(Failure::usage("the command is empty"));
         };
         let failed = |source| Failure::Write { path: log.to_path_buf(), source };
         let output = fs::File::create(log).map_err(failed)?;
         let errors = output.try_clone().map_err(failed)?;
         let started = Command::new(program).args(arguments).stdin(Stdio::null()).stdout(output).stderr(errors).spawn();
-        started.map(Started).map_err(|source| Failure::usage(format!("can't start the controller {program}: {source}")))
+        started.map(Started).map_err(|source| Failure::usage(format!("can't start {program}: {source}")))
     }
 
     /// Lets the controller end by itself, as it does when the plant leaves, or ends it.

@@ -24,6 +24,8 @@ Examples:
       --controller controller.toml --report audit.html
   resonarm audit --scenario plant.toml --specification spec.toml --bus vcan0 \\
       -- ./controller {bus} {spec}
+  resonarm audit --scenario plant.toml --specification spec.toml --bus vcan0 \\
+      --operator './tell {bus} {word}' -- ./controller {bus} {spec}
   resonarm audit --scenario plant.toml --specification spec.toml \\
       --controller controller.toml --case R1 --json
 
@@ -37,7 +39,8 @@ Exit codes: 0 if no case failed and one passed, else 1. docs/audit.md describes 
 ///
 /// The controller is the [control] or [excitation] of a scenario, which runs in one process with the plant, or a command that
 /// is started for each run and controls the plant over the bus in lockstep. In the command {bus} stands for the bus, {spec} for
-/// the file of the specification, and {case} for the number of the case.
+/// the file of the specification, and {case} for the number of the case. Cases in which an operator stops the test, starts it again
+/// or changes its level need a command for a controller on a bus that says the word, --operator.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Audit {
@@ -69,6 +72,10 @@ pub(crate) struct Audit {
     overwrite: output::OverwriteFlag,
     #[command(flatten)]
     json: JsonFlag,
+    /// Command that says an operator's word to a controller on a bus: {word} is replaced by stop, start or level, and {bus} by the
+    /// bus. It is split at spaces.
+    #[arg(long, help_heading = heading::TEST, value_name = "COMMAND", requires = "bus")]
+    operator: Option<String>,
     /// Command that starts the controller, behind --, with {bus}, {spec} and {case} replaced.
     #[arg(last = true, help_heading = heading::TEST, value_name = "COMMAND", requires = "bus")]
     command: Vec<String>,
@@ -123,7 +130,17 @@ impl Audit {
             (Some(path), _) => UnderTest::scenario(path),
             (None, Some(bus)) => {
                 let bus: BusAddress = bus.parse()?;
-                Ok(UnderTest::Command { bus, words: self.command.clone() })
+                let operator: Option<Vec<String>> =
+                    self.operator.as_ref().map(|command| command.split_whitespace().map(str::to_owned).collect());
+                if let Some(operator) =
+                    operator.as_ref().filter(|words| !words.iter().any(|word| word.contains("{word}")))
+                {
+                    let command = operator.join(" ");
+                    return Err(Failure::usage(format!(
+                        "--operator {command:?} has no {{word}}, so the controller could not tell stop from start: add it"
+                    )));
+                }
+                Ok(UnderTest::Command { bus, words: self.command.clone(), operator })
             }
             (None, None) => {
                 let missing = "no controller is given: give --controller FILE, or --bus BUS with a command behind --";
@@ -169,10 +186,11 @@ impl Audit {
                 Context { specification: &base_run.specification, base, record: &base_run.record, stimulus: 0 };
             return Ok(Row::new(case, case.judge(&context), None));
         }
-        let stimulus = base.stimulus(test).unwrap_or(0);
+        let stimulus = base.stimulus(test, case.stimulus).unwrap_or(0);
         let run = bench.run(case.id, case.stimulus, Some((base, stimulus)))?;
         let context = Context { specification: &run.specification, base, record: &run.record, stimulus };
-        Ok(Row::new(case, case.judge(&context), Some(run.recording)))
+        let finding = case.judge(&context);
+        Ok(Row::of_run(case, finding, run))
     }
 
     fn configuration(&self) -> serde_json::Value {
@@ -182,6 +200,7 @@ impl Audit {
             "controller": self.controller,
             "bus": self.bus,
             "command": self.command,
+            "operator": self.operator,
         })
     }
 }

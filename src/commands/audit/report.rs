@@ -24,12 +24,33 @@ pub(super) struct Row {
     #[serde(flatten)]
     finding: Finding,
     recording: Option<PathBuf>,
+    /// What the controller did in a run of the case's own.
+    #[serde(flatten)]
+    own: Option<Own>,
+}
+
+/// The run of a case.
+#[derive(Debug, Serialize)]
+struct Own {
+    /// Sample at which the stimulus began.
+    stimulus_sample: usize,
+    /// The sample after the last one with a drive.
+    drive_end_sample: usize,
+    /// Why the controller ended early, if it runs in this process and says so.
+    ended_by: Option<String>,
 }
 
 impl Row {
     pub fn new(case: &Case, finding: Finding, recording: Option<PathBuf>) -> Row {
         let Case { id, title, rule, stimulus, .. } = *case;
-        Row { case: id, title, rule, stimulus, finding, recording }
+        Row { case: id, title, rule, stimulus, finding, recording, own: None }
+    }
+
+    /// A case with a run of its own.
+    pub fn of_run(case: &Case, finding: Finding, run: Run) -> Row {
+        let own =
+            Own { stimulus_sample: run.stimulus, drive_end_sample: run.record.drive_end(), ended_by: run.ended_by };
+        Row { own: Some(own), ..Row::new(case, finding, Some(run.recording)) }
     }
 
     /// Returns the reason of a case without a result.

@@ -3,12 +3,13 @@
 
 mod randoms;
 mod shocks;
+mod sine_loops;
 mod sines;
 
 use resonarm_numeric::noise::Noise;
 use resonarm_specification::{Specification, SpecificationFile};
 
-use crate::{Base, Case, Context, Finding, Record, Stimulus, Verdict, cases};
+use crate::{Base, Case, Context, Finding, RESTART_S, Record, Stimulus, Verdict, cases};
 
 /// Samples a second, and in a frame of random signals: a power of two.
 const RATE: usize = 1024;
@@ -25,8 +26,9 @@ fn case(specification: &Specification, id: &str) -> &'static Case {
 /// Judges the run of a case beside the base run.
 fn judged(specification: &Specification, id: &str, base: &Record, record: &Record) -> Finding {
     let base = Base::new(specification, base);
-    let stimulus = base.stimulus(&specification.test).unwrap_or(0);
-    case(specification, id).judge(&Context { specification, base: &base, record, stimulus })
+    let case = case(specification, id);
+    let stimulus = base.stimulus(&specification.test, case.stimulus).unwrap_or(0);
+    case.judge(&Context { specification, base: &base, record, stimulus })
 }
 
 /// Numbers of the cases without a stimulus that fail on a base run.
@@ -64,6 +66,22 @@ fn ended(record: &Record, at: usize, ramp: usize) -> Record {
     }
 }
 
+/// A record that stops softly at a sample, and goes on as another one from a sample of that on when it is told to start again.
+fn restarted(record: &Record, at: usize, again: &Record, from: usize) -> Record {
+    let start = at + (RESTART_S * RATE as f64) as usize;
+    let mut stopped = ended(record, at, RATE / 10);
+    let join = |values: &mut Vec<f64>, later: &[f64]| {
+        values.truncate(start);
+        values.extend_from_slice(&later[from..]);
+    };
+    join(&mut stopped.drive, &again.drive);
+    join(&mut stopped.reading, &again.reading);
+    for (response, later) in stopped.responses.iter_mut().zip(&again.responses) {
+        join(response, later);
+    }
+    stopped
+}
+
 /// The record with drive and readings multiplied.
 fn scaled(record: &Record, factor: f64) -> Record {
     let scaled = |values: &[f64]| values.iter().map(|value| factor * value).collect();
@@ -72,6 +90,35 @@ fn scaled(record: &Record, factor: f64) -> Record {
         reading: scaled(&record.reading),
         responses: record.responses.iter().map(|response| scaled(response)).collect(),
         ..*record
+    }
+}
+
+/// An oscillator of 1 kg that is driven by a force on it; a mass alone at 0 Hz.
+struct Oscillator {
+    omega: f64,
+    damping_ratio: f64,
+    state: [f64; 2],
+}
+
+impl Oscillator {
+    fn new([natural_hz, damping_ratio]: [f64; 2]) -> Oscillator {
+        Oscillator { omega: core::f64::consts::TAU * natural_hz, damping_ratio, state: [0.0; 2] }
+    }
+
+    /// Returns the acceleration at the end of a sample with a force, N.
+    fn step(&mut self, force: f64) -> f64 {
+        const STEPS: usize = 8;
+        let dt_s = 1.0 / (STEPS * RATE) as f64;
+        let acceleration =
+            |[x, v]: [f64; 2]| force - 2.0 * self.damping_ratio * self.omega * v - self.omega * self.omega * x;
+        let mut state = self.state;
+        for _ in 0..STEPS {
+            // The symplectic scheme of Euler, which keeps the damping.
+            state[1] += acceleration(state) * dt_s;
+            state[0] += state[1] * dt_s;
+        }
+        self.state = if self.omega == 0.0 { [0.0; 2] } else { state };
+        acceleration(state)
     }
 }
 

@@ -5,8 +5,8 @@ use resonarm_numeric::dft::Fft;
 use resonarm_numeric::noise::Noise;
 use resonarm_specification::{RandomTest, Test};
 
-use super::{RATE, ended, failing, fails, judged, passes, scaled, specification};
-use crate::{Base, Record, Verdict};
+use super::{RATE, ended, failing, fails, judged, passes, restarted, scaled, specification};
+use crate::{Base, Record, Stimulus, Verdict};
 
 pub(super) const SPECIFICATION: &str = "[spec]
 kind = 'random'
@@ -40,7 +40,7 @@ struct Controller<'a> {
 /// Silence, a check at a low level, and the schedule.
 const LEVELS: &[(f64, usize)] = &[(-300.0, 3), (-30.0, 6), (-12.0, 5), (-6.0, 5), (-3.0, 5), (0.0, 60)];
 /// Silence at the end, samples.
-const QUIET: usize = 3 * RATE;
+pub(super) const QUIET: usize = 3 * RATE;
 
 const HONEST: Controller<'static> =
     Controller { levels: LEVELS, repeats: false, factor: &|_| 1.0, clip: f64::INFINITY, seed: 5 };
@@ -111,7 +111,7 @@ fn an_honest_controller_passes() {
         // The full level is from 24 to 84 s, less the ramp at the end.
         let level = base.level.clone().unwrap();
         assert!(level.start.abs_diff(24 * RATE) < 3 * RATE / 2 && level.end.abs_diff(84 * RATE) < RATE, "{level:?}");
-        assert_eq!(base.stimulus(&specification.test), Some(level.start + 6 * RATE));
+        assert_eq!(base.stimulus(&specification.test, Stimulus::Dead), Some(level.start + 6 * RATE));
     }
 }
 
@@ -154,7 +154,7 @@ fn a_flaw_of_the_signal_fails_the_case_for_it() {
 fn a_drive_that_must_end_is_timed() {
     let specification = specification(SPECIFICATION);
     let base = run(&HONEST);
-    let at = Base::new(&specification, &base).stimulus(&specification.test).unwrap();
+    let at = Base::new(&specification, &base).stimulus(&specification.test, Stimulus::Dead).unwrap();
     let soft = ended(&base, at + RATE / 5, RATE / 10);
     let hard = ended(&base, at + RATE / 5, 0);
     let late = ended(&base, at + 2 * RATE, RATE / 10);
@@ -162,6 +162,8 @@ fn a_drive_that_must_end_is_timed() {
         passes(&specification, id, &base, &soft);
         fails(&specification, id, &base, &hard);
         fails(&specification, id, &base, &late);
+        // It goes on.
+        fails(&specification, id, &base, &base);
     }
     passes(&specification, "R14", &base, &soft);
     fails(&specification, "R14", &base, &late);
@@ -211,7 +213,7 @@ fn a_test_that_must_not_begin_is_weighed() {
 fn a_test_that_must_go_on_is_judged_by_its_level() {
     let specification = specification(SPECIFICATION);
     let base = run(&HONEST);
-    let at = Base::new(&specification, &base).stimulus(&specification.test).unwrap();
+    let at = Base::new(&specification, &base).stimulus(&specification.test, Stimulus::Dead).unwrap();
     passes(&specification, "R15", &base, &base);
     let mut low = base.clone();
     low.reading[at..].iter_mut().for_each(|reading| *reading *= 0.708);
@@ -221,9 +223,14 @@ fn a_test_that_must_go_on_is_judged_by_its_level() {
     loud.drive[at..at + RATE].iter_mut().for_each(|drive| *drive *= 2.0);
     fails(&specification, "R20", &base, &loud);
     fails(&specification, "R20", &base, &ended(&base, at + RATE, RATE / 10));
-    // After an abort a test begins again with its silence, check and lowest level.
-    passes(&specification, "R19", &base, &ended(&base, at, 0));
-    fails(&specification, "R19", &base, &base);
+    // After an abort a test begins again with its silence, check and lowest level, or flawed with its full level.
+    let level = Base::new(&specification, &base).level.unwrap().start;
+    passes(&specification, "R19", &base, &restarted(&base, at, &base, 0));
+    fails(&specification, "R19", &base, &restarted(&base, at, &base, level));
+    // It never stopped, or does not begin again.
+    for record in [&base, &ended(&base, at, RATE / 10)] {
+        assert!(matches!(judged(&specification, "R19", &base, record).verdict, Verdict::Inconclusive(_)));
+    }
 }
 
 #[test]

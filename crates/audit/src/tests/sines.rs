@@ -2,8 +2,8 @@
 
 use resonarm_specification::{SineTest, Test};
 
-use super::{RATE, ended, failing, fails, judged, mode, noise, passes, scaled, specification};
-use crate::{Base, Record, Verdict};
+use super::{RATE, ended, failing, fails, judged, mode, noise, passes, restarted, scaled, specification};
+use crate::{Base, Record, Stimulus, Verdict};
 
 pub(super) const SPECIFICATION: &str = "[spec]
 kind = 'sine'
@@ -17,8 +17,8 @@ rate_tolerance = 0.1
 ";
 
 /// Silence, the rise to the amplitude and the time there before the sweep, samples; and the silence at the end.
-const STARTS: [usize; 3] = [RATE, 2 * RATE, RATE];
-const QUIET: usize = 5 * RATE;
+pub(super) const STARTS: [usize; 3] = [RATE, 2 * RATE, RATE];
+pub(super) const QUIET: usize = 5 * RATE;
 
 fn test() -> SineTest {
     match specification(SPECIFICATION).test {
@@ -59,7 +59,7 @@ fn an_honest_controller_passes() {
         passes(&specification, id, &record, &record);
     }
     // The middle of the sweep is at 30 Hz, 15 s from its start at 4 s.
-    let at = Base::new(&specification, &record).stimulus(&specification.test).unwrap();
+    let at = Base::new(&specification, &record).stimulus(&specification.test, Stimulus::Dead).unwrap();
     assert!(at.abs_diff(19 * RATE) < RATE, "{at}");
 }
 
@@ -103,7 +103,7 @@ fn a_flaw_of_the_sweep_fails_the_case_for_it() {
 fn a_drive_that_must_end_is_timed() {
     let specification = specification(SPECIFICATION);
     let base = honest();
-    let at = Base::new(&specification, &base).stimulus(&specification.test).unwrap();
+    let at = Base::new(&specification, &base).stimulus(&specification.test, Stimulus::Dead).unwrap();
     let soft = ended(&base, at + RATE / 8, RATE / 10);
     for id in ["S08", "S09", "S10", "S11"] {
         passes(&specification, id, &base, &soft);
@@ -112,6 +112,8 @@ fn a_drive_that_must_end_is_timed() {
             fails(&specification, id, &base, &ended(&base, at + RATE / 8 + 4 * late, 0));
         }
         fails(&specification, id, &base, &ended(&base, at + RATE, RATE / 10));
+        // It goes on.
+        fails(&specification, id, &base, &base);
     }
     let mut louder = soft.clone();
     louder.drive[at..].iter_mut().for_each(|drive| *drive *= 4.0);
@@ -131,7 +133,7 @@ fn a_drive_that_must_end_is_timed() {
 fn starts_gaps_and_limits_are_judged() {
     let specification = specification(SPECIFICATION);
     let base = honest();
-    let at = Base::new(&specification, &base).stimulus(&specification.test).unwrap();
+    let at = Base::new(&specification, &base).stimulus(&specification.test, Stimulus::Dead).unwrap();
     let refused = scaled(&ended(&base, 3 * RATE, RATE / 10), 0.4);
     passes(&specification, "S12", &base, &refused);
     fails(&specification, "S12", &base, &base);
@@ -145,8 +147,16 @@ fn starts_gaps_and_limits_are_judged() {
     };
     passes(&specification, "S12", &base, &cut(true));
     fails(&specification, "S12", &base, &cut(false));
-    passes(&specification, "S13", &base, &ended(&base, at, 0));
-    fails(&specification, "S13", &base, &base);
+    // It is silent for 2 s, and rises for 2 s to the amplitude of the sweep, or begins at that.
+    let quiet = |values: &[f64]| [&vec![0.0; RATE], values].concat();
+    let (drive, reading) = (quiet(&base.drive), quiet(&base.reading));
+    let again = Record { drive, reading, responses: vec![], ..base.clone() };
+    passes(&specification, "S13", &base, &restarted(&base, at, &again, 0));
+    fails(&specification, "S13", &base, &restarted(&base, at, &again, 5 * RATE));
+    // It never stopped, or does not begin again.
+    for record in [&base, &ended(&base, at, RATE / 10)] {
+        assert!(matches!(judged(&specification, "S13", &base, record).verdict, Verdict::Inconclusive(_)));
+    }
     passes(&specification, "S15", &base, &base);
     let mut loud = base.clone();
     loud.reading[at..at + RATE].iter_mut().for_each(|reading| *reading *= 2.0);
@@ -161,6 +171,27 @@ fn starts_gaps_and_limits_are_judged() {
     let limited = super::specification(&text);
     fails(&limited, "S16", &base, &base);
     passes(&limited, "S16", &base, &scaled(&base, 0.5));
+}
+
+/// Told to lower its level by 3 dB in the middle of the sweep, a controller does so in 50 ms.
+#[test]
+fn a_change_of_level_keeps_the_phase() {
+    let specification = specification(SPECIFICATION);
+    let (test, base) = (test(), honest());
+    let sweep_s = test.sweep_s(15.0, 60.0);
+    let lowered = |jump: f64, db: f64| {
+        let amplitude = move |t_s: f64| 3.0 * libm::pow(10.0, db / 20.0 * ((t_s - 15.0) / 0.05).clamp(0.0, 1.0));
+        run(|t_s| test.phase_rad(t_s) + if t_s > 15.0 { jump } else { 0.0 }, amplitude, sweep_s)
+    };
+    passes(&specification, "S14", &base, &lowered(0.0, -3.0));
+    // A sine that is made anew begins with another phase, and one that does not hear the word stays as it is.
+    fails(&specification, "S14", &base, &lowered(1.0, -3.0));
+    fails(&specification, "S14", &base, &lowered(0.0, 0.0));
+    fails(&specification, "S14", &base, &lowered(0.0, -6.0));
+    // One that ends is not judged.
+    let stopped = ended(&base, base.len() / 2, RATE / 10);
+    let found = judged(&specification, "S14", &base, &stopped);
+    assert!(matches!(found.verdict, Verdict::Inconclusive(_)), "{found:?}");
 }
 
 /// What a controller plays before its test is not taken for the sweep.
@@ -180,7 +211,7 @@ fn a_controller_may_identify_the_structure_before_its_sweep() {
         // The sweep begins 4 s into its record, and its middle is 15 s later.
         let base = Base::new(&specification, &record);
         assert!((base.begins_s.unwrap() - 34.0).abs() < 0.3, "{:?}", base.begins_s);
-        let at = base.stimulus(&specification.test).unwrap();
+        let at = base.stimulus(&specification.test, Stimulus::Dead).unwrap();
         assert!(at.abs_diff(49 * RATE) < RATE, "{at}");
         // Too high until the sweep.
         let loud = Record { reading: joined(&scaled(&sweep, 1.5).reading), ..record.clone() };

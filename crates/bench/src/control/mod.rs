@@ -39,8 +39,8 @@ pub use set_point::SetPoint;
 pub use spec::{ControlError, ControlSpec};
 pub use steered::Steered;
 pub use test_control::{
-    ControlSpectrum, SpecificationSource, StopReason, TestControlError, TestControlSpec, TestController, TestLaw,
-    TestLine, TestPhase, TestProgress, TestReport,
+    ControlSpectrum, OperatorSpec, OperatorWord, SpecificationSource, StopReason, TestControlError, TestControlSpec,
+    TestController, TestLaw, TestLine, TestPhase, TestProgress, TestReport,
 };
 
 use crate::rig::{Load, Measurement};

@@ -1,6 +1,6 @@
 //! Faults of instruments at stated times.
 //!
-//! Drift, noise and spike are added between delay and converter, and a gain acts there, before the converter rounds and clips;
+//! Drift, noise and spike are added between delay and converter, and gain and distortion act there, before the converter rounds and clips;
 //! a stuck or dropped-out axis replaces the converter's output. Several faults of an axis act in the order of the specification.
 
 use alloc::boxed::Box;
@@ -51,9 +51,12 @@ pub enum FaultKind {
     Spike,
     /// The axis reads its value times a factor: a wrong sensitivity, or with a negative factor a reversed sensor.
     Gain,
+    /// The axis reads x + x²/a, with an amplitude a: the reading of a sine of amplitude A has a second harmonic of A²/2a and an
+    /// offset of the same size.
+    Distortion,
 }
 
-/// A fault as a scenario states it. A drift has a rate, noise its standard deviation, a spike its amplitude, each in
+/// A fault as a scenario states it. A drift has a rate, noise its standard deviation, spike and distortion their amplitude, each in
 /// the key of the instrument's unit, a gain its factor; stuck axes and dropouts have none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -101,19 +104,19 @@ pub struct FaultSpec {
     /// Standard deviation of noise, rad, not negative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rms_rad: Option<f64>,
-    /// Amplitude of a spike, m/s².
+    /// Amplitude of a spike or a distortion, m/s².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_m_s2: Option<f64>,
-    /// Amplitude of a spike, N.
+    /// Amplitude of a spike or a distortion, N.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_n: Option<f64>,
-    /// Amplitude of a spike, m/s.
+    /// Amplitude of a spike or a distortion, m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_m_s: Option<f64>,
-    /// Amplitude of a spike, m.
+    /// Amplitude of a spike or a distortion, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_m: Option<f64>,
-    /// Amplitude of a spike, rad.
+    /// Amplitude of a spike or a distortion, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_rad: Option<f64>,
     /// Factor of a gain.
@@ -162,7 +165,7 @@ impl FaultSpec {
             FaultKind::Stuck | FaultKind::Dropout => None,
             FaultKind::Drift => Some(rate),
             FaultKind::Noise => Some(rms),
-            FaultKind::Spike => Some(amplitude),
+            FaultKind::Spike | FaultKind::Distortion => Some(amplitude),
             FaultKind::Gain => Some("factor"),
         }
     }
@@ -200,10 +203,13 @@ impl FaultSpec {
             (None, _) => Ok(0.0),
             (Some(key), None) => Err(RigError::FaultKeyMissing { number, key }),
             (Some(_), Some((name, got))) => {
-                let negative = self.kind == FaultKind::Noise && got < 0.0;
-                let expected = if self.kind == FaultKind::Noise { "zero or a positive number" } else { "a number" };
+                let (is_valid, expected) = match self.kind {
+                    FaultKind::Noise => (got >= 0.0, "zero or a positive number"),
+                    FaultKind::Distortion => (got > 0.0, "a positive number"),
+                    _ => (true, "a number"),
+                };
                 let error = RigError::Fault { number, name, got, expected };
-                if got.is_finite() && !negative { Ok(got) } else { Err(error) }
+                if got.is_finite() && is_valid { Ok(got) } else { Err(error) }
             }
         }
     }
@@ -230,6 +236,7 @@ enum Effect {
     Noise(f64, Box<[Noise; MOST_AXES]>),
     Spike(f64),
     Gain(f64),
+    Distortion(f64),
 }
 
 impl Fault {
@@ -270,6 +277,7 @@ impl Fault {
             }
             FaultKind::Spike => Effect::Spike(size),
             FaultKind::Gain => Effect::Gain(size),
+            FaultKind::Distortion => Effect::Distortion(size),
         };
         let has = |axis: &Axis| match spec.axis {
             FaultAxis::X => *axis == Axis::X,
@@ -309,6 +317,7 @@ impl Fault {
             Effect::Noise(rms, noise) => value + *rms * noise[axis].normal(),
             Effect::Spike(amplitude) => value + *amplitude,
             Effect::Gain(factor) => value * *factor,
+            Effect::Distortion(amplitude) => value + value * value / *amplitude,
         }
     }
 
@@ -375,6 +384,8 @@ mod tests {
         let gain = fault("axis = 'x'\nkind = 'gain'\nfactor = -2\nfrom_s = 0.5\nto_s = 0.7");
         assert_eq!(b(&gain, 0), [1.0, 2.0, 3.0, 4.0, 5.0, -12.0, -14.0, 8.0]);
         assert_eq!(b(&gain, 1), b("", 1));
+        let distorted = fault("axis = 'x'\nkind = 'distortion'\namplitude_m_s2 = 2\nfrom_s = 0.5\nto_s = 0.7");
+        assert_eq!(b(&distorted, 0), [1.0, 2.0, 3.0, 4.0, 5.0, 24.0, 31.5, 8.0]);
         let both = format!("{spike}\n{}", fault("axis = 'x'\nkind = 'stuck'\nfrom_s = 0.3"));
         assert_eq!(b(&both, 0)[2..], [53.0; 6]);
     }
@@ -438,6 +449,7 @@ mod tests {
         insta::assert_snapshot!(c("kind = 'drift'\nfrom_s = 1"), @"rig.faults, number 2: `rate_m_s2_per_s` is missing: add it, or change `kind`");
         insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_n = 2"), @"rig.faults, number 2: `rms_n` does not apply to this kind of fault of this instrument: leave it out");
         insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_m_s2 = -2"), @"rig.faults, number 2: `rms_m_s2` is -2: it must be zero or a positive number");
+        insta::assert_snapshot!(c("kind = 'distortion'\nfrom_s = 1\namplitude_m_s2 = 0"), @"rig.faults, number 2: `amplitude_m_s2` is 0: it must be a positive number");
         insta::assert_snapshot!(says("instrument = 'head'\nkind = 'spike'\nfrom_s = 1\namplitude_n = nan"), @"rig.faults, number 2: `amplitude_n` is NaN: it must be a number");
         let many: String =
             (0..MOST_FAULTS).map(|_| "[[faults]]\ninstrument = 'head'\nkind = 'dropout'\nfrom_s = 1\n").collect();

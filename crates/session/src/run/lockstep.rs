@@ -10,6 +10,7 @@ use core::time::Duration;
 use super::bench::Bench;
 use super::finish::{EndedBy, RETRY_NS, finish};
 use super::pace::Pace;
+use super::session::Hold;
 use super::{Ending, Histograms, PlantReport, RunError, Signals, Speed};
 use resonarm_bus::Bus;
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
@@ -30,11 +31,11 @@ pub(super) fn lockstep<C: Clock>(
     bus: &mut dyn Bus,
     clock: &C,
     (rate, speed): (SampleRate, Speed),
-    ending: Ending,
+    (ending, hold): (Ending, Option<&Hold>),
     signals: &Signals,
 ) -> Result<PlantReport, HistogramError> {
     let (pace, exec) = (Pace::start(clock, rate, speed)?, LatencyHistogram::new()?);
-    let mut run = Lockstep { bench, bus, pace, rate, ending, signals, exec };
+    let mut run = Lockstep { bench, bus, pace, rate, ending, hold, signals, exec };
     let ended = run.samples();
     let Lockstep { bench, bus, mut pace, exec, .. } = run;
     let (outcome, error) = finish(bench, bus, &mut pace, ended);
@@ -53,6 +54,7 @@ struct Lockstep<'r, 'b, 'c, C: Clock> {
     pace: Pace<'c, C>,
     rate: SampleRate,
     ending: Ending,
+    hold: Option<&'r Hold>,
     signals: &'r Signals,
     exec: LatencyHistogram,
 }
@@ -73,6 +75,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         // An unpaced round is system calls for the most part, and on some machines each look at the clock is one.
         loop {
             let begun_ns = self.wait_until_due(now_ns)?;
+            let begun_ns = self.hold(begun_ns)?;
             // Read before the sample goes out: only a plant that is armed when it publishes waits for an
             // answer.
             let awaited = self.bench.node().is_armed();
@@ -148,6 +151,15 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             }
             now_ns = self.serve(now_ns, left_ns.min(LOOK_NS))?;
         }
+    }
+
+    /// Holds before the sample at which the caller asked for it. Returns the time then.
+    fn hold(&mut self, mut now_ns: u64) -> Result<u64, RunError> {
+        let Some(hold) = self.hold.filter(|hold| hold.sample == self.bench.sample()) else { return Ok(now_ns) };
+        while !(hold.is_over)() && self.ended().is_none() {
+            now_ns = self.serve(now_ns, LOOK_NS)?;
+        }
+        Ok(now_ns)
     }
 
     /// Lets one sample period pass without an answer and processes incoming frames. Returns the time then.

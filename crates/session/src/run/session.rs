@@ -116,6 +116,21 @@ impl core::fmt::Debug for MakeController {
     }
 }
 
+/// Holds simulated time before a sample.
+#[derive(Clone)]
+pub(super) struct Hold {
+    /// The sample.
+    pub sample: u64,
+    /// Says whether time goes on.
+    pub is_over: Arc<dyn Fn() -> bool + Send + Sync>,
+}
+
+impl core::fmt::Debug for Hold {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Hold").field("sample", &self.sample).finish_non_exhaustive()
+    }
+}
+
 /// A scenario ready to run: plant on a bus, exciter on a bus, or both.
 #[derive(Clone, Debug)]
 pub struct Session {
@@ -131,6 +146,8 @@ pub struct Session {
     ending: Ending,
     /// Replacement of the scenario's controller.
     controller: Option<MakeController>,
+    /// Where a plant in lockstep holds.
+    hold: Option<Hold>,
     /// Watcher that is notified of the loops' events.
     pub(super) watch: Option<Watch>,
 }
@@ -220,6 +237,7 @@ impl Session {
             wire,
             ending,
             controller: None,
+            hold: None,
             watch: None,
         })
     }
@@ -228,6 +246,14 @@ impl Session {
     #[must_use]
     pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
         Session { controller: Some(MakeController(Arc::new(make))), ..self }
+    }
+
+    /// Lets a plant in lockstep hold before it publishes a sample, until `is_over` says that time goes on. It is called every 20
+    /// ms or more often, and its first call is the moment of the sample: what the caller does then, such as a word to the
+    /// controller, happens at a known sample. The bus is served meanwhile.
+    #[must_use]
+    pub fn held_at(self, sample: u64, is_over: impl Fn() -> bool + Send + Sync + 'static) -> Session {
+        Session { hold: Some(Hold { sample, is_over: Arc::new(is_over) }), ..self }
     }
 
     /// Connects a watcher: the loops report their events to it, and accept requests.
@@ -290,7 +316,7 @@ impl Session {
             Mode::RealTime => self.plant_in_real_time(&mut bench, bus, signals, watch)?,
             Mode::Lockstep => {
                 let how = (self.rate, self.options.speed);
-                lockstep(&mut bench, bus, &SystemClock, how, self.ending, signals)?
+                lockstep(&mut bench, bus, &SystemClock, how, (self.ending, self.hold.as_ref()), signals)?
             }
             Mode::Free => return Err(RunError::FreeHasNoBus),
         };

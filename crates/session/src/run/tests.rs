@@ -207,7 +207,7 @@ impl Rig {
                 (signals, &mut |_overrun| {}),
             ),
             Mode::Lockstep | Mode::Free => {
-                lockstep(&mut bench, &mut bus, &clock, (rate, speed), ending, signals).map_err(RunError::from)
+                lockstep(&mut bench, &mut bus, &clock, (rate, speed), (ending, None), signals).map_err(RunError::from)
             }
         };
         drop(bench);

@@ -10,6 +10,7 @@
 
 mod frames;
 mod line_bank;
+mod operator;
 mod probe;
 mod random;
 mod shock;
@@ -26,11 +27,13 @@ use core::ops::Range;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use operator::{OperatorSpec, OperatorWord};
 pub use stop::StopReason;
 
 use super::{Abort, Answer, Controller, Length, LoadKind, NeededReading, ResponsePoint};
 use crate::rig::{Load, Measurement, Reading};
 use crate::structure::OUTPUTS;
+use operator::{Deed, Operator};
 use random::RandomLaw;
 use resonarm_numeric::number::short;
 use resonarm_specification::{Profile, Specification, Test};
@@ -60,6 +63,9 @@ pub struct TestControlSpec {
     /// Seed of the random numbers of the drive.
     #[serde(default, with = "resonarm_numeric::seed")]
     pub seed: u64,
+    /// Words that an operator says to the controller.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub operator: Vec<OperatorSpec>,
     /// The specification, once its file has been read.
     #[serde(skip)]
     pub source: Option<Arc<SpecificationSource>>,
@@ -169,6 +175,44 @@ pub enum TestControlError {
         rate_hz: f64,
         /// Highest frequency that can be controlled, Hz.
         most_hz: f64,
+    },
+    /// The time of an operator's word is not a time.
+    #[error("control.operator, number {number}: `at_s` is {got_s}: it must be zero or a positive number")]
+    WordTime {
+        /// Number of the word.
+        number: usize,
+        /// The time, s.
+        got_s: f64,
+    },
+    /// An operator's word asks for more than the specified level.
+    #[error("control.operator, number {number}: `level_db` is {got_db}: it must be at most 0, the specified level")]
+    WordLevel {
+        /// Number of the word.
+        number: usize,
+        /// The level, dB.
+        got_db: f64,
+    },
+    /// A level is missing.
+    #[error("control.operator, number {number}: `level_db` is missing: add it, or change `word`")]
+    NoWordLevel {
+        /// Number of the word.
+        number: usize,
+    },
+    /// A level is stated with a word that takes none.
+    #[error("control.operator, number {number}: `level_db` does not apply to this word: leave it out")]
+    IdleWordLevel {
+        /// Number of the word.
+        number: usize,
+    },
+    /// The level of another test than a sine can't be changed.
+    #[error(
+        "control.operator, number {number}: the word `level` is for `law` \"swept-sine\", not for \"{law}\": leave it out"
+    )]
+    WordOfSines {
+        /// Number of the word.
+        number: usize,
+        /// Law of the control.
+        law: &'static str,
     },
 }
 
@@ -318,6 +362,9 @@ trait Law: Debug + Send {
     /// Continues the drive without judging or learning, while it ramps to zero.
     fn coast(&mut self, sample: &TestSample<'_>) -> f64;
 
+    /// Changes the level, dB over the specified one. Laws whose level is that of a schedule do nothing.
+    fn set_level(&mut self, _level_db: f64) {}
+
     /// Returns the state of the test.
     fn progress(&self) -> TestProgress;
 
@@ -430,6 +477,7 @@ pub struct TestController {
     /// Share of the drive that is played.
     share: f64,
     last: Option<u64>,
+    operator: Operator,
     /// Clipped readings times [`CLIPPED_EVERY`], less the other readings since.
     clipped: u32,
 }
@@ -474,6 +522,7 @@ impl TestController {
             is_driving_point: c_is_driven && control.is_c() && along.abs() > ALONG,
             seed: spec.seed,
         };
+        let operator = Operator::new(&spec.operator, law, rate_hz)?;
         let mut ramp_s = RAMP_S;
         let law: Box<dyn Law> = match (law, &specification.test) {
             (TestLaw::Random, Test::Random(test)) => {
@@ -495,6 +544,7 @@ impl TestController {
             ramp: Ramp::On,
             share: 1.0,
             last: None,
+            operator,
             clipped: 0,
         })
     }
@@ -503,6 +553,9 @@ impl TestController {
     fn drive_n(&mut self, sample: &Measurement) -> Option<f64> {
         let lost = self.last.map_or(0, |last| sample.sample.saturating_sub(last + 1));
         self.last = Some(sample.sample);
+        while let Some(deed) = self.operator.hear(sample.sample) {
+            self.obey(deed);
+        }
         for (slot, axis) in self.limited_m_s2.iter_mut().zip(&self.limited) {
             *slot = axis.reading(sample).value;
         }
@@ -534,8 +587,25 @@ impl TestController {
             Ramp::Down(_) => {
                 // Samples that were lost count, so that the ramp is not longer by them.
                 self.share -= (1 + lost) as f64 / self.ramp_samples;
-                (self.share > 1e-9).then(|| self.share * self.law.coast(&readings))
+                if self.share > 1e-9 {
+                    return Some(self.share * self.law.coast(&readings));
+                }
+                // A test that has ended waits for a start that is still to come.
+                self.operator.will_start().then_some(0.0)
             }
+        }
+    }
+
+    /// Does what an operator's word asks for. A start is heard only by a test that has ended, a stop only by one that has not.
+    fn obey(&mut self, deed: Deed) {
+        match (deed, self.ramp) {
+            (Deed::Stop, Ramp::On) => self.ramp = Ramp::Down(End::Stopped(StopReason::Operator)),
+            (Deed::Start, Ramp::Down(_)) if self.share <= 1e-9 => {
+                self.law.restart();
+                (self.ramp, self.share, self.clipped) = (Ramp::On, 1.0, 0);
+            }
+            (Deed::Level(level_db), _) => self.law.set_level(level_db),
+            (Deed::Stop | Deed::Start, _) => {}
         }
     }
 }
@@ -556,6 +626,7 @@ impl Controller for TestController {
 
     fn restart(&mut self) {
         self.law.restart();
+        self.operator.restart();
         (self.ramp, self.share, self.last, self.clipped) = (Ramp::On, 1.0, None, 0);
     }
 
@@ -575,6 +646,9 @@ impl Controller for TestController {
     }
 
     fn length(&self) -> Length {
+        if !self.operator.is_silent() {
+            return Length::Unknown;
+        }
         // The ramp begins behind the sample that ends the test, and the last of its samples has no drive.
         self.law.samples().map_or(Length::Unknown, |samples| Length::Samples(samples + self.ramp_samples as u64 - 1))
     }

@@ -103,6 +103,9 @@ pub enum StopReason {
         /// Limit, N.
         limit_n: f64,
     },
+    /// The operator has stopped the test.
+    #[error("the operator has stopped the test")]
+    Operator,
     /// Samples were lost while a shot was played.
     #[error("{samples} samples were lost within a shot, which is no longer what was specified")]
     SamplesLost {

@@ -93,6 +93,9 @@ pub(super) struct SweptSineLaw {
     /// The filters of the control channel and of the limited ones: z₁ and z₂.
     control: Tracking,
     limited: Vec<Tracking>,
+    /// Level over the specified one that the operator has asked for, and the one on the way there, as natural logarithms.
+    asked_level: f64,
+    level: f64,
     /// ln G.
     correction: f64,
     /// Samples for which the correction is held, after samples were lost.
@@ -168,6 +171,8 @@ impl SweptSineLaw {
             sweep_s,
             control: Tracking::default(),
             limited: vec![Tracking::default(); of.limits.len()],
+            asked_level: 0.0,
+            level: 0.0,
             correction: 0.0,
             hold: 0,
             too_high: 0,
@@ -296,7 +301,8 @@ impl SweptSineLaw {
         // The level, less where the drive would bring another response beyond its limit.
         let place = self.place(frequency_hz);
         let response = response_at(&self.identification.responses[0], place);
-        let mut level = self.level_m_s2(frequency_hz) * rise;
+        self.approach_level(frequency_hz);
+        let mut level = self.level_m_s2(frequency_hz) * rise * libm::exp(self.level);
         for (lines, limit) in self.identification.responses[1..].iter().zip(&self.limits) {
             if let Some(limit) = limit.at(frequency_hz) {
                 let ratio = libm::sqrt((response_at(lines, place) / response).norm_sqr());
@@ -308,7 +314,7 @@ impl SweptSineLaw {
         if learns {
             self.learn(frequency_hz, bandwidth_hz, level, amplitude);
             end = self.judge(level, amplitude, sample.control_m_s2);
-            if rise == 1.0 {
+            if rise == 1.0 && self.level == 0.0 {
                 self.full_samples += 1;
             }
         }
@@ -318,6 +324,21 @@ impl SweptSineLaw {
         end = end.or(End::of_drive(needed_n, limit_n));
         let drive_n = (force.re * cos - force.im * sin).clamp(-limit_n, limit_n);
         Step { drive_n, end: end.or(is_over.then_some(End::Complete)) }
+    }
+
+    /// Goes on towards the level that was asked for, as fast as the drive may change. The filter lags meanwhile.
+    fn approach_level(&mut self, frequency_hz: f64) {
+        if self.level == self.asked_level {
+            return;
+        }
+        let step = self.fastest() / self.rate_hz;
+        self.level += (self.asked_level - self.level).clamp(-step, step);
+        self.hold = self.hold.max(self.settling_samples(frequency_hz));
+    }
+
+    /// Returns the fastest change of the drive, as a natural logarithm a second.
+    fn fastest(&self) -> f64 {
+        LN_10 / 20.0 * self.test.compression_db_s.unwrap_or(COMPRESSION_DB_S)
     }
 
     /// Corrects the drive by the amplitude that was read.
@@ -333,7 +354,7 @@ impl SweptSineLaw {
                 error = error.min(libm::log(LIMIT_SHARE * limit / tracking.amplitude()).max(-1.0));
             }
         }
-        let fastest = LN_10 / 20.0 * self.test.compression_db_s.unwrap_or(COMPRESSION_DB_S);
+        let fastest = self.fastest();
         let change = (self.gain(frequency_hz, bandwidth_hz) * error).clamp(-fastest, fastest) / self.rate_hz;
         let most = libm::log(MOST_CORRECTION);
         self.correction = (self.correction + change).clamp(-most, most);
@@ -379,6 +400,7 @@ impl Law for SweptSineLaw {
         self.phase = TestPhase::Silence;
         self.control = Tracking::default();
         self.limited.fill(Tracking::default());
+        (self.asked_level, self.level) = (0.0, 0.0);
         (self.correction, self.hold, self.too_high, self.lost, self.full_samples) = (0.0, 0, 0, 0, 0);
         self.stuck = Stuck::default();
         self.frequency_hz = self.test.band_hz()[0];
@@ -421,11 +443,15 @@ impl Law for SweptSineLaw {
         }
     }
 
+    fn set_level(&mut self, level_db: f64) {
+        self.asked_level = LN_10 / 20.0 * level_db;
+    }
+
     fn progress(&self) -> TestProgress {
         let is_level = self.phase == TestPhase::Level;
         TestProgress {
             phase: self.phase,
-            level_db: is_level.then_some(0.0),
+            level_db: is_level.then_some(20.0 / LN_10 * self.level),
             full_level_s: self.full_samples as f64 / self.rate_hz,
             frequency_hz: is_level.then_some(self.frequency_hz),
         }

@@ -24,11 +24,22 @@ fn specification(text: &str) -> Specification {
 }
 
 fn controller_of(law: TestLaw, text: &str, amplitude_n: f64) -> Result<TestController, TestControlError> {
+    operated(law, text, amplitude_n, &[])
+}
+
+/// A controller that hears words of an operator, each with its time, s, and its level, dB.
+fn operated(
+    law: TestLaw,
+    text: &str,
+    amplitude_n: f64,
+    words: &[(OperatorWord, f64, Option<f64>)],
+) -> Result<TestController, TestControlError> {
     let source = SpecificationSource { specification: specification(text), text: text.into(), tables: vec![] };
     let spec = TestControlSpec {
         specification: "spec.toml".into(),
         amplitude: Load::force_n(amplitude_n, 0.0),
         seed: 1,
+        operator: words.iter().map(|&(word, at_s, level_db)| OperatorSpec { word, at_s, level_db }).collect(),
         source: Some(Arc::new(source)),
     };
     TestController::new(law, &spec, RATE_HZ, 655.0, true)
@@ -236,6 +247,7 @@ fn what_can_not_be_controlled_is_refused() {
         specification: "spec.toml".into(),
         amplitude: Load::torque_nm(1.0, 0.0),
         seed: 0,
+        operator: vec![],
         source: None,
     };
     let refused =
@@ -431,6 +443,102 @@ fn a_response_spectrum_is_reached() {
         assert!(worst < 0.1 && verdict.full == 1, "{name}: {worst}");
         assert_eq!(control.length(), Length::Samples(played.drive.len() as u64), "{name}");
     }
+}
+
+/// Every test ends by a ramp of 0.1 s from the sample of the word on.
+#[test]
+fn an_operator_stops_a_test_softly() {
+    for (law, text, at_s) in
+        [(TestLaw::Random, RANDOM, 40.0), (TestLaw::SweptSine, SINE, 90.0), (TestLaw::Shock, SHOCK, 5.0)]
+    {
+        let mut control = operated(law, text, 650.0, &[(OperatorWord::Stop, at_s, None)]).unwrap();
+        assert_eq!(control.length(), Length::Unknown);
+        let played = play(&mut control, &mut two_modes(0.02));
+        assert_eq!(played.end, Answer::Aborted(Abort::Test(StopReason::Operator)), "{law:?}");
+        let at = (at_s * RATE_HZ) as usize;
+        assert_eq!(played.first(TestPhase::Stopping), at, "{law:?}");
+        assert_eq!(played.drive.len(), at + 99, "{law:?}");
+        assert!(played.peak_n(at..at + 50) > 0.1 * played.peak_n(at - 2000..at), "{law:?}");
+    }
+}
+
+/// After a lost signal the drive stays 0 until the word, and the test begins with its silence and its loop check. A start while a
+/// test plays changes nothing.
+#[test]
+fn an_operator_starts_a_test_again_from_its_begin() {
+    for (law, text, lost_s) in [(TestLaw::Random, RANDOM, 40.0), (TestLaw::SweptSine, SINE, 90.0)] {
+        let start_s = lost_s + 3.0;
+        let words = [(OperatorWord::Start, 12.0, None), (OperatorWord::Start, start_s, None)];
+        let mut control = operated(law, text, 650.0, &words).unwrap();
+        let mut plant = two_modes(0.02);
+        let (lost, start) = ((lost_s * RATE_HZ) as usize, (start_s * RATE_HZ) as usize);
+        let (mut drive, mut phases) = (vec![], vec![]);
+        for n in 0..start + 90_000 {
+            let mut sample = plant.measure();
+            if (lost..lost + 2000).contains(&n) {
+                sample.acceleration_c_m_s2[0].value = 0.0;
+            }
+            let Answer::Hold(load) = control.answer(&sample) else { panic!("{law:?} ends at {n}") };
+            drive.push(load.force_n.x);
+            phases.push(control.test_progress().unwrap().phase);
+            plant.advance(&load).unwrap();
+        }
+        let peak = |samples: Range<usize>| drive[samples].iter().fold(0.0_f64, |peak, drive| peak.max(drive.abs()));
+        // The signal is stuck after 30 samples, and the ramp has 100.
+        assert!(peak(lost..lost + 130) > 0.0 && peak(lost + 131..start) == 0.0, "{law:?}");
+        assert_eq!((phases[start - 1], phases[start]), (TestPhase::Ended, TestPhase::Silence), "{law:?}");
+        // The loop check lasts for 9728 samples, the first 3584 of them silent.
+        assert_eq!(peak(start..start + 3584), 0.0, "{law:?}");
+        let check = peak(start + 3584..start + 9728);
+        assert!(check > 0.0 && check < 0.2 * peak(lost - 5000..lost), "{law:?} {check}");
+        assert!(
+            peak(start + 80_000..start + 90_000) > 2.0 * check && phases[start + 89_999] == TestPhase::Level,
+            "{law:?}"
+        );
+    }
+}
+
+/// The drive is that of a test without the word times 10^(−3/20), in the same phase, 50 ms after the word and once the filter has
+/// settled; the loop goes on.
+#[test]
+fn an_operator_lowers_the_level_of_a_sine_in_phase() {
+    let at = 90_000;
+    let played = [vec![], vec![(OperatorWord::Level, 90.0, Some(-3.0))]].map(|words| {
+        let mut control = operated(TestLaw::SweptSine, SINE, 650.0, &words).unwrap();
+        play(&mut control, &mut two_modes(0.02))
+    });
+    let [plain, lowered] = &played;
+    assert_eq!(lowered.end, Answer::Finished);
+    assert_eq!(plain.drive[..at], lowered.drive[..at]);
+    assert_eq!(
+        (plain.progress[at].phase, lowered.progress[at + 60].level_db.unwrap().round()),
+        (TestPhase::Level, -3.0)
+    );
+    let factor = libm::pow(10.0, -3.0 / 20.0);
+    let end = plain.first(TestPhase::Stopping);
+    let off = |from: usize, to: usize| {
+        let errors = (from..to).map(|n| (lowered.drive[n] - factor * plain.drive[n]).abs());
+        errors.fold(0.0, f64::max) / plain.peak_n(from..to)
+    };
+    assert!(
+        off(at + 51, at + 2000) < 0.03 && off(at + 2000, end) < 0.03,
+        "{} {}",
+        off(at + 51, at + 2000),
+        off(at + 2000, end)
+    );
+    // Before the change is over, it is not there at once.
+    assert!(off(at, at + 50) > 0.1, "{}", off(at, at + 50));
+}
+
+#[test]
+fn words_that_make_no_sense_are_refused() {
+    let says = |law, text: &str, word| format!("{}", operated(law, text, 300.0, &[word]).unwrap_err());
+    let sine = |word| says(TestLaw::SweptSine, SINE, word);
+    insta::assert_snapshot!(sine((OperatorWord::Stop, -1.0, None)), @"control.operator, number 1: `at_s` is -1: it must be zero or a positive number");
+    insta::assert_snapshot!(sine((OperatorWord::Level, 1.0, None)), @"control.operator, number 1: `level_db` is missing: add it, or change `word`");
+    insta::assert_snapshot!(sine((OperatorWord::Level, 1.0, Some(3.0))), @"control.operator, number 1: `level_db` is 3: it must be at most 0, the specified level");
+    insta::assert_snapshot!(sine((OperatorWord::Start, 1.0, Some(-3.0))), @"control.operator, number 1: `level_db` does not apply to this word: leave it out");
+    insta::assert_snapshot!(says(TestLaw::Random, RANDOM, (OperatorWord::Level, 1.0, Some(-3.0))), @r#"control.operator, number 1: the word `level` is for `law` "swept-sine", not for "random": leave it out"#);
 }
 
 /// A fault of the control channel, as it is read.

@@ -1,5 +1,7 @@
 //! Runs that are watched: what they tell, what they do when they are asked, and that nothing else depends on it.
 
+use std::sync::{Arc, Mutex};
+
 use super::*;
 use resonarm_bench::control::SetPoint;
 use resonarm_bus::memory;
@@ -178,4 +180,26 @@ fn an_exciter_alone_passes_on_its_frames_and_one_beside_a_plant_none() {
     let samples: Vec<u64> = seen.iter().filter(command).map(|frame| frame.sample).collect();
     // The last sample is answered by a disarm, and by no command.
     assert!(samples.iter().copied().eq(0..played - 1), "{} of {played}, {:?}", samples.len(), samples.last());
+}
+
+/// Time stands before sample 100 until the third call, and the run is that without a hold.
+#[test]
+fn a_plant_in_lockstep_holds_before_a_sample_until_it_may_go_on() {
+    let [mut near, mut far] = memory::pair(1024);
+    let signals = Arc::new(Signals::default());
+    let calls = Arc::new(Mutex::new(Vec::new()));
+    let (seen, noted) = (Arc::clone(&signals), Arc::clone(&calls));
+    let options = Options { end_on_disarm: true, ..Options::default() };
+    let plant = Session::new(scenario(), Mode::Lockstep, options.clone()).unwrap().held_at(100, move || {
+        let mut noted = noted.lock().unwrap();
+        noted.push(seen.done());
+        noted.len() == 3
+    });
+    let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
+    let exciter = std::thread::spawn(move || session.exciter(&mut far, &Signals::default()).unwrap());
+    let held = plant.plant(&mut near, &signals, |_| {}).unwrap();
+    exciter.join().unwrap();
+    assert_eq!(*calls.lock().unwrap(), [100; 3]);
+    let alone = Session::new(scenario(), Mode::Lockstep, options).unwrap().both(&Signals::default(), |_| {}).unwrap();
+    assert_eq!((held.outcome, held.samples), (PlantOutcome::Disarmed, alone.plant.samples));
 }
