@@ -263,7 +263,12 @@ fn segment(test: &RandomTest, rate_hz: f64) -> (usize, [usize; 2]) {
 fn full_level(context: &Context<'_>) -> Finding {
     let Some(test) = test(context) else { return Finding::inconclusive(NO_LEVEL) };
     let asked_s = test.schedule.as_ref().map_or(2.0 * LEAST_S, |schedule| schedule.full_level_s());
-    let found_s = context.base.level.as_ref().map_or(0.0, |level| level.len() as f64 / context.record.rate_hz);
+    // The level may be left again, as by a controller that goes on to a higher one.
+    let is_full = |rms: &&f64| db(**rms / demand(test)).abs() < LEVEL_DB;
+    let found_s = context.base.level.clone().map_or(0.0, |level| {
+        let running = running_rms(&context.record.reading[level], context.record.samples(LEVEL_S));
+        running.iter().filter(is_full).count() as f64 / context.record.rate_hz
+    });
     Finding::of([Measure::at_least("time at full level", found_s, "s", 0.5 * asked_s)])
 }
 

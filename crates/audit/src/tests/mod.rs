@@ -1,6 +1,7 @@
 //! Every case on records of known kind: one that passes, and one with the flaw that fails it.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+mod random_loops;
 mod randoms;
 mod shocks;
 mod sine_loops;

@@ -82,6 +82,8 @@ fn a_flaw_of_the_sweep_fails_the_case_for_it() {
         (&["S02"], run(|t_s| phase(1.12 * t_s), |_| 3.0, faster)),
         (&["S02"], run(linear, |_| 3.0, sweep_s)),
         (&["S03"], run(stepped, |_| 3.0, sweep_s)),
+        // The phase of the present frequency times the time: f(t)t in place of the integral of f.
+        (&["S02"], run(|t_s| core::f64::consts::TAU * test.frequency_hz(t_s) * t_s, |_| 3.0, sweep_s)),
         // A jump of 1.9 rad in the middle.
         (&["S04"], run(|t_s| phase(t_s) + if t_s > 15.0 { 1.9 } else { 0.0 }, |_| 3.0, sweep_s)),
         (&["S06"], run(phase, |t_s| if t_s < -0.5 { 4.5 } else { 3.0 }, sweep_s)),
