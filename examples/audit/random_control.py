@@ -112,6 +112,7 @@ class Controller:
                 yield from self.hold(10 ** (level_db / 20), seconds)
         except Stop as why:
             self.stopped = str(why)
+            print(f"stopped: {why}", file=sys.stderr)
         self.is_ending = True
         count = int(RAMP_S * RATE_HZ)
         for k in range(count):
@@ -214,7 +215,7 @@ class Shaker:
 
 
 def run(shaker, specification, timeout_s):
-    """Answers the readings of the enabled shaker, and returns why the test did not come to its end, or None."""
+    """Answers the readings of the enabled shaker; whether the test came to its end."""
     controller = Controller(specification)
     steps, drive_n = controller.steps(), None
     shaker.drive(0.0, enable=True)
@@ -223,7 +224,7 @@ def run(shaker, specification, timeout_s):
             # Readings from before the shaker is enabled are repeated, and not answered.
             if drive_n is None:
                 continue
-            return "the shaker was disabled"
+            return False
         if shaker.word == "start" and controller.stopped:
             controller = Controller(specification)
             steps, drive_n = controller.steps(), None
@@ -236,9 +237,9 @@ def run(shaker, specification, timeout_s):
                 drive_n = steps.send((reading["Control"], reading["Clipped"]))
         except StopIteration:
             shaker.drive(0.0, enable=False)
-            return controller.stopped
+            return not controller.stopped
         shaker.drive(drive_n, enable=True)
-    return controller.stopped or f"no reading for {timeout_s:g} s"
+    return False
 
 
 def main():
@@ -248,10 +249,8 @@ def main():
     flags = parser.parse_args()
     specification = Specification(flags.specification)
     with can.Bus(interface="socketcan", channel=flags.channel) as bus:
-        stopped = run(Shaker(bus), specification, 40.0)
-    if stopped:
-        print(f"stopped: {stopped}", file=sys.stderr)
-    return 1 if stopped else 0
+        is_complete = run(Shaker(bus), specification, 40.0)
+    return 0 if is_complete else 1
 
 
 if __name__ == "__main__":
