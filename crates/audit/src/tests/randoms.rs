@@ -227,6 +227,12 @@ fn a_test_that_must_go_on_is_judged_by_its_level() {
     let mut loud = base.clone();
     loud.drive[at..at + RATE].iter_mut().for_each(|drive| *drive *= 2.0);
     fails(&specification, "R20", &base, &loud);
+    // The structure rings for a moment; a level that stays too high is the controller's.
+    let mut ringing = base.clone();
+    ringing.reading[at..at + RATE].iter_mut().for_each(|reading| *reading *= 1.5);
+    passes(&specification, "R20", &base, &ringing);
+    ringing.reading[at + RATE..at + 4 * RATE].iter_mut().for_each(|reading| *reading *= 1.5);
+    fails(&specification, "R20", &base, &ringing);
     fails(&specification, "R20", &base, &ended(&base, at + RATE, RATE / 10));
     // After an abort a test begins again with its silence, check and lowest level, or flawed with its full level.
     let level = Base::new(&specification, &base).level.unwrap().start;

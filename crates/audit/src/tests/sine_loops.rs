@@ -87,9 +87,8 @@ fn play(of: &Loop) -> Record {
             if t_s < 0.0 { (15.0, TAU * 15.0 * t_s) } else { (test.frequency_hz(t_s), test.phase_rad(t_s)) };
         let phase = if of.is_naive && t_s > 0.0 { TAU * hz * t_s } else { phase };
         if let Some(late) = of.gap.and_then(|gap| k.checked_sub(gap)).filter(|late| *late < 3 * RATE / 20) {
-            // The plant holds its load for 20 ms and then takes it to zero in 50 ms.
-            let held = drive.get(k - late - 1).copied().unwrap_or(0.0);
-            force = held * ((0.07 - late as f64 / RATE as f64) / 0.05).clamp(0.0, 1.0);
+            // The plant holds its load.
+            force = drive.get(k - late - 1).copied().unwrap_or(0.0);
             drive.push(force);
             continue;
         }
