@@ -30,6 +30,9 @@ const LIGHT_OCT_MIN: f64 = 1.0;
 const OPEN_M_S2: f64 = 0.05;
 /// Time for which a run waits for the controller's first arming, s: an interpreter on a busy machine takes half a minute to start.
 const PATIENCE_S: u64 = 120;
+/// Time for which a plant on a bus waits for the answer to a sample, s, if its scenario does not state more: a controller that a
+/// busy machine stops is not a late one.
+const ANSWER_S: f64 = 10.0;
 /// Deadlines of a run with a gap in the samples, s: the nodes note it and go on.
 const GAP_DEADLINE_S: f64 = 1.0;
 /// Time for a command to end by itself before it is killed, and between two looks, ns.
@@ -221,11 +224,10 @@ impl AuditBench {
                 (scenario.control, scenario.excitation, scenario.limits) = (None, None, None);
                 // A controller that is told to start again may have disarmed the plant.
                 let options = Options { end_on_disarm: !matches!(stimulus, Stimulus::Restart), ..options };
-                if word(stimulus, base).is_some() {
-                    // The nodes wait for each other while the word is said.
-                    let timeout_s = &mut scenario.network.lockstep_timeout_s;
-                    *timeout_s = timeout_s.max(2e-9 * SPEECH_NS as f64);
-                }
+                // While a word is said, the nodes wait for each other.
+                let least_s = if word(stimulus, base).is_some() { 2e-9 * SPEECH_NS as f64 } else { ANSWER_S };
+                let timeout_s = &mut scenario.network.lockstep_timeout_s;
+                *timeout_s = timeout_s.max(least_s);
                 let mut session = Session::new(scenario, Mode::Lockstep, options)?;
                 let mut opened = open_bus(bus, &session, false)?;
                 let bus = bus.to_string();
