@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::rows::{self, Shown};
+use super::test_panel::TestPlan;
 use super::under_test::{Panels, ResponseAxis, UnderTest};
 use resonarm_files::drawing::Drawing;
 use resonarm_scenario::Scenario;
@@ -62,6 +63,8 @@ pub struct About {
     pub actions: Vec<Action>,
     /// The limits of a set-point, if one can be set.
     pub steering: Option<Steering>,
+    /// What the vibration test asks for that is controlled, if one is.
+    pub test: Option<TestPlan>,
     /// The first and the last sample, of a recording.
     pub samples: Option<(u64, u64)>,
 }
@@ -117,6 +120,7 @@ impl About {
             clipped_bits: shown.clipped_bits(),
             actions: Vec::new(),
             steering: None,
+            test: under_test.test.as_ref().map(|test| test.plan().clone()),
             samples: None,
         }
     }

@@ -150,7 +150,7 @@ impl Stream {
                     self.publish_plot(&Plot::new(MessageType::Command, &self.table, *sample, &row, 0));
                 }
             }
-            run::Notice::Response(_) | run::Notice::SetPoint(_) => {}
+            run::Notice::Response(_) | run::Notice::SetPoint(_) | run::Notice::Test(_) => {}
         }
     }
 

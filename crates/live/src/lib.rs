@@ -30,6 +30,7 @@ mod server;
 mod shared;
 mod source;
 mod spectrum;
+mod test_panel;
 mod under_test;
 mod viewer;
 

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::about::{About, Action};
 use super::extremes::Stretch;
 use super::rows::Row;
+use super::test_panel::TestStatus;
 use resonarm_bench::control::SetPoint;
 use resonarm_session::run::Request;
 
@@ -28,6 +29,8 @@ pub enum PageMessage<'a> {
     Branch(&'a BranchLines),
     /// Spectra of the latest samples.
     Spectrum(&'a Spectra),
+    /// How far a vibration test is, and what it has reached.
+    Test(&'a TestStatus),
     /// Another series of samples begins: everything drawn or sent before is obsolete, except the branch.
     Restarted,
     /// The position in a recording.

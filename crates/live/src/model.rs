@@ -14,6 +14,7 @@ use super::message::{
 use super::missed::Missed;
 use super::rows::{ACCELERATION_C, FORCE, HEAD, Row, Rows, Shown, TORQUE, clipped_bit};
 use super::spectrum::Spectrum;
+use super::test_panel::TestPanel;
 use super::under_test::{Sizes, UnderTest};
 use resonarm_bench::control::{ResponsePoint, SetPoint};
 use resonarm_files::recording::{Event, Record, RecordedFault, TickRecord};
@@ -114,6 +115,11 @@ impl Model {
             run::Notice::Record(record) => self.record(record),
             run::Notice::Command(CommandRecord { sample, load }) => self.rows.command(*sample, load),
             run::Notice::Response(point) => self.response(point),
+            run::Notice::Test(state) => {
+                if let Some(test) = &mut self.under_test.test {
+                    test.state(*state);
+                }
+            }
             run::Notice::SetPoint(set_point) => {
                 self.send(&PageMessage::SetPoint(&SetPointLine::from(*set_point)));
                 self.set_point = Some(*set_point);
@@ -192,6 +198,7 @@ impl Model {
     /// Drops everything but the branch: another series begins.
     pub fn restart(&mut self) {
         self.rows.restart();
+        self.under_test.test.iter_mut().for_each(TestPanel::restart);
         self.newest = None;
         self.forget();
         self.kept.clear();
@@ -219,6 +226,9 @@ impl Model {
     /// No more data come.
     pub fn end(&mut self) {
         if !core::mem::replace(&mut self.has_ended, true) {
+            // Why a test was stopped is known only now.
+            let test = self.test();
+            self.outgoing.extend(test);
             self.send(&PageMessage::Ended);
         }
     }
@@ -236,6 +246,7 @@ impl Model {
         while let Some((sample, row)) = self.rows.pop() {
             if self.rows.take_restarted() {
                 // An exciter counts from each arming.
+                self.under_test.test.iter_mut().for_each(TestPanel::restart);
                 self.forget();
                 self.kept.clear();
                 self.new.clear();
@@ -244,6 +255,7 @@ impl Model {
                 self.forget();
             }
             self.newest = Some(sample);
+            self.under_test.test.iter_mut().for_each(|test| test.push(&row.numbers));
             if let Some(stretch) = self.extremes.push(sample, &row) {
                 self.new.push(stretch.clone());
                 self.kept.push_back(stretch);
@@ -266,6 +278,7 @@ impl Model {
 
     /// Samples are missing: the next do not follow the latest rows.
     fn forget(&mut self) {
+        self.under_test.test.iter_mut().for_each(TestPanel::interrupt);
         self.recent.clear();
         self.unsent = 0;
         self.extremes.restart();
@@ -304,6 +317,12 @@ impl Model {
             lost_updates: 0,
             viewers: 0,
         }
+    }
+
+    /// How far a vibration test is, and what it has reached, if one is controlled.
+    pub fn test(&mut self) -> Option<Message> {
+        let status = self.under_test.test.as_mut()?.status();
+        text(&PageMessage::Test(&status))
     }
 
     /// Spectra of the latest samples, if there are enough.

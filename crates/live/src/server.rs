@@ -29,7 +29,7 @@ use resonarm_files::recording::channels::Channels;
 
 /// Interval between updates: thirty a second.
 const BEAT: Duration = Duration::from_millis(33);
-/// Spectra are sent with every so many updates.
+/// Spectra, and what a test has reached, are sent with every so many updates.
 const SPECTRUM_BEATS: u64 = 8;
 /// Messages queued for a slow viewer: two seconds of updates.
 const WAITING: usize = 128;
@@ -308,10 +308,13 @@ impl Beats {
         let viewers = shared.viewers.load(Ordering::Relaxed);
         source.viewed(viewers);
         let messages = model.take(source.lost(), lost_updates, viewers);
+        let is_slow = self.count.is_multiple_of(SPECTRUM_BEATS);
+        // Without a viewer as well: later ones see the whole sweep.
+        let test = is_slow.then(|| model.test()).flatten();
         if shared.updates.receiver_count() > 0 {
-            let spectra = self.count.is_multiple_of(SPECTRUM_BEATS).then(|| model.spectra()).flatten();
+            let spectra = is_slow.then(|| model.spectra()).flatten();
             // Having no viewers is not an error.
-            messages.into_iter().chain(spectra).for_each(|message| drop(shared.updates.send(message)));
+            messages.into_iter().chain(spectra).chain(test).for_each(|message| drop(shared.updates.send(message)));
         }
         let published = if is_wanted { self.stream.take() } else { Vec::new() };
         if !published.is_empty() {

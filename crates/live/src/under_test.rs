@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::rows::{self, Plotted, Shown};
+use super::test_panel::TestPanel;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::plant::{Placed, TestedAssembly};
 use resonarm_bench::structure::Quantity;
@@ -19,6 +20,8 @@ pub struct UnderTest {
     pub table: Channels,
     /// Drawing of the structure; `None` if the positions of its points are unknown.
     pub drawing: Option<Drawing>,
+    /// Vibration test that the scenario controls, if it does.
+    pub test: Option<TestPanel>,
     kind: Kind,
 }
 
@@ -84,7 +87,7 @@ impl UnderTest {
             Some(section) => Kind::foreign(section),
             None => Kind::Assembly(scenario.under_test()?.into()),
         };
-        Ok(UnderTest { name, table, drawing: Drawing::of(scenario)?, kind })
+        Ok(UnderTest { name, table, drawing: Drawing::of(scenario)?, test: TestPanel::new(scenario), kind })
     }
 
     /// Frequencies of the modes, Hz.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Abort, Answer, ControlSpectrum, Controller, InstrumentAxis, Length, LoadKind, NeededReading, ReadingLimit,
-    ResponsePoint, SetPoint, TestProgress,
+    ResponsePoint, SetPoint, StopReason, TestProgress,
 };
 use crate::rig::{InstrumentName, Load, Measurement, RigSpec};
 use crate::structure::{Channel, Point};
@@ -247,6 +247,10 @@ impl Controller for Limited {
 
     fn test_progress(&self) -> Option<TestProgress> {
         self.inner.test_progress()
+    }
+
+    fn test_stop(&self) -> Option<StopReason> {
+        self.inner.test_stop()
     }
 
     fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {

@@ -139,6 +139,11 @@ pub trait Controller: Debug + Send {
         None
     }
 
+    /// Returns the reason for which a test is stopped, from the sample on at which it is; `None` if it is not.
+    fn test_stop(&self) -> Option<StopReason> {
+        None
+    }
+
     /// Returns the spectrum by which a random test is controlled, while one is at a level.
     fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {
         None

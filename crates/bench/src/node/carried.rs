@@ -8,8 +8,8 @@ use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValu
 
 use super::{TimeBase, sample};
 use crate::control::{
-    Abort, Answer, ControlSpectrum, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint, TestProgress,
-    TestReport,
+    Abort, Answer, ControlSpectrum, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint, StopReason,
+    TestProgress, TestReport,
 };
 use crate::rig::{Load, Measurement, Readings};
 
@@ -87,6 +87,11 @@ impl Carried {
     /// Returns the state of a test; `None` if the controller controls none.
     pub fn test_progress(&self) -> Option<TestProgress> {
         self.controller.test_progress()
+    }
+
+    /// Returns the reason for which a test is stopped; `None` if it is not.
+    pub fn test_stop(&self) -> Option<StopReason> {
+        self.controller.test_stop()
     }
 
     /// Returns the spectrum by which a random test is controlled, while one is at a level.

@@ -33,7 +33,7 @@ const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 function empty(about) {
   const columns = () => about.channels.map(() => []);
   return {
-    about, times: [], least: columns(), largest: columns(), clipped: [], rows: [], rowsClipped: [], newest: 0, head: null, spectrum: null, branch: null, player: null,
+    about, times: [], least: columns(), largest: columns(), clipped: [], rows: [], rowsClipped: [], newest: 0, head: null, spectrum: null, test: null, branch: null, player: null,
     points: [], timing: noTimings(), frames: 0,
     // Time spent drawing, ms.
     drawing_ms: 0,
@@ -96,6 +96,10 @@ function makeViews(about) {
       ...states,
     },
     lissajous: new Lissajous(about, element("lissajous"), element("lissajous-clipped")),
+    test: about.test && new LinePlot(element("test"), {
+      title: `What the test has reached, and what is specified`, x: { label: "frequency", unit: "Hz" },
+      unit: `${about.test.quantity} (${about.test.unit})`, log: about.test.kind !== "sine", logX: true, spans: true, entries: testEntries(about.test),
+    }),
     spectrumClipping: new Clipping(about, [...forces, ...atC]),
     spectrum: new LinePlot(element("spectrum"), {
       title: "Spectrum", x: { label: "frequency", unit: "Hz" }, unit: "amplitude", log: true,
@@ -109,10 +113,19 @@ function makeViews(about) {
   };
 }
 
+// The curves of a test: what was read, and what is specified with its tolerance, if that is stated by frequency.
+function testEntries({ channel, low }) {
+  const entries = [{ label: channel, name: `read at ${channel}` }, { label: "specified", name: "specified at this level" }];
+  const ends = [{ label: "lowest", name: "lower end of the tolerance" }, { label: "highest", name: "upper end of the tolerance" }];
+  return low.length > 0 ? [...entries, ...ends] : entries;
+}
+
 // The titles of panels, the choice of responses, and the modes.
 function entitle(about) {
   element("structure-choices").hidden = about.drawing === null;
   const [, b, c] = about.rig ?? [];
+  element("test-panel").hidden = about.test === null;
+  element("test-name").textContent = about.test ? about.test.name ?? about.test.kind : "";
   element("b-name").textContent = `Acceleration of B${b ? `, at ${b}` : ""}`;
   element("c-name").textContent = `Acceleration of C${c ? `, at ${c}` : ""}`;
   const modes = about.modes_hz.map((hz) => hz.toFixed(2));
@@ -159,9 +172,13 @@ const receive = {
   response(point) { data.points.push(point); },
   branch(branch) { data.branch = branch; },
   spectrum(spectrum) { data.spectrum = spectrum; },
+  test(test) {
+    data.test = test;
+    schedule();
+  },
   restarted() {
     Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), clipped: [] });
-    Object.assign(data, { rows: [], rowsClipped: [], points: [], spectrum: null, timing: noTimings() });
+    Object.assign(data, { rows: [], rowsClipped: [], points: [], spectrum: null, test: null, timing: noTimings() });
     element("events").replaceChildren();
     resume();
     receive.state({ state: "unknown", fault: null });
@@ -247,7 +264,7 @@ function draw() {
   if (data === null || data.head === null) return;
   const begun = performance.now();
   const shown = paused ?? data;
-  const { about, head, rows, rowsClipped, spectrum, branch, points } = shown;
+  const { about, head, rows, rowsClipped, spectrum, test, branch, points } = shown;
   const peakHz = spectrum?.peak_hz ?? 0;
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
   controls.time(data.head.time_s);
@@ -262,13 +279,33 @@ function draw() {
   for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(shown, ends);
   if (seen.has("lissajous")) views.lissajous.draw(rows, rowsClipped, about.rate_hz, peakHz);
   if (seen.has("spectrum") && spectrum !== drawn.spectrum) drawSpectrum(spectrum);
+  if (seen.has("test") && test !== drawn.test) drawTest(about.test, test);
   if (seen.has("response")) views.response.draw(branch, points, place, about.responses[place], peakHz);
   drawTiming(shown, ends);
   data.frames += 1;
   data.drawing_ms += performance.now() - begun;
 }
 
-const drawn = { spectrum: null };
+const drawn = { spectrum: null, test: null };
+
+// What a test has reached, beside what is specified at its level.
+function drawTest(plan, test) {
+  drawn.test = test;
+  const { frequency_hz, demand, low, high, levels_db } = plan;
+  const factor = test?.factor ?? 1;
+  const scaled = (values) => values.map((value) => factor * value);
+  const tolerance = low.length > 0 ? [scaled(low), scaled(high)] : [];
+  views.test.draw(frequency_hz, [test?.reached ?? frequency_hz.map(() => null), scaled(demand), ...tolerance]);
+  const level = test?.level_db ?? null;
+  const levels = levels_db.length > 1 && level !== null ? ` (levels ${levels_db.join(", ")} dB)` : "";
+  const state = [
+    test?.phase, level === null ? "" : `at ${level} dB${levels}`, test?.full_level_s > 0 ? `${test.full_level_s.toFixed(1)} s at full level` : "",
+    test?.frequency_hz ? `${test.frequency_hz.toFixed(2)} Hz` : "",
+  ];
+  element("test-state").textContent = state.filter((words) => words).join(", ");
+  element("test-reached").textContent = test?.words ?? "";
+  element("test-stopped").textContent = test?.stopped ? `The controller stops the test: ${test.stopped}` : "";
+}
 
 function drawSpectrum(spectrum) {
   drawn.spectrum = spectrum;

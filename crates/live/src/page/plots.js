@@ -33,6 +33,9 @@ const logarithmic = (label) => ({
   values: (_, values) => values.map((value) => (value === null ? "" : value.toExponential(0))),
 });
 
+// On the other logarithmic axis 1, 2 and 5 of each decade have names.
+const named = (_, values) => values.map((value) => (/^[125](e|$)/.test(value?.toExponential()) ? value : null));
+
 // Large numbers fit beside a second axis: 1.5M.
 const compact = new Intl.NumberFormat("en", { notation: "compact" });
 // Small numbers have an exponent: 2e-6.
@@ -183,19 +186,20 @@ export class BandPlot {
   }
 }
 
-// Lines over any axis; `log` makes the vertical axis logarithmic. With `steering` the axis is the shared time, else a
+// Lines over any axis; `log` makes the vertical axis logarithmic, and `logX` the other one; with `spans` lines go on
+// where values are missing. With `steering` the axis is the shared time, else a
 // viewer zooms into this plot alone.
 export class LinePlot {
-  constructor(place, { title, x, unit, entries, steering = null, log = false, secondUnit = null }) {
+  constructor(place, { title, x, unit, entries, steering = null, log = false, logX = false, spans = false, secondUnit = null }) {
     this.zoomed = null;
     this.x = [0, 1];
     const series = entries.map(({ label }, k) => ({
-      label, stroke: () => color(HUES[k]), width: 1.3, scale: secondUnit && k >= entries.length / 2 ? "z" : "y", points: { show: false },
+      label, stroke: () => color(HUES[k]), width: 1.3, scale: secondUnit && k >= entries.length / 2 ? "z" : "y", points: { show: false }, spanGaps: spans,
     }));
-    const whole = (low, high) => (high > low ? [low, high] : [0, 1]);
+    const whole = (low, high) => (high > low ? [low, high] : logX ? [1, 10] : [0, 1]);
     const along = (_, low, high) => (steering ? this.x : this.zoomed ?? whole(low, high));
     const scales = {
-      x: { time: false, range: along }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(0.1, high * 1.1)] },
+      x: { time: false, range: along, distr: logX ? 3 : 1 }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(0.1, high * 1.1)] },
     };
     if (secondUnit) scales.z = { range: (_, __, high) => [0, Math.max(1, high * 1.1)] };
     const values = (_, shown) => shown.map((value) => compact.format(value));
@@ -213,7 +217,7 @@ export class LinePlot {
       about: title, entries: entries.map((entry, k) => ({ name: entry.label, ...entry, series: [k + 1] })), ...(steering ?? own),
       values: (drawn, [one], at) => between(drawn.data[one][at], drawn.data[one][at]), unit: x.unit,
       cursor: steering ? { sync: { key: "time" } } : {},
-      series: [{}, ...series], scales, axes: [below(`${x.label} (${x.unit})`), first, ...second],
+      series: [{}, ...series], scales, axes: [{ ...below(`${x.label} (${x.unit})`), ...(logX ? { filter: named } : {}) }, first, ...second],
     }, [[], ...entries.map(() => [])]);
   }
 

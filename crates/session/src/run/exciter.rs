@@ -6,7 +6,9 @@ use core::time::Duration;
 use super::event_record::{event_record, request_records, sample_record};
 use super::mistakes::RefusedFrame;
 use super::outage::{self, Outage};
-use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
+use super::{
+    BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, TestState, Watched,
+};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{ExciterInterface, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};
@@ -375,6 +377,9 @@ pub(super) fn steer(node: &mut dyn ExciterInterface, watched: &mut Watched) -> b
             notify_event(node, watched, ("request.refused", 0));
         }
     }
-    watched.notify_set_point(node.carried().set_point());
+    let carried = node.carried();
+    watched.notify_set_point(carried.set_point());
+    let test = carried.test_progress().map(|progress| TestState { progress, stopped: carried.test_stop() });
+    watched.notify_test(node.samples_played(), test);
     disarm
 }

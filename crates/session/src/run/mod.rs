@@ -73,7 +73,7 @@ pub use report::{
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{BusLoss, RunEvent, Signals};
-pub use watch::{CommandRecord, End, NotAsked, Notice, Request, Watch, Watched, Watcher, watch};
+pub use watch::{CommandRecord, End, NotAsked, Notice, Request, TestState, Watch, Watched, Watcher, watch};
 
 use self::bench::Bench;
 use self::finish::EndedBy;

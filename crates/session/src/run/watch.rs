@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! run loop ── Watched::notify ───────► rings of records and commands, of events,   ──► Watcher::take
-//!                                      of responses
+//!                                      of responses, of states of a test
 //!          ── Watched::notify_frame ─► ring of frames ───────────────────────────────►
 //!          ◄─ Watched::request ─────── ring of requests ◄───────────────────────────── Watcher::ask
 //! ```
@@ -19,7 +19,7 @@ use std::sync::{Arc, mpsc};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use resonarm_bench::control::{ResponsePoint, SetPoint};
+use resonarm_bench::control::{ResponsePoint, SetPoint, StopReason, TestProgress};
 use resonarm_bench::rig::Load;
 use resonarm_files::recording::slots::{self, Entry, Slot};
 use resonarm_files::recording::{Event, FrameRecord, Record};
@@ -33,6 +33,10 @@ const RESPONSES: usize = 1 << 8;
 const FRAMES: usize = 1 << 13;
 /// Events that wait at most: 120,000 a second, if they are taken thirty times a second.
 const EVENTS: usize = 1 << 12;
+/// States of a test that wait at most: six seconds of a sweep.
+const TEST_STATES: usize = 1 << 6;
+/// Samples between two states of a test in which only times and frequencies have changed.
+const TEST_SAMPLES: u64 = 100;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
@@ -49,6 +53,25 @@ pub enum Notice {
     Response(ResponsePoint),
     /// The set-point that an exciter goes to or holds: at first, and when it changes.
     SetPoint(SetPoint),
+    /// State of a vibration test: at first, when its phase or level changes, and every 100 samples.
+    Test(TestState),
+}
+
+/// State of a vibration or shock test that a controller runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TestState {
+    /// How far the test is.
+    pub progress: TestProgress,
+    /// Reason for which the test is stopped, if it is.
+    pub stopped: Option<StopReason>,
+}
+
+impl TestState {
+    /// Whether nothing but times and frequencies differs.
+    fn is_like(&self, other: &TestState) -> bool {
+        let essential = |state: &TestState| (state.progress.phase, state.progress.level_db, state.stopped);
+        essential(self) == essential(other)
+    }
 }
 
 /// Frequent notices: everything that an exciter reports except records and responses.
@@ -136,6 +159,7 @@ struct Opened {
     often: Consumer<Slot<Often>>,
     events: Consumer<Event>,
     responses: Consumer<ResponsePoint>,
+    tests: Consumer<TestState>,
     frames: Consumer<FrameRecord>,
     requests: Producer<Request>,
 }
@@ -148,6 +172,7 @@ impl Opened {
             && self.often.is_empty()
             && self.events.is_empty()
             && self.responses.is_empty()
+            && self.tests.is_empty()
             && self.frames.is_empty()
     }
 }
@@ -159,10 +184,13 @@ pub struct Watched {
     often: Producer<Slot<Often>>,
     events: Producer<Event>,
     responses: Producer<ResponsePoint>,
+    tests: Producer<TestState>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
     /// The set-point passed on last.
     set_point: Option<SetPoint>,
+    /// State of a test passed on last, with its sample.
+    test: Option<(u64, TestState)>,
     shared: Arc<Shared>,
 }
 
@@ -198,18 +226,31 @@ impl Watch {
         let (events, event_reader) = RingBuffer::new(EVENTS);
         let ((often, often_reader), (frames, frame_reader)) = (RingBuffer::new(often), RingBuffer::new(frames));
         let (responses, response_reader) = RingBuffer::new(RESPONSES);
+        let (tests, test_reader) = RingBuffer::new(TEST_STATES);
         let (writer, requests) = RingBuffer::new(REQUESTS);
         let opened = Opened {
             end,
             often: often_reader,
             events: event_reader,
             responses: response_reader,
+            tests: test_reader,
             frames: frame_reader,
             requests: writer,
         };
         // If the watcher is gone, notices are lost, and counted.
         let _nobody = self.opened.send(opened);
-        Watched { end, often, events, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
+        Watched {
+            end,
+            often,
+            events,
+            responses,
+            tests,
+            frames,
+            requests,
+            set_point: None,
+            test: None,
+            shared: Arc::clone(&self.shared),
+        }
     }
 }
 
@@ -228,6 +269,7 @@ impl Watched {
             Notice::Command(command) => slots::push_other(&mut self.often, Often::Command(command)),
             Notice::Response(response) => self.responses.push(response).is_ok(),
             Notice::SetPoint(set_point) => slots::push_other(&mut self.often, Often::SetPoint(set_point)),
+            Notice::Test(state) => self.tests.push(state).is_ok(),
         };
         if !is_queued {
             self.lose();
@@ -239,6 +281,19 @@ impl Watched {
         if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
             self.set_point = set_point;
             self.notify(Notice::SetPoint(changed));
+        }
+    }
+
+    /// Passes on the state of a test at a sample, if there is one and it has changed; of times and frequencies alone, every 100
+    /// samples. Never blocks, locks or allocates.
+    pub fn notify_test(&mut self, sample: u64, state: Option<TestState>) {
+        let Some(state) = state else { return };
+        let is_known = self.test.is_some_and(|(last, known)| {
+            known.is_like(&state) && (known == state || sample.wrapping_sub(last) < TEST_SAMPLES)
+        });
+        if !is_known {
+            self.test = Some((sample, state));
+            self.notify(Notice::Test(state));
         }
     }
 
@@ -266,11 +321,11 @@ impl Watched {
 }
 
 impl Watcher {
-    /// Hands over the notices since the last call, at most `most` of each loop, oldest first; then events, responses and
-    /// frames likewise.
+    /// Hands over the notices since the last call, at most `most` of each loop, oldest first; then events, responses, states of
+    /// a test and frames likewise.
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
-        for Opened { end, often, events, responses, frames, .. } in &mut self.open {
+        for Opened { end, often, events, responses, tests, frames, .. } in &mut self.open {
             for _ in 0..most.min(often.slots()) {
                 if slots::pop(often, |entry| hand(*end, &Notice::from(entry))).is_none() {
                     break;
@@ -278,6 +333,7 @@ impl Watcher {
             }
             drain(events, most, |event| hand(*end, &Notice::Record(Record::Event(*event))));
             drain(responses, most, |response| hand(*end, &Notice::Response(*response)));
+            drain(tests, most, |state| hand(*end, &Notice::Test(*state)));
             drain(frames, most, |frame| hand(*end, &Notice::Record(Record::Frame(*frame))));
         }
         self.open.retain(|opened| !opened.is_over());

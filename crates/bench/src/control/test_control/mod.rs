@@ -71,6 +71,17 @@ pub struct TestControlSpec {
     pub source: Option<Arc<SpecificationSource>>,
 }
 
+impl TestControlSpec {
+    /// Returns the place of the control channel among the readings of head, B and C; `None` if the specification was not read,
+    /// or does not name one channel that the controller reads.
+    pub fn control_output(&self) -> Option<usize> {
+        match &self.source.as_ref()?.specification.control.channels[..] {
+            [channel] => Axis::find(channel).ok().map(|axis| axis.place),
+            _ => None,
+        }
+    }
+}
+
 /// A specification with the texts that it was read from, so that a recording can hold them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpecificationSource {
@@ -661,6 +672,13 @@ impl Controller for TestController {
             Ramp::Down(_) => TestPhase::Ended,
         };
         Some(TestProgress { phase, ..progress })
+    }
+
+    fn test_stop(&self) -> Option<StopReason> {
+        match self.ramp {
+            Ramp::Down(End::Stopped(reason)) => Some(reason),
+            Ramp::Down(End::Complete) | Ramp::On => None,
+        }
     }
 
     fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {
