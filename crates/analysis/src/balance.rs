@@ -24,6 +24,7 @@ use resonarm_dynamics::structure::{Assembly, Dof, Law, Linear, Parameter};
 use resonarm_numeric::registers::{Task, widest};
 
 use super::dense::dot;
+use super::history::{FrictionDerivative, History, Stretch};
 use super::linear::dynamic_stiffness_solve;
 use super::samples::Samples;
 use super::spectral::{operator, project};
@@ -66,6 +67,9 @@ pub(super) struct Balance {
     scale: f64,
     row_scales: Vec<f64>,
     compliances: Vec<Compliance>,
+    /// The part of ∂Q/∂u and ∂Q/∂u̇ at each sample that comes from the states of friction, pair of unknowns by pair; empty
+    /// without friction.
+    by_state: [Vec<f64>; 2],
     /// ∂Q̂/∂X, column by column, and Q̂ and ∂Q̂/∂Ω/2π.
     operator: Vec<f64>,
     load: Vec<f64>,
@@ -227,6 +231,7 @@ impl Balance {
             scale,
             row_scales: vec![],
             compliances: vec![],
+            by_state: Default::default(),
             operator: vec![],
             load: vec![],
             by_frequency: vec![],
@@ -235,8 +240,8 @@ impl Balance {
         balance
     }
 
-    /// Returns the balance with the displacements of the elements as unknowns, and a response X in these; `None` if they are
-    /// its unknowns.
+    /// Returns the balance with the displacements of the elements as unknowns, before its number of harmonics is set, and a
+    /// response X in these; `None` if they are its unknowns.
     pub fn by_places(&self, x: &[f64]) -> Option<(Balance, Vec<f64>)> {
         let unknowns = Unknowns::by_places(&self.forced, self.period());
         if unknowns.count() == self.unknowns.count() {
@@ -246,8 +251,24 @@ impl Balance {
         let displacement = |(q, phi): (&[f64], &Vec<f64>)| dot(q, phi);
         let rows = x.chunks_exact(self.unknowns.count());
         let x = rows.flat_map(|q| condensed.places.iter().map(move |phi| displacement((q, phi)))).collect();
-        let mut balance = Balance { samples: Samples::new(&self.forced, &unknowns), unknowns, ..self.clone() };
-        balance.set_harmonics(self.harmonics);
+        let balance = Balance {
+            forced: self.forced.clone(),
+            samples: Samples::new(&self.forced, &unknowns),
+            unknowns,
+            coordinate: self.coordinate,
+            frequency_hz: self.frequency_hz,
+            kept: self.kept,
+            evaluated: Evaluated::default(),
+            harmonics: self.harmonics,
+            linear: self.linear.clone(),
+            scale: self.scale,
+            row_scales: vec![],
+            compliances: vec![],
+            by_state: Default::default(),
+            operator: vec![],
+            load: vec![],
+            by_frequency: vec![],
+        };
         Some((balance, x))
     }
 
@@ -425,37 +446,142 @@ impl Balance {
     fn linearise(&mut self) {
         let (m, omega, harmonics) = (self.unknowns.count(), self.omega_rad_s(), self.harmonics);
         let (size, count) = (self.load.len(), self.samples.count());
+        let frictions = self.frictions();
+        // The derivatives of elements and polynomials of modes are symmetric; those of a chain are not.
+        let is_symmetric = matches!(self.unknowns.body, Body::Condensed(_));
         self.operator.resize(size * size, 0.0);
-        operator(&self.samples, m, harmonics, omega, &mut self.operator);
+        operator(&self.samples, &self.by_state, [m, harmonics], omega, is_symmetric, &mut self.operator);
         self.by_frequency.clear();
         self.by_frequency.resize(size, 0.0);
-        let mut signal = vec![0.0; count];
+        let (mut signal, mut by_acceleration) = (vec![0.0; count], vec![0.0; count]);
         for i in 0..m {
             // At constant X, u̇ is in proportion to Ω, ü to Ω², and the interval between samples to 1/Ω.
-            for (j, value) in signal.iter_mut().enumerate() {
-                let along = |d: usize| {
-                    let by = |k: usize| self.samples.by[d][(i * m + k) * count + j] * self.samples.motion[d][j * m + k];
-                    (0..m).map(by).sum::<f64>()
-                };
-                *value = (along(1) + 2.0 * along(2) - self.samples.by_step[i * count + j]) / self.frequency_hz;
+            for (d, sums) in [(1, &mut signal), (2, &mut by_acceleration)] {
+                sums.fill(0.0);
+                if d == 2 && is_symmetric {
+                    // The forces of elements do not depend on ü.
+                    continue;
+                }
+                for k in 0..m {
+                    let by = &self.samples.by[d][(i * m + k) * count..][..count];
+                    let moves = self.samples.motion[d].iter().skip(k).step_by(m);
+                    sums.iter_mut().zip(by).zip(moves).for_each(|((sum, by), moves)| *sum += by * moves);
+                }
+            }
+            let by_step = &self.samples.by_step[i * count..][..count];
+            for ((sum, by_acceleration), by_step) in signal.iter_mut().zip(&by_acceleration).zip(by_step) {
+                *sum = (*sum + 2.0 * by_acceleration - by_step) / self.frequency_hz;
             }
             let out = &mut self.by_frequency;
             project(&self.samples, &signal, harmonics, |row, value| out[row * m + i] = value);
         }
+        self.add_stretches(&frictions);
         self.add_histories();
+    }
+
+    /// Returns the derivatives of friction elements whose displacement is a sum of unknowns, each with the number of its
+    /// history, and adds the parts that belong to single samples to `self.by_state`.
+    fn frictions(&mut self) -> Vec<(usize, FrictionDerivative)> {
+        self.by_state.iter_mut().for_each(Vec::clear);
+        let Body::Condensed(condensed) = &self.unknowns.body else { return vec![] };
+        let (m, count) = (self.unknowns.count(), self.samples.count());
+        let mut frictions = Vec::new();
+        for (number, history) in self.samples.histories.iter().enumerate() {
+            let Law::Friction { stiffness, .. } = *self.forced.assembly.elements()[history.element].law() else {
+                continue;
+            };
+            let derivative = history.friction_derivative();
+            for (by_state, of_sample) in
+                self.by_state.iter_mut().zip([&derivative.by_position, &derivative.by_velocity])
+            {
+                by_state.resize(m * m * count, 0.0);
+                for (i, weight) in &condensed.of_element[history.element] {
+                    for (k, other) in &condensed.of_element[history.element] {
+                        let by_pair = &mut by_state[(i * m + k) * count..][..count];
+                        let factor = weight * other * stiffness;
+                        by_pair.iter_mut().zip(of_sample).for_each(|(sum, by)| *sum += factor * by);
+                    }
+                }
+            }
+            frictions.push((number, derivative));
+        }
+        frictions
+    }
+
+    /// Adds the parts of friction's derivatives that are the same along a stretch: the force's harmonics, of one at the
+    /// samples of the stretch, times the change of the stretch's constant by the unknowns.
+    fn add_stretches(&mut self, frictions: &[(usize, FrictionDerivative)]) {
+        let Body::Condensed(condensed) = &self.unknowns.body else { return };
+        if frictions.is_empty() {
+            return;
+        }
+        self.samples.set_functions();
+        let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
+        let (rows, count) = (size / m, self.samples.count());
+        // A column of the operator has the product of each force with one weight, that of its constant's change.
+        let mut forces: [Vec<f64>; TOGETHER] = core::array::from_fn(|_| vec![0.0; size]);
+        let mut weights = vec![[0.0; TOGETHER]; size];
+        let mut waiting = 0;
+        for (number, derivative) in frictions {
+            let element = self.samples.histories[*number].element;
+            let Law::Friction { stiffness, .. } = *self.forced.assembly.elements()[element].law() else { continue };
+            for Stretch { constant, weights: of_samples } in &derivative.stretches {
+                let (mut force, mut change) = (vec![0.0; rows], vec![0.0; rows]);
+                for &(j, part) in of_samples {
+                    let scale = 2.0 * stiffness * part / count as f64;
+                    force.iter_mut().zip(self.samples.functions(j, rows)).for_each(|(sum, f)| *sum += scale * f);
+                }
+                force[0] *= 0.5;
+                for &(j, [by_position, by_velocity]) in constant {
+                    let functions = self.samples.functions(j, rows);
+                    change.iter_mut().zip(functions).for_each(|(sum, f)| *sum += by_position * f);
+                    for (k, (changes, of)) in
+                        (1..).zip(change[1..].chunks_exact_mut(2).zip(functions[1..].chunks_exact(2)))
+                    {
+                        let rate = by_velocity * f64::from(k) * omega;
+                        changes[0] -= rate * of[1];
+                        changes[1] += rate * of[0];
+                    }
+                }
+                forces[waiting].fill(0.0);
+                weights.iter_mut().for_each(|of| of[waiting] = 0.0);
+                for (r, (force, change)) in force.iter().zip(&change).enumerate() {
+                    for (i, weight) in &condensed.of_element[element] {
+                        forces[waiting][r * m + i] = weight * force;
+                        weights[r * m + i][waiting] = weight * change;
+                    }
+                }
+                waiting += 1;
+                if waiting == TOGETHER {
+                    widest(AddProducts { block: &mut self.operator, weights: &weights, rows: &forces });
+                    waiting = 0;
+                }
+            }
+        }
+        // Products that are too few for a whole set: the others are zero.
+        if waiting > 0 {
+            forces[waiting..].iter_mut().for_each(|row| row.fill(0.0));
+            widest(AddProducts { block: &mut self.operator, weights: &weights, rows: &forces });
+        }
     }
 
     /// Adds the part of the derivatives that comes from the elements' states.
     fn add_histories(&mut self) {
-        if self.samples.histories.is_empty() {
+        let is_condensed = matches!(self.unknowns.body, Body::Condensed(_));
+        let elements = self.forced.assembly.elements();
+        let is_friction = |history: &History| matches!(elements[history.element].law(), Law::Friction { .. });
+        // Friction between places that are sums of unknowns has been added by stretches.
+        let remains = |history: &&History| !(is_condensed && is_friction(history));
+        if !self.samples.histories.iter().any(|history| remains(&history)) {
             return;
         }
         self.samples.set_functions();
+        self.samples.set_rates();
         let (m, size) = (self.unknowns.count(), self.load.len());
         let (rows, count) = (size / m, self.samples.count());
         let (samples, operator, by_frequency) = (&self.samples, &mut self.operator, &mut self.by_frequency);
-        for history in &samples.histories {
-            let element = &self.forced.assembly.elements()[history.element];
+        for history in samples.histories.iter().filter(remains) {
+            let element = &elements[history.element];
             // The displacement of a chain's element has a direction of its own at each sample; that of others is a sum of
             // unknowns with fixed weights, and is taken as the only unknown until the end.
             let spread: Vec<Weights> = match &self.unknowns.body {
@@ -470,7 +596,7 @@ impl Balance {
             if active == 0 {
                 continue;
             }
-            let basis = |j: usize| samples.functions(j, rows);
+            let basis = |j: usize| (samples.functions(j, rows), samples.rates(j, rows));
             // Row by row of the element's own unknowns, all columns beside each other.
             let columns = rows * active + 1;
             let mut block = vec![0.0; rows * active * columns];
@@ -482,7 +608,7 @@ impl Balance {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };
-                let functions = samples.functions(j, rows).0;
+                let functions = samples.functions(j, rows);
                 for (r, of_function) in weights.chunks_exact_mut(active).enumerate() {
                     let scale = by_state * functions[r] * if r == 0 { 1.0 } else { 2.0 } / count as f64;
                     for (i, weight) in of_function.iter_mut().enumerate() {
@@ -696,7 +822,8 @@ impl Balance {
                 let (compliance, rows) = (&self.compliances[k], Pair::of(k, m));
                 for i in 0..m {
                     let mut value = [0.0; 2];
-                    for &j in coupled {
+                    let own = [i];
+                    for &j in if condensed.is_by_modes { &own[..] } else { coupled } {
                         let part = times(compliance.places[i * m + j][0], rows.at(operator, j));
                         (0..2).for_each(|d| value[d] += part[d]);
                     }
@@ -800,6 +927,17 @@ impl System for Balance {
             return false;
         }
         self.derivatives(x, &[self.coordinate], residual, matrix, x.len() + 1);
+        true
+    }
+
+    fn evaluate_residual(&mut self, x: &[f64], lambda: f64, residual: &mut [f64]) -> bool {
+        // The few samples of smooth forces take little more time with the derivatives.
+        if self.forced.assembly().is_smooth() || !self.set_value(lambda) {
+            return false;
+        }
+        self.evaluate_orbit(x);
+        self.set_compliances();
+        self.residual(x, residual);
         true
     }
 

@@ -86,18 +86,23 @@ impl Lu {
                 copy.swap(later, pivot - first);
             }
         }
+        // A panel that is not whole has no columns to its right.
+        let Some((own, _)) = self.panel.split_first_chunk::<PANEL>().filter(|_| width == PANEL) else { return };
+        let mut triangle = [*own; PANEL];
+        for (own, column) in triangle.iter_mut().zip(self.panel.chunks_exact(rows)) {
+            own.copy_from_slice(&column[..PANEL]);
+        }
         for column in right.chunks_exact_mut(n) {
             let column = &mut column[first..];
             exchanges.iter().enumerate().for_each(|(k, pivot)| column.swap(k, pivot - first));
-            for (k, own) in self.panel.chunks_exact(rows).enumerate() {
-                let (head, tail) = column[..width].split_at_mut(k + 1);
-                subtract(tail, &own[k + 1..width], head[k]);
+            let Some((factors, target)) = column.split_first_chunk_mut::<PANEL>() else { return };
+            for (k, own) in triangle.iter().enumerate() {
+                let factor = factors[k];
+                for row in k + 1..PANEL {
+                    factors[row] -= factor * own[row];
+                }
             }
-            let (factors, target) = column.split_at_mut(width);
-            // A panel that is not whole has no columns to its right.
-            if let Ok(factors) = <&[f64; PANEL]>::try_from(&*factors) {
-                widest(SubtractPanel { target, panel: &self.panel, factors });
-            }
+            widest(SubtractPanel { target, panel: &self.panel, factors });
         }
     }
 
@@ -207,6 +212,7 @@ fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
 }
 
 /// Σ aᵢ bᵢ, in four running sums.
+#[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Four independent sums keep the processor's adders busy. Their order is fixed, so the result is the same on every
     // machine.

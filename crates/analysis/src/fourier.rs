@@ -3,6 +3,8 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use resonarm_numeric::registers::{Task, widest};
+
 use super::dense::dot;
 
 /// Tables of cos kτⱼ and sin kτⱼ, frequency by frequency, on N points τⱼ.
@@ -90,9 +92,24 @@ impl Basis {
 
     /// 2/N Σⱼ f(τⱼ) cos kτⱼ and the same with sin kτⱼ, for the i-th frequency k.
     pub fn project(&self, i: usize, values: &[f64]) -> (f64, f64) {
-        let (cosines, sines) = self.tables(i);
         let scale = 2.0 / self.samples() as f64;
-        (scale * dot(values, cosines), scale * dot(values, sines))
+        let [cosine, sine] = widest(Project { values, tables: self.tables(i) });
+        (scale * cosine, scale * sine)
+    }
+}
+
+/// Σⱼ f(τⱼ) cos kτⱼ and Σⱼ f(τⱼ) sin kτⱼ.
+struct Project<'a> {
+    values: &'a [f64],
+    tables: (&'a [f64], &'a [f64]),
+}
+
+impl Task for Project<'_> {
+    type Output = [f64; 2];
+
+    #[inline(always)]
+    fn run(self) -> [f64; 2] {
+        [dot(self.values, self.tables.0), dot(self.values, self.tables.1)]
     }
 }
 

@@ -39,6 +39,24 @@ struct StepDerivative {
     part_velocity: f64,
 }
 
+/// The derivative of what counts of friction at the samples: dz = p dx + q dv + p c with numbers p and q of each sample,
+/// and c the same in all of a stretch.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FrictionDerivative {
+    pub by_position: Vec<f64>,
+    pub by_velocity: Vec<f64>,
+    pub stretches: Vec<Stretch>,
+}
+
+/// Samples at which friction sticks where it came to rest before.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stretch {
+    /// c as a sum over samples: the coefficients of dx and dv there.
+    pub constant: Vec<(usize, [f64; 2])>,
+    /// The samples, with their p.
+    pub weights: Vec<(usize, f64)>,
+}
+
 /// A state over a period.
 #[derive(Clone, Debug)]
 pub(super) struct History {
@@ -174,6 +192,52 @@ impl History {
         }
         self.forgets = product < 1.0;
         self.mean.copy_from_slice(&self.state);
+    }
+
+    /// Returns the derivative of what counts of friction.
+    ///
+    /// While it sticks dz = dx + c. A new stretch begins with the first change after the state was held, from zero, and
+    /// where it was held before the velocity changed sign: there, dz is the change from where it turned.
+    pub fn friction_derivative(&self) -> FrictionDerivative {
+        let samples = self.steps.len();
+        let mut found = FrictionDerivative {
+            by_position: self.steps.iter().map(|step| step.part).collect(),
+            by_velocity: self.steps.iter().map(|step| step.part_velocity).collect(),
+            stretches: vec![],
+        };
+        let Some(first) = self.steps.iter().position(|step| step.by_state * step.free == 0.0) else {
+            // It never slips: dz = dx, minus that at the sample at which it is about to.
+            found.by_position.fill(1.0);
+            found.by_velocity.fill(0.0);
+            if let Some(anchor) = self.anchor {
+                let weights = (0..samples).map(|j| (j, 1.0)).collect();
+                found.stretches.push(Stretch { constant: vec![(anchor, [-1.0, 0.0])], weights });
+            }
+            return found;
+        };
+        // The state after the first of these steps does not depend on the one before, which is known when the period has
+        // come back to it.
+        let mut current = None;
+        for turn in 0..=samples {
+            let j = (first + turn) % samples;
+            let (step, before) = (&self.steps[j], (j + samples - 1) % samples);
+            let counts = turn > 0 && step.part != 0.0;
+            let stretch = current.filter(|_| step.by_state > 0.0);
+            current = None;
+            if !(counts || step.free > 0.0) {
+                continue;
+            }
+            let stretch = stretch.unwrap_or_else(|| {
+                let constant = vec![(before, [-1.0, step.by_velocity[0]]), (j, [0.0, step.by_velocity[1]])];
+                found.stretches.push(Stretch { constant, weights: vec![] });
+                found.stretches.len() - 1
+            });
+            if counts {
+                found.stretches[stretch].weights.push((j, step.part));
+            }
+            current = (step.free > 0.0).then_some(stretch);
+        }
+        found
     }
 
     /// For each sample in order, calls `with` with the derivative of the state that counts there, a row over the
@@ -341,4 +405,76 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
 /// Says whether an element has a history.
 pub(super) fn has_history(element: &Element) -> bool {
     element.law().has_state()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fourier::{Basis, uniform};
+
+    const SAMPLES: usize = 64;
+    const HARMONICS: usize = 3;
+
+    /// The derivative of friction by stretches is that from sample to sample, whether it slips in both directions, in one
+    /// step, or not at all.
+    #[test]
+    fn the_derivative_of_friction_is_that_of_its_steps() {
+        let (omega, basis) = (3.0, Basis::uniform(HARMONICS, SAMPLES));
+        let step_s = core::f64::consts::TAU / (omega * SAMPLES as f64);
+        assert_eq!(uniform(SAMPLES).count(), basis.samples());
+        let columns = 2 * HARMONICS + 1;
+        let (mut functions, mut rates) = (vec![vec![1.0; columns]; SAMPLES], vec![vec![0.0; columns]; SAMPLES]);
+        for k in 1..=HARMONICS {
+            let (cosines, sines) = basis.tables(k - 1);
+            let rate = k as f64 * omega;
+            for j in 0..SAMPLES {
+                (functions[j][2 * k - 1], functions[j][2 * k]) = (cosines[j], sines[j]);
+                (rates[j][2 * k - 1], rates[j][2 * k]) = (-rate * sines[j], rate * cosines[j]);
+            }
+        }
+        let x = [0.1, 1.0, 0.3, -0.2, 0.5, 0.4, 0.1];
+        let along = |of: &[f64]| of.iter().zip(&x).map(|(f, x)| f * x).sum::<f64>();
+        let mut stretches = Vec::new();
+        for reach in [1e-3, 0.05, 0.4, 0.8, 1.2, 1.5, 10.0] {
+            let mut history = History::new(0);
+            history.position = functions.iter().map(|of| along(of)).collect();
+            history.velocity = rates.iter().map(|of| along(of)).collect();
+            history.run(&Law::Friction { stiffness: 2.0, slip: 2.0 * reach }, step_s, omega);
+            let found = history.friction_derivative();
+            stretches.push(found.stretches.len());
+            let mut rows = vec![vec![0.0; columns]; SAMPLES];
+            for (j, row) in rows.iter_mut().enumerate() {
+                for (c, value) in row.iter_mut().enumerate() {
+                    *value = found.by_position[j] * functions[j][c] + found.by_velocity[j] * rates[j][c];
+                }
+            }
+            for Stretch { constant, weights } in &found.stretches {
+                for &(j, weight) in weights {
+                    for (c, value) in rows[j].iter_mut().enumerate() {
+                        let of = |&(at, [by_position, by_velocity]): &(usize, [f64; 2])| {
+                            by_position * functions[at][c] + by_velocity * rates[at][c]
+                        };
+                        *value += weight * constant.iter().map(of).sum::<f64>();
+                    }
+                }
+            }
+            let basis = |j: usize| (&functions[j][..], &rates[j][..]);
+            let mut seen = 0;
+            history.derivative(
+                |_, _| 1.0,
+                1,
+                basis,
+                omega,
+                |j, expected| {
+                    seen += 1;
+                    // The last is the derivative by the frequency, which is zero: only lengths count for friction.
+                    assert!(expected[columns].abs() < 1e-12, "{reach} {j}: {expected:?}");
+                    let off = rows[j].iter().zip(expected).map(|(got, expected)| (got - expected).abs());
+                    assert!(off.fold(0.0, f64::max) < 1e-12, "{reach} {j}: {:?}, expected {expected:?}", rows[j]);
+                },
+            );
+            assert_eq!(seen, SAMPLES);
+        }
+        assert_eq!(stretches, [4, 4, 3, 3, 2, 2, 0]);
+    }
 }

@@ -5,9 +5,11 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use nalgebra::Complex;
 use resonarm_dynamics::structure::{
     Element, Law, Linearised, MOST_COORDINATES, MOST_DISPLACEMENTS, MOST_LINKS, Polynomial, Reaction,
 };
+use resonarm_numeric::dft::Fft;
 
 use super::Forced;
 use super::history::{History, has_history};
@@ -15,18 +17,24 @@ use super::ramp::Ramp;
 use super::unknowns::{Body, Unknowns, Weights};
 use crate::fourier::{Basis, uniform};
 
+/// The least number of samples for which a fast transform is worth its preparation.
+const LEAST_FAST: usize = 256;
+
 /// Signals over a period.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     pub basis: Basis,
+    /// Transforms of as many samples, if that is faster than projections: of a power of two that is not small.
+    pub fft: Option<Fft>,
     /// 1, cos kτ, sin kτ, … at each sample, and their derivatives by time; see [`Samples::set_functions`].
     functions: Vec<f64>,
     rates: Vec<f64>,
     omega_rad_s: f64,
     /// u, u̇, ü, sample by sample.
     pub motion: [Vec<f64>; 3],
-    /// u, u̇, ü of one unknown, before they are spread over `motion`.
+    /// u, u̇, ü of one unknown, before they are spread over `motion`, and its lines for a fast transform.
     signals: [Vec<f64>; 3],
+    lines: Vec<Complex<f64>>,
     /// Q = Σ w f, for a chain with the unbalance: unknown by unknown.
     pub load: Vec<f64>,
     /// ∂Q/∂u, ∂Q/∂u̇, ∂Q/∂ü without the states' part, pair of unknowns by pair.
@@ -37,6 +45,8 @@ pub(super) struct Samples {
     pub by_drive: Vec<f64>,
     pub histories: Vec<History>,
     linearised: Linearised,
+    /// Storage for the forces of an element.
+    reactions: [Vec<f64>; 4],
 }
 
 /// An element in a position of the unknowns.
@@ -62,17 +72,20 @@ impl Samples {
         let with_state = forced.assembly.elements().iter().enumerate().filter(|(_, element)| has_history(element));
         Samples {
             basis: Basis::uniform(0, 0),
+            fft: None,
             functions: vec![],
             rates: vec![],
             omega_rad_s: 0.0,
             motion: Default::default(),
             signals: Default::default(),
+            lines: vec![],
             load: vec![],
             by: Default::default(),
             by_step: vec![],
             by_drive: vec![],
             histories: with_state.map(|(at, _)| History::new(at)).collect(),
             linearised: Linearised::new(unknowns.count()),
+            reactions: Default::default(),
         }
     }
 
@@ -81,6 +94,8 @@ impl Samples {
         // If only the number of harmonics changes, the tables that are there stay valid.
         if self.count() != samples || self.basis.harmonics() == 0 {
             self.basis.set(harmonics, uniform(samples));
+            let is_fast = samples.is_power_of_two() && samples >= LEAST_FAST;
+            self.fft = is_fast.then(|| Fft::at_least(samples));
         } else if self.basis.harmonics() != harmonics {
             self.basis.resize(harmonics);
         } else {
@@ -93,6 +108,7 @@ impl Samples {
     /// Sets points at other phases than evenly spaced ones, rad, and functions up to the harmonic `harmonics`.
     pub fn set_phases(&mut self, harmonics: usize, phases_rad: impl Iterator<Item = f64>) {
         self.basis.set(harmonics, phases_rad);
+        self.fft = None;
         self.functions.clear();
         self.rates.clear();
     }
@@ -107,26 +123,36 @@ impl Samples {
         2 * self.basis.harmonics() + 1
     }
 
-    /// Returns the first `rows` functions at a sample, and their rates.
-    pub fn functions(&self, j: usize, rows: usize) -> (&[f64], &[f64]) {
-        let start = j * self.functions_count();
-        (&self.functions[start..start + rows], &self.rates[start..start + rows])
+    /// Returns the first `rows` functions at a sample, after [`Samples::set_functions`].
+    pub fn functions(&self, j: usize, rows: usize) -> &[f64] {
+        &self.functions[j * self.functions_count()..][..rows]
+    }
+
+    /// Returns the rates of these functions, after [`Samples::set_rates`].
+    pub fn rates(&self, j: usize, rows: usize) -> &[f64] {
+        &self.rates[j * self.functions_count()..][..rows]
     }
 
     /// Computes the values that [`Samples::functions`] returns, which only the derivatives of elements with a state
     /// need.
     pub fn set_functions(&mut self) {
         let (count, samples) = (self.functions_count(), self.count());
-        if self.functions.is_empty() {
-            self.functions.resize(samples * count, 1.0);
-            for k in 1..=count / 2 {
-                let (cosines, sines) = self.basis.tables(k - 1);
-                for j in 0..samples {
-                    self.functions[j * count + 2 * k - 1] = cosines[j];
-                    self.functions[j * count + 2 * k] = sines[j];
-                }
+        if !self.functions.is_empty() {
+            return;
+        }
+        self.functions.resize(samples * count, 1.0);
+        for k in 1..=count / 2 {
+            let (cosines, sines) = self.basis.tables(k - 1);
+            for j in 0..samples {
+                self.functions[j * count + 2 * k - 1] = cosines[j];
+                self.functions[j * count + 2 * k] = sines[j];
             }
         }
+    }
+
+    /// Computes the values that [`Samples::rates`] returns, from those of the functions.
+    pub fn set_rates(&mut self) {
+        let count = self.functions_count();
         if !self.rates.is_empty() {
             return;
         }
@@ -159,14 +185,32 @@ impl Samples {
                 signal.clear();
                 signal.resize(samples, 0.0);
             }
-            for (k, pair) in (1..).zip(x[m..].chunks_exact(2 * m)) {
-                let (tables, rate) = (self.basis.tables(k - 1), k as f64 * omega_rad_s);
-                let (a, b) = (pair[i], pair[m + i]);
-                add_sine(position, tables, [a, b]);
-                // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
-                add_sine(velocity, tables, [rate * b, -rate * a]);
-                if with_acceleration {
-                    add_sine(acceleration, tables, [-rate * rate * a, -rate * rate * b]);
+            let pairs = (1..).zip(x[m..].chunks_exact(2 * m)).map(|(k, pair)| (k, pair[i], pair[m + i]));
+            let is_fast = !with_acceleration && x.len() < samples * m;
+            if let Some(fft) = self.fft.as_ref().filter(|_| is_fast) {
+                self.lines.clear();
+                self.lines.resize(samples, Complex::new(0.0, 0.0));
+                self.lines[0].re = x[i];
+                // Of u + i u̇/Ω, so that both are of the same order.
+                for (k, a, b) in pairs {
+                    let [position, velocity] = [Complex::new(a, -b), Complex::new(b, a) * k as f64].map(|of| of * 0.5);
+                    let turned = |of: Complex<f64>| Complex::new(-of.im, of.re);
+                    self.lines[k] = position + turned(velocity);
+                    self.lines[samples - k] = position.conj() + turned(velocity.conj());
+                }
+                fft.backward(&mut self.lines);
+                for ((position, velocity), value) in position.iter_mut().zip(velocity).zip(&self.lines) {
+                    (*position, *velocity) = (value.re, omega_rad_s * value.im);
+                }
+            } else {
+                for (k, a, b) in pairs {
+                    let (tables, rate) = (self.basis.tables(k - 1), k as f64 * omega_rad_s);
+                    add_sine(position, tables, [a, b]);
+                    // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
+                    add_sine(velocity, tables, [rate * b, -rate * a]);
+                    if with_acceleration {
+                        add_sine(acceleration, tables, [-rate * rate * a, -rate * rate * b]);
+                    }
                 }
             }
             for (motion, signal) in self.motion.iter_mut().zip(&self.signals) {
@@ -179,13 +223,16 @@ impl Samples {
     pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64) {
         let (samples, m) = (self.count(), unknowns.count());
         let is_chain = matches!(unknowns.body, Body::Chain);
-        for (signal, pairs) in core::iter::once((&mut self.load, m)).chain(self.by.iter_mut().map(|by| (by, m * m))) {
+        let [by_position, by_velocity, by_acceleration] = &mut self.by;
+        for (signal, pairs) in [(&mut self.load, m), (by_position, m * m), (by_velocity, m * m)] {
             // The unbalance of a chain is written over all of them.
             if !is_chain {
                 signal.clear();
             }
             signal.resize(pairs * samples, 0.0);
         }
+        // Elements of modes leave it at zero.
+        by_acceleration.resize(m * m * samples, 0.0);
         self.by_step.clear();
         self.by_step.resize(m * samples, 0.0);
         self.histories.iter_mut().for_each(History::clear);
@@ -306,19 +353,36 @@ impl Samples {
             }
             history.run(element.law(), step_s, frequency_hz);
         }
+        // The force, its derivatives by x, by v and by the interval, sample by sample.
+        let reactions = &mut self.reactions;
+        reactions.iter_mut().for_each(Vec::clear);
         for j in 0..samples {
             let [x, v] = [0, 1].map(|d| sum(weights, &self.motion[d][j * m..(j + 1) * m]));
             let (reaction, by_step) = match history {
                 Some(history) => (element_force(element, [x, v], self.histories[history].mean[j]), 0.0),
                 None => between_samples(element, [x, v], step_s),
             };
-            for &(row, weight) in weights {
-                self.load[row * samples + j] += weight * reaction.force;
-                self.by_step[row * samples + j] += weight * by_step;
-                for &(column, other) in weights {
-                    let (cell, both) = ((row * m + column) * samples + j, weight * other);
-                    self.by[0][cell] += both * reaction.by_position;
-                    self.by[1][cell] += both * reaction.by_velocity;
+            let Reaction { force, by_position, by_velocity, .. } = reaction;
+            let numbers = [force, by_position, by_velocity, by_step];
+            reactions.iter_mut().zip(numbers).for_each(|(of_samples, number)| of_samples.push(number));
+        }
+        let [force, by_position, by_velocity, by_step] = &*reactions;
+        // Most laws have only some of the derivatives.
+        let [has_position, has_velocity, has_step] =
+            [by_position, by_velocity, by_step].map(|by| by.iter().any(|by| *by != 0.0));
+        for &(row, weight) in weights {
+            let of_row = row * samples..(row + 1) * samples;
+            add_times(&mut self.load[of_row.clone()], weight, force);
+            if has_step {
+                add_times(&mut self.by_step[of_row], weight, by_step);
+            }
+            for &(column, other) in weights {
+                let of_pair = (row * m + column) * samples..(row * m + column + 1) * samples;
+                if has_position {
+                    add_times(&mut self.by[0][of_pair.clone()], weight * other, by_position);
+                }
+                if has_velocity {
+                    add_times(&mut self.by[1][of_pair], weight * other, by_velocity);
                 }
             }
         }
@@ -380,6 +444,11 @@ impl Samples {
 /// Returns a displacement, or its rate, from those of the unknowns.
 fn sum(weights: &Weights, of: &[f64]) -> f64 {
     weights.iter().map(|(place, weight)| weight * of[*place]).sum()
+}
+
+/// Adds `factor` times a signal to another.
+fn add_times(to: &mut [f64], factor: f64, signal: &[f64]) {
+    to.iter_mut().zip(signal).for_each(|(to, value)| *to += factor * value);
 }
 
 /// Adds a cos kτ + b sin kτ to a signal.

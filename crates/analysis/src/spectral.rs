@@ -4,6 +4,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use nalgebra::Complex;
+
 use super::samples::Samples;
 
 /// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = −2H … 2H, at the place k + 2H: the first are even in k, the
@@ -21,30 +23,36 @@ impl Line {
 
     /// Sets the line to that of a signal and returns whether the signal is other than zero anywhere.
     fn transform(&mut self, samples: &Samples, signal: &[f64]) -> bool {
+        if self.set_constant(signal) {
+            return signal[0] != 0.0;
+        }
+        for k in 1..=2 * self.harmonics {
+            self.set_order(k, samples.basis.project(k - 1, signal));
+        }
+        true
+    }
+
+    /// Sets the order zero to that of a signal, the others to zero, and returns whether the signal is constant, as the
+    /// derivative of a linear force is, which needs no projections.
+    fn set_constant(&mut self, signal: &[f64]) -> bool {
         let (first, middle) = (signal[0], 2 * self.harmonics);
-        // The derivative of a linear force is constant and needs no projections.
         let constant = signal.iter().all(|value| *value == first);
         let mean = if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
         self.orders.fill([0.0; 2]);
         self.orders[middle][0] = 2.0 * mean;
-        if !constant {
-            for k in 1..=middle {
-                let (cosine, sine) = samples.basis.project(k - 1, signal);
-                self.orders[middle + k] = [cosine, sine];
-                self.orders[middle - k] = [cosine, -sine];
-            }
-        }
-        !constant || first != 0.0
+        constant
     }
 
-    /// Sets the line to a sum of lines, each times a factor.
-    fn combine<'a>(&mut self, of: impl Iterator<Item = (f64, &'a Line)>) {
-        self.orders.fill([0.0; 2]);
-        for (factor, line) in of {
-            for (sum, order) in self.orders.iter_mut().zip(&line.orders) {
-                sum[0] += factor * order[0];
-                sum[1] += factor * order[1];
-            }
+    fn set_order(&mut self, k: usize, (cosine, sine): (f64, f64)) {
+        let middle = 2 * self.harmonics;
+        self.orders[middle + k] = [cosine, sine];
+        self.orders[middle - k] = [cosine, -sine];
+    }
+
+    /// Sets the line to a sum of two lines, each times a factor.
+    fn combine(&mut self, [(a, first), (b, second)]: [(f64, &Line); 2]) {
+        for ((sum, of_first), of_second) in self.orders.iter_mut().zip(&first.orders).zip(&second.orders) {
+            *sum = [a * of_first[0] + b * of_second[0], a * of_first[1] + b * of_second[1]];
         }
     }
 
@@ -54,6 +62,34 @@ impl Line {
         let below = self.orders[middle - l..].iter().take(self.harmonics + 1);
         below.zip(&self.orders[middle + l..]).map(|(below, above)| [below, above])
     }
+}
+
+/// Sets two lines to those of two signals, and returns whether each signal is other than zero anywhere. With as many
+/// samples as a fast transform takes, one transform has both.
+fn transform_two(lines: [&mut Line; 2], samples: &Samples, signals: [&[f64]; 2]) -> [bool; 2] {
+    let [first, second] = lines;
+    let Some(fft) = samples.fft.as_ref().filter(|_| 2 * first.harmonics < samples.count() / 2) else {
+        return [first.transform(samples, signals[0]), second.transform(samples, signals[1])];
+    };
+    let constant = [first.set_constant(signals[0]), second.set_constant(signals[1])];
+    let acts = [0, 1].map(|d: usize| !constant[d] || signals[d][0] != 0.0);
+    if constant == [true; 2] {
+        return acts;
+    }
+    let mut values: Vec<_> = signals[0].iter().zip(signals[1]).map(|(re, im)| Complex::new(*re, *im)).collect();
+    fft.forward(&mut values);
+    let (count, scale) = (values.len(), 1.0 / values.len() as f64);
+    for k in 1..=2 * first.harmonics {
+        // The transform of real signals is that of −k, conjugate.
+        let (above, below) = (values[k], values[count - k]);
+        if !constant[0] {
+            first.set_order(k, (scale * (above.re + below.re), scale * (below.im - above.im)));
+        }
+        if !constant[1] {
+            second.set_order(k, (scale * (above.im + below.im), scale * (above.re - below.re)));
+        }
+    }
+    acts
 }
 
 /// Returns the coefficients of a signal: its mean, then those of cos kτ and sin kτ, k = 1 … H.
@@ -72,37 +108,67 @@ pub(super) fn project(samples: &Samples, signal: &[f64], harmonics: usize, mut o
 /// l²Ω²M and V = lΩG. With A and B the lines of a signal, its product with cos lτ has along cos kτ and sin kτ the
 /// components ½(A_k−l + A_k+l) and ½(B_k+l + B_k−l), that with sin lτ ½(B_k+l − B_k−l) and ½(A_k−l − A_k+l); along 1
 /// half of the first of each.
-pub(super) fn operator(samples: &Samples, unknowns: usize, harmonics: usize, omega_rad_s: f64, matrix: &mut [f64]) {
-    let (m, size, count) = (unknowns, unknowns * (2 * harmonics + 1), samples.count());
+///
+/// `by_state` has parts of the derivatives by u and u̇ that are added to those of the samples, or is empty. Of symmetric
+/// derivatives one of two pairs is transformed.
+pub(super) fn operator(
+    samples: &Samples,
+    by_state: &[Vec<f64>; 2],
+    [m, harmonics]: [usize; 2],
+    omega_rad_s: f64,
+    is_symmetric: bool,
+    matrix: &mut [f64],
+) {
+    let (size, count) = (m * (2 * harmonics + 1), samples.count());
     matrix[..size * size].fill(0.0);
     let mut lines = [(); 3].map(|()| Line::new(harmonics));
-    let [mut u, mut v] = [(); 2].map(|()| Line::new(harmonics));
-    for pair in 0..m * m {
-        let mut acts = [false; 3];
-        for ((line, acts), signals) in lines.iter_mut().zip(&mut acts).zip(&samples.by) {
-            *acts = line.transform(samples, &signals[pair * count..(pair + 1) * count]);
+    let mut combined = Line::new(harmonics);
+    let mut sums: [Vec<f64>; 2] = Default::default();
+    for pair in (0..m * m).filter(|pair| !is_symmetric || pair / m <= pair % m) {
+        let of_pair = pair * count..(pair + 1) * count;
+        let mut signals = samples.by.each_ref().map(|by| &by[of_pair.clone()]);
+        for (d, sum) in sums.iter_mut().enumerate().filter(|(d, _)| !by_state[*d].is_empty()) {
+            sum.clear();
+            sum.extend(signals[d].iter().zip(&by_state[d][of_pair.clone()]).map(|(by, of_state)| by + of_state));
+            signals[d] = sum;
         }
+        let [first, second, third] = &mut lines;
+        let [of_position, of_velocity] = transform_two([first, second], samples, [signals[0], signals[1]]);
+        let acts = [of_position, of_velocity, third.transform(samples, signals[2])];
         if acts == [false; 3] {
             continue;
         }
         let (i, j) = (pair / m, pair % m);
         for l in 0..=harmonics {
             let rate = l as f64 * omega_rad_s;
-            let factors = [1.0, rate, -rate * rate];
-            let of = |which: usize| (acts[which] && factors[which] != 0.0).then_some((factors[which], &lines[which]));
-            u.combine(of(0).into_iter().chain(of(2)));
-            v.combine(of(1).into_iter());
+            let u = if acts[2] {
+                combined.combine([(1.0, &lines[0]), (-rate * rate, &lines[2])]);
+                &combined
+            } else {
+                &lines[0]
+            };
+            let v = |order: f64| rate * order;
+            let around = || u.around(l).zip(lines[1].around(l));
             // The columns of cos lτ and sin lτ, or that of 1.
             let (first, others) = matrix[(2 * l).saturating_sub(1) * m * size..].split_at_mut(m * size);
-            let cosine = u.around(l).zip(v.around(l)).map(|([u, up], [v, vp])| {
+            let cosine = around().map(|([u, up], [g, gp])| {
+                let (v, vp) = (g.map(v), gp.map(v));
                 [0.5 * (u[0] + up[0]) - 0.5 * (vp[1] - v[1]), 0.5 * (up[1] + u[1]) - 0.5 * (v[0] - vp[0])]
             });
             put(&mut first[j * size..(j + 1) * size], [m, i], cosine);
             if l > 0 {
-                let sine = u.around(l).zip(v.around(l)).map(|([u, up], [v, vp])| {
+                let sine = around().map(|([u, up], [g, gp])| {
+                    let (v, vp) = (g.map(v), gp.map(v));
                     [0.5 * (up[1] - u[1]) + 0.5 * (v[0] + vp[0]), 0.5 * (u[0] - up[0]) + 0.5 * (vp[1] + v[1])]
                 });
                 put(&mut others[j * size..(j + 1) * size], [m, i], sine);
+            }
+        }
+        if is_symmetric && i != j {
+            for columns in matrix[..size * size].chunks_exact_mut(m * size) {
+                for row in (0..size).step_by(m) {
+                    columns[i * size + row + j] = columns[j * size + row + i];
+                }
             }
         }
     }

@@ -63,6 +63,8 @@ pub(super) struct Condensed {
     pub of_polynomial: Vec<Vec<Weights>>,
     /// For each place, those whose displacements its forces depend on.
     pub coupled: Vec<Vec<usize>>,
+    /// Whether the places are the coordinates of the modes, between which there is no compliance.
+    pub is_by_modes: bool,
     /// φ of each mode at each place.
     pub places: Vec<Vec<f64>>,
     /// φ of each mode at the drive.
@@ -213,7 +215,7 @@ impl Condensed {
             places.push(drive.clone());
         }
         let coupled = coupled(places.len(), &of_element, &of_polynomial);
-        Condensed { of_element, of_polynomial, coupled, places, drive, modes }
+        Condensed { of_element, of_polynomial, coupled, is_by_modes: false, places, drive, modes }
     }
 
     /// The same with the coordinates of the modes as places.
@@ -230,7 +232,7 @@ impl Condensed {
         let coupled = coupled(modes.len(), &of_element, &of_polynomial);
         let unit = |place: usize| (0..modes.len()).map(|mode| f64::from(u8::from(mode == place))).collect();
         let places = (0..modes.len()).map(unit).collect();
-        Condensed { of_element, of_polynomial, coupled, places, drive, modes }
+        Condensed { of_element, of_polynomial, coupled, is_by_modes: true, places, drive, modes }
     }
 
     /// Returns the rigid mode that an element of the structure alone holds, from 0, with the element's number, from 1.

@@ -46,6 +46,12 @@ pub trait System {
     #[must_use]
     fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool;
 
+    /// Writes R(x, λ) alone into `residual`, where that takes much less time than the derivatives, and returns whether it
+    /// has. At a solution, Newton's method then goes on with the factors that it has.
+    fn evaluate_residual(&mut self, _x: &[f64], _lambda: f64, _residual: &mut [f64]) -> bool {
+        false
+    }
+
     /// The unit of λ, for messages; empty if it has none.
     fn unit(&self) -> &'static str {
         ""

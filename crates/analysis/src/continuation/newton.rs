@@ -15,6 +15,13 @@ pub(super) const PATIENT_LIMIT: usize = 40;
 const NEWTON_ERROR: f64 = 1e-11;
 /// Corrections below this count as being in the range of quadratic convergence.
 const NEWTON_RANGE: f64 = 1e-3;
+/// The most corrections with the same factors, and the largest ratio of one to the one before.
+const REFINEMENTS: usize = 4;
+const SLOWEST_RATIO: f64 = 0.05;
+
+/// The step of a difference along the tangent, relative to X.
+const TANGENT_STEP: f64 = 1e-6;
+
 /// Storage of Newton's method, with counts of its work.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solver {
@@ -22,6 +29,8 @@ pub(super) struct Solver {
     right: Vec<f64>,
     /// The solution: x, and σλ.
     pub z: Vec<f64>,
+    /// Whether the factors are those at a distance of the solution, from which it was refined.
+    is_distant: bool,
     pub work: Work,
 }
 
@@ -34,12 +43,20 @@ pub(super) struct Plane<'a> {
 
 impl Solver {
     /// Newton's method from `plane.through` to the branch; the result is left in `self.z`, and the factors of the
-    /// bordered matrix near it in `self.lu`. Returns the first correction, relative to `size`.
-    pub fn correct(&mut self, system: &mut impl System, plane: &Plane, size: f64) -> Result<f64, StepRefusal> {
-        self.correct_within(NEWTON_LIMIT, system, plane, size)
+    /// bordered matrix near it in `self.lu`. Returns the first correction, relative to `size`, which must not be above
+    /// `largest`.
+    pub fn correct(
+        &mut self,
+        system: &mut impl System,
+        plane: &Plane,
+        size: f64,
+        largest: f64,
+    ) -> Result<f64, StepRefusal> {
+        self.correct_at_most(largest, NEWTON_LIMIT, system, plane, size)
     }
 
-    /// Works like [`Solver::correct`] with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow once.
+    /// Works like [`Solver::correct`] with another limit and any first correction; beyond [`NEWTON_LIMIT`] a correction may
+    /// also grow once.
     pub fn correct_within(
         &mut self,
         limit: usize,
@@ -47,7 +64,19 @@ impl Solver {
         plane: &Plane,
         size: f64,
     ) -> Result<f64, StepRefusal> {
+        self.correct_at_most(f64::INFINITY, limit, system, plane, size)
+    }
+
+    fn correct_at_most(
+        &mut self,
+        largest: f64,
+        limit: usize,
+        system: &mut impl System,
+        plane: &Plane,
+        size: f64,
+    ) -> Result<f64, StepRefusal> {
         let n = system.dimension();
+        self.is_distant = false;
         self.z.clear();
         self.z.extend_from_slice(plane.through);
         let (mut first, mut before) = (0.0, f64::INFINITY);
@@ -61,6 +90,9 @@ impl Solver {
                 return Err(StepRefusal::Singular);
             }
             if iteration == 0 {
+                if correction > largest {
+                    return Err(StepRefusal::Correction);
+                }
                 first = correction;
             }
             let next =
@@ -74,8 +106,41 @@ impl Solver {
                 break;
             }
             before = correction;
+            if limit == NEWTON_LIMIT && correction < NEWTON_RANGE && self.refine(system, plane, size, correction) {
+                return Ok(first);
+            }
         }
         Err(StepRefusal::Newton)
+    }
+
+    /// Corrects z further with the factors of the last iteration, and returns whether that suffices. If not, z is as before.
+    ///
+    /// With the matrix at a distance δₖ of the solution, the corrections fall as δₖ₊₁ = C δₖ δₖ₊₁: by the same ratio each.
+    fn refine(&mut self, system: &mut impl System, plane: &Plane, size: f64, correction: f64) -> bool {
+        let n = system.dimension();
+        let start = self.z.clone();
+        let mut before = correction;
+        for _ in 0..REFINEMENTS {
+            if !system.evaluate_residual(&self.z[..n], self.z[n] / plane.sigma, &mut self.right[..n]) {
+                break;
+            }
+            self.right[n] = dot(plane.normal, &self.z) - dot(plane.normal, plane.through);
+            self.lu.solve(&mut self.right);
+            self.z.iter_mut().zip(&self.right).for_each(|(z, correction)| *z -= correction);
+            let correction = norm(&self.right) / size;
+            let ratio = correction / before;
+            // Slower than this, another matrix takes less time.
+            if ratio.is_nan() || ratio >= SLOWEST_RATIO {
+                break;
+            }
+            if correction * ratio < (1.0 - ratio) * NEWTON_ERROR {
+                self.is_distant = true;
+                return true;
+            }
+            before = correction;
+        }
+        self.z = start;
+        false
     }
 
     /// Computes R into `right` and the factors of the bordered matrix into `lu`, at `z`.
@@ -103,12 +168,32 @@ impl Solver {
     }
 
     /// The unit vector along the branch, from the factors of the last iteration; `tangent` receives it.
-    pub fn tangent(&self, tangent: &mut Vec<f64>, n: usize) -> Result<(), StepRefusal> {
+    ///
+    /// Of factors at a distance it is corrected once, by the change of R along it.
+    pub fn tangent(
+        &mut self,
+        system: &mut impl System,
+        plane: &Plane,
+        size: f64,
+        tangent: &mut Vec<f64>,
+    ) -> Result<(), StepRefusal> {
+        let n = system.dimension();
         tangent.clear();
         tangent.resize(n + 1, 0.0);
         // R_x dx + R_λ dλ = 0 and normal · dz = 1: the solution points along the branch, to the side of the normal.
         tangent[n] = 1.0;
         self.lu.solve(tangent);
+        if self.is_distant {
+            let step = TANGENT_STEP * size / norm(tangent);
+            let ahead: Vec<f64> = self.z.iter().zip(&*tangent).map(|(z, t)| z + step * t).collect();
+            if system.evaluate_residual(&ahead[..n], ahead[n] / plane.sigma, &mut self.right[..n]) {
+                self.right[n] = step * (dot(plane.normal, tangent) - 1.0);
+                self.lu.solve(&mut self.right);
+                tangent.iter_mut().zip(&self.right).for_each(|(t, correction)| *t -= correction / step);
+            }
+            // The system is left at the solution, whose evaluation is the next that is needed.
+            let _ = system.evaluate_residual(&self.z[..n], self.z[n] / plane.sigma, &mut self.right[..n]);
+        }
         let length = norm(tangent);
         if !(length.is_finite() && length > 0.0) {
             return Err(StepRefusal::Singular);

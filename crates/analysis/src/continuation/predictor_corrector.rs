@@ -72,8 +72,9 @@ impl Continuation {
             through[..n].copy_from_slice(&solver.z[..n]);
         }
         let mut tangent = Vec::new();
+        let (size, plane) = (settings.size(&through[..n]), Plane { normal: &normal, through: &through, sigma });
         solver
-            .tangent(&mut tangent, n)
+            .tangent(system, &plane, size, &mut tangent)
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         let point =
             Point { x: through[..n].to_vec(), lambda, arclength: 0.0, determinant: solver.determinant(), tangent };
@@ -169,12 +170,9 @@ impl Continuation {
             *z += length * (t + 0.5 * length * k);
         }
         let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
-        let error = self.solver.correct(system, &plane, size)?;
-        // A correction that is large against the step may have led to a neighbouring branch.
-        if error > CORRECTION_SHARE * step {
-            return Err(StepRefusal::Correction);
-        }
-        self.solver.tangent(&mut self.tangent, n)?;
+        // A correction that is large against the step may lead to a neighbouring branch.
+        let error = self.solver.correct(system, &plane, size, CORRECTION_SHARE * step)?;
+        self.solver.tangent(system, &plane, size, &mut self.tangent)?;
         // Rounding can bring the product of two unit vectors beyond 1, where the arc cosine is not a number.
         let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
         if turn.is_nan() || turn > self.settings.largest_turn_rad {
@@ -256,8 +254,8 @@ impl Continuation {
         let normal = if is_first { &along_lambda } else { &self.point.tangent };
         let plane = Plane { normal, through: &self.through, sigma: self.sigma };
         self.solver
-            .correct(system, &plane, size)
-            .and_then(|_| self.solver.tangent(&mut self.tangent, n))
+            .correct_within(NEWTON_LIMIT, system, &plane, size)
+            .and_then(|_| self.solver.tangent(system, &plane, size, &mut self.tangent))
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         self.take(n, 0.0);
         // `take` has counted a step, but the point was only solved again.

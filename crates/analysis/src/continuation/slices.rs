@@ -94,7 +94,7 @@ impl Slices {
         let mut tangent = Vec::new();
         self.solver
             .correct_within(PATIENT_LIMIT, system, &plane, self.size)
-            .and_then(|_| self.solver.tangent(&mut tangent, n))
+            .and_then(|_| self.solver.tangent(system, &plane, self.size, &mut tangent))
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(through[n] / sigma), refusal })?;
         Ok(Point {
             x: self.solver.z[..n].to_vec(),

@@ -174,6 +174,7 @@ fn guesses(
         of_element: condensed.of_element.clone(),
         of_polynomial: condensed.of_polynomial.clone(),
         coupled: condensed.coupled.clone(),
+        is_by_modes: false,
         places: condensed.places.iter().map(|phi| pick(phi)).collect(),
         drive: pick(&condensed.drive),
         modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),

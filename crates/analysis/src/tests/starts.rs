@@ -217,6 +217,7 @@ fn a_response_by_modes_is_one_by_places() {
     let mut balance = Balance::new(&forced, hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
     let found = start(&mut balance, &options).unwrap();
     let (mut by_places, x) = balance.by_places(&found.point().x).unwrap();
+    by_places.set_harmonics(balance.harmonics());
     assert_eq!([&balance, &by_places].map(|balance| balance.unknowns.count()), [3, 5]);
     let (mut residual, mut matrix) = (vec![0.0; x.len()], vec![0.0; (x.len() + 1) * (x.len() + 1)]);
     assert!(by_places.evaluate(&x, hz, &mut residual, &mut matrix));
