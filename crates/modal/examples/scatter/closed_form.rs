@@ -1,6 +1,7 @@
-//! Records in closed form: the exact response of known modes to a force that began long ago, cut out, with noise.
+//! Records in closed form: the exact response of known modes to a force, with noise. The force began long ago and the record
+//! is cut out, or it begins at rest.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use nalgebra::Complex;
 use resonarm_modal::{Band, Channel, Mode, Record};
@@ -26,9 +27,34 @@ pub struct Truth {
 pub enum Force {
     /// Stationary random noise of this root mean square, N.
     Random(f64),
+    /// Random noise of this root mean square, N, from rest until [`BURST`] of the record.
+    Burst(f64),
+    /// Sines of random phases at all multiples of the frequency of [`PERIOD`] in the band, of this root mean square, N, from rest.
+    Multisine(f64),
     /// A blow of this peak, N, about 6 ms long, 8 ms after the start.
     Blow(f64),
 }
+
+/// The part of the record after which a burst ends.
+const BURST: f64 = 0.6;
+/// The period of a multisine, samples: a power of two.
+const PERIOD: usize = 4096;
+/// The time in which a burst or a multisine begins and a burst ends, by half a cosine, s.
+const RAMP_S: f64 = 0.05;
+
+/// What passes the force to the structure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exciter {
+    /// The force acts as it is commanded.
+    Ideal,
+    /// The armature of a shaker moves with the structure: its mass, spring and dampers, that of the coil's circuit among
+    /// them, take their part of the force, most of it at resonances.
+    Shaker { moving_mass_kg: f64, damping_n_s_m: f64, stiffness_n_m: f64 },
+}
+
+/// Brüel & Kjær Type 4809 in voltage mode, with the values of `scenarios/bk4809.toml`: the circuit of 2 Ω adds 6.78²/2 N·s/m.
+const SHAKER: Exciter =
+    Exciter::Shaker { moving_mass_kg: 0.057, damping_n_s_m: 21.51 + 6.78 * 6.78 / 2.0, stiffness_n_m: 9932.0 };
 
 /// Noise of the readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +74,7 @@ pub struct Case {
     pub references: Vec<usize>,
     pub seconds: f64,
     pub force: Force,
+    pub exciter: Exciter,
     pub readings: Readings,
 }
 
@@ -97,6 +124,7 @@ pub fn cases() -> Vec<Case> {
         references: vec![0],
         seconds,
         force: Force::Random(1.0),
+        exciter: Exciter::Ideal,
         readings,
     };
     let plain = |name, modes| case(name, modes, 20.0, Readings::Ratio(40.0));
@@ -106,6 +134,7 @@ pub fn cases() -> Vec<Case> {
         ..case(name, modes, seconds, Readings::Instruments { response: 0.0247, force: 0.0115 })
     };
     let same = |damping: f64| three([damping; 3]);
+    let base = |name, force, exciter| Case { exciter, ..noisy(name, three([0.01, 0.015, 0.02]), 10.0, force) };
     vec![
         plain("three 0.1 %", same(0.001)),
         plain("three 1 %", same(0.01)),
@@ -133,18 +162,58 @@ pub fn cases() -> Vec<Case> {
         noisy("noisy force, 0.1 %, 5 s", same(0.001), 5.0, Force::Random(5.0)),
         noisy("noisy force, 50 and 51 Hz", pair(1.0, 0.01), 10.0, Force::Random(5.0)),
         noisy("blow, 2 %", same(0.02), 8.0, Force::Blow(300.0)),
+        base("burst, 1/1.5/2 %", Force::Burst(5.0), Exciter::Ideal),
+        base("multisine, 1/1.5/2 %", Force::Multisine(5.0), Exciter::Ideal),
+        base("shaker, random, 1/1.5/2 %", Force::Random(5.0), SHAKER),
+        base("shaker, burst, 1/1.5/2 %", Force::Burst(5.0), SHAKER),
+        base("shaker, multisine, 1/1.5/2 %", Force::Multisine(5.0), SHAKER),
     ]
 }
 
-/// Accelerance of an output over a reference, s² φₒφᵢ/(s² + 2ζωs + ω²) over all modes.
-pub fn accelerance(modes: &[Truth], frequency_hz: f64, output: usize, reference: usize) -> Complex<f64> {
-    let s = Complex::new(0.0, TAU * frequency_hz);
+/// Receptance of an output over a reference, φₒφᵢ/(s² + 2ζωs + ω²) over all modes.
+fn receptance(modes: &[Truth], s: Complex<f64>, output: usize, reference: usize) -> Complex<f64> {
     let term = |mode: &Truth| {
         let omega = TAU * mode.frequency_hz;
         let stiffness = s * s + s * (2.0 * mode.damping_ratio * omega) + omega * omega;
-        s * s * (mode.shape[output] * mode.shape[reference]) / stiffness
+        Complex::from(mode.shape[output] * mode.shape[reference]) / stiffness
     };
     modes.iter().map(term).sum()
+}
+
+/// Accelerance of an output over a reference: s² times the receptance.
+pub fn accelerance(modes: &[Truth], frequency_hz: f64, output: usize, reference: usize) -> Complex<f64> {
+    let s = Complex::new(0.0, TAU * frequency_hz);
+    s * s * receptance(modes, s, output, reference)
+}
+
+/// Sets the lines of a signal in the band of the force, with random phases; the amplitudes are random, too, or equal.
+fn set_lines(spectrum: &mut [Complex<f64>], rms: f64, equal: bool, noise: &mut Noise) {
+    let spacing_hz = RATE_HZ / spectrum.len() as f64;
+    let [first, last] = FORCE_HZ.map(|f| (f / spacing_hz).ceil() as usize);
+    // Lines of both signs carry the power.
+    let scale = rms / (4.0 * (last - first) as f64).sqrt();
+    for line in &mut spectrum[first..last] {
+        *line = if equal {
+            let (sine, cosine) = libm::sincos(TAU * noise.uniform());
+            Complex::new(cosine, sine) * (scale * std::f64::consts::SQRT_2)
+        } else {
+            Complex::new(noise.normal(), noise.normal()) * scale
+        };
+    }
+}
+
+/// Replaces a signal by the lines of the signal that begins at rest and ends after so many seconds.
+fn set_lines_from_rest(fft: &Fft, signal: &mut [Complex<f64>], end_s: f64) {
+    let ramp = |seconds: f64| 0.5 - 0.5 * libm::cos(PI * (seconds / RAMP_S).clamp(0.0, 1.0));
+    for (n, value) in signal.iter_mut().enumerate() {
+        let seconds = n as f64 / RATE_HZ;
+        *value *= ramp(seconds) * ramp(end_s - seconds);
+    }
+    fft.forward(signal);
+    let length = signal.len();
+    signal.iter_mut().for_each(|line| *line /= length as f64);
+    signal[0] *= 0.5;
+    signal[length / 2..].fill(Complex::new(0.0, 0.0));
 }
 
 impl Case {
@@ -161,13 +230,22 @@ impl Case {
         let spacing_hz = RATE_HZ / length as f64;
         let mut force = vec![Complex::new(0.0, 0.0); length];
         match self.force {
-            Force::Random(rms) => {
-                let [first, last] = FORCE_HZ.map(|f| (f / spacing_hz).ceil() as usize);
-                // Lines of both signs carry the power.
-                let scale = rms / (4.0 * (last - first) as f64).sqrt();
-                for line in &mut force[first..last] {
-                    *line = Complex::new(noise.normal(), noise.normal()) * scale;
-                }
+            Force::Random(rms) => set_lines(&mut force, rms, false, &mut noise),
+            Force::Burst(rms) => {
+                set_lines(&mut force, rms, false, &mut noise);
+                fft.backward(&mut force);
+                force.iter_mut().for_each(|value| *value = Complex::from(2.0 * value.re));
+                set_lines_from_rest(&fft, &mut force, BURST * self.seconds);
+            }
+            Force::Multisine(rms) => {
+                let of_period = Fft::at_least(PERIOD);
+                let mut period = vec![Complex::new(0.0, 0.0); PERIOD];
+                set_lines(&mut period, rms, true, &mut noise);
+                of_period.backward(&mut period);
+                let cycle = period.iter().cycle();
+                force.iter_mut().zip(cycle).for_each(|(value, sample)| *value = Complex::from(2.0 * sample.re));
+                // It goes on after the record.
+                set_lines_from_rest(&fft, &mut force, self.seconds + 4.0 * RAMP_S);
             }
             Force::Blow(peak) => {
                 // A Gaussian pulse of 1.5 ms, whose spectrum ends below half the sample rate.
@@ -180,8 +258,15 @@ impl Case {
                 force[0] *= 0.5;
             }
         }
-        // A random record is cut from the end, when the response has lasted for long; a blow begins at rest.
-        let from = if matches!(self.force, Force::Blow(_)) { 0 } else { length - samples };
+        if let Exciter::Shaker { moving_mass_kg, damping_n_s_m, stiffness_n_m } = self.exciter {
+            for (line, value) in force[..length / 2].iter_mut().enumerate() {
+                let s = Complex::new(0.0, TAU * line as f64 * spacing_hz);
+                let armature = s * s * moving_mass_kg + s * damping_n_s_m + stiffness_n_m;
+                *value /= armature * receptance(&self.modes, s, reference, reference) + 1.0;
+            }
+        }
+        // A random record is cut from the end, when the response has lasted for long; the others begin at rest.
+        let from = if matches!(self.force, Force::Random(_)) { length - samples } else { 0 };
         let cut = |spectrum: &[Complex<f64>]| {
             let mut values = spectrum.to_vec();
             fft.backward(&mut values);
