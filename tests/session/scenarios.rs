@@ -90,7 +90,8 @@ fn force_controlled(waveform: &str) -> Scenario {
 
 /// The same with a test by its specification.
 fn test_controlled() -> Scenario {
-    let spec = "specification = 'spec.toml', seed = 1";
+    let operator = "operator = [{ word = 'level', at_s = 1.0, level_db = -3.0 }]";
+    let spec = format!("specification = 'spec.toml', seed = 1, {operator}");
     with_every_other_key(&format!("control = {{ law = 'random', amplitude = {{ {AMPLITUDE} }}, {spec} }}"))
 }
 
