@@ -33,13 +33,31 @@ fn arguments(line: &str) -> Option<&str> {
     ["resonarm ", "cargo run --release -- "].iter().find_map(|program| command.strip_prefix(program))
 }
 
+/// Returns the words of a line of shell: what is between quotes, of either kind, is one word.
+fn words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote): (Vec<String>, Option<String>, Option<char>) = (vec![], None, None);
+    for letter in line.chars() {
+        match quote {
+            Some(closing) if letter == closing => quote = None,
+            None if letter == '"' || letter == '\'' => {
+                quote = Some(letter);
+                word.get_or_insert_default();
+            }
+            None if letter.is_whitespace() => words.extend(word.take()),
+            _ => word.get_or_insert_default().push(letter),
+        }
+    }
+    words.extend(word);
+    words
+}
+
 #[test]
 fn every_command_in_the_documents_is_valid() {
     let mut commands = 0;
     for (path, text) in documents() {
         for line in shell_lines(&text) {
             let Some(arguments) = arguments(line) else { continue };
-            if let Err(message) = check_arguments(arguments.split_whitespace()) {
+            if let Err(message) = check_arguments(words(arguments).iter().map(String::as_str)) {
                 panic!("{}: {line}\n{message}", path.display());
             }
             commands += 1;
@@ -87,7 +105,7 @@ fn every_example_in_a_help_is_valid_and_stays_whole() {
                     break;
                 }
             }
-            assert_eq!(check_arguments(command.split_whitespace().skip(1)), Ok(()), "{command}");
+            assert_eq!(check_arguments(words(&command).iter().map(String::as_str).skip(1)), Ok(()), "{command}");
             examples += 1;
         }
     }
@@ -115,7 +133,8 @@ const READ: [&str; 7] = [".mcap", ".toml", ".json", ".log", ".asc", ".blf", ".cs
 
 /// Returns the files that a command line reads and those that it writes, or the beginnings of their names.
 fn files(arguments: &str) -> (Vec<String>, Vec<String>) {
-    let words: Vec<&str> = arguments.split_whitespace().collect();
+    let words = words(arguments);
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let (mut read, mut written) = (Vec::new(), Vec::new());
     for (k, word) in words.iter().enumerate() {
         let is_file = READ.iter().any(|ending| word.ends_with(ending));

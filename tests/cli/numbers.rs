@@ -121,6 +121,7 @@ const OTHERS: [&str; 35] = [
     "STATE",
     "WINDOW",
     "DETREND",
+    "COMMAND",
 ];
 
 /// The numeric flags in the help of a command.

@@ -196,7 +196,7 @@ fn a_random_record_is_judged() {
     assert_eq!(resonarm(folder, &[&["verdict", "high.toml", "random.mcap"][..], &written].concat()).code, 1);
     let junit = fs::read_to_string(folder.join("high.xml")).unwrap();
     assert!(
-        junit.contains("failures=\"2\"") && junit.contains("<failure message=\"out: of 62 lines 0 are in"),
+        junit.contains("failures=\"3\"") && junit.contains("<failure message=\"out: of 62 lines 0 are in"),
         "{junit}"
     );
     assert!(fs::read_to_string(folder.join("high.html")).unwrap().contains("<p class=\"bad\">out</p>"));
