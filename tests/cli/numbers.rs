@@ -85,7 +85,7 @@ const NUMERIC: [&str; 26] = [
     "PART",
     "Q",
 ];
-const OTHERS: [&str; 35] = [
+const OTHERS: [&str; 36] = [
     "PID",
     "RT",
     "SPIN",
