@@ -56,6 +56,11 @@ pub enum Exciter {
 const SHAKER: Exciter =
     Exciter::Shaker { moving_mass_kg: 0.057, damping_n_s_m: 21.51 + 6.78 * 6.78 / 2.0, stiffness_n_m: 9932.0 };
 
+/// Modal exciter for some hundred newtons in voltage mode, with the values of `scenarios/shaker.toml`: the circuit of 2 Ω adds
+/// 20²/2 N·s/m.
+const LARGE_SHAKER: Exciter =
+    Exciter::Shaker { moving_mass_kg: 0.5, damping_n_s_m: 10.0 + 20.0 * 20.0 / 2.0, stiffness_n_m: 2000.0 };
+
 /// Noise of the readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Readings {
@@ -167,6 +172,9 @@ pub fn cases() -> Vec<Case> {
         base("shaker, random, 1/1.5/2 %", Force::Random(5.0), SHAKER),
         base("shaker, burst, 1/1.5/2 %", Force::Burst(5.0), SHAKER),
         base("shaker, multisine, 1/1.5/2 %", Force::Multisine(5.0), SHAKER),
+        base("large shaker, random, 1/1.5/2 %", Force::Random(50.0), LARGE_SHAKER),
+        base("large shaker, burst, 1/1.5/2 %", Force::Burst(50.0), LARGE_SHAKER),
+        base("large shaker, multisine, 1/1.5/2 %", Force::Multisine(50.0), LARGE_SHAKER),
     ]
 }
 
