@@ -26,8 +26,9 @@ const FACTOR: f64 = 1.5;
 pub(crate) const MOST_DAMPING: f64 = 0.3;
 /// Largest relative deviation of a damping ratio.
 pub(crate) const MOST_UNCERTAIN: f64 = 0.3;
-/// Modes that are added at most.
-const ADDED: usize = 4;
+/// Modes up to which more are added. The start finds only half of the modes that are over several octaves, as they are crowded
+/// on its circle; each further one must improve the likelihood, so that this number is not reached by a linear structure.
+const MOST_MODES: usize = 64;
 /// A residual is white if its smoothed power would exceed its median as much with more than this probability, anywhere in
 /// the band, were it noise.
 const CHANCE: f64 = 1e-4;
@@ -105,7 +106,7 @@ pub(crate) fn select(
         }
     }
     fit = settle(problem, fit.poles, band, weighted)?;
-    for _ in 0..ADDED {
+    while fit.poles.len() < MOST_MODES {
         let Some(better) = add(problem, &fit, band) else { break };
         let count = fit.poles.len();
         fit = settle(problem, better.poles, band, weighted)?;

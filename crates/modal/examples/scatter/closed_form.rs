@@ -121,6 +121,21 @@ pub fn many(count: usize) -> Vec<Truth> {
         .collect()
 }
 
+/// Modes at frequencies 1.22 times apart, from 15 Hz on: on the circle of the start the lower ones are crowded.
+pub fn over_octaves(count: usize) -> Vec<Truth> {
+    let mut noise = Noise::new(100 + count as u64, 0);
+    let mut between = |low: f64, high: f64| low + (high - low) * noise.uniform();
+    (0..count)
+        .map(|k| {
+            let frequency_hz = 15.0 * libm::pow(1.22, k as f64);
+            let damping_ratio = 0.01 * between(0.5, 2.0);
+            let mut component = || between(0.4, 1.0) * if between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+            let shape = [component(), component(), component()];
+            mode(frequency_hz, damping_ratio, &shape)
+        })
+        .collect()
+}
+
 /// All cases.
 pub fn cases() -> Vec<Case> {
     let case = |name, modes, seconds, readings| Case {
@@ -161,6 +176,7 @@ pub fn cases() -> Vec<Case> {
         plain("4 modes", many(4)),
         plain("6 modes", many(6)),
         plain("8 modes", many(8)),
+        plain("13 modes over octaves", over_octaves(13)),
         noisy("noisy force, 1/1.5/2 %", three([0.01, 0.015, 0.02]), 10.0, Force::Random(5.0)),
         noisy("noisy force, 10 %", same(0.1), 10.0, Force::Random(5.0)),
         noisy("noisy force, 0.1 %", same(0.001), 10.0, Force::Random(5.0)),

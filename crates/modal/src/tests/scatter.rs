@@ -57,6 +57,18 @@ fn deviations_are_those_of_the_scatter() {
     assert!(bias.len() >= 27 && bias.iter().all(|bias| bias.abs() < 0.1), "{bias:?}");
 }
 
+/// Of 13 modes over three octaves the start finds about half; no more than four were added once.
+#[test]
+fn modes_that_the_start_has_missed_are_added() {
+    let case = case("13 modes over octaves");
+    let found = identify(&case, 1);
+    assert!(found.stabilisation.clusters.len() <= 8);
+    assert_eq!(found.modes.len(), 13);
+    for (mode, truth) in found.modes.iter().zip(&case.modes) {
+        assert!((mode.frequency_hz / truth.frequency_hz - 1.0).abs() < 1e-3, "{mode:?}");
+    }
+}
+
 /// Records in which a plain regression for the variances lets that of a response collapse, and the weights then make up a mode
 /// at the end of the band.
 #[test]
