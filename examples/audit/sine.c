@@ -8,6 +8,7 @@
  * sweeps with its amplitude held by feedback. It ramps the drive to zero and disables the shaker at the end, and when the
  * reading is lost, too large, or clipped.
  */
+#include <errno.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <math.h>
@@ -196,10 +197,13 @@ static int16_t little_endian(const uint8_t *bytes)
 static bool receive(int bus, struct reading *r)
 {
     struct can_frame frame;
+    ssize_t got;
     do {
-        if (read(bus, &frame, sizeof frame) != sizeof frame)
+        /* A process that is stopped and continued is woken from a read with a timeout, and begins it again. */
+        got = read(bus, &frame, sizeof frame);
+        if (got < 0 && errno != EINTR)
             return false;
-    } while (frame.can_dlc != 8);
+    } while (got != sizeof frame || frame.can_dlc != 8);
     r->control_m_s2 = little_endian(frame.data) * ACCELERATION_M_S2;
     r->enabled = frame.data[4] & 1;
     r->clipped = frame.data[4] & 2;
