@@ -1,7 +1,8 @@
 //! Faults of instruments at stated times.
 //!
-//! Drift, noise and spike are added between delay and converter, and gain and distortion act there, before the converter rounds and clips;
-//! a stuck or dropped-out axis replaces the converter's output. Several faults of an axis act in the order of the specification.
+//! Drift, noise and spike are added between delay and converter, and gain and distortion act there, before the converter rounds
+//! and clips; a stuck or dropped-out axis replaces the converter's output. Several faults of an axis act in the order of the
+//! specification.
 
 use alloc::boxed::Box;
 
