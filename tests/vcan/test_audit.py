@@ -28,7 +28,7 @@ at = "tip"
 PLAYER = """
 [excitation]
 amplitude = { exciter_x = 3.0 }
-profile = { waveform = "swept-sine", law = "logarithmic", from_hz = 15, to_hz = 60, duration_s = 30 }
+profile = { waveform = "swept-sine", law = "logarithmic", from_hz = 15, to_hz = 60, duration_s = 15 }
 """
 
 SPECIFICATION = """
@@ -37,7 +37,7 @@ kind = "sine"
 sources = []
 [sine]
 from_hz = 15
-rate_oct_min = 4
+rate_oct_min = 8
 segments = [{ to_hz = 60, acceleration_m_s2 = 3 }]
 tolerance = 0.1
 """
@@ -73,7 +73,7 @@ def test_a_player_is_audited_in_lockstep(tmp_path, programs):
     }, report
     assert status == 1 and report["passed"] == 2
     # What the controller printed lies beside the recording of each run.
-    assert "finished after 30001 samples" in (tmp_path / "runs/base/controller.txt").read_text()
+    assert "finished after 15001 samples" in (tmp_path / "runs/base/controller.txt").read_text()
     assert (tmp_path / "runs/S12/run.mcap").stat().st_size > 0
     suite = ElementTree.parse(junit).getroot().find("testsuite")
     assert suite.attrib["failures"] == "2" and suite.attrib["skipped"] == "1"
