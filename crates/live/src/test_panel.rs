@@ -44,7 +44,7 @@ pub struct TestPlan {
     pub channel: String,
     /// What is shown over the frequency.
     pub quantity: &'static str,
-    /// Its unit.
+    /// Unit of what is shown.
     pub unit: &'static str,
     /// Frequencies, Hz.
     pub frequency_hz: Vec<f64>,
@@ -262,7 +262,7 @@ impl TestPanel {
     }
 }
 
-/// What was read.
+/// Readings of the control channel, as the panel shows them.
 struct Reached {
     /// What is specified at its level, over the full level.
     factor: f64,

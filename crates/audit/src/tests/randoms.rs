@@ -167,7 +167,7 @@ fn a_drive_that_must_end_is_timed() {
         passes(&specification, id, &base, &soft);
         fails(&specification, id, &base, &hard);
         fails(&specification, id, &base, &late);
-        // It goes on.
+        // The controller goes on driving.
         fails(&specification, id, &base, &base);
     }
     passes(&specification, "R14", &base, &soft);

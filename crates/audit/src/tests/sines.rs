@@ -114,7 +114,7 @@ fn a_drive_that_must_end_is_timed() {
             fails(&specification, id, &base, &ended(&base, at + RATE / 8 + 4 * late, 0));
         }
         fails(&specification, id, &base, &ended(&base, at + RATE, RATE / 10));
-        // It goes on.
+        // The controller goes on driving.
         fails(&specification, id, &base, &base);
     }
     let mut louder = soft.clone();

@@ -22,7 +22,7 @@ pub enum OperatorWord {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OperatorSpec {
-    /// The word.
+    /// Word that the operator says.
     pub word: OperatorWord,
     /// Simulated time from sample 0, s, not negative: the word is heard with sample ⌈`at_s` · rate⌉.
     pub at_s: f64,
