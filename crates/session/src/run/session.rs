@@ -119,7 +119,7 @@ impl core::fmt::Debug for MakeController {
 /// Holds simulated time before a sample.
 #[derive(Clone)]
 pub(super) struct Hold {
-    /// The sample.
+    /// Sample before which time stands.
     pub sample: u64,
     /// Says whether time goes on.
     pub is_over: Arc<dyn Fn() -> bool + Send + Sync>,

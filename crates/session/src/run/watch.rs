@@ -285,16 +285,18 @@ impl Watched {
     }
 
     /// Passes on the state of a test at a sample, if there is one and it has changed; of times and frequencies alone, every 100
-    /// samples. Never blocks, locks or allocates.
+    /// samples, and only while half of the ring is free, so that they crowd out no phase and no reason of a stop. Never blocks,
+    /// locks or allocates.
     pub fn notify_test(&mut self, sample: u64, state: Option<TestState>) {
         let Some(state) = state else { return };
-        let is_known = self.test.is_some_and(|(last, known)| {
-            known.is_like(&state) && (known == state || sample.wrapping_sub(last) < TEST_SAMPLES)
-        });
-        if !is_known {
-            self.test = Some((sample, state));
-            self.notify(Notice::Test(state));
+        if let Some((last, known)) = self.test.filter(|(_, known)| known.is_like(&state)) {
+            let is_due = known != state && sample.wrapping_sub(last) >= TEST_SAMPLES;
+            if !is_due || self.tests.slots() <= TEST_STATES / 2 {
+                return;
+            }
         }
+        self.test = Some((sample, state));
+        self.notify(Notice::Test(state));
     }
 
     fn lose(&self) {
@@ -391,6 +393,7 @@ fn drain<T>(ring: &mut Consumer<T>, most: usize, hand: impl FnMut(&T)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_bench::control::TestPhase;
     use resonarm_files::recording::TickRecord;
 
     fn tick(sample: u64) -> Notice {
@@ -409,6 +412,27 @@ mod tests {
         let mut last = None;
         watcher.take(usize::MAX, |_, notice| last = Some(*notice));
         assert_eq!((last, watcher.lost()), (Some(event), 1));
+    }
+
+    /// A page that takes nothing for a while still learns why a test was stopped.
+    #[test]
+    fn the_times_of_a_test_crowd_out_no_reason_of_a_stop() {
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::Exciter);
+        let at = |full_level_s: f64, stopped: Option<StopReason>| {
+            let progress =
+                TestProgress { phase: TestPhase::Level, level_db: Some(0.0), full_level_s, frequency_hz: None };
+            Some(TestState { progress, stopped })
+        };
+        for sample in 0..100_000 {
+            watched.notify_test(sample, at(sample as f64 * 1e-3, None));
+        }
+        let stopped = at(100.0, Some(StopReason::SamplesLost { samples: 7 }));
+        watched.notify_test(100_000, stopped);
+        let mut taken = Vec::new();
+        watcher.take(usize::MAX, |_, notice| taken.push(*notice));
+        assert_eq!(taken.last(), stopped.map(Notice::Test).as_ref());
+        assert_eq!((taken.len(), watcher.lost()), (TEST_STATES / 2 + 1, 0));
     }
 
     #[test]
