@@ -295,7 +295,7 @@ fn a_random_test_that_never_reaches_its_level_does_not_pass() {
     let psd = ["plot", "low.mcap", "--of", "psd", "--channels", "acceleration_c_x_m_s2", "--segment-s", "1", "--json"];
     let found = document(folder, 0, &psd);
     let density: Vec<f64> = serde_json::from_value(found["channels"]["acceleration_c_x_m_s2"]["psd"].clone()).unwrap();
-    let level = density[15..80].iter().sum::<f64>() / 65.0 * 10_f64.powf(0.4);
+    let level = density[15..80].iter().sum::<f64>() / 65.0 * libm::pow(10.0, 0.4);
     let spec = format!(
         "spec = {{ kind = 'random', sources = [] }}\ncontrol = {{ channels = ['c.x'] }}\n[random]\nunit = '(m/s2)2/Hz'\n\
          breakpoints = [[15, {level:e}], [80, {level:e}]]\ntolerance_db = [-9, 9]\nlines_hz = 1\n"
