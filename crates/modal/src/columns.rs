@@ -18,6 +18,8 @@ pub(crate) const LANES: usize = 4;
 pub(crate) type Lane = [f64; LANES];
 /// Lanes of a block: 35 columns of it fill 70 KiB, a part of the second-level cache.
 const BLOCK: usize = 64;
+/// Lanes of a strip, in which residuals stay in registers.
+const STRIP: usize = 4;
 /// Columns of a tile.
 const ROWS: usize = 3;
 const COLUMNS: usize = 4;
@@ -122,17 +124,29 @@ pub(crate) struct Residual {
     pub products: Vec<f64>,
 }
 
-/// Returns what is left of `target` after `coefficients` times the first columns, with its sums of products with all
-/// columns.
-pub(crate) fn residual(
-    target: &[Lane],
+/// Returns what is left of each target after its `coefficients` times the first columns, with its sums of products with all
+/// columns. The weights are those of all targets.
+pub(crate) fn residuals(
+    targets: &[&[Lane]],
     columns: &[&[Lane]],
-    coefficients: &[f64],
+    coefficients: &[&[f64]],
     weights: Option<&[Lane]>,
-) -> Residual {
-    let mut found = Residual { values: target.to_vec(), square: 0.0, products: vec![0.0; columns.len()] };
+) -> Vec<Residual> {
+    let found =
+        |target: &&[Lane]| Residual { values: target.to_vec(), square: 0.0, products: vec![0.0; columns.len()] };
+    let mut found: Vec<Residual> = targets.iter().map(found).collect();
     four_wide(Rest { columns, coefficients, weights, found: &mut found });
     found
+}
+
+/// Returns the sum of the squares of a column, weighted.
+pub(crate) fn square(column: &[Lane], weights: Option<&[Lane]>) -> f64 {
+    let mut squares = [0.0; LANES];
+    for (index, value) in column.iter().enumerate() {
+        let weight = weights.map_or([1.0; LANES], |weights| weights[index]);
+        (0..LANES).for_each(|lane| squares[lane] += value[lane] * value[lane] * weight[lane]);
+    }
+    total(squares)
 }
 
 /// Writes weight · Σ coefficient · column to `target`.
@@ -220,12 +234,12 @@ impl Task for Products<'_> {
     }
 }
 
-/// [`residual`] as a task.
+/// [`residuals`] as a task.
 struct Rest<'a> {
     columns: &'a [&'a [Lane]],
-    coefficients: &'a [f64],
+    coefficients: &'a [&'a [f64]],
     weights: Option<&'a [Lane]>,
-    found: &'a mut Residual,
+    found: &'a mut [Residual],
 }
 
 impl Task for Rest<'_> {
@@ -233,35 +247,98 @@ impl Task for Rest<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let lanes = self.found.values.len();
-        let mut weighted = vec![[0.0; LANES]; BLOCK];
-        let size = [1, self.columns.len()];
-        for start in (0..lanes).step_by(BLOCK) {
-            let block = start..(start + BLOCK).min(lanes);
-            let values = &mut self.found.values[block.clone()];
-            for (column, coefficient) in self.columns.iter().zip(self.coefficients) {
-                for (value, column) in values.iter_mut().zip(&column[block.clone()]) {
-                    (0..LANES).for_each(|lane| value[lane] -= coefficient * column[lane]);
-                }
+        let Rest { columns, coefficients, weights, found } = self;
+        let mut several = found.chunks_exact_mut(ROWS);
+        for (found, coefficients) in several.by_ref().zip(coefficients.chunks_exact(ROWS)) {
+            let [a, b, c] = found else { continue };
+            subtract([a, b, c], columns, [0, 1, 2].map(|k| coefficients[k]), weights);
+        }
+        let rest = several.into_remainder();
+        let first = coefficients.len() - rest.len();
+        for (found, coefficients) in rest.iter_mut().zip(&coefficients[first..]) {
+            subtract([found], columns, [coefficients], weights);
+        }
+    }
+}
+
+/// Subtracts coefficients times the first columns from some residuals, and adds the sums of squares and products.
+#[inline(always)]
+fn subtract<const I: usize>(
+    found: [&mut Residual; I],
+    columns: &[&[Lane]],
+    coefficients: [&[f64]; I],
+    weights: Option<&[Lane]>,
+) {
+    let lanes = found[0].values.len();
+    let mut weighted = [[[0.0; LANES]; BLOCK]; I];
+    let size = [1, columns.len()];
+    for start in (0..lanes).step_by(BLOCK) {
+        let block = start..(start + BLOCK).min(lanes);
+        let length = block.len();
+        for from in (0..length).step_by(STRIP) {
+            let strip = start + from..start + (from + STRIP).min(length);
+            let targets = core::array::from_fn(|i| &found[i].values[strip.clone()]);
+            let left = subtract_strip(targets, columns, coefficients, strip.clone());
+            for i in 0..I {
+                found[i].values[strip.clone()].copy_from_slice(&left[i][..strip.len()]);
+                weighted[i][from..from + strip.len()].copy_from_slice(&left[i][..strip.len()]);
             }
-            let weighted = &mut weighted[..block.len()];
-            weighted.copy_from_slice(values);
-            if let Some(weights) = self.weights {
+        }
+        for i in 0..I {
+            let weighted = &mut weighted[i][..length];
+            if let Some(weights) = weights {
                 for (value, weight) in weighted.iter_mut().zip(&weights[block.clone()]) {
                     (0..LANES).for_each(|lane| value[lane] *= weight[lane]);
                 }
             }
             let mut squares = [0.0; LANES];
-            for (value, weighted) in values.iter().zip(weighted.iter()) {
+            for (value, weighted) in found[i].values[block.clone()].iter().zip(weighted.iter()) {
                 (0..LANES).for_each(|lane| squares[lane] += value[lane] * weighted[lane]);
             }
-            self.found.square += total(squares);
-            for j in (0..size[1]).step_by(COLUMNS) {
-                let right = [0, 1, 2, 3].map(|k| &self.columns[(j + k).min(size[1] - 1)][block.clone()]);
-                add_tile(&mut self.found.products, size, [0, j], tile([&*weighted], right));
+            found[i].square += total(squares);
+        }
+        for j in (0..size[1]).step_by(COLUMNS) {
+            let right = [0, 1, 2, 3].map(|k| &columns[(j + k).min(size[1] - 1)][block.clone()]);
+            let left: [&[Lane]; I] = core::array::from_fn(|i| &weighted[i][..length]);
+            for (i, row) in tile(left, right).into_iter().enumerate() {
+                add_tile(&mut found[i].products, size, [0, j], [row]);
             }
         }
     }
+}
+
+/// Returns targets less coefficients times the first columns over a strip of lanes that stays in registers.
+#[inline(always)]
+fn subtract_strip<const I: usize>(
+    targets: [&[Lane]; I],
+    columns: &[&[Lane]],
+    coefficients: [&[f64]; I],
+    strip: core::ops::Range<usize>,
+) -> [[Lane; STRIP]; I] {
+    let length = strip.len();
+    let mut left = [[[0.0; LANES]; STRIP]; I];
+    for i in 0..I {
+        left[i][..length].copy_from_slice(targets[i]);
+    }
+    let count = coefficients[0].len();
+    for (index, column) in columns[..count].iter().enumerate() {
+        let column = &column[strip.clone()];
+        if length == STRIP {
+            let column: [Lane; STRIP] = core::array::from_fn(|k| column[k]);
+            for i in 0..I {
+                for k in 0..STRIP {
+                    (0..LANES).for_each(|lane| left[i][k][lane] -= coefficients[i][index] * column[k][lane]);
+                }
+            }
+        } else {
+            for i in 0..I {
+                for (value, column) in left[i].iter_mut().zip(column) {
+                    (0..LANES).for_each(|lane| value[lane] -= coefficients[i][index] * column[lane]);
+                }
+            }
+        }
+    }
+    left
 }
 
 /// [`combine`] as a task.
@@ -391,15 +468,21 @@ mod tests {
                 }
             }
             let coefficients: Vec<f64> = (1..count).map(|k| k as f64).collect();
-            let found = residual(columns.column(0), &all[1..], &coefficients, Some(weights.column(0)));
-            let expected: Vec<Complex<f64>> = (0..lines)
-                .map(|k| values[0][k] - (1..count).map(|j| values[j][k] * coefficients[j - 1]).sum::<Complex<f64>>())
-                .collect();
-            let square: f64 = (0..lines).map(|k| weight(k) * expected[k].norm_sqr()).sum();
-            assert!((found.square - square).abs() < 1e-10 * square.max(1.0));
-            for (column, product) in values[1..].iter().zip(&found.products) {
-                let sum: f64 = (0..lines).map(|k| weight(k) * (column[k].conj() * expected[k]).re).sum();
-                assert!((product - sum).abs() < 1e-10 * square.max(1.0));
+            // Four targets: three side by side, and one.
+            let factors: Vec<Vec<f64>> = (0..4).map(|t| coefficients.iter().map(|c| c + t as f64).collect()).collect();
+            let factors: Vec<&[f64]> = factors.iter().map(Vec::as_slice).collect();
+            let found = residuals(&[columns.column(0); 4], &all[1..], &factors, Some(weights.column(0)));
+            assert_eq!(found.len(), 4);
+            for (found, factors) in found.iter().zip(factors) {
+                let expected: Vec<Complex<f64>> = (0..lines)
+                    .map(|k| values[0][k] - (1..count).map(|j| values[j][k] * factors[j - 1]).sum::<Complex<f64>>())
+                    .collect();
+                let square: f64 = (0..lines).map(|k| weight(k) * expected[k].norm_sqr()).sum();
+                assert!((found.square - square).abs() < 1e-10 * square.max(1.0));
+                for (column, product) in values[1..].iter().zip(&found.products) {
+                    let sum: f64 = (0..lines).map(|k| weight(k) * (column[k].conj() * expected[k]).re).sum();
+                    assert!((product - sum).abs() < 1e-10 * square.max(1.0));
+                }
             }
         }
     }

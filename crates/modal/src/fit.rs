@@ -25,7 +25,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 
 use crate::cholesky::Cholesky;
-use crate::columns::{Columns, Lane, combine, gram, products, residual};
+use crate::columns::{Columns, Lane, Residual, combine, gram, products, residuals, square};
 use crate::complex::magnitude;
 use crate::model::{Layout, ResidueKind};
 use crate::run::Run;
@@ -38,11 +38,8 @@ const RAISED: f64 = 8.0;
 const LOWERED: f64 = 0.1;
 /// Attempts at a step.
 const ATTEMPTS: usize = 8;
-/// A fit ends with a step below this part of |Re λ| …
+/// A fit ends with a step below this part of |Re λ|, or as its [`Precision`] says.
 const LEAST_STEP: f64 = 1e-7;
-/// … or one that changes the cost by less than this, with a step below `SMALL_STEP`: a thousandth of a standard deviation.
-const LEAST_GAIN: f64 = 1e-6;
-const SMALL_STEP: f64 = 1e-3;
 /// Corrections of the linear unknowns, until one changes the squares by less than this part.
 const CORRECTIONS: usize = 3;
 const LEAST_CORRECTION: f64 = 1e-6;
@@ -50,6 +47,20 @@ const LEAST_CORRECTION: f64 = 1e-6;
 /// Rounding errors of spectra and fits, as a part of the power of a response: what is below it is no residual of the model, and
 /// no mode explains it.
 pub(crate) const ROUNDING: f64 = 1e-22;
+
+/// When a fit is precise enough.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Precision {
+    /// Most that the last step changes the cost.
+    pub gain: f64,
+    /// Largest size of that step, as a part of |Re λ|: while poles move far, the gain may still grow.
+    pub step: f64,
+}
+
+impl Precision {
+    /// A thousandth of a standard deviation.
+    pub const FULL: Precision = Precision { gain: 1e-6, step: 1e-3 };
+}
 
 /// Runs that are fitted with common poles.
 #[derive(Clone, Debug)]
@@ -299,27 +310,34 @@ impl Problem {
             };
             run.responses.iter().zip(run.weights.iter()).map(weighted).unzip()
         };
+        // Outputs with the same weights go side by side.
+        let together = if sums.len() > 1 { 1 } else { right.len().max(1) };
         let outputs = right
-            .into_iter()
+            .chunks(together)
             .enumerate()
-            .map(|(output, right)| {
-                let sums = &sums[if sums.len() > 1 { output } else { 0 }];
-                fit_output(run.responses.column(output), run.weights_of(output), &all, sums, right)
+            .flat_map(|(group, right)| {
+                let first = group * together;
+                let targets: Vec<&[Lane]> = (first..first + right.len()).map(|k| run.responses.column(k)).collect();
+                fit_outputs(&targets, run.weights_of(first), &all, &sums[group], right)
             })
             .collect();
         RunFit { layout, gain, columns, sums, outputs }
     }
 
     /// Minimises the cost over the poles, in at most `iterations` steps.
-    pub fn minimise(&self, poles: &[Complex<f64>], iterations: usize) -> Fit {
-        let mut fit = self.evaluate(poles);
+    pub fn minimise(&self, poles: &[Complex<f64>], iterations: usize, precision: Precision) -> Fit {
+        self.minimise_from(self.evaluate(poles), iterations, precision)
+    }
+
+    /// Minimises the cost over the poles, from a fit on.
+    pub fn minimise_from(&self, mut fit: Fit, iterations: usize, precision: Precision) -> Fit {
         let mut damping = DAMPING;
         for _ in 0..iterations {
             let mut next = None;
             for _ in 0..ATTEMPTS {
                 let Some((moved, size, gain)) = fit.step(damping) else { break };
                 // A step that changes nothing that could be measured needs no further evaluation.
-                if size < 1e-2 * LEAST_STEP || (gain < 1e-2 * LEAST_GAIN && size < SMALL_STEP) {
+                if size < 1e-2 * LEAST_STEP || (gain < 1e-2 * precision.gain && size < precision.step) {
                     return fit;
                 }
                 let tried = self.evaluate(&moved);
@@ -333,7 +351,7 @@ impl Problem {
             let gain = fit.cost - tried.cost;
             fit = tried;
             damping = (damping * LOWERED).max(LEAST_DAMPING);
-            if size < LEAST_STEP || (gain < LEAST_GAIN && size < SMALL_STEP) {
+            if size < LEAST_STEP || (gain < precision.gain && size < precision.step) {
                 return fit;
             }
         }
@@ -341,13 +359,33 @@ impl Problem {
     }
 }
 
-/// Fits one output, given Aᵀ y.
-fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: &Sums, right: Vec<f64>) -> Output {
-    let mut unknowns = right;
+/// Fits outputs with the same weights, given Aᵀ y of each.
+fn fit_outputs(
+    targets: &[&[Lane]],
+    weights: Option<&[Lane]>,
+    all: &[&[Lane]],
+    sums: &Sums,
+    right: &[Vec<f64>],
+) -> Vec<Output> {
+    let mut unknowns = right.to_vec();
+    unknowns.iter_mut().for_each(|unknowns| sums.factor.solve(unknowns));
+    let coefficients: Vec<&[f64]> = unknowns.iter().map(Vec::as_slice).collect();
+    let found = residuals(targets, all, &coefficients, weights);
+    let corrected = |((target, unknowns), found)| correct_output(target, weights, all, sums, unknowns, found);
+    targets.iter().copied().zip(unknowns).zip(found).map(corrected).collect()
+}
+
+/// Corrects the unknowns of an output by the products of its residual.
+fn correct_output(
+    target: &[Lane],
+    weights: Option<&[Lane]>,
+    all: &[&[Lane]],
+    sums: &Sums,
+    mut unknowns: Vec<f64>,
+    mut found: Residual,
+) -> Output {
     let count = unknowns.len();
-    sums.factor.solve(&mut unknowns);
-    let power: f64 = residual(target, &[], &[], weights).square;
-    let mut found = residual(target, all, &unknowns, weights);
+    let rounding = ROUNDING * square(target, weights);
     for attempt in 0..CORRECTIONS {
         let products = &found.products[..count];
         let mut correction = products.to_vec();
@@ -356,7 +394,7 @@ fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: 
         unknowns.iter_mut().zip(&correction).for_each(|(unknown, change)| *unknown += change);
         if gain <= LEAST_CORRECTION * found.square || attempt == CORRECTIONS - 1 {
             // |e − A δ|² = |e|² − δᵀ Aᵀ e, and Bᵀ(e − A δ) = Bᵀ e − G_BA δ.
-            let square = (found.square - gain).max(0.0) + ROUNDING * power;
+            let square = (found.square - gain).max(0.0) + rounding;
             let slopes = (count..all.len())
                 .map(|row| {
                     let known = &sums.gram[row * sums.columns..row * sums.columns + count];
@@ -366,10 +404,14 @@ fn fit_output(target: &[Lane], weights: Option<&[Lane]>, all: &[&[Lane]], sums: 
                 .collect();
             return Output { unknowns, square, slopes, residual: found.values };
         }
-        found = residual(target, all, &unknowns, weights);
+        found = residuals(&[target], all, &[&unknowns], weights).remove(0);
     }
-    let square = found.square + ROUNDING * power;
-    Output { unknowns, square, slopes: found.products[count..].to_vec(), residual: found.values }
+    Output {
+        unknowns,
+        square: found.square + rounding,
+        slopes: found.products[count..].to_vec(),
+        residual: found.values,
+    }
 }
 
 impl Fit {

@@ -8,7 +8,7 @@ use nalgebra::Complex;
 use crate::deviations::covariance;
 use crate::doubts::doubt;
 use crate::error::ModalError;
-use crate::fit::{Fit, Problem};
+use crate::fit::{Fit, Precision, Problem};
 use crate::model::{Quantity, ResidueKind};
 use crate::modes::{ChannelNoise, Floor, Identification, ResidualTerms, RunReport, modes, places};
 use crate::noise::{correct, weigh};
@@ -201,17 +201,17 @@ fn most_modes(problem: &Problem) -> usize {
 /// the references are corrected.
 fn finish(problem: &mut Problem, poles: &[Complex<f64>], weighted: bool) -> (Fit, Option<Excess>) {
     problem.runs.iter_mut().for_each(Run::reset);
-    let fit = problem.minimise(poles, FIRST);
+    let fit = problem.minimise(poles, FIRST, Precision::FULL);
     if !weighted {
         let excess = excess(problem, &fit);
         return (fit, excess);
     }
     weigh(problem, &fit);
-    let fit = problem.minimise(&fit.poles, WEIGHTED);
+    let fit = problem.minimise(&fit.poles, WEIGHTED, Precision::FULL);
     weigh(problem, &fit);
     let excess = excess(problem, &fit);
     correct(problem, &fit);
-    (problem.minimise(&fit.poles, WEIGHTED), excess)
+    (problem.minimise(&fit.poles, WEIGHTED, Precision::FULL), excess)
 }
 
 fn reports(problem: &Problem, fit: &Fit) -> Vec<RunReport> {

@@ -14,7 +14,7 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 
 use crate::complex::magnitude;
-use crate::fit::{Fit, Problem};
+use crate::fit::{Fit, Precision, Problem};
 use crate::noise::{Normalised, likelihood, median, normalised, weigh};
 use crate::pole::{block, damping_ratio, deviations, pole};
 use crate::run::Band;
@@ -51,7 +51,8 @@ const SUSPECTS: usize = 6;
 const FIRST: usize = 6;
 const WEIGHTED: usize = 4;
 const BACKWARD: usize = 12;
-const FORWARD: usize = 15;
+const EARLY: usize = 3;
+const FORWARD: usize = 12;
 const FINAL: usize = 8;
 
 /// A line where the residual is larger than noise.
@@ -70,6 +71,11 @@ fn penalty(problem: &Problem) -> f64 {
     };
     let count = 2 + problem.runs.iter().map(unknowns).sum::<usize>();
     FACTOR * count as f64 * libm::log(problem.data() as f64)
+}
+
+/// Precision of fits whose likelihoods are compared by the penalty.
+fn coarse(problem: &Problem) -> Precision {
+    Precision { gain: 1e-3 * penalty(problem), step: 0.1 }
 }
 
 /// Whether a pole is one of a mode in the band.
@@ -98,11 +104,11 @@ pub(crate) fn select(
     weighted: bool,
 ) -> Option<Vec<Complex<f64>>> {
     problem.runs.iter_mut().for_each(crate::run::Run::reset);
-    let mut fit = problem.minimise(start, FIRST);
+    let mut fit = problem.minimise(start, FIRST, coarse(problem));
     if weighted {
         for _ in 0..2 {
             weigh(problem, &fit);
-            fit = problem.minimise(&fit.poles, WEIGHTED);
+            fit = problem.minimise(&fit.poles, WEIGHTED, coarse(problem));
         }
     }
     fit = settle(problem, fit.poles, band, weighted)?;
@@ -138,7 +144,7 @@ fn settle(problem: &mut Problem, mut poles: Vec<Complex<f64>>, band: Band, weigh
 fn leave_out(problem: &Problem, mut poles: Vec<Complex<f64>>, band: Band) -> Option<Fit> {
     let penalty = penalty(problem);
     loop {
-        let fit = problem.minimise(&poles, BACKWARD);
+        let fit = problem.minimise(&poles, BACKWARD, coarse(problem));
         let inside: Vec<Complex<f64>> = fit.poles.iter().copied().filter(|pole| is_mode(*pole, band)).collect();
         if inside.is_empty() {
             return None;
@@ -249,13 +255,25 @@ fn add(problem: &Problem, fit: &Fit, band: Band) -> Option<Fit> {
         poles.push(pole(excess.frequency_hz, damping_ratio));
         poles
     };
+    // What fits best before the poles move mostly fits best afterwards.
+    let starts = [split, with(WEAK_DAMPING), with((3.0 * typical).min(MOST_DAMPING)), with(typical)];
+    let mut starts = starts.map(|poles| problem.evaluate(&poles));
+    starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut best: Option<Fit> = None;
     let gain = |best: &Option<Fit>| best.as_ref().map_or(0.0, |best| fit.cost - best.cost);
-    for start in [split, with(WEAK_DAMPING), with((3.0 * typical).min(MOST_DAMPING)), with(typical)] {
+    for start in starts {
         if gain(&best) > CLEAR * penalty {
             break;
         }
-        let tried = problem.minimise(&start, FORWARD);
+        let near = problem.minimise_from(start, EARLY, coarse(problem));
+        let near_cost = near.cost;
+        let nearer = problem.minimise_from(near, 1, coarse(problem));
+        // If even steps as good as the last one would not be enough, the attempt ends.
+        let promised = fit.cost - nearer.cost + FORWARD as f64 * (near_cost - nearer.cost);
+        if promised < penalty {
+            continue;
+        }
+        let tried = problem.minimise_from(nearer, FORWARD, coarse(problem));
         let modes = tried.poles.iter().all(|pole| is_mode(*pole, band));
         if !modes || uncertainties(&tried).into_iter().any(|uncertainty| uncertainty > MOST_UNCERTAIN) {
             continue;
@@ -304,14 +322,14 @@ fn without_twins(problem: &mut Problem, mut fit: Fit) -> Vec<Complex<f64>> {
 /// after the first time, the second one is left out.
 fn fit_anew(problem: &mut Problem, poles: &[Complex<f64>], most: f64) -> (Fit, f64) {
     problem.runs.iter_mut().for_each(crate::run::Run::reset);
-    let mut fit = problem.minimise(poles, FINAL);
+    let mut fit = problem.minimise(poles, FINAL, coarse(problem));
     let mut value = f64::NEG_INFINITY;
     for _ in 0..2 {
         if value > most {
             break;
         }
         weigh(problem, &fit);
-        fit = problem.minimise(&fit.poles, FINAL);
+        fit = problem.minimise(&fit.poles, FINAL, coarse(problem));
         value = likelihood(problem, &fit);
     }
     (fit, value)
