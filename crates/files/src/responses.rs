@@ -332,7 +332,10 @@ pub fn read_responses(path: &Path) -> Result<MeasuredResponses, ResponsesError> 
 }
 
 /// Reads the frequency responses in the bytes of a file; errors name its path.
-fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, ResponsesError> {
+///
+/// # Errors
+/// [`ResponsesError`] if the file has no frequency response, or one that can't be used with the others.
+pub fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, ResponsesError> {
     let mut lines = Lines { bytes };
     let mut found: Option<MeasuredResponses> = None;
     let (mut units, mut number, mut others) = (Units { length: 1.0, force: 1.0 }, 0, Others::default());
