@@ -223,7 +223,7 @@ pub struct Base<'a> {
 }
 
 /// Time at full level before a stimulus, s.
-const SETTLE_S: f64 = 6.0;
+pub(crate) const SETTLE_S: f64 = 6.0;
 
 impl<'a> Base<'a> {
     /// Searches a record for the level of the test.

@@ -25,5 +25,9 @@ mod spectrum;
 pub use case::{BACK_S, Base, Case, Context, Finding, Measure, RESTART_S, Stimulus, Verdict, cases};
 pub use record::Record;
 
+/// The loops of the tests are those of an example, which names this crate.
+#[cfg(test)]
+extern crate self as resonarm_audit;
+
 #[cfg(test)]
 mod tests;

@@ -11,8 +11,8 @@ use core::ops::Range;
 use resonarm_specification::verdict::{self, RandomOptions, RandomVerdict, judge_random};
 use resonarm_specification::{Average, RandomTest, Test};
 
-use crate::case::NO_LEVEL;
-use crate::reaction::Reaction;
+use crate::case::{NO_LEVEL, SETTLE_S};
+use crate::reaction::{RISE_S, Reaction};
 use crate::record::{db, largest, rms, running_rms};
 use crate::spectrum::Segments;
 use crate::{Base, Case, Context, Finding, Measure, Record, Stimulus, Verdict};
@@ -115,14 +115,14 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         id: "R12",
         title: "stops when the channel reads nothing",
-        rule: "no drive after 600 ms, or 100 ms more than the specified time; a ramp of at least 15 ms; no more than 1.3 times the drive before",
+        rule: "no drive after 600 ms, or 100 ms more than the specified time; a ramp of at least 15 ms; no larger drive than a steady one has once in 1000 times",
         stimulus: Stimulus::Dead,
         judge: lost,
     },
     Case {
         id: "R13",
         title: "stops when the channel reads noise",
-        rule: "no drive after 600 ms, or 100 ms more than the specified time; a ramp of at least 15 ms; no more than 1.3 times the drive before",
+        rule: "no drive after 600 ms, or 100 ms more than the specified time; a ramp of at least 15 ms; no larger drive than a steady one has once in 1000 times",
         stimulus: Stimulus::Open,
         judge: lost,
     },
@@ -171,7 +171,7 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         id: "R20",
         title: "goes on after a gap of 150 ms",
-        rule: "at most 1.25 times the drive before; from 1 s after the gap began at most +1.5 dB of the specified rms over 2 s; still driving 8 s later",
+        rule: "no larger drive than a steady one has once in 1000 times; from 1 s after the gap began at most +1.5 dB of the specified rms over 2 s; still driving 8 s later",
         stimulus: Stimulus::Gap(0.15),
         judge: bridges,
     },
@@ -203,17 +203,18 @@ fn demand(test: &RandomTest) -> f64 {
     libm::sqrt(test.profile.moment(0))
 }
 
-/// Returns the samples at full level: from where the rms over 2 s is within 2 dB of the specified one to the end of the drive,
-/// without the ramps; none if it is for less than 1 s.
+/// Returns the samples at full level: from where the rms over 2 s is within 2 dB of the specified one to where it last is, or to the
+/// end of the drive without the ramp; none if it is for less than 1 s.
 pub(crate) fn level(test: &RandomTest, record: &Record) -> Option<Range<usize>> {
-    let window = record.samples(LEVEL_S);
-    let is_full = |rms: &f64| db(rms / demand(test)).abs() < LEVEL_DB;
+    let (window, demand) = (record.samples(LEVEL_S), demand(test));
+    let is_full = |rms: &f64| db(rms / demand).abs() < LEVEL_DB;
     let running = running_rms(&record.reading, window);
     let first = running.iter().position(is_full)?;
+    let last = running.iter().rposition(is_full)?;
     if running.iter().filter(|rms| is_full(rms)).count() < record.samples(1.0) {
         return None;
     }
-    let end = record.drive_end().saturating_sub(record.samples(RAMP_S)).min(record.len());
+    let end = record.drive_end().saturating_sub(record.samples(RAMP_S)).min(last + window);
     (end > first + window).then_some(first + window..end)
 }
 
@@ -264,7 +265,8 @@ fn full_level(context: &Context<'_>) -> Finding {
     let Some(test) = test(context) else { return Finding::inconclusive(NO_LEVEL) };
     let asked_s = test.schedule.as_ref().map_or(2.0 * LEAST_S, |schedule| schedule.full_level_s());
     // The level may be left again, as by a controller that goes on to a higher one.
-    let is_full = |rms: &&f64| db(**rms / demand(test)).abs() < LEVEL_DB;
+    let demand = demand(test);
+    let is_full = |rms: &&f64| db(**rms / demand).abs() < LEVEL_DB;
     let found_s = context.base.level.clone().map_or(0.0, |level| {
         let running = running_rms(&context.record.reading[level], context.record.samples(LEVEL_S));
         running.iter().filter(is_full).count() as f64 / context.record.rate_hz
@@ -339,7 +341,7 @@ fn new_phases(context: &Context<'_>) -> Finding {
 }
 
 fn schedule(context: &Context<'_>) -> Finding {
-    at_level(context, |test, level| {
+    at_level(context, |test, _| {
         const STEP_S: f64 = 0.25;
         let record = context.record;
         let (window, step) = (record.samples(1.0), record.samples(STEP_S).max(1));
@@ -355,7 +357,7 @@ fn schedule(context: &Context<'_>) -> Finding {
                 Measure::at_least("time at a lower level", STEP_S * count as f64, "s", least)
             })
             .collect();
-        let until = &record.reading[..level.end];
+        let until = &record.reading[..record.drive_end().min(record.len())];
         let most = running_rms(until, record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
         measured.push(Measure::at_most("largest rms over 2 s", db(most / demand(test)), "dB", 1.5));
         Finding::of(measured)
@@ -432,6 +434,41 @@ pub(crate) fn refuses(context: &Context<'_>) -> Finding {
     ])
 }
 
+/// Returns the bandwidth B = (∫S df)²/∫S² df of the drive at the level of the base run, Hz: the values of its envelope at times 1/B
+/// apart are nearly independent.
+fn bandwidth_hz(context: &Context<'_>, level: Range<usize>) -> f64 {
+    let Some(test) = test(context) else { return 0.0 };
+    let base = context.base.record;
+    let (length, _) = segment(test, base.rate_hz);
+    // Segments have every second line.
+    let powers = Segments::new(&base.drive[level], length, length / 2, [0, length / 2]).powers();
+    let [sum, squares] = powers.iter().fold([0.0, 0.0], |[sum, squares], power| [sum + power, squares + power * power]);
+    2.0 * base.rate_hz / length as f64 * sum * sum / squares.max(f64::MIN_POSITIVE)
+}
+
+/// Returns the probability with which the largest of `after` independent values of the envelope of Gaussian noise is more than
+/// `ratio` times the largest of `before` others.
+///
+/// Of n values the number beyond u is nearly a Poisson number with the mean n e^(−u²/2σ²) (S. O. Rice, "Mathematical Analysis of
+/// Random Noise", 1945). At the largest of the values before, this mean is a number E with the density e^(−E). For t times that value
+/// and the n' values after, it is n' (E/n)^(t²), and over E it is n' n^(−t²) Γ(1 + t²), which is the probability if it is small.
+pub(crate) fn rise_probability(ratio: f64, [before, after]: [f64; 2]) -> f64 {
+    let square = ratio * ratio;
+    after * libm::pow(before, -square) * libm::tgamma(1.0 + square)
+}
+
+/// Probability of a steady drive to rise, and the largest rise that is allowed, in hundredths.
+const FALSE_RISE: f64 = 1e-3;
+const LARGEST_RISE: u32 = 200;
+
+/// Returns the rise that a steady drive exceeds with [`FALSE_RISE`] from the time before a stimulus to that after it, s.
+fn most_rise(context: &Context<'_>, times_s: [f64; 2]) -> f64 {
+    let bandwidth_hz = context.base.level.clone().map_or(0.0, |level| bandwidth_hz(context, level));
+    let counts = times_s.map(|time_s| bandwidth_hz * time_s);
+    let mut ratios = (100..LARGEST_RISE).map(|hundredth| 0.01 * f64::from(hundredth));
+    ratios.find(|ratio| rise_probability(*ratio, counts) <= FALSE_RISE).unwrap_or(0.01 * f64::from(LARGEST_RISE))
+}
+
 fn lost(context: &Context<'_>) -> Finding {
     if let Some(finding) = context.was_not_driven() {
         return finding;
@@ -441,7 +478,7 @@ fn lost(context: &Context<'_>) -> Finding {
     Finding::of([
         Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1e3 * most_s),
         Measure::at_least("ramp", 1e3 * ramp_s, "ms", 15.0),
-        Measure::at_most("drive over that before", rise, "", 1.3),
+        Measure::at_most("drive over that before", rise, "", most_rise(context, [RISE_S, most_s])),
     ])
 }
 
@@ -533,7 +570,6 @@ fn restarts(context: &Context<'_>) -> Finding {
 }
 
 fn bridges(context: &Context<'_>) -> Finding {
-    const BEFORE_S: f64 = 15.0;
     const AFTER_S: f64 = 8.0;
     if let Some(finding) = context.was_not_driven() {
         return finding;
@@ -541,14 +577,19 @@ fn bridges(context: &Context<'_>) -> Finding {
     let (Some(test), record, from) = (test(context), context.record, context.stimulus) else {
         return Finding::inconclusive(NO_LEVEL);
     };
-    let before = record.peak(from.saturating_sub(record.samples(BEFORE_S)), from);
+    let before = record.peak(from.saturating_sub(record.samples(SETTLE_S)), from);
     let to = (from + record.samples(AFTER_S)).min(record.len());
     // The structure rings by itself when its drive is held and let go.
     let settled = (from + record.samples(1.0)).min(to);
     let most = running_rms(&record.reading[settled..to], record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
     let driven_s = record.drive_end().saturating_sub(from) as f64 / record.rate_hz;
     Finding::of([
-        Measure::at_most("drive over that before", record.peak(from, to) / before, "", 1.25),
+        Measure::at_most(
+            "drive over that before",
+            record.peak(from, to) / before,
+            "",
+            most_rise(context, [SETTLE_S, AFTER_S]),
+        ),
         Measure::at_most("largest rms over 2 s", db(most / demand(test)), "dB", 1.5),
         Measure::at_least("drive after the gap", driven_s, "s", AFTER_S),
     ])

@@ -17,7 +17,7 @@ pub(crate) struct Reaction {
 /// Time before the stimulus whose drive is the measure of a large one, s.
 const BEFORE_S: f64 = 2.0;
 /// Time before the stimulus whose largest drive is compared with that after it, s.
-const RISE_S: f64 = 3.0;
+pub(crate) const RISE_S: f64 = 3.0;
 
 impl Reaction {
     /// Measures the end of the drive after sample `from`. A drive is large beyond its rms of the 2 s before, which a random

@@ -1,23 +1,31 @@
 //! Every case on records of known kind: one that passes, and one with the flaw that fails it.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+#[path = "../../examples/confusion/bench.rs"]
+mod bench;
+#[path = "../../examples/confusion/plant.rs"]
+mod plant;
+#[path = "../../examples/confusion/random_loop.rs"]
+mod random_loop;
 mod random_loops;
 mod randoms;
+#[path = "../../examples/confusion/shock_loop.rs"]
+mod shock_loop;
 mod shocks;
+#[path = "../../examples/confusion/sine_loop.rs"]
+mod sine_loop;
 mod sine_loops;
 mod sines;
 
 use resonarm_numeric::noise::Noise;
-use resonarm_specification::{Specification, SpecificationFile};
+use resonarm_specification::Specification;
+
+use plant::RATE;
 
 use crate::{Base, Case, Context, Finding, RESTART_S, Record, Stimulus, Verdict, cases};
 
-/// Samples a second, and in a frame of random signals: a power of two.
-const RATE: usize = 1024;
-
 fn specification(text: &str) -> Specification {
-    let file: SpecificationFile = toml::from_str(text).unwrap_or_else(|error| panic!("{error}"));
-    Specification::new(&file, |_| Err(String::from("there are no files"))).unwrap()
+    bench::specification(text).unwrap()
 }
 
 fn case(specification: &Specification, id: &str) -> &'static Case {
@@ -94,35 +102,6 @@ fn scaled(record: &Record, factor: f64) -> Record {
     }
 }
 
-/// An oscillator of 1 kg that is driven by a force on it; a mass alone at 0 Hz.
-struct Oscillator {
-    omega: f64,
-    damping_ratio: f64,
-    state: [f64; 2],
-}
-
-impl Oscillator {
-    fn new([natural_hz, damping_ratio]: [f64; 2]) -> Oscillator {
-        Oscillator { omega: core::f64::consts::TAU * natural_hz, damping_ratio, state: [0.0; 2] }
-    }
-
-    /// Returns the acceleration at the end of a sample with a force, N.
-    fn step(&mut self, force: f64) -> f64 {
-        const STEPS: usize = 8;
-        let dt_s = 1.0 / (STEPS * RATE) as f64;
-        let acceleration =
-            |[x, v]: [f64; 2]| force - 2.0 * self.damping_ratio * self.omega * v - self.omega * self.omega * x;
-        let mut state = self.state;
-        for _ in 0..STEPS {
-            // The symplectic scheme of Euler, which keeps the damping.
-            state[1] += acceleration(state) * dt_s;
-            state[0] += state[1] * dt_s;
-        }
-        self.state = if self.omega == 0.0 { [0.0; 2] } else { state };
-        acceleration(state)
-    }
-}
-
 /// White noise.
 fn noise(seed: u64, samples: usize, rms: f64) -> Vec<f64> {
     let mut noise = Noise::new(seed, 7);
@@ -147,7 +126,7 @@ fn mode(seed: u64, hz: f64, samples: usize, rms: f64) -> Vec<f64> {
 
 #[test]
 fn numbers_of_cases_are_unique_and_rules_are_stated() {
-    let all = [randoms::SPECIFICATION, sines::SPECIFICATION, shocks::SPECIFICATION].map(specification);
+    let all = [random_loop::SPECIFICATION, sines::SPECIFICATION, shocks::SPECIFICATION].map(specification);
     let mut ids: Vec<&str> = Vec::new();
     for specification in &all {
         for case in cases(&specification.test) {

@@ -5,24 +5,9 @@ use resonarm_numeric::dft::Fft;
 use resonarm_numeric::noise::Noise;
 use resonarm_specification::{RandomTest, Test};
 
+use super::random_loop::SPECIFICATION;
 use super::{RATE, ended, failing, fails, judged, passes, restarted, scaled, specification};
 use crate::{Base, Record, Stimulus, Verdict};
-
-pub(super) const SPECIFICATION: &str = "[spec]
-kind = 'random'
-sources = []
-[random]
-unit = '(m/s2)2/Hz'
-breakpoints = [[10, 0.02], [20, 0.2], [100, 0.2], [200, 0.05]]
-tolerance_db = [-3, 3]
-rms_tolerance = 0.1
-lines_hz = 1
-[schedule]
-levels_db = [-12, -6, -3, 0]
-seconds = [5, 5, 5, 60]
-[limits]
-loss_ms = 500
-";
 
 /// A controller of known kind.
 struct Controller<'a> {
@@ -42,7 +27,7 @@ struct Controller<'a> {
 /// Silence, a check at a low level, and the schedule.
 const LEVELS: &[(f64, usize)] = &[(-300.0, 3), (-30.0, 6), (-12.0, 5), (-6.0, 5), (-3.0, 5), (0.0, 60)];
 /// Silence at the end, samples.
-pub(super) const QUIET: usize = 3 * RATE;
+const QUIET: usize = 3 * RATE;
 
 const HONEST: Controller<'static> =
     Controller { levels: LEVELS, repeats: false, factor: &|_| 1.0, is_windowed: true, clip: f64::INFINITY, seed: 5 };
@@ -151,8 +136,8 @@ fn a_flaw_of_the_signal_fails_the_case_for_it() {
     for (k, drive) in on.drive.iter_mut().enumerate().skip(end) {
         *drive = 5.0 * libm::sin(0.1 * k as f64);
     }
-    let found = failing(&specification, &on);
-    assert!(found.contains(&"R09"), "{found:?}");
+    // What it plays after the end is no part of its level.
+    assert_eq!(failing(&specification, &on), ["R09"]);
 }
 
 #[test]
@@ -275,5 +260,22 @@ fn a_controller_without_a_level_decides_nothing_more() {
     for case in crate::cases(&specification.test).iter().skip(1) {
         let verdict = judged(&specification, case.id, &weak, &weak).verdict;
         assert!(matches!(verdict, Verdict::Inconclusive(_)), "{}: {verdict:?}", case.id);
+    }
+}
+
+/// The envelope of Gaussian noise has a Rayleigh distribution: u = σ√(−2 ln p) of uniform numbers p.
+#[test]
+fn a_steady_drive_rises_as_often_as_stated() {
+    const TRIALS: u32 = 20_000;
+    let mut noise = Noise::new(1, 2);
+    for (counts, ratio) in [([60, 60], 1.5), ([100, 20], 1.2), ([500, 750], 1.25)] {
+        let mut largest = |count: u32| {
+            let least = (0..count).map(|_| 1.0 - noise.uniform()).fold(1.0, f64::min);
+            libm::sqrt(-2.0 * libm::log(least))
+        };
+        let rises = (0..TRIALS).filter(|_| ratio * largest(counts[0]) < largest(counts[1])).count();
+        let expected = crate::random::rise_probability(ratio, counts.map(f64::from));
+        let found = rises as f64 / f64::from(TRIALS);
+        assert!((found / expected - 1.0).abs() < 0.15, "{counts:?}, {ratio}: {found}, {expected}");
     }
 }

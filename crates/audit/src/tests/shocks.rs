@@ -3,6 +3,8 @@
 use resonarm_numeric::noise::Noise;
 use resonarm_specification::{ShockTest, Test};
 
+use super::plant::STRUCTURES;
+use super::shock_loop::{self, ShockFlaw};
 use super::{RATE, failing, judged, mode, noise, passes, specification};
 use crate::{Base, Record, Verdict};
 
@@ -97,6 +99,22 @@ fn a_controller_may_identify_the_structure_before_its_shots() {
         for id in ["K01", "K02", "K03", "K04", "K05"] {
             let verdict = judged(&specification, id, &none, &none).verdict;
             assert!(matches!(verdict, Verdict::Inconclusive(_)), "{id}: {verdict:?}");
+        }
+    }
+}
+
+#[test]
+fn a_flaw_of_a_loop_fails_the_case_for_it() {
+    let specification = specification(shock_loop::SPECIFICATION);
+    for structure in &STRUCTURES {
+        for (flaw, name, meant) in shock_loop::CONTROLLERS {
+            let found = failing(&specification, &shock_loop::run(structure, &specification, *flaw, 5));
+            // Where the modes are light in mass, the structure is nearly a mass.
+            if *flaw == ShockFlaw::None || *flaw == ShockFlaw::Rigid && structure.name != STRUCTURES[0].name {
+                assert_eq!(found, [""; 0], "{}, {name}", structure.name);
+            } else {
+                assert!(meant.iter().any(|case| found.contains(case)), "{}, {name}: {found:?}", structure.name);
+            }
         }
     }
 }
