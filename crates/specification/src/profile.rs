@@ -169,6 +169,14 @@ impl Profile {
         };
         self.points.windows(2).map(segment).sum()
     }
+
+    /// Returns the statistical bandwidth B = (∫G df)²/∫G² df, Hz: over T s, the mean square of noise with this density scatters as
+    /// that of 2BT independent values (J. S. Bendat, A. G. Piersol, "Random Data", 4th edition 2010, section 8.3).
+    pub fn statistical_bandwidth_hz(&self) -> f64 {
+        let squares = Profile { points: self.points.iter().map(|[hz, level]| [*hz, level * level]).collect() };
+        let mean_square = self.moment(0);
+        mean_square * mean_square / squares.moment(0)
+    }
 }
 
 /// Relative rounding of the frequency of a line.

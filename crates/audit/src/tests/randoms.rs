@@ -7,6 +7,8 @@ use resonarm_specification::{RandomTest, Test};
 
 use super::random_loop::SPECIFICATION;
 use super::{RATE, ended, failing, fails, judged, passes, restarted, scaled, specification};
+use crate::random::most_rms_db;
+use crate::record::{db, running_rms};
 use crate::{Base, Record, Stimulus, Verdict};
 
 /// A controller of known kind.
@@ -278,4 +280,35 @@ fn a_steady_drive_rises_as_often_as_stated() {
         let found = rises as f64 / f64::from(TRIALS);
         assert!((found / expected - 1.0).abs() < 0.15, "{counts:?}, {ratio}: {found}, {expected}");
     }
+}
+
+/// Noise of a narrow band has an rms over 2 s of more than 1.5 dB too much in most records, and of more than is allowed in
+/// hardly any.
+#[test]
+fn the_largest_rms_that_is_allowed_follows_from_the_bandwidth() {
+    const SECONDS: usize = 60;
+    let points = "[[10, 0.02], [20, 0.2], [100, 0.2], [200, 0.05]]";
+    let narrow = specification(&SPECIFICATION.replace(points, "[[30, 0.1], [40, 0.1]]"));
+    let Test::Random(test) = narrow.test else { panic!("the kind is random") };
+    assert_eq!(test.profile.band_hz(), [30.0, 40.0]);
+    let demand = libm::sqrt(test.profile.moment(0));
+    let transform = Fft::at_least(SECONDS * RATE);
+    let spacing_hz = RATE as f64 / transform.length() as f64;
+    let most_db = most_rms_db(&test, SECONDS as f64);
+    let mut beyond = [0; 2];
+    for seed in 0..200 {
+        let mut noise = Noise::new(seed, 7);
+        let mut lines = vec![Complex::new(0.0, 0.0); transform.length()];
+        for (line, value) in lines.iter_mut().enumerate() {
+            if (30.0..40.0).contains(&(line as f64 * spacing_hz)) {
+                *value = Complex::new(noise.normal(), noise.normal()) * libm::sqrt(0.1 * spacing_hz);
+            }
+        }
+        transform.backward(&mut lines);
+        let samples: Vec<f64> = lines[..SECONDS * RATE].iter().map(|value| value.re).collect();
+        let largest = running_rms(&samples, 2 * RATE).into_iter().fold(0.0, f64::max);
+        let largest_db = db(largest / demand);
+        [1.5, most_db].iter().zip(&mut beyond).for_each(|(most, count)| *count += u32::from(largest_db > *most));
+    }
+    assert!(beyond[0] > 150 && beyond[1] <= 2, "{beyond:?} beyond {most_db} dB");
 }

@@ -196,3 +196,11 @@ fn sweeps() {
         assert!((found - expected.as_f64().unwrap()).abs() < TOLERANCE, "{k}: {found}");
     }
 }
+
+/// A flat density is as wide as it is; of G = f the bandwidth is 3/4 (f₂² − f₁²)²/(f₂³ − f₁³).
+#[test]
+fn statistical_bandwidths_are_those_of_closed_form() {
+    let bandwidth_hz = |points: &[[f64; 2]]| Profile::new(points).unwrap().statistical_bandwidth_hz();
+    near(bandwidth_hz(&[[10.0, 3.0], [60.0, 3.0]]), 50.0, 1e-14);
+    near(bandwidth_hz(&[[10.0, 10.0], [20.0, 20.0]]), 0.75 * 300.0 * 300.0 / 7000.0, 1e-14);
+}
