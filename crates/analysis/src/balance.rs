@@ -26,7 +26,7 @@ use resonarm_numeric::registers::{Task, widest};
 use super::dense::dot;
 use super::history::{FrictionDerivative, History, Stretch};
 use super::linear::dynamic_stiffness_solve;
-use super::samples::Samples;
+use super::samples::{Contacts, Jump, Samples};
 use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, Weights, direction_at_rest};
 use super::{Coordinate, Forced};
@@ -118,6 +118,56 @@ impl Task for AddProducts<'_> {
     }
 }
 
+/// Products of a force's harmonics and of the derivative by the unknowns of what it is in proportion to: parts of
+/// ∂Q̂/∂X, each of rank one.
+struct Products {
+    forces: [Vec<f64>; TOGETHER],
+    changes: Vec<[f64; TOGETHER]>,
+    /// How many wait to be added.
+    waiting: usize,
+}
+
+impl Products {
+    fn new(size: usize) -> Products {
+        let forces = core::array::from_fn(|_| vec![0.0; size]);
+        Products { forces, changes: vec![[0.0; TOGETHER]; size], waiting: 0 }
+    }
+
+    /// Begins a product, of zeros.
+    fn begin(&mut self) {
+        self.forces[self.waiting].fill(0.0);
+        self.changes.iter_mut().for_each(|of| of[self.waiting] = 0.0);
+    }
+
+    /// Adds to a harmonic of the force.
+    fn force(&mut self, row: usize, value: f64) {
+        self.forces[self.waiting][row] += value;
+    }
+
+    /// Adds to a derivative.
+    fn change(&mut self, column: usize, value: f64) {
+        self.changes[column][self.waiting] += value;
+    }
+
+    /// Ends a product and adds it to the operator as soon as there are enough.
+    fn end(&mut self, operator: &mut [f64]) {
+        self.waiting += 1;
+        if self.waiting == TOGETHER {
+            widest(AddProducts { block: operator, weights: &self.changes, rows: &self.forces });
+            self.waiting = 0;
+        }
+    }
+
+    /// Adds the products that wait.
+    fn finish(mut self, operator: &mut [f64]) {
+        if self.waiting > 0 {
+            // They are too few for a whole set: the others are zero.
+            self.forces[self.waiting..].iter_mut().for_each(|row| row.fill(0.0));
+            widest(AddProducts { block: operator, weights: &self.changes, rows: &self.forces });
+        }
+    }
+}
+
 /// Returns the size of the elements' displacements, or of a chain's coordinates, under a static unit drive: m or rad over N or
 /// N·m.
 pub(super) fn unit_deflection(forced: &Forced) -> f64 {
@@ -165,7 +215,9 @@ fn samples_for(forced: &Forced, period: usize, harmonics: usize) -> usize {
     let laws = forced.assembly.elements().iter().map(|element| of_law(element.law()));
     // The force is one degree below the potential.
     let polynomials = forced.assembly.polynomials().iter().map(|of| of.degree() * (harmonics + 1));
-    laws.chain(polynomials).fold(4 * harmonics + 4, usize::max)
+    let samples = laws.chain(polynomials).fold(4 * harmonics + 4, usize::max);
+    // A power of two has a fast transform.
+    if forced.assembly.is_smooth() { samples } else { samples.next_power_of_two() }
 }
 
 /// The rows of cos kτ and sin kτ among those of all unknowns; for k = 0 that of 1, and none.
@@ -372,7 +424,7 @@ impl Balance {
         (known.is_known, known.frequency_hz, known.amplitude) = (true, frequency_hz, amplitude);
         let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
         self.samples.synthesise(x, &self.unknowns, omega);
-        self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz);
+        self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz, Contacts::Located);
         self.load.clear();
         self.load.resize(x.len(), 0.0);
         let (count, load) = (self.samples.count(), &mut self.load);
@@ -399,7 +451,7 @@ impl Balance {
         // The choice of the number of harmonics and the point of the branch ask for the same.
         let known = &self.evaluated.truncation_error;
         known.get().unwrap_or_else(|| {
-            let error = self.missing(&self.samples.load);
+            let error = self.missing(&self.samples.load, &[]);
             known.set(Some(error));
             error
         })
@@ -420,14 +472,27 @@ impl Balance {
                 signal.iter_mut().zip(by).zip(moves).for_each(|((sum, by), moves)| *sum += by * moves);
             }
         }
-        self.missing(&signals)
+        let change = |jump: &Jump| -> f64 {
+            let at = moved.at_phase(jump.phase_rad, m);
+            jump.change
+                .iter()
+                .map(|&(i, [by_position, by_velocity])| by_position * at[0][i] + by_velocity * at[1][i])
+                .sum()
+        };
+        let changes: Vec<_> = self.samples.jumps.iter().map(|jump| (jump, change(jump))).collect();
+        self.missing(&signals, &changes)
     }
 
-    /// Returns the largest of the harmonics k = H + 1 … 2H + 1 that the linear structure makes of forces.
-    fn missing(&self, signals: &[f64]) -> f64 {
+    /// Returns the largest of the harmonics k = H + 1 … 2H + 1 that the linear structure makes of forces, with those of
+    /// jumps by the changes of their phases.
+    fn missing(&self, signals: &[f64], jumps: &[(&Jump, f64)]) -> f64 {
         let mut compliance = Compliance::default();
         let missing = |k: usize| {
             let (rate, mut load) = (k as f64 * self.omega_rad_s(), self.harmonic(signals, k));
+            for (jump, change) in jumps {
+                let (sine, cosine) = libm::sincos(k as f64 * jump.phase_rad);
+                jump.load.iter().for_each(|(i, part)| load[*i] += Complex::new(cosine, -sine) * part * *change);
+            }
             match &self.unknowns.body {
                 Body::Chain => dynamic_stiffness_solve(&self.linear, rate, &mut load)
                     .map_or(f64::INFINITY, |()| libm::sqrt(load.iter().map(|q| q.norm_sqr()).sum())),
@@ -455,7 +520,7 @@ impl Balance {
         self.by_frequency.resize(size, 0.0);
         let (mut signal, mut by_acceleration) = (vec![0.0; count], vec![0.0; count]);
         for i in 0..m {
-            // At constant X, u̇ is in proportion to Ω, ü to Ω², and the interval between samples to 1/Ω.
+            // At constant X, u̇ is in proportion to Ω and ü to Ω².
             for (d, sums) in [(1, &mut signal), (2, &mut by_acceleration)] {
                 sums.fill(0.0);
                 if d == 2 && is_symmetric {
@@ -468,13 +533,13 @@ impl Balance {
                     sums.iter_mut().zip(by).zip(moves).for_each(|((sum, by), moves)| *sum += by * moves);
                 }
             }
-            let by_step = &self.samples.by_step[i * count..][..count];
-            for ((sum, by_acceleration), by_step) in signal.iter_mut().zip(&by_acceleration).zip(by_step) {
-                *sum = (*sum + 2.0 * by_acceleration - by_step) / self.frequency_hz;
+            for (sum, by_acceleration) in signal.iter_mut().zip(&by_acceleration) {
+                *sum = (*sum + 2.0 * by_acceleration) / self.frequency_hz;
             }
             let out = &mut self.by_frequency;
             project(&self.samples, &signal, harmonics, |row, value| out[row * m + i] = value);
         }
+        self.add_jumps();
         self.add_stretches(&frictions);
         self.add_histories();
     }
@@ -518,10 +583,7 @@ impl Balance {
         self.samples.set_functions();
         let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
         let (rows, count) = (size / m, self.samples.count());
-        // A column of the operator has the product of each force with one weight, that of its constant's change.
-        let mut forces: [Vec<f64>; TOGETHER] = core::array::from_fn(|_| vec![0.0; size]);
-        let mut weights = vec![[0.0; TOGETHER]; size];
-        let mut waiting = 0;
+        let mut products = Products::new(size);
         for (number, derivative) in frictions {
             let element = self.samples.histories[*number].element;
             let Law::Friction { stiffness, .. } = *self.forced.assembly.elements()[element].law() else { continue };
@@ -543,26 +605,52 @@ impl Balance {
                         changes[1] += rate * of[0];
                     }
                 }
-                forces[waiting].fill(0.0);
-                weights.iter_mut().for_each(|of| of[waiting] = 0.0);
+                products.begin();
                 for (r, (force, change)) in force.iter().zip(&change).enumerate() {
                     for (i, weight) in &condensed.of_element[element] {
-                        forces[waiting][r * m + i] = weight * force;
-                        weights[r * m + i][waiting] = weight * change;
+                        products.force(r * m + i, weight * force);
+                        products.change(r * m + i, weight * change);
                     }
                 }
-                waiting += 1;
-                if waiting == TOGETHER {
-                    widest(AddProducts { block: &mut self.operator, weights: &weights, rows: &forces });
-                    waiting = 0;
-                }
+                products.end(&mut self.operator);
             }
         }
-        // Products that are too few for a whole set: the others are zero.
-        if waiting > 0 {
-            forces[waiting..].iter_mut().for_each(|row| row.fill(0.0));
-            widest(AddProducts { block: &mut self.operator, weights: &weights, rows: &forces });
+        products.finish(&mut self.operator);
+    }
+
+    /// Adds the parts of derivatives by way of the phases at which forces jump.
+    fn add_jumps(&mut self) {
+        if self.samples.jumps.is_empty() {
+            return;
         }
+        let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
+        let mut products = Products::new(size);
+        for Jump { phase_rad, load, change, by_frequency } in &self.samples.jumps {
+            products.begin();
+            let by_frequency = by_frequency / self.frequency_hz;
+            let mut force = |row: usize, value: f64| {
+                products.force(row, value);
+                self.by_frequency[row] += value * by_frequency;
+            };
+            let waves: Vec<_> = (1..=self.harmonics).map(|k| libm::sincos(k as f64 * phase_rad)).collect();
+            for &(i, part) in load {
+                force(i, 0.5 * part);
+                for (row, (sine, cosine)) in (1..).step_by(2).zip(&waves) {
+                    force(row * m + i, part * cosine);
+                    force((row + 1) * m + i, part * sine);
+                }
+            }
+            for &(i, [by_position, by_velocity]) in change {
+                products.change(i, by_position);
+                for (row, (sine, cosine)) in (1_usize..).step_by(2).zip(&waves) {
+                    let rate = by_velocity * row.div_ceil(2) as f64 * omega;
+                    products.change(row * m + i, by_position * cosine - rate * sine);
+                    products.change((row + 1) * m + i, by_position * sine + rate * cosine);
+                }
+            }
+            products.end(&mut self.operator);
+        }
+        products.finish(&mut self.operator);
     }
 
     /// Adds the part of the derivatives that comes from the elements' states.

@@ -21,6 +21,7 @@ mod balance;
 mod bending;
 mod branch;
 mod branch_options;
+mod contact;
 pub mod continuation;
 mod crossing;
 mod curve;

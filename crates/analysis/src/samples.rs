@@ -3,17 +3,19 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
-use core::f64::consts::TAU;
+use core::f64::consts::{FRAC_1_PI, TAU};
 
 use nalgebra::Complex;
 use resonarm_dynamics::structure::{
-    Element, Law, Linearised, MOST_COORDINATES, MOST_DISPLACEMENTS, MOST_LINKS, Polynomial, Reaction,
+    Branch, Element, Law, Linearised, MOST_COORDINATES, MOST_DISPLACEMENTS, MOST_LINKS, Polynomial, Reaction,
 };
 use resonarm_numeric::dft::Fft;
 
 use super::Forced;
+use super::contact::{Acting, Instant, Motion, Part, parts};
 use super::history::{History, has_history};
 use super::ramp::Ramp;
+use super::spectral::values;
 use super::unknowns::{Body, Unknowns, Weights};
 use crate::fourier::{Basis, uniform};
 
@@ -30,6 +32,8 @@ pub(super) struct Samples {
     functions: Vec<f64>,
     rates: Vec<f64>,
     omega_rad_s: f64,
+    /// The series of all unknowns.
+    series: Vec<f64>,
     /// u, u̇, ü, sample by sample.
     pub motion: [Vec<f64>; 3],
     /// u, u̇, ü of one unknown, before they are spread over `motion`, and its lines for a fast transform.
@@ -39,14 +43,128 @@ pub(super) struct Samples {
     pub load: Vec<f64>,
     /// ∂Q/∂u, ∂Q/∂u̇, ∂Q/∂ü without the states' part, pair of unknowns by pair.
     pub by: [Vec<f64>; 3],
-    /// h ∂Q/∂h with the interval h between samples, unknown by unknown.
-    pub by_step: Vec<f64>,
+    /// Where forces begin or end with a jump.
+    pub jumps: Vec<Jump>,
     /// For a chain, ∂Q/∂(peak of the drive), unknown by unknown.
     pub by_drive: Vec<f64>,
     pub histories: Vec<History>,
     linearised: Linearised,
-    /// Storage for the forces of an element.
-    reactions: [Vec<f64>; 4],
+    /// Storage for x and v of an element at the samples, and for its forces.
+    element: [Vec<f64>; 2],
+    reactions: Reactions,
+}
+
+/// How a force counts that acts for a part of the period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Contacts {
+    /// With the instants at which it begins and ends, so that the Fourier coefficients are those of the force.
+    Located,
+    /// At each sample with its mean over the interval around the sample: what the flow of variations needs.
+    Averaged,
+}
+
+/// The derivative of Q by way of a phase φ at which a force begins or ends with a jump.
+#[derive(Clone, Debug)]
+pub(super) struct Jump {
+    pub phase_rad: f64,
+    /// Unknown and 1/π times the change of Q by −dφ: the derivative of its harmonic k by φ has the part cos kφ of it along
+    /// cos kτ, and sin kφ along sin kτ.
+    pub load: Vec<(usize, f64)>,
+    /// Unknown, and ∂φ/∂u and ∂φ/∂u̇ by the response at φ.
+    pub change: Vec<(usize, [f64; 2])>,
+    /// f ∂φ/∂f with the frequency f, at constant displacements.
+    pub by_frequency: f64,
+}
+
+impl Jump {
+    /// The derivative where a part of an element begins or ends to act, at x and v; `along` has ∂x/∂u and ∂v/∂u of each
+    /// unknown. φ is a zero of E(x, v), so that ∂φ = −∂E/E′.
+    fn new(element: &Element, part: &Part, instant: &Instant, [x, v]: [f64; 2], along: &[(usize, [f64; 2])]) -> Jump {
+        let Instant { phase_rad, begins, condition, slope, .. } = *instant;
+        let open = element.force_on(Branch::Inner, x, v, 0.0);
+        let force = element.force_on(part.branch, x, v, 0.0).force - open.force;
+        // What begins later is less.
+        let by_phase = force * if begins { -FRAC_1_PI } else { FRAC_1_PI };
+        let [by_x, by_v] = [condition.by_depth, condition.by_rate_s].map(|by| -part.sign * by / slope);
+        let change =
+            |&(i, [direction, turning]): &(usize, [f64; 2])| (i, [by_x * direction + by_v * turning, by_v * direction]);
+        Jump {
+            phase_rad,
+            load: along.iter().map(|(i, [direction, _])| (*i, by_phase * direction)).collect(),
+            change: along.iter().map(change).collect(),
+            by_frequency: by_v * v,
+        }
+    }
+}
+
+/// An element over a period.
+struct Along<'a> {
+    /// x and v at the samples.
+    position: &'a [f64],
+    velocity: &'a [f64],
+    /// Of an element with a state, what counts of it there.
+    state: Option<&'a [f64]>,
+    motion: Motion<'a>,
+}
+
+/// The force of an element over a period.
+#[derive(Clone, Debug, Default)]
+struct Reactions {
+    /// The force and its derivatives by x and v, sample by sample.
+    numbers: [Vec<f64>; 3],
+    /// Where it jumps.
+    jumps: Vec<(Part, Instant)>,
+    acting: Acting,
+}
+
+impl Reactions {
+    fn compute(&mut self, element: &Element, along: &Along, of_interval: Interval, fft: Option<&Fft>) {
+        let Interval { step_s, contacts, .. } = of_interval;
+        let Along { position, velocity, state, motion } = *along;
+        self.numbers.iter_mut().for_each(Vec::clear);
+        self.jumps.clear();
+        let put = |of: Reaction, numbers: &mut [Vec<f64>; 3]| {
+            let of = [of.force, of.by_position, of.by_velocity];
+            numbers.iter_mut().zip(of).for_each(|(of_samples, number)| of_samples.push(number));
+        };
+        let samples = || position.iter().zip(velocity).map(|(x, v)| [*x, *v]);
+        if let Some(state) = state {
+            let at = |(at, state): ([f64; 2], &f64)| element_force(element, at, *state);
+            return samples().zip(state).for_each(|of| put(at(of), &mut self.numbers));
+        }
+        let parts = parts(element.law());
+        if parts[0].is_none() {
+            return samples().for_each(|[x, v]| put(element.force(x, v, 0.0), &mut self.numbers));
+        }
+        if contacts == Contacts::Averaged {
+            return samples().for_each(|at| put(around_sample(element, at, step_s), &mut self.numbers));
+        }
+        // The force of an open contact is constant.
+        let open = element.force_on(Branch::Inner, 0.0, 0.0, 0.0);
+        samples().for_each(|_| put(open, &mut self.numbers));
+        for part in parts.into_iter().flatten() {
+            self.acting.find(&part, [position, velocity], motion, step_s, fft);
+            // Where a condition only touches zero, its phase has no derivative.
+            let jumps = self.acting.instants.iter().filter(|of| of.jumps && of.slope != 0.0);
+            self.jumps.extend(jumps.map(|of| (part, *of)));
+            for (j, (weight, [x, v])) in self.acting.weights.iter().zip(samples()).enumerate() {
+                if *weight != 0.0 {
+                    let closed = element.force_on(part.branch, x, v, 0.0);
+                    self.numbers[0][j] += weight * (closed.force - open.force);
+                    self.numbers[1][j] += weight * closed.by_position;
+                    self.numbers[2][j] += weight * closed.by_velocity;
+                }
+            }
+        }
+    }
+}
+
+/// What the samples of an evaluation have in common.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    step_s: f64,
+    frequency_hz: f64,
+    contacts: Contacts,
 }
 
 /// An element in a position of the unknowns.
@@ -81,10 +199,12 @@ impl Samples {
             lines: vec![],
             load: vec![],
             by: Default::default(),
-            by_step: vec![],
+            jumps: vec![],
+            series: vec![],
             by_drive: vec![],
             histories: with_state.map(|(at, _)| History::new(at)).collect(),
             linearised: Linearised::new(unknowns.count()),
+            element: Default::default(),
             reactions: Default::default(),
         }
     }
@@ -173,6 +293,8 @@ impl Samples {
             self.omega_rad_s = omega_rad_s;
             self.rates.clear();
         }
+        self.series.clear();
+        self.series.extend_from_slice(x);
         let (samples, m) = (self.count(), unknowns.count());
         self.motion.iter_mut().for_each(|signal| signal.resize(samples * m, 0.0));
         let with_acceleration = matches!(unknowns.body, Body::Chain);
@@ -220,7 +342,7 @@ impl Samples {
     }
 
     /// Computes Q and its derivatives along the response.
-    pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64) {
+    pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64, contacts: Contacts) {
         let (samples, m) = (self.count(), unknowns.count());
         let is_chain = matches!(unknowns.body, Body::Chain);
         let [by_position, by_velocity, by_acceleration] = &mut self.by;
@@ -233,22 +355,21 @@ impl Samples {
         }
         // Elements of modes leave it at zero.
         by_acceleration.resize(m * m * samples, 0.0);
-        self.by_step.clear();
-        self.by_step.resize(m * samples, 0.0);
+        self.jumps.clear();
         self.histories.iter_mut().for_each(History::clear);
         if let Body::Chain = unknowns.body {
             self.unbalance(forced, unknowns);
         }
-        let step_s = TAU / (self.omega_rad_s * samples as f64);
+        let of_interval = Interval { step_s: TAU / (self.omega_rad_s * samples as f64), frequency_hz, contacts };
         if let Body::Condensed(condensed) = &unknowns.body {
             for (e, element) in forced.assembly.elements().iter().enumerate() {
-                self.along_one(e, &condensed.of_element[e], element, [step_s, frequency_hz]);
+                self.along_one(e, &condensed.of_element[e], element, of_interval);
             }
             for (polynomial, displacements) in forced.assembly.polynomials().iter().zip(&condensed.of_polynomial) {
                 self.along_places(polynomial, displacements, m);
             }
         } else {
-            self.along_links(forced, unknowns, [step_s, frequency_hz]);
+            self.along_links(forced, unknowns, of_interval);
             for polynomial in forced.assembly.polynomials() {
                 self.along_coordinates(forced, polynomial, m);
             }
@@ -307,75 +428,107 @@ impl Samples {
     }
 
     /// Adds the part of the elements of a chain.
-    fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, [step_s, frequency_hz]: [f64; 2]) {
+    fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, of_interval: Interval) {
         let (samples, m) = (self.count(), unknowns.count());
+        let Interval { step_s, frequency_hz, .. } = of_interval;
+        let mut reactions = core::mem::take(&mut self.reactions);
         for (e, element) in forced.assembly.elements().iter().enumerate() {
-            let mut geometries: Vec<Geometry> = Vec::new();
             let history = self.histories.iter().position(|history| history.element == e);
-            for j in 0..samples {
-                let [u, v] = [0, 1].map(|d| &self.motion[d][j * m..(j + 1) * m]);
-                let geometry = geometry(forced, unknowns, e, u, v);
-                if let Some(history) = history {
-                    let history = &mut self.histories[history];
-                    history.position.push(geometry.position);
-                    history.velocity.push(geometry.velocity);
-                    history.direction.extend_from_slice(&geometry.direction[..m]);
-                    geometries.push(geometry);
-                } else {
-                    let (reaction, by_step) = between_samples(element, [geometry.position, geometry.velocity], step_s);
-                    self.add(j, m, &geometry, &reaction);
-                    (0..m).for_each(|i| self.by_step[i * samples + j] += geometry.direction[i] * by_step);
+            let at = |motion: &[Vec<f64>; 3], j: usize| {
+                let [u, v] = [0, 1].map(|d| &motion[d][j * m..(j + 1) * m]);
+                geometry(forced, unknowns, e, u, v)
+            };
+            if history.is_none() && parts(element.law())[0].is_none() {
+                for j in 0..samples {
+                    let geometry = at(&self.motion, j);
+                    self.add(j, m, &geometry, &element.force(geometry.position, geometry.velocity, 0.0));
                 }
+                continue;
+            }
+            let geometries: Vec<Geometry> = (0..samples).map(|j| at(&self.motion, j)).collect();
+            self.element.iter_mut().for_each(Vec::clear);
+            for geometry in &geometries {
+                self.element[0].push(geometry.position);
+                self.element[1].push(geometry.velocity);
             }
             if let Some(history) = history {
-                self.histories[history].run(element.law(), step_s, frequency_hz);
-                for (j, geometry) in geometries.iter().enumerate() {
-                    let z = self.histories[history].mean[j];
-                    let reaction = element_force(element, [geometry.position, geometry.velocity], z);
-                    self.add(j, m, geometry, &reaction);
-                }
+                let history = &mut self.histories[history];
+                history.position.extend_from_slice(&self.element[0]);
+                history.velocity.extend_from_slice(&self.element[1]);
+                geometries.iter().for_each(|at| history.direction.extend_from_slice(&at.direction[..m]));
+                history.run(element.law(), step_s, frequency_hz);
+            }
+            let at_phase = |phase_rad: f64| {
+                let [u, v, a] = self.at_phase(phase_rad, m);
+                (geometry(forced, unknowns, e, &u, &v), v, a)
+            };
+            let motion = |phase_rad: f64| {
+                let (at, v, a) = at_phase(phase_rad);
+                // d(∂x/∂u u̇)/dt.
+                let part = |i: usize| at.direction[i] * a[i] + at.velocity_by_position(i) * v[i];
+                [at.position, at.velocity, (0..m).map(part).sum()]
+            };
+            let state = history.map(|history| &self.histories[history].mean[..]);
+            let [position, velocity] = &self.element;
+            let along = Along { position, velocity, state, motion: &motion };
+            reactions.compute(element, &along, of_interval, self.fft.as_ref());
+            let jump = |(part, instant): &(Part, Instant)| {
+                let (at, ..) = at_phase(instant.phase_rad);
+                let along: Vec<_> = (0..m).map(|i| (i, [at.direction[i], at.velocity_by_position(i)])).collect();
+                Jump::new(element, part, instant, [at.position, at.velocity], &along)
+            };
+            let jumps: Vec<Jump> = reactions.jumps.iter().map(jump).collect();
+            self.jumps.extend(jumps);
+            for (j, geometry) in geometries.iter().enumerate() {
+                let [force, by_position, by_velocity] = reactions.numbers.each_ref().map(|of_samples| of_samples[j]);
+                self.add(j, m, geometry, &Reaction { force, by_position, by_velocity, by_state: 0.0 });
             }
         }
+        self.reactions = reactions;
     }
 
     /// Adds the part of an element whose displacement is a sum of unknowns.
-    fn along_one(&mut self, e: usize, weights: &Weights, element: &Element, [step_s, frequency_hz]: [f64; 2]) {
+    fn along_one(&mut self, e: usize, weights: &Weights, element: &Element, of_interval: Interval) {
         let samples = self.count();
         let m = self.motion[0].len() / samples;
+        for (signal, motion) in self.element.iter_mut().zip(&self.motion) {
+            signal.clear();
+            signal.extend(motion.chunks_exact(m).map(|motion| sum(weights, motion)));
+        }
         let history = self.histories.iter().position(|history| history.element == e);
         if let Some(history) = history {
             let history = &mut self.histories[history];
-            history.position.extend(self.motion[0].chunks_exact(m).map(|motion| sum(weights, motion)));
-            history.velocity.extend(self.motion[1].chunks_exact(m).map(|motion| sum(weights, motion)));
+            history.position.extend_from_slice(&self.element[0]);
+            history.velocity.extend_from_slice(&self.element[1]);
             history.direction.resize(m * samples, 0.0);
             for (place, weight) in weights {
                 history.direction.iter_mut().skip(*place).step_by(m).for_each(|along| *along = *weight);
             }
-            history.run(element.law(), step_s, frequency_hz);
+            history.run(element.law(), of_interval.step_s, of_interval.frequency_hz);
         }
-        // The force, its derivatives by x, by v and by the interval, sample by sample.
-        let reactions = &mut self.reactions;
-        reactions.iter_mut().for_each(Vec::clear);
-        for j in 0..samples {
-            let [x, v] = [0, 1].map(|d| sum(weights, &self.motion[d][j * m..(j + 1) * m]));
-            let (reaction, by_step) = match history {
-                Some(history) => (element_force(element, [x, v], self.histories[history].mean[j]), 0.0),
-                None => between_samples(element, [x, v], step_s),
-            };
-            let Reaction { force, by_position, by_velocity, .. } = reaction;
-            let numbers = [force, by_position, by_velocity, by_step];
-            reactions.iter_mut().zip(numbers).for_each(|(of_samples, number)| of_samples.push(number));
+        let (mut reactions, omega) = (core::mem::take(&mut self.reactions), self.omega_rad_s);
+        let series: Vec<f64> = match parts(element.law())[0] {
+            Some(_) => self.series.chunks_exact(m).map(|of| sum(weights, of)).collect(),
+            None => vec![],
+        };
+        let motion = |phase_rad: f64| {
+            let [x, v, a] = values(&series, phase_rad);
+            [x, omega * v, omega * omega * a]
+        };
+        let state = history.map(|history| &self.histories[history].mean[..]);
+        let [position, velocity] = &self.element;
+        let along = Along { position, velocity, state, motion: &motion };
+        reactions.compute(element, &along, of_interval, self.fft.as_ref());
+        for (part, instant) in &reactions.jumps {
+            let along: Vec<_> = weights.iter().map(|(i, weight)| (*i, [*weight, 0.0])).collect();
+            let [x, v, _] = motion(instant.phase_rad);
+            self.jumps.push(Jump::new(element, part, instant, [x, v], &along));
         }
-        let [force, by_position, by_velocity, by_step] = &*reactions;
+        let [force, by_position, by_velocity] = &reactions.numbers;
         // Most laws have only some of the derivatives.
-        let [has_position, has_velocity, has_step] =
-            [by_position, by_velocity, by_step].map(|by| by.iter().any(|by| *by != 0.0));
+        let [has_position, has_velocity] = [by_position, by_velocity].map(|by| by.iter().any(|by| *by != 0.0));
         for &(row, weight) in weights {
-            let of_row = row * samples..(row + 1) * samples;
-            add_times(&mut self.load[of_row.clone()], weight, force);
-            if has_step {
-                add_times(&mut self.by_step[of_row], weight, by_step);
-            }
+            add_times(&mut self.load[row * samples..(row + 1) * samples], weight, force);
             for &(column, other) in weights {
                 let of_pair = (row * m + column) * samples..(row * m + column + 1) * samples;
                 if has_position {
@@ -386,6 +539,21 @@ impl Samples {
                 }
             }
         }
+        self.reactions = reactions;
+    }
+
+    /// Returns u, u̇ and ü of the `m` unknowns at a phase.
+    pub fn at_phase(&self, phase_rad: f64, m: usize) -> [Vec<f64>; 3] {
+        let mut at = [(); 3].map(|()| Vec::with_capacity(m));
+        for i in 0..m {
+            let series: Vec<f64> = self.series.iter().skip(i).step_by(m).copied().collect();
+            let mut rate = 1.0;
+            for (at, value) in at.iter_mut().zip(values(&series, phase_rad)) {
+                at.push(rate * value);
+                rate *= self.omega_rad_s;
+            }
+        }
+        at
     }
 
     /// Adds the unbalance of a chain under its drive.
@@ -492,14 +660,11 @@ pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], s
     reaction
 }
 
-/// Returns the force of an element without a state as it counts at a sample: where a contact opens or closes within
-/// half an interval h, its mean over the interval around the sample with x moving at v. So the mean over the samples,
-/// and its derivative, change continuously with the response, though the law has a kink, or a jump to c δ̇ where a
-/// damped contact closes.
-///
-/// The second number is h ∂f/∂h.
-fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> (Reaction, f64) {
-    let plain = || (element.force(position, velocity, 0.0), 0.0);
+/// Returns the force of a contact or a gap as it counts at a sample alone: where it opens or closes within half an
+/// interval h, its mean over the interval around the sample with x moving at v. The jump to c δ̇ as a damped contact
+/// closes is an impulse in the derivative by x then.
+fn around_sample(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> Reaction {
+    let plain = || element.force(position, velocity, 0.0);
     let [seat, at_rest] = element.law().seat().unwrap_or_default();
     let position = position + seat;
     match *element.law() {
@@ -508,13 +673,12 @@ fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f6
                 let ramp = Ramp::new(sign * position - gap, sign * velocity, step_s);
                 (sign * ramp.mean, ramp.by_position, ramp.by_velocity)
             });
-            let reaction = Reaction {
+            Reaction {
                 force: stiffness * (upper.0 + lower.0) - at_rest,
                 by_position: stiffness * (upper.1 + lower.1),
                 by_velocity: stiffness * (upper.2 + lower.2),
                 by_state: 0.0,
-            };
-            (reaction, reaction.by_velocity * velocity)
+            }
         }
         Law::KelvinVoigt { stiffness, damping, gap, side, .. } => {
             let sign = side.sign();
@@ -524,13 +688,12 @@ fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f6
             }
             let ramp = Ramp::new(depth, rate, step_s);
             // The damper acts for the part ½ + δ/(δ̇ h) of the interval.
-            let reaction = Reaction {
+            Reaction {
                 force: sign * (stiffness * ramp.mean + damping * (0.5 * rate + depth / step_s)) - at_rest,
                 by_position: stiffness * ramp.by_position + damping / step_s,
                 by_velocity: stiffness * ramp.by_velocity + 0.5 * damping,
                 by_state: 0.0,
-            };
-            (reaction, sign * (stiffness * ramp.by_velocity * rate - damping * depth / step_s))
+            }
         }
         _ => plain(),
     }

@@ -234,7 +234,7 @@ fn polished(series: &[f64], mut phase_rad: f64, samples: usize) -> f64 {
 }
 
 /// Returns x, x′ and x″ of a series at a phase; multiples of the angle by rotation.
-fn values(series: &[f64], phase_rad: f64) -> [f64; 3] {
+pub(super) fn values(series: &[f64], phase_rad: f64) -> [f64; 3] {
     let (sine, cosine) = libm::sincos(phase_rad);
     let (mut c, mut s, mut sum) = (1.0, 0.0, [series[0], 0.0, 0.0]);
     for (i, pair) in series[1..].chunks_exact(2).enumerate() {

@@ -20,7 +20,7 @@ use super::rows::eliminate;
 use super::{ACCURACY, Stability, multipliers};
 use crate::balance::Balance;
 use crate::gauss::{S, Tableau, steps_for};
-use crate::samples::Samples;
+use crate::samples::{Contacts, Samples};
 
 /// Steps whose stages are computed together: it bounds the storage under a slow drive.
 const CHUNK: usize = 2048;
@@ -83,7 +83,7 @@ fn flow<const N: usize, const W: usize>(
             *set = Some(stages);
         }
         samples.synthesise(x, &balance.unknowns, balance.omega_rad_s());
-        samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
+        samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz, Contacts::Averaged);
         for at in (0..samples.count()).step_by(S) {
             let mut rates = [Rates { by_position: [[0.0; N]; N], by_velocity: [[0.0; N]; N] }; S];
             for (i, rates) in rates.iter_mut().enumerate() {

@@ -43,7 +43,7 @@ use nalgebra::{Complex, DMatrix};
 
 use super::balance::Balance;
 use super::orbit::Stability;
-use super::samples::{Geometry, Samples, geometry};
+use super::samples::{Contacts, Geometry, Samples, geometry};
 use super::unknowns::Body;
 use resonarm_dynamics::structure::Law;
 use resonarm_numeric::eigenvalues::eigenvalues;
@@ -93,7 +93,7 @@ impl Variations<'_> {
         let points = 8 * libm::ceil(steps / 4.0) as usize;
         samples.set(balance.harmonics().max(balance.period()), points);
         samples.synthesise(x, &balance.unknowns, balance.omega_rad_s());
-        samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
+        samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz, Contacts::Averaged);
         add_stuck_friction(balance, &mut samples);
         if !balance.forced.assembly().is_smooth() {
             average(&mut samples);

@@ -101,6 +101,11 @@ impl Element {
         self.law.reaction(self.branch(position, velocity, state), position, velocity, state)
     }
 
+    /// Returns the force on a branch, which goes on smoothly beyond it.
+    pub fn force_on(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
+        self.law.reaction(branch, position, velocity, state)
+    }
+
     /// The rate of its state; zero for a law without.
     pub fn state_rate(&self, position: f64, velocity: f64, state: f64) -> StateRate {
         self.law.state_rate(self.branch(position, velocity, state), velocity, state)
