@@ -20,6 +20,9 @@ use crate::{AnalysisError, EndedEarly};
 
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
 const MOST_HALVINGS: usize = 16;
+/// A branch that turns by less than this between two points beside each other passes a branch point between them, if the
+/// determinant changes its sign.
+const LITTLE_RAD: f64 = 0.1;
 /// A branch is closed if it passes its first response at less than this fraction of the step.
 const SAME_SHARE: f64 = 0.05;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
@@ -179,18 +182,26 @@ impl<'a> Tracer<'a> {
     /// taken again in halves.
     ///
     /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step
-    /// without one, the step has jumped. Where forces aren't smooth, corners change it, too. A step to a response that
-    /// repeats after fewer periods has jumped as well: it has left a branch that meets one of these.
+    /// without one, the step has jumped. Where a contact is touched, the branch may turn back almost to where it came from
+    /// within a tiny part of a step: beyond that, the tangent at an acute angle to the one before leads back, and the
+    /// determinant has the other sign. Shorter steps follow the turn, while a branch passes a branch point ever
+    /// straighter. At corners of friction the determinant may change, too. A step to a response that repeats after fewer
+    /// periods has jumped as well: it has left a branch that meets one of these.
     fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
-        let (branch, smooth) = (&self.options.branch, self.balance.forced.assembly.is_smooth());
+        let (branch, assembly) = (&self.options.branch, &self.balance.forced.assembly);
+        let smooth = assembly.is_smooth();
+        let has_corners = assembly.elements().iter().any(|element| element.law().has_state());
         let (start, harmonics) = (walk.clone(), self.balance.harmonics());
         for _ in 0..MOST_HALVINGS {
             walk.advance(&mut self.balance, &branch.continuation)?;
             adapt(&mut self.balance, &mut walk.continuation, branch)?;
             let reached = walk.point().clone();
             let is_shorter = self.is_shorter(&reached) && !self.is_shorter(before);
-            let crosses = smooth && before.determinant.sign * reached.determinant.sign < 0.0;
-            if !is_shorter && (!crosses || self.has_branch_point(before, &reached)) {
+            let crosses = before.determinant.sign * reached.determinant.sign < 0.0;
+            let may_cross = has_corners
+                || !crosses
+                || if smooth { self.has_branch_point(before, &reached) } else { turns_little(before, &reached) };
+            if !is_shorter && may_cross {
                 return Ok(());
             }
             // Back to the start of the step, with its harmonics: half the step may stay on the branch.
@@ -262,6 +273,16 @@ impl<'a> Tracer<'a> {
     pub fn largest_at(&mut self, point: &Point, dof: Dof) -> f64 {
         self.at(point, |tracer| reading(&tracer.balance, dof).largest)
     }
+}
+
+/// Says whether a branch turns by little between two points.
+fn turns_little(a: &Point, b: &Point) -> bool {
+    // The numbers of harmonics may differ.
+    let (Some((last_a, others_a)), Some((last_b, others_b))) = (a.tangent.split_last(), b.tangent.split_last()) else {
+        return false;
+    };
+    let along: f64 = others_a.iter().zip(others_b).map(|(a, b)| a * b).sum();
+    libm::acos((along + last_a * last_b).clamp(-1.0, 1.0)) < LITTLE_RAD
 }
 
 /// Returns the response last evaluated, without its stability.

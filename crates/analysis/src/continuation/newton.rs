@@ -18,6 +18,9 @@ const NEWTON_RANGE: f64 = 1e-3;
 /// The most corrections with the same factors, and the largest ratio of one to the one before.
 const REFINEMENTS: usize = 4;
 const SLOWEST_RATIO: f64 = 0.05;
+/// Where first corrections must be less than this, relative to X, steps are short because the derivatives change within
+/// them. Those of another point then say nothing about the tangent.
+const LEAST_REFINED: f64 = 1e-4;
 
 /// The step of a difference along the tangent, relative to X.
 const TANGENT_STEP: f64 = 1e-6;
@@ -106,7 +109,11 @@ impl Solver {
                 break;
             }
             before = correction;
-            if limit == NEWTON_LIMIT && correction < NEWTON_RANGE && self.refine(system, plane, size, correction) {
+            if limit == NEWTON_LIMIT
+                && largest > LEAST_REFINED
+                && correction < NEWTON_RANGE
+                && self.refine(system, plane, size, correction)
+            {
                 return Ok(first);
             }
         }

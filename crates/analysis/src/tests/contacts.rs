@@ -162,3 +162,23 @@ fn a_damped_contact_has_the_two_folds_of_its_closed_form() {
         }
     }
 }
+
+/// At a stiff stop the second mode makes the tip touch the stop again. There the branch turns back almost to where it came
+/// from, within 1e-6 of the response, and goes on, wherever the steps begin.
+#[test]
+fn a_branch_passes_where_a_stiff_contact_is_touched_again() {
+    let law = Law::KelvinVoigt { stiffness: 1e8, damping: 20.0, gap: 2e-4, side: Side::Positive, preload: 0.0 };
+    let assembly = with_element(&[(63.4, 4e-3, 2.5), (212.25, 6e-3, 1.75)], law);
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, 4.0);
+    let folds = [55.0, 63.0].map(|from_hz| {
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [from_hz, 85.0], vec![tip]);
+        options.assess = Assess::Nothing;
+        let traced = super::super::trace(&forced, from_hz, Coordinate::FrequencyHz, &options);
+        let branch = traced.map_err(|early| early.reason).unwrap();
+        let folds: Vec<f64> = of_kind(&branch, BifurcationKind::Fold).iter().map(|fold| fold.value).collect();
+        assert_eq!((branch.end, folds.len()), (BranchEnd::AtEnd, 2), "{folds:?}");
+        folds
+    });
+    folds[0].iter().zip(&folds[1]).for_each(|(one, other)| near(*one, *other, 1e-7));
+}
