@@ -93,7 +93,7 @@ fn is_confirmed_in_time(forced: &Forced, branch: &Branch) {
 /// at the other: those with m1 and m2 exchanged are not listed again.
 #[test]
 fn a_pitchfork_has_one_branch_for_both_mirror_images() {
-    let case = case("branch_points", "pair");
+    let case = case("branch_points", "symmetric pair");
     let (forced, branch, switched) = switched(&case, &numbers(&case["ends_rad_s"]));
     let expected = numbers(&case["branch_points_rad_s"]);
     all_near(&places(&branch, BranchPoint), &expected, 1e-9);
