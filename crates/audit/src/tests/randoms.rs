@@ -188,6 +188,13 @@ fn a_test_that_must_not_begin_is_weighed() {
     let stopped = ended(&base, level.start + RATE, RATE / 10);
     passes(&specification, "R16", &base, &stopped);
     fails(&specification, "R16", &base, &base);
+    let most_m_s2 = 1.8 * libm::sqrt(test().profile.moment(0));
+    let small = base.reading.iter().map(|reading| reading.clamp(-most_m_s2, most_m_s2)).collect();
+    let unclipped = Record { reading: small, ..base.clone() };
+    assert_eq!(
+        judged(&specification, "R16", &base, &unclipped).verdict,
+        Verdict::Inconclusive("no reading is clipped".into())
+    );
     // The limit of the drive is 0.43 times the largest one.
     let limit_n = 0.43 * base.peak(0, base.len());
     let text = format!("{SPECIFICATION}drive_peak_n = {limit_n}\n");
