@@ -265,20 +265,25 @@ impl Balance {
         coordinate: Coordinate,
     ) -> Balance {
         let unknowns = Unknowns::with_period(forced, period);
+        let mut balance = Balance::of_unknowns(forced, unknowns, frequency_hz, coordinate);
+        balance.set_harmonics(harmonics);
+        balance
+    }
+
+    /// A balance of these unknowns, before its number of harmonics is set.
+    fn of_unknowns(forced: &Forced, unknowns: Unknowns, frequency_hz: f64, coordinate: Coordinate) -> Balance {
         let linear = forced.assembly.linear();
         let n = linear.coordinates();
         let scale = (0..n).map(|i| linear.stiffness[i * n + i]).fold(0.0, f64::max);
-        let samples = Samples::new(forced, &unknowns);
-        let forced = forced.clone();
-        let mut balance = Balance {
-            forced,
+        Balance {
+            samples: Samples::new(forced, &unknowns),
+            forced: forced.clone(),
             unknowns,
             coordinate,
             frequency_hz,
-            samples,
             kept: None,
             evaluated: Evaluated::default(),
-            harmonics,
+            harmonics: 0,
             linear,
             scale,
             row_scales: vec![],
@@ -287,9 +292,7 @@ impl Balance {
             operator: vec![],
             load: vec![],
             by_frequency: vec![],
-        };
-        balance.set_harmonics(harmonics);
-        balance
+        }
     }
 
     /// Returns the balance with the displacements of the elements as unknowns, before its number of harmonics is set, and a
@@ -304,22 +307,9 @@ impl Balance {
         let rows = x.chunks_exact(self.unknowns.count());
         let x = rows.flat_map(|q| condensed.places.iter().map(move |phi| displacement((q, phi)))).collect();
         let balance = Balance {
-            forced: self.forced.clone(),
-            samples: Samples::new(&self.forced, &unknowns),
-            unknowns,
-            coordinate: self.coordinate,
-            frequency_hz: self.frequency_hz,
             kept: self.kept,
-            evaluated: Evaluated::default(),
             harmonics: self.harmonics,
-            linear: self.linear.clone(),
-            scale: self.scale,
-            row_scales: vec![],
-            compliances: vec![],
-            by_state: Default::default(),
-            operator: vec![],
-            load: vec![],
-            by_frequency: vec![],
+            ..Balance::of_unknowns(&self.forced, unknowns, self.frequency_hz, self.coordinate)
         };
         Some((balance, x))
     }
