@@ -31,6 +31,8 @@ class Master:
         self.network = canopen.Network()
         self.network.connect(interface="socketcan", channel=interface)
         self.nodes = [self.network.add_node(BaseNode402(number, str(path))) for number, path in sheets.items()]
+        for node in self.nodes:
+            patient(node, patience_s)
         self.patience_s = patience_s
         self.received = threading.Condition()
         self.positions = {}
@@ -43,7 +45,6 @@ class Master:
 
     def set_up(self):
         for node in self.nodes:
-            patient(node, self.patience_s)
             node.nmt.state = "OPERATIONAL"
             node.setup_402_state_machine()
             node.tpdo[2].add_callback(lambda pdo, node=node: self.arrived(node.id, pdo))
