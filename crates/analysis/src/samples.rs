@@ -112,7 +112,7 @@ struct Along<'a> {
 struct Reactions {
     /// The force and its derivatives by x and v, sample by sample.
     numbers: [Vec<f64>; 3],
-    /// Where it jumps.
+    /// The instants at which the force jumps, each with the part of the law that begins or ends to act.
     jumps: Vec<(Part, Instant)>,
     acting: Acting,
 }

@@ -14,7 +14,7 @@ const LIGHT_OCT_MIN: f64 = 1.0;
 /// Time after which a run ends if the controller does not end it, beyond that of the test, s: for checks and identification.
 const OWN_S: f64 = 240.0;
 
-/// Reads a specification.
+/// Checks the text of a specification, which may name no other file.
 pub fn specification(text: &str) -> Result<Specification, String> {
     let file: SpecificationFile = toml::from_str(text).map_err(|error| error.to_string())?;
     Specification::new(&file, |_| Err(String::from("there are no files"))).map_err(|error| error.to_string())

@@ -174,7 +174,7 @@ struct Plan {
     stages: Vec<(f64, usize)>,
 }
 
-/// Averages of spectra.
+/// Spectra of the control channel, the drive and the limited response, averaged over frames.
 #[derive(Clone, Debug)]
 struct Averages {
     control: Vec<f64>,
@@ -221,7 +221,7 @@ pub struct RandomLoop {
     response: Vec<f64>,
     drive: Vec<f64>,
     held_n: f64,
-    /// Phases that repeat.
+    /// Spectra of the frames whose phases a flawed controller plays again.
     phases: Vec<Vec<Complex<f64>>>,
     frames: usize,
     /// Half frame that is played, and the half of the next one.

@@ -8,7 +8,7 @@ use super::{ended, failing, judged};
 use crate::{Finding, Record, Verdict};
 
 const SWEEP: Sweep = Sweep { band_hz: [15.0, 60.0], rate_oct_min: 4.0, gain_1_s: 4.0, tracking: 0.15 };
-/// A mass alone.
+/// A structure without modes: its acceleration is in proportion to the force.
 const MASS: Structure = Structure { name: "mass", body_1_kg: [1.0, 0.5], modes: &[], sweep: SWEEP };
 /// A mode in the middle of the sweep.
 const MODE: Structure = Structure {
