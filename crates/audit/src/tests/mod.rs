@@ -126,7 +126,7 @@ fn mode(seed: u64, hz: f64, samples: usize, rms: f64) -> Vec<f64> {
 
 #[test]
 fn numbers_of_cases_are_unique_and_rules_are_stated() {
-    let all = [random_loop::SPECIFICATION, sines::SPECIFICATION, shocks::SPECIFICATION].map(specification);
+    let all = [random_loop::SPECIFICATION, sines::SPECIFICATION, shock_loop::SPECIFICATION].map(specification);
     let mut ids: Vec<&str> = Vec::new();
     for specification in &all {
         for case in cases(&specification.test) {

@@ -10,21 +10,11 @@ use crate::{Base, Record, Verdict};
 
 const RATE_HZ: f64 = 1000.0;
 
-pub(super) const SPECIFICATION: &str = "[spec]
-kind = 'shock'
-sources = []
-[shock]
-pulse = 'half-sine'
-peak_m_s2 = 20
-duration_s = 0.02
-band = 0.2
-velocity_tolerance = 0.15
-end_velocity_tolerance = 0.1
-outside = 0.25
-pre_s = 0.1
-post_s = 0.1
-shots = [{ level_db = -12, count = 1 }, { level_db = 0, count = 2 }]
-";
+/// The specification of the loops, with three shots in place of six.
+fn three_shots() -> String {
+    let (before, _) = shock_loop::SPECIFICATION.split_once("shots = ").unwrap();
+    format!("{before}shots = [{{ level_db = -12, count = 1 }}, {{ level_db = 0, count = 2 }}]\n")
+}
 
 fn shock(text: &str) -> ShockTest {
     match specification(text).test {
@@ -47,14 +37,14 @@ fn run(shot: &[f64], factors: &[f64]) -> Record {
 
 #[test]
 fn good_shots_pass_and_flawed_ones_fail_the_case_for_it() {
-    let specification = specification(SPECIFICATION);
-    let (good, start) = shock(SPECIFICATION).compensated(RATE_HZ).unwrap();
+    let text = three_shots();
+    let specification = specification(&text);
+    let (good, start) = shock(&text).compensated(RATE_HZ).unwrap();
     let record = run(&good, &[0.25, 1.0, 1.0]);
     for id in ["K01", "K02", "K03", "K04", "K05"] {
         passes(&specification, id, &record, &record);
     }
-    let (short, _) =
-        shock(&SPECIFICATION.replace("duration_s = 0.02", "duration_s = 0.014")).compensated(RATE_HZ).unwrap();
+    let (short, _) = shock(&text.replace("duration_s = 0.02", "duration_s = 0.014")).compensated(RATE_HZ).unwrap();
     let mut alone = good.clone();
     alone[..start].fill(0.0);
     alone[start + 21..].fill(0.0);
@@ -82,8 +72,9 @@ fn good_shots_pass_and_flawed_ones_fail_the_case_for_it() {
 /// Noise at low level before the shots, whose pulses are no shots.
 #[test]
 fn a_controller_may_identify_the_structure_before_its_shots() {
-    let specification = specification(SPECIFICATION);
-    let (good, start) = shock(SPECIFICATION).compensated(RATE_HZ).unwrap();
+    let text = three_shots();
+    let specification = specification(&text);
+    let (good, start) = shock(&text).compensated(RATE_HZ).unwrap();
     let shots = run(&good, &[0.25, 1.0, 1.0]);
     for seed in 1..=3 {
         let before = [noise(seed, 10 * RATE, 2.0), mode(seed, 25.0, 10 * RATE, 2.0)].concat();
