@@ -2,6 +2,7 @@
 //! stability and other bifurcations.
 
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
@@ -27,9 +28,10 @@ const LITTLE_RAD: f64 = 0.1;
 const SAME_SHARE: f64 = 0.05;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
 pub(super) const FRACTION: f64 = 1e-7;
-/// A response whose other harmonics are below this fraction of it repeats after fewer periods: a branch of more periods is
-/// further from one of fewer, but for the doubling at which it begins or ends.
-const SHORTER: f64 = 1e-6;
+/// A response whose other harmonics are below this fraction of it repeats after fewer periods, and one whose part without a
+/// symmetry is below it has the symmetry: a branch of more periods, or without the symmetry, is further from such responses, but
+/// for the bifurcation at which it begins or ends.
+const SIMPLER: f64 = 1e-6;
 
 /// Traces a branch of responses with the period of the drive from `options.branch.from` to `options.branch.to`. The
 /// coordinate that doesn't vary is `frequency_hz`, or the amplitude of `forced`.
@@ -86,6 +88,8 @@ pub(super) struct Tracer<'a> {
     pub branch: Branch,
     /// Whether the branch leaves another one, and ends where it meets such a branch.
     pub is_switched: bool,
+    /// Direction dX in which the branch left responses with a symmetry that its own have not.
+    pub lost: Option<Vec<f64>>,
     /// Whether it has met one.
     pub rejoined: bool,
 }
@@ -98,6 +102,7 @@ impl<'a> Tracer<'a> {
             floquet: Floquet::default(),
             branch: Branch::default(),
             is_switched: false,
+            lost: None,
             rejoined: false,
         }
     }
@@ -186,7 +191,8 @@ impl<'a> Tracer<'a> {
     /// within a tiny part of a step: beyond that, the tangent at an acute angle to the one before leads back, and the
     /// determinant has the other sign. Shorter steps follow the turn, while a branch passes a branch point ever
     /// straighter. At corners of friction the determinant may change, too. A step to a response that repeats after fewer
-    /// periods has jumped as well: it has left a branch that meets one of these.
+    /// periods, or has the symmetry that the branch has lost, has jumped as well: it has left a branch that meets such
+    /// responses at a bifurcation and turns back there.
     fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
         let (branch, assembly) = (&self.options.branch, &self.balance.forced.assembly);
         let smooth = assembly.is_smooth();
@@ -196,12 +202,12 @@ impl<'a> Tracer<'a> {
             walk.advance(&mut self.balance, &branch.continuation)?;
             adapt(&mut self.balance, &mut walk.continuation, branch)?;
             let reached = walk.point().clone();
-            let is_shorter = self.is_shorter(&reached) && !self.is_shorter(before);
+            let is_simpler = self.is_simpler(&reached) && !self.is_simpler(before);
             let crosses = before.determinant.sign * reached.determinant.sign < 0.0;
             let may_cross = has_corners
                 || !crosses
                 || if smooth { self.has_branch_point(before, &reached) } else { turns_little(before, &reached) };
-            if !is_shorter && may_cross {
+            if !is_simpler && may_cross {
                 return Ok(());
             }
             // Back to the start of the step, with its harmonics: half the step may stay on the branch.
@@ -210,16 +216,21 @@ impl<'a> Tracer<'a> {
             self.balance.set_harmonics(harmonics);
         }
         // Even the shortest step arrives on the other branch: the two count as one, and the trace continues, unless the
-        // other has another period.
+        // other has another period or symmetry.
         walk.advance(&mut self.balance, &branch.continuation)?;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
         let reached = walk.point().clone();
-        if self.is_shorter(&reached) && !self.is_shorter(before) {
+        if self.is_simpler(&reached) && !self.is_simpler(before) {
             let (at, arclength) = (self.balance.place(before.lambda), before.arclength);
             let step = reached.arclength - arclength;
             return Err(AnalysisError::Stuck { at, arclength, step, refusal: StepRefusal::Correction });
         }
         Ok(())
+    }
+
+    /// Says whether a response repeats after fewer periods than its branch, or has the symmetry that the branch has lost.
+    fn is_simpler(&self, response: &Point) -> bool {
+        self.is_shorter(response) || self.lost.as_ref().is_some_and(|lost| is_perpendicular(lost, &response.x))
     }
 
     /// Says whether a response repeats after fewer periods of the drive than its branch: whether, for a prime divisor p of
@@ -231,7 +242,7 @@ impl<'a> Tracer<'a> {
         (2..=period).filter(|p| period.is_multiple_of(*p) && is_prime(*p)).any(|p| {
             let others = rows().filter(|(row, _)| !row.div_ceil(2).is_multiple_of(p));
             let others: f64 = others.map(|(_, row)| dot(row, row)).sum();
-            libm::sqrt(others) < SHORTER * norm(&response.x)
+            libm::sqrt(others) < SIMPLER * norm(&response.x)
         })
     }
 
@@ -273,6 +284,16 @@ impl<'a> Tracer<'a> {
     pub fn largest_at(&mut self, point: &Point, dof: Dof) -> f64 {
         self.at(point, |tracer| reading(&tracer.balance, dof).largest)
     }
+}
+
+/// Says whether a response has next to nothing of the direction in which a branch lost a symmetry, and so has the symmetry.
+///
+/// A symmetry R, such as x(t) → −x(t + T/2) or the exchange of two equal masses, maps the coefficients of a response to one of
+/// the same size, and Rx = x for the responses that have it. The branch leaves them along a φ with Rφ = −φ. So
+/// φ·x = Rφ·Rx = −φ·x, which is 0. The numbers of harmonics may differ.
+fn is_perpendicular(direction: &[f64], x: &[f64]) -> bool {
+    let along: f64 = direction.iter().zip(x).map(|(a, b)| a * b).sum();
+    along.abs() < SIMPLER * norm(direction) * norm(x)
 }
 
 /// Says whether a branch turns by little between two points.

@@ -144,7 +144,7 @@ pub struct OtherBranches {
 }
 
 /// A response at which branches cross, and the direction of one of them.
-struct Beginning {
+pub(super) struct Beginning {
     balance: Balance,
     x: Vec<f64>,
     lambda: f64,
@@ -350,7 +350,7 @@ impl Beginning {
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if no branch crosses there; otherwise as [`super::trace`].
-    fn new(
+    pub fn new(
         forced: &Forced,
         parent: &Branch,
         bifurcation: &Bifurcation,
@@ -407,7 +407,7 @@ impl Beginning {
 
     /// Follows the branch, to one side if the other has the same responses, otherwise in one piece to both; `None` if it
     /// leaves the interval at once.
-    fn follow(&self, options: &TraceOptions) -> Option<Result<Branch, EndedEarly<Branch>>> {
+    pub fn follow(&self, options: &TraceOptions) -> Option<Result<Branch, EndedEarly<Branch>>> {
         let settings = options.branch.continuation;
         let begin = |side: f64| {
             let direction: Vec<f64> = self.direction.iter().map(|value| side * value).collect();
@@ -430,8 +430,11 @@ impl Beginning {
             Ok(begun) => begun,
             Err(reason) => return Some(Err(reason.into())),
         };
-        let trace = if self.is_one_sided { follow } else { both_ways };
-        Some(trace(balance, continuation, options, true))
+        if !self.is_one_sided {
+            return Some(both_ways(balance, continuation, options, true));
+        }
+        let lost = self.direction.split_last().map(|(_, along)| along.to_vec());
+        Some(Tracer { is_switched: true, lost, ..Tracer::new(balance, options) }.run(continuation))
     }
 }
 

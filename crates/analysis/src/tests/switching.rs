@@ -8,10 +8,11 @@ use serde_json::Value;
 
 use super::super::balance::Balance;
 use super::super::phase_zero::at_phase_zero;
+use super::super::switching::Beginning;
 use super::super::time_domain::StroboscopicMap;
 use super::super::{
-    BranchEnd, NotFollowed, Orbit, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, SearchOptions, trace,
-    trace_branches,
+    Bifurcation, BranchEnd, NotFollowed, Orbit, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions,
+    SearchOptions, trace, trace_branches,
 };
 use super::arm::numbers;
 use super::starts::forced;
@@ -138,6 +139,26 @@ fn a_transcritical_branch_is_followed_to_both_sides() {
         }
         is_confirmed_in_time(&forced, other);
     }
+}
+
+/// The branch that leaves Ueda's oscillator's symmetric responses at 1.641 rad/s meets them again at 0.848 rad/s. Its steps are long
+/// there, and the symmetric responses pass close by: no step may jump to them.
+#[test]
+fn a_branch_without_a_symmetry_does_not_jump_to_the_responses_that_have_it() {
+    let case = case("period_doublings", "Ueda");
+    let forced = forced(&case);
+    let read = forced.assembly().dof(case["read"].as_str().unwrap()).unwrap();
+    let ends = [2.0, 0.7].map(|omega_rad_s| omega_rad_s / TAU);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
+    let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
+    let points: Vec<&Bifurcation> = branch.bifurcations.iter().filter(|found| found.kind == BranchPoint).collect();
+    let beginning = Beginning::new(&forced, &branch, points[0], Coordinate::FrequencyHz, &options).unwrap();
+    let asymmetric = beginning.follow(&options).unwrap().unwrap();
+    assert_eq!(asymmetric.end, BranchEnd::Rejoined);
+    near(asymmetric.bifurcations.last().unwrap().orbit.value, points[1].orbit.value, 1e-9);
+    // Without a symmetry the mean is not zero, but where the branches meet, between the last two responses.
+    let [inner @ .., _, _] = asymmetric.orbits.as_slice() else { panic!() };
+    assert!(inner.iter().all(|orbit| orbit.readings[0].mean.abs() > 1e-3));
 }
 
 /// Ueda's oscillator loses its symmetry, and then its period, again and again.
