@@ -10,14 +10,14 @@ use resonarm_dynamics::structure::Dof;
 use super::adapt::adapt;
 use super::balance::Balance;
 use super::floquet::Floquet;
-use super::orbit::{Assess, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions};
+use super::orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions};
 use super::spectral::largest;
 use super::start::start;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
-use crate::continuation::{Continuation, Cut, Point, Slices, StepRefusal, System, at_parameter};
+use crate::continuation::{Continuation, Cut, Point, Slices, System, at_parameter};
 use crate::dense::{dot, norm};
-use crate::{AnalysisError, EndedEarly};
+use crate::{AnalysisError, BifurcationKind, EndedEarly};
 
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
 const MOST_HALVINGS: usize = 16;
@@ -116,6 +116,11 @@ impl<'a> Tracer<'a> {
         let mut branch = self.branch;
         branch.work = walk.work();
         branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
+        if self.rejoined {
+            // What was found beyond the branch point is on responses that the branch has already.
+            let met = branch.bifurcations.iter().rposition(|found| found.kind == BifurcationKind::BranchPoint);
+            branch.bifurcations.truncate(met.map_or(0, |met| met + 1));
+        }
         for bifurcation in &mut branch.bifurcations {
             let at = bifurcation.orbit.arclength;
             bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
@@ -151,7 +156,9 @@ impl<'a> Tracer<'a> {
             let is_closed = closed.is_some();
             let after = closed.unwrap_or(after);
             self.push(&after);
-            self.detect(older.as_ref(), &before, &after);
+            if !self.rejoined {
+                self.detect(older.as_ref(), &before, &after);
+            }
             older = Some(core::mem::replace(&mut before, after));
             if self.rejoined {
                 return Ok(BranchEnd::Rejoined);
@@ -215,21 +222,21 @@ impl<'a> Tracer<'a> {
             walk.continuation.set_step(0.5 * (reached.arclength - before.arclength));
             self.balance.set_harmonics(harmonics);
         }
-        // Even the shortest step arrives on the other branch: the two count as one, and the trace continues, unless the
-        // other has another period or symmetry.
+        // Even the shortest step arrives on the other branch: the two count as one, and the trace continues. If the other
+        // has another period or symmetry, they meet here.
         walk.advance(&mut self.balance, &branch.continuation)?;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
         let reached = walk.point().clone();
         if self.is_simpler(&reached) && !self.is_simpler(before) {
-            let (at, arclength) = (self.balance.place(before.lambda), before.arclength);
-            let step = reached.arclength - arclength;
-            return Err(AnalysisError::Stuck { at, arclength, step, refusal: StepRefusal::Correction });
+            let orbit = self.orbit(&reached);
+            self.branch.bifurcations.push(Bifurcation { kind: BifurcationKind::BranchPoint, orbit, index: 0 });
+            self.rejoined = true;
         }
         Ok(())
     }
 
     /// Says whether a response repeats after fewer periods than its branch, or has the symmetry that the branch has lost.
-    fn is_simpler(&self, response: &Point) -> bool {
+    pub fn is_simpler(&self, response: &Point) -> bool {
         self.is_shorter(response) || self.lost.as_ref().is_some_and(|lost| is_perpendicular(lost, &response.x))
     }
 
@@ -292,8 +299,12 @@ impl<'a> Tracer<'a> {
 /// the same size, and Rx = x for the responses that have it. The branch leaves them along a φ with Rφ = −φ. So
 /// φ·x = Rφ·Rx = −φ·x, which is 0. The numbers of harmonics may differ.
 fn is_perpendicular(direction: &[f64], x: &[f64]) -> bool {
-    let along: f64 = direction.iter().zip(x).map(|(a, b)| a * b).sum();
-    along.abs() < SIMPLER * norm(direction) * norm(x)
+    along(direction, x).abs() < SIMPLER * norm(direction) * norm(x)
+}
+
+/// Returns the scalar product of a direction with a response.
+pub(super) fn along(direction: &[f64], x: &[f64]) -> f64 {
+    direction.iter().zip(x).map(|(a, b)| a * b).sum()
 }
 
 /// Says whether a branch turns by little between two points.

@@ -22,7 +22,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 
 use super::balance::Balance;
-use super::branch::{FRACTION, Tracer};
+use super::branch::{FRACTION, Tracer, along};
 use super::crossing::{Crossing, crossing};
 use super::floquet::Floquet;
 use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
@@ -227,6 +227,9 @@ impl Tracer<'_> {
         let assessed = stabilities[0].is_some();
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
             // A branch that ends on another one turns back there: a branch point, not a fold.
+            if kind == Fold && !self.rejoined {
+                self.meet([a, b]);
+            }
             if (kind != Fold && !assessed) || (kind == Fold && self.rejoined) {
                 continue;
             }
@@ -246,6 +249,26 @@ impl Tracer<'_> {
                 }
             }
         }
+    }
+
+    /// Ends the branch between two points if it has there the symmetry again that it has lost, which forces that aren't smooth may
+    /// hide from the determinant: its part without the symmetry changes its sign, and the branch turns back.
+    fn meet(&mut self, ends: [&Point; 2]) {
+        let Some(lost) = self.lost.as_ref() else { return };
+        let along = |point: &Point| along(lost, &point.x);
+        let (values, slopes) = (ends.map(along), ends.map(|end| end.tangent.last().copied().unwrap_or(0.0)));
+        if !(crosses(values) && crosses(slopes)) {
+            return;
+        }
+        let settings = &self.options.branch.continuation;
+        let Ok(point) = search(&mut self.balance, settings, ends, values, FINE, |_, point| along(point)) else {
+            return;
+        };
+        let orbit = self.orbit(&point);
+        let is_before = |found: &Bifurcation| found.kind != BranchPoint || found.orbit.arclength < ends[0].arclength;
+        self.branch.bifurcations.retain(is_before);
+        self.branch.bifurcations.push(Bifurcation { kind: BranchPoint, orbit, index: 0 });
+        self.rejoined = true;
     }
 
     /// Locates two bifurcations of a kind between two points. They leave the sign of the test function as it is, but
@@ -311,9 +334,12 @@ impl Tracer<'_> {
             NeimarkSacker => self.on_the_circle(ends, point, marginal),
             _ => point,
         };
+        // Where a branch meets responses of fewer periods, or with the symmetry that it has lost, it turns back: to its own
+        // responses, shifted or mirrored.
+        let is_met = kind == BranchPoint && self.is_simpler(&point);
         let orbit = self.orbit(&point);
-        if is_exact || confirmed(kind, orbit.stability.as_ref(), marginal) {
-            self.rejoined = self.is_switched && turns_back;
+        if is_exact || is_met || confirmed(kind, orbit.stability.as_ref(), marginal) {
+            self.rejoined |= is_met || (self.is_switched && turns_back);
             self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
         }
     }

@@ -13,7 +13,7 @@ use super::{near, number};
 use crate::continuation::System;
 use crate::{AnalysisError, BifurcationKind, BranchEnd, Coordinate, EndedEarly, Forced, TraceOptions};
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
+    Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec, Term,
 };
 
 /// The cases of a kind; see `tests/oracles/README.md`.
@@ -49,6 +49,18 @@ fn law(of: &Value) -> Law {
     }
 }
 
+fn polynomial(of: &Value) -> ElementSpec {
+    let power = |power: &Value| power.as_u64().unwrap() as u8;
+    let term = |term: &Value| Term {
+        powers: term["powers"].as_array().unwrap().iter().map(power).collect(),
+        energy: number(term, "energy"),
+    };
+    ElementSpec::Polynomial {
+        at: of["at"].as_array().unwrap().iter().map(place).collect(),
+        terms: of["terms"].as_array().unwrap().iter().map(term).collect(),
+    }
+}
+
 /// The structure of a case and its drive.
 pub(super) fn forced(case: &Value) -> Forced {
     let of_modes = case["modes"].as_array().unwrap();
@@ -63,6 +75,9 @@ pub(super) fn forced(case: &Value) -> Forced {
     });
     let body = BodySpec::Modal(ModalSpec { modes: modes.collect(), shapes: shapes.collect() });
     let elements = case["elements"].as_array().unwrap().iter().map(|element| {
+        if element["kind"] == "polynomial" {
+            return polynomial(element);
+        }
         let (at, to) = match element["between"].as_array() {
             Some(ends) => (place(&ends[0]), Some(place(&ends[1]))),
             None => (place(&element["at"]), None),

@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::super::balance::Balance;
 use super::super::phase_zero::at_phase_zero;
@@ -159,6 +159,97 @@ fn a_branch_without_a_symmetry_does_not_jump_to_the_responses_that_have_it() {
     // Without a symmetry the mean is not zero, but where the branches meet, between the last two responses.
     let [inner @ .., _, _] = asymmetric.orbits.as_slice() else { panic!() };
     assert!(inner.iter().all(|orbit| orbit.readings[0].mean.abs() > 1e-3));
+}
+
+/// The branches beside the one of a structure whose range is given in Hz.
+fn beside(case: &Value, ends_hz: [f64; 2]) -> (Branch, OtherBranches) {
+    let forced = forced(case);
+    let read = forced.assembly().dof(case["drive"].as_str().unwrap()).unwrap();
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends_hz, vec![read]);
+    // A branch that turned back and left the range where it began is one, too.
+    let branch = trace(&forced, ends_hz[0], Coordinate::FrequencyHz, &options).unwrap_or_else(|early| *early.so_far);
+    let beside = trace_branches(&forced, &branch, Coordinate::FrequencyHz, &options, &all());
+    (branch, beside)
+}
+
+/// The branches that leave others at bifurcations of a kind, each of which must end at a branch point where it meets such a branch
+/// again: the coordinate where it begins, and there.
+fn leaving_and_returning(beside: &OtherBranches, kind: OriginKind) -> Vec<[f64; 2]> {
+    let leaving = beside.branches.iter().filter(|branch| branch.origin.kind == kind);
+    let ends = leaving.map(|branch| {
+        let whole = whole(branch);
+        assert_eq!(whole.end, BranchEnd::Rejoined, "from {}", branch.origin.value);
+        let met: Vec<&Bifurcation> = whole.bifurcations.iter().filter(|found| found.kind == BranchPoint).collect();
+        let [met] = met[..] else { panic!("{} branch points from {}", met.len(), branch.origin.value) };
+        assert_eq!(Some(met), whole.bifurcations.last());
+        [branch.origin.value, met.orbit.value]
+    });
+    ends.collect()
+}
+
+/// In a gap, a vibration loses its symmetry at one branch point and has it again at another. The determinant does not see the
+/// second one of the first structure, where the branch turns back in a fold; with the second structure the responses with and
+/// without the symmetry are nearer to each other there than rounding.
+#[test]
+fn a_branch_in_a_gap_ends_where_it_has_its_symmetry_again() {
+    let one = json!({
+        "modes": [{ "frequency_hz": 0.149_126_191_918_344_92, "damping_ratio": 0.007_231_766_473_095_19,
+            "shape": { "d0.x": 0.903_825_692_676_236_2 } }],
+        "elements": [{ "kind": "gap", "at": "d0.x", "stiffness_n_m": 9.863_582_447_659_503, "gap_m": 0.3 }],
+        "drive": "d0.x", "force_n": 0.158_281_934_812_193_7,
+    });
+    let three = json!({
+        "modes": [
+            { "frequency_hz": 0.130_446_402_269_100_6, "damping_ratio": 0.012_284_945_540_404_215,
+                "shape": { "d0.x": -0.962_695_673_497_635_3 } },
+            { "frequency_hz": 0.148_637_516_668_677_48, "damping_ratio": 0.012_284_945_540_404_215,
+                "shape": { "d0.x": 0.304_394_054_782_503_25 } },
+            { "frequency_hz": 0.342_295_814_420_573_2, "damping_ratio": 0.012_284_945_540_404_215,
+                "shape": { "d0.x": -0.004_220_018_844_321_993 } },
+        ],
+        "elements": [{ "kind": "gap", "at": "d0.x", "stiffness_n_m": 5.004_281_340_358_339_5, "gap_m": 0.3 }],
+        "drive": "d0.x", "force_n": 2.771_534_528_065_627,
+    });
+    for (case, ends_hz) in [(one, [0.13, 0.1]), (three, [0.2, 0.1018])] {
+        let (branch, beside) = beside(&case, ends_hz);
+        let [leaves, returns] = of_kind(&branch, BranchPoint)[..] else { panic!("{:?}", branch.bifurcations) };
+        let ends = leaving_and_returning(&beside, OriginKind::BranchPoint);
+        let [[from, to]] = ends[..] else { panic!("{ends:?}, from {} to {}", leaves.value, returns.value) };
+        near(from, leaves.value, 1e-9);
+        near(to, returns.value, 1e-4);
+    }
+}
+
+/// Two sub-harmonic responses of a structure with a quadratic force each double their period twice between 0.52 and 0.57 Hz, and
+/// one branch joins both doublings. Beside the second it has a Neimark–Sacker point in the step in which it ends.
+#[test]
+fn a_branch_ends_where_it_meets_a_shorter_period_beside_another_bifurcation() {
+    let half = core::f64::consts::FRAC_1_SQRT_2;
+    let case = json!({
+        "modes": [
+            { "frequency_hz": 0.133_420_270_732_273_47, "damping_ratio": 0.013_665_361_105_293_346, "shape": { "d0.x": half } },
+            { "frequency_hz": 0.456_973_337_619_431_7, "damping_ratio": 0.013_665_361_105_293_346, "shape": { "d0.x": half } },
+        ],
+        "elements": [{ "kind": "polynomial", "at": ["d0.x"], "terms": [
+            { "powers": [3], "energy": 0.076_474_939_819_004_54 }, { "powers": [4], "energy": 0.756_448_303_935_559_6 },
+        ] }],
+        "drive": "d0.x", "force_n": 2.839_134_982_637_569,
+    });
+    let (_, beside) = beside(&case, [0.575, 0.515]);
+    let mut ends = leaving_and_returning(&beside, OriginKind::PeriodDoubling);
+    ends.iter_mut().for_each(|ends| ends.sort_by(f64::total_cmp));
+    ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let parents: Vec<&Branch> = beside.branches.iter().filter(|one| one.origin.parent.is_none()).map(whole).collect();
+    let mut doublings: Vec<f64> = parents.iter().flat_map(|parent| places(parent, PeriodDoubling)).collect();
+    doublings.sort_by(f64::total_cmp);
+    // The two of each parent are the first and the last, and those between.
+    let [a, b, c, d] = doublings[..] else { panic!("{doublings:?}") };
+    for ([from, to], [first, last]) in ends.iter().zip([[a, d], [b, c]]) {
+        near(from * TAU, first, 1e-9);
+        near(to * TAU, last, 1e-9);
+    }
+    assert_eq!(ends.len(), 2);
+    assert!(leaving_and_returning(&beside, OriginKind::BranchPoint).is_empty());
 }
 
 /// Ueda's oscillator loses its symmetry, and then its period, again and again.
