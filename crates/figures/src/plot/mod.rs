@@ -76,7 +76,8 @@ impl Figure {
         Ok(svg::document(&layout::scene(self)?))
     }
 
-    /// Returns the figure as a PNG image of 300 dpi.
+    /// Returns the figure as a PNG image of 300 dpi, or of fewer, from 72 on, if its longer side would have more than 20,000
+    /// pixels.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn.
@@ -92,7 +93,7 @@ impl Figure {
         write_file(path, self.to_svg()?.as_bytes())
     }
 
-    /// Writes the figure as PNG of 300 dpi to `path`, replacing an existing file.
+    /// Writes the figure as a PNG image, as [`Figure::to_png`] returns it, to `path`, replacing an existing file.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn, or the file can't be written.

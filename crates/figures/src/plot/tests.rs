@@ -177,6 +177,19 @@ fn the_png_is_at_300_dpi_and_shows_the_data() {
     assert!(count(Color::Green) == 0);
 }
 
+/// Sixty responses of a survey, one below the other, are longer than an image may be.
+#[test]
+fn a_long_figure_has_fewer_dots_per_inch() {
+    let long = Figure { panels: vec![continuation().panels[0].clone(); 60], ..continuation() };
+    let bytes = long.to_png().unwrap();
+    let decoder = ::png::Decoder::new(std::io::Cursor::new(bytes));
+    let reader = decoder.read_info().unwrap();
+    let info = reader.info();
+    assert_eq!(info.height, 20_000);
+    let dpi = f64::from(info.pixel_dims.unwrap().xppu) * 0.0254;
+    assert!((f64::from(info.width) - 7.5 * dpi).abs() < 1.0, "{} pixels, {dpi} dpi", info.width);
+}
+
 #[test]
 fn the_legend_covers_no_data_or_goes_below() {
     let line = |points: Vec<(f64, f64)>| Series::line("data", Color::Blue, points);
@@ -291,7 +304,7 @@ fn figures_that_cannot_be_drawn_are_refused() {
     insta::assert_snapshot!(error, @"can't write /nonexistent/figure.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
     let huge = Figure { panels: vec![continuation().panels[0].clone(); 2000], ..continuation() };
     let error = huge.to_png().unwrap_err().to_string();
-    assert!(error.starts_with("an image of 2250 x "), "{error}");
+    assert!(error.starts_with("an image of 540 x "), "{error}");
     assert!(error.ends_with(" pixels can't be drawn; give the figure fewer panels, or write it as SVG"), "{error}");
 }
 
