@@ -5,6 +5,7 @@ answer within 5 s: one that starts later than its master, or boots anew, never w
 """
 
 import math
+import socket
 import sys
 import threading
 import time
@@ -15,10 +16,15 @@ from canopen.profiles.p402 import BaseNode402
 MODE = "CYCLIC SYNCHRONOUS TORQUE"
 PATIENCE_S = 60
 SINES_PATIENCE_S = 5
+# A frame takes about 800 bytes. By default 270 wait for a process that stands still, the TPDOs of two drives for 1.4 s: the next
+# ones are lost, an answer that the client waits for among them.
+RECEIVE_BYTES = 1 << 23
+SO_RCVBUFFORCE = 33
 
 
 def patient(node, patience_s=PATIENCE_S):
-    """The client's own timeouts, which a busy machine exceeds; that of a reset always passes, and stays."""
+    """The client's own timeouts and memory, which a busy machine exceeds; the timeout of a reset always passes, and stays."""
+    node.network.bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, RECEIVE_BYTES)
     node.sdo.RESPONSE_TIMEOUT = patience_s
     node.TIMEOUT_CHECK_TPDO = node.TIMEOUT_SWITCH_STATE_SINGLE = node.TIMEOUT_SWITCH_STATE_FINAL = patience_s
     node.TIMEOUT_SWITCH_OP_MODE = patience_s
