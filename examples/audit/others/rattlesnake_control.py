@@ -22,12 +22,13 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
-import can
 import numpy as np
 import tomllib
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from random_control import FRAME, RATE_HZ, Shaker, Specification
+from random_control import FRAME, RATE_HZ, Specification
+
+from quick_shaker import QuickShaker
 
 SOURCE = "https://github.com/sandialabs/rattlesnake-vibration-controller"
 PACKAGES = "numpy scipy netCDF4 qtpy PyQt5 pyqtgraph openpyxl"
@@ -55,6 +56,9 @@ RESTART_S = 10.0
 PATIENCE_S = 30.0
 # Samples that are played at once while there is no frame.
 IDLE = 50
+# Pause of a process that looks again and again whether there is something to do.
+POLL_S = 0.05
+POLLS = {"RUN_HARDWARE", "GENERATE_SIGNALS", "RUN_NOISE", "RUN_TRANSFER_FUNCTION", "RUN_CONTROL"}
 
 
 class PlantLeft(Exception):
@@ -72,13 +76,14 @@ class Link:
         self.open_shaker = open_shaker
         self.drives, self.readings = multiprocessing.Queue(), multiprocessing.Queue(1)
         self.words = multiprocessing.Queue()
-        flag = functools.partial(multiprocessing.Value, "b", False)
+        # Each of these values has one writer at a time, and needs no lock.
+        flag = functools.partial(multiprocessing.Value, "b", False, lock=False)
         # What is asked of the link: by the operator, by the acquisition, and by the output.
         self.is_enabled, self.is_running, self.is_put_out = flag(), flag(), flag()
         # What the link does.
         self.is_idle, self.is_driven, self.is_over = flag(), flag(), flag()
         # Samples played since the shaker was enabled.
-        self.samples = multiprocessing.Value("q", 0)
+        self.samples = multiprocessing.Value("q", 0, lock=False)
 
     def serve(self):
         """Plays until the operator disables the shaker, or the plant leaves."""
@@ -103,7 +108,7 @@ class Link:
             self.is_idle.value = not is_running
             drives = self.next_frame() if is_running else np.zeros(IDLE)
             self.is_driven.value = bool(np.any(drives))
-            frame = np.array([self.sample(shaker, force_n) for force_n in drives]).T
+            frame = np.array([self.sample(shaker, force_n) for force_n in drives.tolist()]).T
             if is_running:
                 self.pass_on(frame)
             due_s = max(due_s + len(drives) / RATE_HZ, time.monotonic())
@@ -124,7 +129,7 @@ class Link:
 
     def sample(self, shaker, force_n):
         """Plays a sample, and returns a column of the channel table: control, response, force."""
-        shaker.drive(float(force_n), enable=True)
+        shaker.drive(force_n, enable=True)
         reading = self.read(shaker)
         if not reading["Enabled"]:
             raise PlantLeft("it has disabled the shaker")
@@ -252,6 +257,23 @@ def imported(folder):
         Command=random.RandomVibrationCommands,
         laws=folder.resolve() / "control_laws" / "control_laws.py",
     )
+
+
+def pausing(snake):
+    """Replaces Rattlesnake's queues of commands by ones on which its processes poll with a pause.
+
+    Its output, its signal generation and its data analysis command themselves without end to go on, and take a whole
+    processor each. Where there are fewer processors, nothing else would run.
+    """
+
+    class PausingQueue(snake.utilities.VerboseMessageQueue):
+        def get(self, task_name, *arguments, **options):
+            message = super().get(task_name, *arguments, **options)
+            if message[0].name in POLLS:
+                time.sleep(POLL_S)
+            return message
+
+    snake.random.VerboseMessageQueue = snake.utilities.VerboseMessageQueue = PausingQueue
 
 
 def log_task(program, folder, messages):
@@ -489,7 +511,7 @@ class Operator:
             self.word = word
         if self.link.is_over.value:
             raise PlantLeft
-        time.sleep(0.02)
+        time.sleep(POLL_S)
 
     def instructed(self, message, data):
         """Passes on an instruction of a process to the acquisition and the output."""
@@ -534,6 +556,7 @@ def taken(get):
 
 def run(snake, link, specification, acquisition, parameters, folder):
     """Runs the test, and after a stop those that the operator starts; whether the last one came to its end."""
+    pausing(snake)
     snake.hardware.SDynPySystemAcquisition = functools.partial(BusAcquisition, link)
     snake.hardware.SDynPySystemOutput = functools.partial(BusOutput, link)
     processes = Processes(snake, folder)
@@ -577,27 +600,18 @@ def main():
     acquisition = acquisition_parameters(snake, specification)
     parameters = random_parameters(snake, specification, flags.specification, flags.law, flags.update)
 
-    def open_shaker():
-        return SocketShaker(flags.channel)
-
     with tempfile.TemporaryDirectory() as folder:
-        is_complete = run(snake, Link(open_shaker), specification, acquisition, parameters, flags.log or folder)
+        is_complete = run(
+            snake,
+            Link(functools.partial(QuickShaker, flags.channel)),
+            specification,
+            acquisition,
+            parameters,
+            flags.log or folder,
+        )
     sys.stdout.flush()
     # Queues of processes that were ended may still hold messages, for which an ordinary exit would wait.
     os._exit(0 if is_complete else 1)
-
-
-class SocketShaker(Shaker):
-    """The shaker on a SocketCAN interface, as a context manager."""
-
-    def __init__(self, channel):
-        super().__init__(can.Bus(interface="socketcan", channel=channel))
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.bus.shutdown()
 
 
 if __name__ == "__main__":
