@@ -112,7 +112,7 @@ class Link:
             if is_running:
                 self.pass_on(frame)
             due_s = max(due_s + len(drives) / RATE_HZ, time.monotonic())
-            time.sleep(due_s - time.monotonic() if due_s > time.monotonic() else 0.0)
+            time.sleep(max(0.0, due_s - time.monotonic()))
         shaker.drive(0.0, enable=False)
 
     def next_frame(self):
