@@ -1,15 +1,15 @@
 //! How a drive ends after a stimulus.
 
-use crate::Record;
 use crate::record::{largest, rms};
+use crate::{Measure, Record};
 
 /// The end of a drive after a stimulus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reaction {
     /// Time from the stimulus to the last sample with a drive, s; to the end of the record if the drive goes on.
     pub zero_s: f64,
-    /// Time of the ramp, s: from the last large drive to the end. A hard stop has nearly none.
-    pub ramp_s: f64,
+    /// Time of the ramp, s: from the last large drive to the end. A hard stop has nearly none; `None` of a drive that goes on.
+    pub ramp_s: Option<f64>,
     /// Largest drive after the stimulus over that before it.
     pub rise: f64,
 }
@@ -20,6 +20,11 @@ const BEFORE_S: f64 = 2.0;
 pub(crate) const RISE_S: f64 = 3.0;
 
 impl Reaction {
+    /// Returns the time of the ramp as a figure with its least value, s; none of a drive that goes on.
+    pub fn ramp(&self, least_s: f64) -> Option<Measure> {
+        self.ramp_s.map(|ramp_s| Measure::at_least("ramp", 1e3 * ramp_s, "ms", 1e3 * least_s))
+    }
+
     /// Measures the end of the drive after sample `from`. A drive is large beyond its rms of the 2 s before, which a random
     /// drive exceeds every third sample, and a sine during half of its period.
     pub fn new(record: &Record, from: usize) -> Reaction {
@@ -31,7 +36,7 @@ impl Reaction {
         let last = after.iter().rposition(|drive| drive.abs() > large).map_or(0, |last| last + 1);
         Reaction {
             zero_s: (end - from) as f64 / record.rate_hz,
-            ramp_s: (end - from - last) as f64 / record.rate_hz,
+            ramp_s: record.is_ended().then_some((end - from - last) as f64 / record.rate_hz),
             rise: largest(after) / largest(before(RISE_S)).max(f64::MIN_POSITIVE),
         }
     }

@@ -47,6 +47,11 @@ impl Record {
         if self.is_disarmed { f64::INFINITY } else { samples as f64 / self.rate_hz }
     }
 
+    /// Says whether the drive has ended when the record does.
+    pub(crate) fn is_ended(&self) -> bool {
+        self.quiet_s() > 0.0
+    }
+
     /// Returns the sample after the last one with a drive.
     pub fn drive_end(&self) -> usize {
         self.drive.iter().rposition(|drive| *drive != 0.0).map_or(0, |last| last + 1)

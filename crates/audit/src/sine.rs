@@ -249,13 +249,11 @@ fn reacts(context: &Context<'_>, most_s: f64, most_rise: Option<f64>) -> Finding
         return finding;
     }
     let Some([_, hz]) = at(context, context.stimulus) else { return Finding::inconclusive(NO_LEVEL) };
-    let Reaction { zero_s, ramp_s, rise } = Reaction::new(context.record, context.stimulus);
-    let mut measured = alloc::vec![
-        Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1e3 * most_s),
-        // A sine is below its rms for up to a quarter of a period, so that a hard stop may look like a short ramp.
-        Measure::at_least("ramp", 1e3 * ramp_s, "ms", f64::max(10.0, 300.0 / hz)),
-    ];
-    measured.extend(most_rise.map(|most| Measure::at_most("drive over that before", rise, "", most)));
+    let reaction = Reaction::new(context.record, context.stimulus);
+    let mut measured = alloc::vec![Measure::at_most("time to no drive", 1e3 * reaction.zero_s, "ms", 1e3 * most_s)];
+    // A sine is below its rms for up to a quarter of a period, so that a hard stop may look like a short ramp.
+    measured.extend(reaction.ramp(f64::max(0.01, 0.3 / hz)));
+    measured.extend(most_rise.map(|most| Measure::at_most("drive over that before", reaction.rise, "", most)));
     Finding::of(measured)
 }
 

@@ -105,6 +105,27 @@ fn an_honest_controller_passes() {
     }
 }
 
+/// What was not measured is not stated: the ramp of a drive that goes on, and the level of a controller that has ended its test.
+#[test]
+fn a_drive_that_goes_on_has_no_ramp_and_one_that_ended_no_level() {
+    let specification = specification(SPECIFICATION);
+    let base = run(&HONEST);
+    let at = Base::new(&specification, &base).stimulus(&specification.test, Stimulus::Dead).unwrap();
+    let cut = |mut record: Record, to: usize| {
+        record.drive.truncate(to);
+        record.reading.truncate(to);
+        record
+    };
+    let found = judged(&specification, "R12", &base, &cut(base.clone(), at + 5 * RATE));
+    assert_eq!(found.verdict, Verdict::Failed);
+    let names: Vec<&str> = found.measured.iter().map(|measure| measure.name).collect();
+    assert_eq!(names, ["time to no drive", "drive over that before"]);
+    let stopped = cut(ended(&base, at + 9 * RATE, RATE / 10), at + 12 * RATE);
+    let found = judged(&specification, "R15", &base, &stopped);
+    let expected = "the controller ended the test less than 25 s after the stimulus";
+    assert_eq!(found.verdict, Verdict::Inconclusive(expected.into()));
+}
+
 #[test]
 fn a_flaw_of_the_signal_fails_the_case_for_it() {
     let specification = specification(SPECIFICATION);
