@@ -19,8 +19,8 @@ GEAR, COUNTS = 100.0, 1 << 20
 COUNTS_PER_RAD = GEAR * COUNTS / (2 * math.pi)
 # A target of 1 is a thousandth of 1 N·m of the motor.
 STEP_NM = 1e-3 * GEAR
-# Position and velocity of the drive of joint 1.
-TPDO2 = 0x281
+# Control word and target, and position and velocity, of the drive of joint 1.
+RPDO1, TPDO2 = 0x201, 0x281
 
 # A busy machine may stop either end for 150 ms at any moment.
 SCENARIO = f"""
@@ -203,12 +203,15 @@ def test_the_example_of_the_documents_runs(programs, tmp_path):
     assert master.wait() == 0, master.stderr
     assert plant.stop() == 0
     assert plant.result()["fault"] is None
-    frames = (frame.data for frame in log(dump) if frame.id == TPDO2)
-    sent = {int.from_bytes(payload[:4], "little", signed=True) for payload in frames}
+    frames = log(dump)
+    sent = [int.from_bytes(frame.data[:4], "little", signed=True) for frame in frames if frame.id == TPDO2]
     positions = {int(line) for line in master.stdout.split()}
-    assert positions <= sent | {0}, "each is of a PDO of the drive"
-    # 50 N·m turn joint 1 by 90 µrad, 1503 counts; how far it swings beyond depends on how evenly the master sends.
-    # A run in real time may record less than all samples.
+    assert positions <= {*sent, 0}, "each is of a PDO of the drive"
+    # A target, N·m/10, acts until the next one, and no other torque does.
+    targets = [int.from_bytes(frame.data[2:4], "little", signed=True) for frame in frames if frame.id == RPDO1]
     loads = np.concatenate(Recording.whole(tmp_path / "run.mcap").batches("/plant/steps", LOAD))
-    assert np.abs(loads[:, 0]).max() == pytest.approx(50.0, abs=2.0)
-    assert max(positions) > 1200 and min(positions) < -1200
+    assert 0.0 < np.abs(loads[:, 0]).max() < 0.1 * max(map(abs, targets)) + 1e-9
+    # 50 N·m turn joint 1 by 90 µrad, 1503 counts, and it swings beyond. How many targets the master sends in 5 s, and how near
+    # to the peaks of its sine, depends on the machine. The last one acts after the last position.
+    for largest in (max, min):
+        assert abs(largest(sent)) > 0.8 * 3.006 * abs(largest(targets[:-1])) > 0.0
