@@ -16,8 +16,8 @@ from canopen.profiles.p402 import BaseNode402
 MODE = "CYCLIC SYNCHRONOUS TORQUE"
 PATIENCE_S = 60
 SINES_PATIENCE_S = 5
-# A frame takes about 800 bytes. By default 270 wait for a process that stands still, the TPDOs of two drives for 1.4 s: the next
-# ones are lost, an answer that the client waits for among them.
+# A frame takes about 800 bytes of a socket's memory. By default it holds 270 frames, the TPDOs of two drives for 1.4 s. While a
+# busy machine stops the client for longer, frames are lost, and the answer that the client waits for may be one of them.
 RECEIVE_BYTES = 1 << 23
 SO_RCVBUFFORCE = 33
 
@@ -27,7 +27,7 @@ def patient(node, patience_s=PATIENCE_S):
     try:
         node.network.bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, RECEIVE_BYTES)
     except PermissionError:
-        # Only root of the machine exceeds what the kernel allows everybody.
+        # Only the machine's root may exceed the kernel's limit.
         node.network.bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
     node.sdo.RESPONSE_TIMEOUT = patience_s
     node.TIMEOUT_CHECK_TPDO = node.TIMEOUT_SWITCH_STATE_SINGLE = node.TIMEOUT_SWITCH_STATE_FINAL = patience_s

@@ -76,8 +76,8 @@ impl Figure {
         Ok(svg::document(&layout::scene(self)?))
     }
 
-    /// Returns the figure as a PNG image of 300 dpi, or of fewer, from 72 on, if its longer side would have more than 20,000
-    /// pixels.
+    /// Returns the figure as a PNG image of 300 dpi. A figure whose longer side would have more than 20,000 pixels has fewer
+    /// dots per inch, at least 72.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn.
