@@ -188,10 +188,15 @@ fn a_test_that_never_begins_is_not_passed() {
 
 /// Audits a reference controller on the plant of `examples/test-control` by some cases, all of which it passes.
 fn audited(folder: &Path, kind: &str, cases: &[&str]) -> Value {
-    let examples = std::path::absolute("examples/test-control").unwrap();
+    audited_on("test-control/plant.toml", folder, kind, cases)
+}
+
+/// Audits a reference controller on a plant of `examples` by some cases, all of which it passes.
+fn audited_on(plant: &str, folder: &Path, kind: &str, cases: &[&str]) -> Value {
+    let examples = std::path::absolute("examples").unwrap();
     let file = |name: &str| examples.join(name).to_str().unwrap().to_owned();
     let [plant, specification, controller] =
-        ["plant.toml", &format!("{kind}.toml"), &format!("{kind}-exciter.toml")].map(file);
+        [plant, &format!("test-control/{kind}.toml"), &format!("test-control/{kind}-exciter.toml")].map(file);
     let mut arguments = vec!["audit", "--scenario", &plant, "--specification", &specification];
     arguments.extend(["--controller", &controller, "--json"]);
     arguments.extend(cases.iter().flat_map(|case| ["--case", case]));
@@ -274,6 +279,14 @@ fn a_reference_controller_of_sines_ends_as_stated() {
     // The words are a part of the recorded scenario, so that a run can be simulated again.
     let said = resonarm(folder.path(), &["resim", "resonarm-audit/S14/run.mcap"]);
     assert_eq!(said.code, 0, "{}{}", said.stdout, said.stderr);
+}
+
+/// The plant of `examples/audit` has a protocol without the head's force, on which a load is valid for 0.1 s.
+#[test]
+fn a_gap_longer_than_a_load_of_the_user_s_protocol_is_valid_does_not_end_the_test() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = audited_on("audit/plant.toml", folder.path(), "random", &["R17", "R20"]);
+    assert_eq!(ended_after(&found, "R20"), None);
 }
 
 #[test]

@@ -343,6 +343,12 @@ impl AuditBench {
                 let network = &mut scenario.network;
                 network.command_timeout_s = network.command_timeout_s.max(GAP_DEADLINE_S);
                 network.partner_timeout_s = network.partner_timeout_s.max(GAP_DEADLINE_S);
+                if let Some(wire) = &mut scenario.wire {
+                    let of_commands = wire.commands.iter_mut().filter_map(|command| command.timeout_s.as_mut());
+                    for timeout_s in of_commands.chain(&mut wire.timeout_s) {
+                        *timeout_s = timeout_s.max(GAP_DEADLINE_S);
+                    }
+                }
                 network.faults.push(resonarm::bus::fault::FaultSpec {
                     node: resonarm::bus::fault::FaultNode::Exciter,
                     kind: resonarm::bus::fault::FaultKind::Loss,

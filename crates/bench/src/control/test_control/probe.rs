@@ -43,6 +43,9 @@ pub(super) struct Probe {
     pub silence: Vec<f64>,
     /// Whether the control channel is at the driving point, so that the sign of the power is known.
     checks_sign: bool,
+    /// Whether the head has read a force: a protocol may not carry it. The sum of the power is never exactly 0, since the
+    /// transform of two channels at once leaves rounding of one in the other.
+    has_head: bool,
     pub phase: TestPhase,
     /// Drive of the last sample, N.
     drive_n: f64,
@@ -89,6 +92,7 @@ impl Probe {
             low,
             low_n,
             checks_sign,
+            has_head: false,
             phase: TestPhase::Silence,
             drive_n: 0.0,
         }
@@ -97,7 +101,7 @@ impl Probe {
     pub fn restart(&mut self) {
         self.frames.interrupt();
         self.noise.restart();
-        (self.phase, self.drive_n) = (TestPhase::Silence, 0.0);
+        (self.phase, self.drive_n, self.has_head) = (TestPhase::Silence, 0.0, false);
     }
 
     /// Forgets the frame in which samples were lost.
@@ -110,8 +114,9 @@ impl Probe {
     pub fn push(&mut self, sample: &TestSample<'_>, drive_n: f64) {
         self.frames.push(CONTROL, sample.control_m_s2);
         self.frames.push(DRIVE, drive_n);
-        // A protocol may not carry the head. Without it the power is 0, and the sign is not judged.
-        self.frames.push(HEAD, if sample.head_n.is_finite() { sample.head_n } else { 0.0 });
+        let head_n = if sample.head_n.is_finite() { sample.head_n } else { 0.0 };
+        self.has_head |= head_n != 0.0;
+        self.frames.push(HEAD, head_n);
         for (index, limited) in sample.limited_m_s2.iter().take(self.limited).enumerate() {
             self.frames.push(LIMITED + index, *limited);
         }
@@ -167,7 +172,11 @@ impl Probe {
         // Re(a conj F/(iω)) = Im(a conj F)/ω.
         let power_w = |k: usize| self.frames.with_head[k].im / (TAU * k as f64 * self.line_hz) * self.line_hz;
         let taken_w: f64 = self.band.clone().map(power_w).sum();
-        if self.checks_sign && taken_w < 0.0 { Err(StopReason::Inverted { got_w: -taken_w }) } else { Ok(()) }
+        if self.checks_sign && self.has_head && taken_w < 0.0 {
+            Err(StopReason::Inverted { got_w: -taken_w })
+        } else {
+            Ok(())
+        }
     }
 
     /// Returns the density of the control channel's noise in silence, the mean over the band, (m/s²)²/Hz.

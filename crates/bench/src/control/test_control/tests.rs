@@ -647,6 +647,24 @@ fn faulty(law: TestLaw, text: &str, fault: Fault, at_level: Option<(f64, usize)>
     Ended { samples: stopped.then(|| [ramp.unwrap() - began, drive.len() - began]), drive: largest_n, end }
 }
 
+/// A user's protocol need not carry the head. The sign of the power is then not known: not even the rounding refuses a structure
+/// that the limit of a response, whose channel is transformed together with the head's, leaves there.
+#[test]
+fn without_a_head_no_sensor_is_taken_for_inverted() {
+    let text = format!("{RANDOM}[[limits.response]]\nchannel = 'b.x'\nbreakpoints = [[31, 0.02], [45, 0.02]]\n");
+    for seed in 0..8 {
+        let mut control = controller(TestLaw::Random, &text);
+        let mut plant = plant_of(&modal(&[(31.3, 0.02, 0.40, 0.22), (87.7, 0.02, 0.35, -0.30)], vec![]), None, seed);
+        for n in 0..9_740 {
+            let mut sample = plant.measure();
+            sample.head_force_n = sample.head_force_n.map(|reading| Reading { value: f64::NAN, ..reading });
+            let Answer::Hold(load) = control.answer(&sample) else { panic!("seed {seed} ends at {n}") };
+            plant.advance(&load).unwrap();
+        }
+        assert_eq!(control.test_progress().unwrap().phase, TestPhase::Identification, "seed {seed}");
+    }
+}
+
 /// What acts on a fault, and when. The table stands in `docs/specifications.md` as well.
 #[test]
 fn faults_of_the_control_channel_stop_a_test() {
