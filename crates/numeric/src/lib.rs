@@ -1,11 +1,12 @@
-//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, distributions of statistics, small systems
-//! of equations, eigenvalues of real matrices, the widest registers of a processor.
+//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, decimation of series, distributions of
+//! statistics, small systems of equations, eigenvalues of real matrices, the widest registers of a processor.
 //!
 //! `no_std`: no clock, no thread, no file, no socket.
 #![cfg_attr(not(test), no_std)]
 
 extern crate alloc;
 
+pub mod decimate;
 pub mod dft;
 pub mod distribution;
 pub mod eigenvalues;

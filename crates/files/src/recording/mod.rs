@@ -22,7 +22,6 @@ mod build_info;
 pub mod channels;
 mod checked_reader;
 mod contents;
-mod decimate;
 mod decode;
 mod error;
 mod frames;

@@ -1,11 +1,11 @@
 //! The plotting topics: states, loads and readings again, every n-th sample, one message each.
 
 use super::channels::Channels;
-use super::decimate::{Decimated, Decimator};
 use super::layout::Plot;
 use super::schema::MessageType;
 use super::{SampleRecord, StateRecord, Topic};
 use resonarm_bench::rig::Load;
+use resonarm_numeric::decimate::{Decimated, Decimator};
 
 /// Returns the value as it is plotted: a filtered value, which is exact to 1e-4 of the amplitude, rounded to 24 bits,
 /// since the bits below can't be compressed. An unfiltered value stays unchanged.

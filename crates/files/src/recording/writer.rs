@@ -19,9 +19,10 @@ use super::sink::{Sink, Stamp};
 use super::slots;
 use super::{
     Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, SampleRecord, StateRecord,
-    TickRecord, TimeBase, build_info, decimate,
+    TickRecord, TimeBase, build_info,
 };
 use crate::staged::{Staged, is_at};
+use resonarm_numeric::decimate;
 
 /// Interval at which the thread checks empty channels.
 const POLL: Duration = Duration::from_millis(5);

@@ -13,10 +13,14 @@
 //! Both bands ripple by 10^(−A/20) = 1e-4 of the amplitude at most. The taps are symmetric about the output row, so
 //! nothing is delayed. The series is extended beyond its ends by its first and last row.
 
-use std::collections::VecDeque;
-use std::f64::consts::PI;
+use alloc::collections::VecDeque;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::PI;
 
-use resonarm_numeric::registers::{Task, widest};
+use crate::registers::{Task, widest};
 
 /// β of the Kaiser window for 80 dB.
 const BETA: f64 = 0.1102 * (80.0 - 8.7);
@@ -26,7 +30,7 @@ const HALF_LENGTH: usize = 26;
 const CUT_OFF: f64 = 0.9;
 
 /// Describes the filter of a decimation in words.
-pub(super) fn describe(every: u64) -> String {
+pub fn describe(every: u64) -> String {
     match every {
         0 => String::from("none: nothing is repeated"),
         1 => String::from("none: every sample is repeated as it is"),
@@ -44,7 +48,8 @@ pub(super) fn describe(every: u64) -> String {
 const LANES: usize = 8;
 
 /// Takes rows of numbers, and returns every n-th row filtered.
-pub(super) struct Decimator {
+#[derive(Clone, Debug)]
+pub struct Decimator {
     every: u64,
     taps: Vec<f64>,
     /// The numbers of a row.
@@ -59,9 +64,10 @@ pub(super) struct Decimator {
 
 /// A row that has passed the low-pass filter.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Decimated {
+pub struct Decimated {
     /// The index of the row that it replaces.
     pub index: u64,
+    /// Its numbers, in the units of the series.
     pub values: Vec<f64>,
     /// The flags of all rows that contributed to it.
     pub flags: u32,
@@ -187,7 +193,7 @@ fn taps(every: u64) -> Vec<f64> {
     let weight = |place: usize| {
         let i = place.abs_diff(half) as f64;
         let inside = 1.0 - (i / half as f64) * (i / half as f64);
-        bessel_i0(BETA * inside.sqrt()) * sinc(CUT_OFF * i / every as f64)
+        bessel_i0(BETA * libm::sqrt(inside)) * sinc(CUT_OFF * i / every as f64)
     };
     let weights: Vec<f64> = (0..=2 * half).map(weight).collect();
     let sum: f64 = weights.iter().sum();
