@@ -19,6 +19,8 @@ pub(super) struct AssemblySteps {
     exciter_z: Option<Dof>,
     /// Which load of the plant acts on each degree of freedom of the drive; none with a shaker.
     acting: Vec<usize>,
+    /// Which loads of the plant act on nothing, so that they must be 0; none with a shaker.
+    idle: Vec<usize>,
     shaker: Option<(ShakerSpec, Armature)>,
     /// What is read: the degrees of freedom of the sensors that the structure has, then what a shaker's armature moves
     /// along.
@@ -62,9 +64,10 @@ impl AssemblySteps {
             Some(shaker) => Some((shaker, shaker.armature_at(&places.exciter)?)),
             None => None,
         };
-        let (mut stepper, acting) = match &shaker {
-            Some((_, armature)) => (Stepper::shaken(assembly, armature, spec.scheme, rate_hz)?, Vec::new()),
-            None => (Stepper::new(assembly, &drive, spec.scheme, rate_hz)?, acting),
+        let idle = (0..Load::PARTS).filter(|place| !acting.contains(place)).collect();
+        let (mut stepper, acting, idle) = match &shaker {
+            Some((_, armature)) => (Stepper::shaken(assembly, armature, spec.scheme, rate_hz)?, Vec::new(), Vec::new()),
+            None => (Stepper::new(assembly, &drive, spec.scheme, rate_hz)?, acting, idle),
         };
         let devices = stepper.states() - initial.len().min(stepper.states());
         let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; devices]).collect();
@@ -77,7 +80,18 @@ impl AssemblySteps {
             sensed.filter_map(|(place, dof)| Some((place, dof?))).unzip();
         read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
         let (sensors, &Places { exciter, exciter_z, .. }) = (places.more_channels(), places);
-        Ok(AssemblySteps { exciter, exciter_z, acting, shaker, read, places: places_read, sensors, states, stepper })
+        Ok(AssemblySteps {
+            exciter,
+            exciter_z,
+            acting,
+            idle,
+            shaker,
+            read,
+            places: places_read,
+            sensors,
+            states,
+            stepper,
+        })
     }
 
     /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
@@ -118,12 +132,10 @@ impl AssemblySteps {
 
     /// Refuses a load of which the drive doesn't take every part.
     fn check(&self, load: &Load) -> Result<(), StructureError> {
-        let is_idle = |(place, part): &(usize, f64)| *part != 0.0 && !self.acting.contains(place);
-        match load.parts().into_iter().enumerate().find(is_idle) {
-            Some((place, got)) if self.shaker.is_none() => {
-                Err(StructureError::NoInput { name: LOADS[place].name, got })
-            }
-            _ => Ok(()),
+        let parts = load.parts();
+        match self.idle.iter().find(|place| parts[**place] != 0.0) {
+            Some(place) => Err(StructureError::NoInput { name: LOADS[*place].name, got: parts[*place] }),
+            None => Ok(()),
         }
     }
 }
