@@ -27,7 +27,7 @@ mod watch;
 
 use pyo3::prelude::*;
 
-/// The extension module.
+/// Makes the extension module, with all its classes and functions.
 #[pymodule]
 fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     logging::begin();

@@ -21,7 +21,7 @@ impl Rows {
         self.words.push(word.into());
     }
 
-    /// Adds floating-point numbers.
+    /// Adds floating-point numbers to the row.
     pub fn numbers(&mut self, numbers: &[f64]) {
         self.words.extend(numbers.iter().map(|number| number.to_bits()));
     }

@@ -1,4 +1,4 @@
-//! Scenarios for Python.
+//! Scenarios as Python's classes and functions.
 
 use std::path::{Path, PathBuf};
 

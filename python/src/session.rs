@@ -48,7 +48,7 @@ pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>, 
 enum SpinGiven {
     /// The word auto or off.
     Word(String),
-    /// A time, s.
+    /// A time of the run, s.
     Time(f64),
 }
 

@@ -175,7 +175,7 @@ pub(super) struct Document {
     pub runs: Vec<Run>,
 }
 
-/// A recording.
+/// A recording, with what was read from it.
 #[derive(Serialize)]
 pub(super) struct Run {
     pub recording: String,
@@ -249,7 +249,7 @@ struct Opened {
     record: Record,
 }
 
-/// What is identified.
+/// What is identified, by the flags.
 struct Given {
     survey: Option<SurveyIndex>,
     opened: Vec<Opened>,

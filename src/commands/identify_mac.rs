@@ -210,7 +210,7 @@ impl Assurance {
         if self.with == COMPUTED { String::from("computed modes") } else { format!("modes of {}", self.with) }
     }
 
-    /// Returns the table.
+    /// Returns the table as text, with a line for each mode.
     pub fn text(&self) -> String {
         let room = |names: &[String]| names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
         let (first, other) = (room(&self.rows), room(&self.columns).max(5));

@@ -39,7 +39,7 @@ struct Document {
     /// Positions of the file's nodes, m.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     positions_m: BTreeMap<String, [f64; 3]>,
-    /// Lines through them.
+    /// Lines through these positions, from name to name.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     lines: Vec<Vec<String>>,
     #[serde(flatten)]

@@ -166,7 +166,7 @@ impl Spec {
         Ok(Verdict::of(document.fits || self.scenario.is_none()))
     }
 
-    /// Lists the presets.
+    /// Prints the presets, each with its sources.
     fn list(&self) -> Result<Verdict, Failure> {
         if self.plot.is_some() || self.toml || self.scenario.is_some() || self.mass_kg.is_some() {
             return Err(Failure::usage("the specification is missing: name a TOML file or a preset"));

@@ -43,7 +43,7 @@ struct TrueMode {
     frequency_hz: f64,
     /// |λ|/2π of the damped structure's pole λ; none of a mode that does not oscillate.
     pole_frequency_hz: Option<f64>,
-    /// −Re λ/|λ|.
+    /// Damping ratio −Re λ/|λ| of the pole.
     pole_damping_ratio: Option<f64>,
     /// Displacements of the undamped structure's mode for the modal mass 1 kg.
     shape_per_sqrt_kg: BTreeMap<String, f64>,
@@ -55,9 +55,9 @@ struct TrueMode {
 struct LabelledRun {
     #[serde(flatten)]
     run: SurveyRun,
-    /// Readings over time.
+    /// File of the readings over time.
     time: PathBuf,
-    /// Accelerances H1.
+    /// File of the accelerances H1.
     responses: PathBuf,
     /// How they were averaged, and of how many segments or periods.
     averages: usize,
@@ -68,7 +68,7 @@ struct LabelledRun {
 #[derive(Serialize)]
 struct LabelledChannel {
     column: String,
-    /// Degree of freedom.
+    /// Name of the degree of freedom, as tip.x.
     at: String,
     unit: &'static str,
     /// Standard deviation of a sample's noise, with rounding.

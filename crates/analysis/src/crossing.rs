@@ -55,7 +55,7 @@ pub(super) struct CrossingEquations {
     /// φ₁ and φ₂ over (λ, X), and ψ.
     kernel: [Vec<f64>; 2],
     psi: Vec<f64>,
-    /// cⱼₖ.
+    /// The coefficients cⱼₖ of the quadratic form.
     form: [[f64; 2]; 2],
     bordered: Lu,
     residual: Vec<f64>,
@@ -63,12 +63,12 @@ pub(super) struct CrossingEquations {
     matrices: [Vec<f64>; 3],
 }
 
-/// A branch point.
+/// A branch point, with the directions in which branches leave it.
 #[derive(Clone, Debug)]
 pub(super) struct Crossing {
-    /// The coordinate.
+    /// The value of the coordinate at the branch point.
     pub lambda: f64,
-    /// The response.
+    /// The unknowns of the response at the branch point.
     pub x: Vec<f64>,
     /// The tangents of the two branches: dX, and last dλ.
     pub tangents: [Vec<f64>; 2],

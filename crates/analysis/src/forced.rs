@@ -27,7 +27,7 @@ pub struct Forced {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Component {
     pub order: usize,
-    /// c and s.
+    /// The factors c of the cosine and s of the sine.
     pub parts: [f64; 2],
 }
 

@@ -141,7 +141,7 @@ pub struct Stability {
 pub enum Verdict {
     /// `stable`: they die out.
     Stable,
-    /// `unstable`: one grows.
+    /// `unstable`: at least one disturbance grows.
     Unstable,
     /// `undecided`: the largest |μ| is 1 within its accuracy.
     Undecided,

@@ -83,9 +83,9 @@ pub const RESTART_S: f64 = 3.0;
 /// A figure that a case measured, with its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Measure {
-    /// Name, in words.
+    /// Name of the figure, in words for the report.
     pub name: &'static str,
-    /// Value.
+    /// Measured value, in the unit stated beside it.
     pub value: f64,
     /// Unit; empty for a ratio or a number.
     pub unit: &'static str,
@@ -146,10 +146,10 @@ impl Verdict {
 /// What a case found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// Result.
+    /// Whether the controller passed the case.
     #[serde(flatten)]
     pub verdict: Verdict,
-    /// Measured figures.
+    /// The measured figures, each with its bounds.
     pub measured: Vec<Measure>,
 }
 
@@ -172,7 +172,7 @@ impl Finding {
     }
 }
 
-/// A numbered case.
+/// A numbered case: what is done to the plant, and the rule by which the run is judged.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {
     /// Number, as R01: R of random tests, S of swept sines, K of shocks.
@@ -187,7 +187,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// Judges a run.
+    /// Judges the run of this case beside the undisturbed one.
     pub fn judge(&self, context: &Context<'_>) -> Finding {
         (self.judge)(context)
     }
@@ -214,7 +214,7 @@ pub struct Base<'a> {
     /// Time from the start of the run at which the test begins, s: of a random test its full level, of a sine its first sweep,
     /// of a shock its first shot; none if the record does not show it.
     pub begins_s: Option<f64>,
-    /// Largest drive, N.
+    /// Largest magnitude of the drive, N.
     pub peak_n: f64,
     /// What was found of a sine.
     pub(crate) sine: Option<SineVerdict>,
@@ -284,7 +284,7 @@ impl<'a> Base<'a> {
 pub struct Context<'a> {
     /// Specification of the run, with the limits of the case.
     pub specification: &'a Specification,
-    /// The base run.
+    /// The undisturbed run, with which others are compared.
     pub base: &'a Base<'a>,
     /// The run of the case; of one without a stimulus the base run.
     pub record: &'a Record,

@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Record of a run of a controller, sample by sample from the start of the plant on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Record {
-    /// Samples a second.
+    /// Sample rate of all channels, Hz.
     pub rate_hz: f64,
     /// Force that the controller commanded, N: 0 before it armed the plant, and after the plant was disarmed.
     pub drive: Vec<f64>,

@@ -106,7 +106,7 @@ pub enum BusError {
     Os {
         /// Name of the network interface.
         interface: String,
-        /// Operation that failed.
+        /// Name of the operation that failed.
         action: &'static str,
         /// Error that the kernel returned.
         source: io::Error,

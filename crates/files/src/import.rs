@@ -173,7 +173,7 @@ pub enum ImportError {
     Empty {
         /// Path of the log.
         log: PathBuf,
-        /// The requested interface.
+        /// The interface whose frames were requested; `None` for all.
         interface: Option<String>,
         /// Error of the first line or object that can't be read.
         unreadable: Option<String>,

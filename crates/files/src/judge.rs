@@ -28,13 +28,13 @@ pub struct JudgeOptions {
     pub range_s: [Option<f64>; 2],
 }
 
-/// A judged recording.
+/// A recording with the verdict on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     /// Verdict: the worse of that on the record and that on its levels, and undecided instead of in if readings are clipped or
     /// no test begins in the record.
     pub verdict: Verdict,
-    /// What was found.
+    /// The verdict's parts, by the kind of test.
     pub found: Found,
     /// Where the test begins; `None` if the record does not show it.
     pub begins: Option<TestBegin>,
@@ -42,7 +42,7 @@ pub struct Judged {
     pub channels: Vec<String>,
     /// Number of clipped values of all channels.
     pub clipped: usize,
-    /// Samples a second.
+    /// Sample rate of the recording, Hz.
     pub rate_hz: f64,
     /// Judged range of simulated time, s.
     pub range_s: [f64; 2],
@@ -68,9 +68,9 @@ impl Judged {
 /// Where the test begins in a recording. What a controller does before, such as an identification at low level, is not judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TestBegin {
-    /// Simulated time, s.
+    /// Simulated time at which the test begins, s.
     pub at_s: f64,
-    /// What shows it.
+    /// What shows that the test begins there.
     pub by: BeginBy,
 }
 
@@ -117,7 +117,7 @@ impl Found {
 pub struct Document<'a> {
     /// What was judged: the names of the specification and the recording, and the options.
     pub configuration: Value,
-    /// The specification.
+    /// The specification that the record was judged by.
     pub specification: &'a Specification,
     /// Verdict on the recording.
     pub verdict: Verdict,
@@ -125,13 +125,13 @@ pub struct Document<'a> {
     pub clipped: usize,
     /// Simulated time at which the test begins, s; `None` if the record does not show it.
     pub begins_s: Option<f64>,
-    /// What shows it.
+    /// What shows that the test begins there; `None` if no test begins.
     pub begins_by: Option<BeginBy>,
     /// What the converters read at the highest frequency of the specification, of which the acceleration is 0 dB.
     pub converters: Option<Droop>,
     /// Levels of the record of a random test.
     pub level: Option<&'a LevelVerdict>,
-    /// What was found.
+    /// The verdict's parts, by the kind of test.
     pub found: &'a Found,
 }
 
@@ -206,7 +206,7 @@ pub enum JudgeError {
     /// Several control channels are named for a test with one.
     #[error("a sine or a shock has one control channel, got {got}: name one, as {first}")]
     SeveralChannels {
-        /// Number of channels.
+        /// Number of channels that were named.
         got: usize,
         /// Name of the first one.
         first: String,

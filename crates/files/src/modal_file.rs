@@ -42,14 +42,14 @@ pub struct ModalFile {
     pub at: Vec<String>,
     /// Modes by rising frequency.
     pub modes: Vec<FileMode>,
-    /// Measured responses.
+    /// The frequency responses that were measured.
     pub responses: Vec<FileResponse>,
 }
 
-/// An identified mode.
+/// A mode that was identified, as the file states it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileMode {
-    /// Pole λ, rad/s.
+    /// Pole λ of the mode, rad/s; its real part is negative.
     pub pole_rad_s: Complex<f64>,
     /// Components at the degrees of freedom of the file, 1/√kg for the modal mass 1 kg, or without a scale; `None` where it is
     /// unknown.

@@ -31,7 +31,7 @@ const QUANTITIES: [(i64, MeasuredQuantity); 3] =
 const FORCES: [i64; 2] = [9, 13];
 /// Lines of the header of dataset 58, after the line of its number.
 const HEADER_LINES: usize = 11;
-/// Longest line, bytes.
+/// Longest line of a dataset, bytes.
 const LINE: u64 = 80;
 /// Kinds of elements in dataset 2412 that have a line with their orientation: rod, linear, tapered, curved and parabolic beam.
 const RODS_AND_BEAMS: [i64; 5] = [11, 21, 22, 23, 24];
@@ -50,14 +50,14 @@ const SAME_FREQUENCY: f64 = 1e-3;
 /// Largest difference of two listed steps, relative.
 const SAME_STEP: f64 = 0.01;
 
-/// What responses are.
+/// The quantity that measured responses are of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeasuredQuantity {
-    /// Accelerations over forces.
+    /// Accelerations over forces, (m/s²)/N.
     Acceleration,
-    /// Velocities over forces.
+    /// Velocities over forces, (m/s)/N.
     Velocity,
-    /// Displacements over forces.
+    /// Displacements over forces, m/N.
     Displacement,
 }
 
@@ -100,7 +100,7 @@ pub enum ResponsesError {
     Read {
         /// File that was read.
         path: PathBuf,
-        /// Cause.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The file has no frequency response.
@@ -166,7 +166,7 @@ pub enum ResponseFault {
     /// A number can't be read.
     #[error("{what} is `{got}`: expected a number")]
     Number {
-        /// What it is.
+        /// What was read there, in words.
         what: &'static str,
         /// What is in its place.
         got: String,
@@ -198,15 +198,15 @@ pub enum ResponseFault {
     /// The values are not complex.
     #[error("its values have the type {got}: expected complex numbers, 5 or 6, so export real and imaginary part")]
     Real {
-        /// Ordinate data type.
+        /// Ordinate data type that the dataset states.
         got: i64,
     },
     /// The frequencies are not equally spaced.
     #[error("its frequencies have steps from {least} to {most} Hz: expected equal steps, so export it with an even spacing", least = rounded(.least, 6), most = rounded(.most, 6))]
     Uneven {
-        /// Least step, Hz.
+        /// Least step between two frequencies, Hz.
         least: f64,
-        /// Largest step, Hz.
+        /// Largest step between two frequencies, Hz.
         most: f64,
     },
     /// The abscissa is no frequency.
@@ -234,9 +234,9 @@ pub enum ResponseFault {
     /// A direction is a rotation.
     #[error("node {node} has the direction {got}: expected a translation, ±1 to ±3, or 0 of a scalar")]
     Direction {
-        /// Node.
+        /// Number of the node in the file.
         node: i64,
-        /// Direction.
+        /// Number of the direction in the file.
         got: i64,
     },
     /// There are fewer values than stated.
@@ -250,7 +250,7 @@ pub enum ResponseFault {
     /// The binary format is none of IEEE.
     #[error("its binary numbers have the format {got}: expected IEEE 754, 2")]
     Format {
-        /// Floating-point format.
+        /// Number of the floating-point format in the file.
         got: i64,
     },
     /// Its frequencies or its quantity differ from the first one's.
@@ -258,7 +258,7 @@ pub enum ResponseFault {
         "its {what} differ from those of the first response: expected the same in all, so export the others to another file"
     )]
     Differs {
-        /// What differs.
+        /// What differs between the datasets, in words.
         what: &'static str,
     },
 }

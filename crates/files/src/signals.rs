@@ -17,7 +17,7 @@ pub struct Signals {
     pub values: Vec<Vec<f64>>,
     /// Values of each channel that are beyond the range of its sensor.
     pub clipped: Vec<usize>,
-    /// Samples per second.
+    /// Sample rate of the signals, Hz.
     pub rate_hz: f64,
     /// Simulated time of the first value, s; readings were taken before their sample by the delay of the converters.
     pub start_s: f64,

@@ -38,7 +38,7 @@ pub struct ChannelStatistics {
     pub largest: f64,
     /// Arithmetic mean over all samples.
     pub mean: f64,
-    /// Root mean square.
+    /// Root mean square, in the channel's unit.
     pub rms: f64,
 }
 

@@ -3,7 +3,7 @@
 
 use std::io::{self, Write};
 
-/// Delimits a dataset.
+/// Line before and after each dataset of a universal file.
 pub(crate) const DELIMITER: &str = "    -1";
 /// Specific data type of an axis without a quantity.
 pub(crate) const NONE: u32 = 0;

@@ -74,7 +74,7 @@ pub struct About {
 pub struct CoordinateChannels {
     /// The place of the first.
     pub first: usize,
-    /// Number of coordinates.
+    /// Number of coordinates of the structure.
     pub count: usize,
 }
 

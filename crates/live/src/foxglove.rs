@@ -300,7 +300,7 @@ const SUBSCRIPTIONS: usize = 64;
 /// A client's subscriptions: its own numbers, and the channels.
 #[derive(Debug)]
 pub struct Subscriptions {
-    /// Number of channels.
+    /// Number of channels that are advertised.
     channels: usize,
     subscribed: BTreeMap<u32, u32>,
 }

@@ -34,7 +34,7 @@ pub struct Plotted {
 #[derive(Clone, Debug)]
 pub struct Shown {
     channels: Vec<Channel>,
-    /// Number of coordinates.
+    /// Number of coordinates of the structure.
     coordinates: usize,
     /// The places of the elements' states among what belongs to devices and elements.
     internal: Vec<usize>,

@@ -40,13 +40,13 @@ pub struct TestPlan {
     pub kind: &'static str,
     /// Name of the specification.
     pub name: Option<String>,
-    /// Control channel.
+    /// Name of the control channel, as c.x.
     pub channel: String,
     /// What is shown over the frequency.
     pub quantity: &'static str,
     /// Unit of what is shown.
     pub unit: &'static str,
-    /// Frequencies, Hz.
+    /// Frequencies of the lines, Hz.
     pub frequency_hz: Vec<f64>,
     /// What is specified at full level.
     pub demand: Vec<f64>,

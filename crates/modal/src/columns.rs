@@ -46,7 +46,7 @@ impl Columns {
         all
     }
 
-    /// Replaces a column.
+    /// Replaces the numbers of a column.
     pub fn set(&mut self, index: usize, values: &[Complex<f64>]) {
         let [re, im] = self.parts_mut(index);
         for (n, value) in values.iter().enumerate() {
@@ -60,7 +60,7 @@ impl Columns {
         self.data.len().checked_div(self.lanes).unwrap_or(0)
     }
 
-    /// Returns a column.
+    /// Returns the numbers of a column, in lanes.
     pub fn column(&self, index: usize) -> &[Lane] {
         &self.data[index * self.lanes..(index + 1) * self.lanes]
     }
@@ -81,7 +81,7 @@ impl Columns {
         self.column_mut(index).split_at_mut(half).into()
     }
 
-    /// Returns all columns.
+    /// Returns all columns in their order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &[Lane]> {
         self.data.chunks_exact(self.lanes.max(1))
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-/// Returns e^z.
+/// Returns e^z by pure Rust, so that bits do not depend on the machine.
 pub(crate) fn exp(z: Complex<f64>) -> Complex<f64> {
     let (sine, cosine) = libm::sincos(z.im);
     Complex::new(cosine, sine) * libm::exp(z.re)
@@ -13,7 +13,7 @@ pub(crate) fn log(z: Complex<f64>) -> Complex<f64> {
     Complex::new(libm::log(magnitude(z)), libm::atan2(z.im, z.re))
 }
 
-/// Returns |z|.
+/// Returns the magnitude |z| without overflow.
 pub(crate) fn magnitude(z: Complex<f64>) -> f64 {
     libm::hypot(z.re, z.im)
 }

@@ -48,7 +48,7 @@ pub enum ModalError {
         response: usize,
         /// Number of its values.
         values: usize,
-        /// Number of frequencies.
+        /// Number of frequencies of the responses.
         lines: usize,
     },
     /// Frequencies of measured responses are not equally spaced.
@@ -85,9 +85,9 @@ pub enum ModalError {
     Order {
         /// Order that was given.
         order: usize,
-        /// Least order.
+        /// Least order of the model that was asked for.
         least: usize,
-        /// Largest order.
+        /// Largest order of the model that was asked for.
         most: usize,
     },
     /// A chosen pole can't be the start of a fit.
@@ -95,9 +95,9 @@ pub enum ModalError {
     ChosenPole {
         /// Index of the pole, from 0.
         pole: usize,
-        /// Its frequency, Hz.
+        /// Frequency of the mode, Hz.
         frequency_hz: f64,
-        /// Its damping ratio.
+        /// Damping ratio of the mode.
         damping_ratio: f64,
     },
     /// No pole was found.

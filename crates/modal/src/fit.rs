@@ -89,7 +89,7 @@ pub(crate) struct Output {
     pub unknowns: Vec<f64>,
     /// Sum of the weighted squares of the residual, with rounding errors.
     pub square: f64,
-    /// Bᵀ e.
+    /// The slopes Bᵀ e of half the squared error e.
     slopes: Vec<f64>,
     /// Residual of each line, without weights.
     pub residual: Vec<Lane>,

@@ -88,7 +88,7 @@ impl Layout {
         self.residues.unknowns() * self.modes + RESIDUAL_TERMS
     }
 
-    /// Number of unknowns.
+    /// Returns the number of unknowns of the model.
     pub fn unknowns(&self) -> usize {
         let transient = if self.transient { 2 * self.modes + 2 * POLYNOMIALS } else { 0 };
         self.references * self.gain() + transient

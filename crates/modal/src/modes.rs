@@ -166,7 +166,7 @@ pub struct Shape {
     pub components: Vec<Component>,
     /// Modal mass of the shape that is 1 at the driving point, 1/|a_d|: kg with N and m.
     pub modal_mass: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the modal mass, in the unit of the mass.
     pub modal_mass_deviation: f64,
     /// Modal phase collinearity, 0 to 1; 1 for a normal mode. J.-N. Juang, R. S. Pappa, "An Eigensystem Realization Algorithm
     /// for Modal Parameter Identification and Model Reduction", J. Guid. Control Dyn. 8 (1985).
@@ -185,7 +185,7 @@ impl Shape {
     }
 }
 
-/// An identified mode.
+/// An identified mode: pole, shape and modal mass, with their standard deviations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mode {
     /// Pole λ, rad/s; the other of the pair is its conjugate.

@@ -91,7 +91,7 @@ pub enum TransientModel {
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
     pub grid: Grid,
-    /// Spectra as measured.
+    /// Spectra of the references as they were measured.
     pub measured_references: Columns,
     pub measured_responses: Columns,
     /// Spectra that are fitted: with the force of least noise in place of the measured one, see [`crate::noise`].

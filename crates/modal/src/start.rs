@@ -101,7 +101,7 @@ impl Stabilisation {
 
 /// Angles of the lines on the circle.
 struct Circle {
-    /// T, s.
+    /// Length T of the record, s.
     period_s: f64,
     /// Number z of the interval.
     interval: f64,

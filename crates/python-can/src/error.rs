@@ -88,7 +88,7 @@ pub enum PythonCanError {
     /// python-can or the driver beneath raised an exception.
     #[error("python-can could not {operation}: {kind}: {message}")]
     Exception {
-        /// Operation that failed.
+        /// The operation of python-can that failed.
         operation: Operation,
         /// The class of the exception.
         kind: String,

@@ -147,7 +147,7 @@ pub enum SpecificationError {
     File {
         /// Name of the file.
         file: String,
-        /// Reason, in words.
+        /// Reason why the file could not be read, in words.
         message: String,
     },
 }
@@ -177,7 +177,7 @@ pub enum VerdictError {
     TooShort {
         /// Length of the record, s.
         got_s: f64,
-        /// Least length, s.
+        /// Least length that a verdict needs, s.
         least_s: f64,
     },
     /// There is no channel to judge, or the channels have different lengths.

@@ -134,7 +134,7 @@ pub(crate) struct RandomSection {
 /// Unit in which a file states densities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, serde::Serialize)]
 pub enum DensityUnit {
-    /// (m/s²)²/Hz.
+    /// (m/s²)²/Hz, the SI unit of a density.
     #[serde(rename = "(m/s2)2/Hz", alias = "(m/s²)²/Hz")]
     Si,
     /// g²/Hz, with the standard acceleration of gravity 9.80665 m/s².
@@ -145,7 +145,7 @@ pub enum DensityUnit {
 /// Unit in which a file states accelerations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, serde::Serialize)]
 pub enum AccelerationUnit {
-    /// m/s².
+    /// m/s², the SI unit of an acceleration.
     #[serde(rename = "m/s2", alias = "m/s²")]
     Si,
     /// The standard acceleration of gravity, 9.80665 m/s².

@@ -181,5 +181,5 @@ impl Profile {
 
 /// Relative rounding of the frequency of a line.
 const ROUNDING: f64 = 1e-9;
-/// Largest slope, dB/octave.
+/// Largest slope that a profile may have, dB/octave.
 const MOST_DB_OCTAVE: f64 = 200.0;

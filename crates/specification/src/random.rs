@@ -105,19 +105,19 @@ impl Schedule {
 /// What a random test asks of the exciter and the structure, at full level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RandomFigures {
-    /// Rms acceleration, m/s².
+    /// Rms of the acceleration at full level, m/s².
     pub rms_m_s2: f64,
-    /// Rms velocity, m/s.
+    /// Rms of the velocity at full level, m/s.
     pub velocity_rms_m_s: f64,
-    /// Rms displacement, m.
+    /// Rms of the displacement at full level, m.
     pub displacement_rms_m: f64,
     /// Ratio of peak and rms that the peaks have: the sigma limit, or 3.
     pub crest: f64,
-    /// Peak acceleration, m/s².
+    /// Peak of the acceleration to be expected, m/s².
     pub peak_m_s2: f64,
-    /// Peak velocity, m/s.
+    /// Peak of the velocity to be expected, m/s.
     pub velocity_peak_m_s: f64,
-    /// Peak displacement, m.
+    /// Peak of the displacement to be expected, m.
     pub displacement_peak_m: f64,
     /// Expected upward zero crossings of the acceleration a second, √(m₂/m₀)/2π (S. O. Rice, 1944).
     pub zero_crossings_hz: f64,

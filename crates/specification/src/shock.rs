@@ -18,7 +18,7 @@ const SECTION: &str = "shock";
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PulseShape {
-    /// sin(πt/D).
+    /// Half of a sine, sin(πt/D) over its duration D.
     HalfSine,
     /// t/D: it rises to the peak, and ends there.
     SawTooth,
@@ -38,16 +38,16 @@ pub enum PulseShape {
 pub struct Shots {
     /// Level, dB, at most 0.
     pub level_db: f64,
-    /// Number of shots.
+    /// Number of shots at this level.
     pub count: u32,
 }
 
-/// A classical shock.
+/// A classical shock, with its compensation and its tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShockTest {
     /// Shape of the pulse.
     pub shape: PulseShape,
-    /// Peak acceleration, m/s².
+    /// Peak of the pulse's acceleration, m/s².
     pub peak_m_s2: f64,
     /// Duration of the pulse, s.
     pub duration_s: f64,
@@ -70,7 +70,7 @@ pub struct ShockTest {
 /// What a shock asks of exciter and structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ShockFigures {
-    /// Peak acceleration, m/s².
+    /// Peak of the pulse's acceleration, m/s².
     pub peak_m_s2: f64,
     /// Velocity change of the pulse, m/s.
     pub velocity_change_m_s: f64,

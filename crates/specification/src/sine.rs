@@ -27,7 +27,7 @@ pub enum Measure {
     Tracked,
     /// √2 times the rms.
     Rms,
-    /// The peak.
+    /// The peak of the whole reading, harmonics included.
     Peak,
 }
 
@@ -35,9 +35,9 @@ pub enum Measure {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepRate {
-    /// Octaves a minute.
+    /// Logarithmic sweep, octaves a minute.
     OctavesPerMinute(f64),
-    /// Hertz a second.
+    /// Linear sweep, hertz a second.
     HertzPerSecond(f64),
 }
 
@@ -45,11 +45,11 @@ pub enum SweepRate {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SineLevel {
-    /// Displacement, m.
+    /// Constant amplitude of the displacement, m.
     Displacement(f64),
-    /// Velocity, m/s.
+    /// Constant amplitude of the velocity, m/s.
     Velocity(f64),
-    /// Acceleration, m/s².
+    /// Constant amplitude of the acceleration, m/s².
     Acceleration(f64),
 }
 
@@ -80,11 +80,11 @@ impl SineLevel {
 /// Range of frequencies over which one quantity is constant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SineSegment {
-    /// First frequency, Hz.
+    /// Frequency at which the segment begins, Hz.
     pub from_hz: f64,
-    /// Last frequency, Hz.
+    /// Frequency at which the segment ends, Hz.
     pub to_hz: f64,
-    /// Level.
+    /// The amplitude that is held between them.
     pub level: SineLevel,
 }
 
@@ -97,7 +97,7 @@ pub struct Dwell {
     pub seconds: f64,
 }
 
-/// A swept-sine test.
+/// A swept sine with its levels, sweeps and tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SineTest {
     /// Segments by rising frequency, each begins where the one before ends.
@@ -127,19 +127,19 @@ pub struct SineTest {
 /// What a segment of a sine test asks of exciter and structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SineFigures {
-    /// First frequency, Hz.
+    /// First frequency of the sweep, Hz.
     pub from_hz: f64,
-    /// Last frequency, Hz.
+    /// Last frequency of the sweep, Hz.
     pub to_hz: f64,
     /// Time of one sweep through the segment, s.
     pub seconds: f64,
     /// Cycles of one sweep through the segment.
     pub cycles: f64,
-    /// Largest acceleration, m/s².
+    /// Largest amplitude of the acceleration, m/s².
     pub peak_m_s2: f64,
-    /// Largest velocity, m/s.
+    /// Largest amplitude of the velocity, m/s.
     pub velocity_peak_m_s: f64,
-    /// Largest displacement, m.
+    /// Largest amplitude of the displacement, m.
     pub displacement_peak_m: f64,
 }
 

@@ -22,9 +22,9 @@ pub struct Specification {
     /// Sources, such as standards with edition and paragraph, each with what the specification is to it: normative, approximate
     /// or indicative.
     pub sources: Vec<String>,
-    /// What is specified.
+    /// The test: random, swept sine, shock or response spectrum.
     pub test: Test,
-    /// Control channels.
+    /// The channels that are controlled, and how they are averaged.
     pub control: Control,
     /// Limits of the drive and of responses.
     pub limits: Limits,
@@ -34,11 +34,11 @@ pub struct Specification {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Test {
-    /// A random test.
+    /// A random test, by its acceleration spectral density.
     Random(RandomTest),
-    /// A swept sine.
+    /// A swept sine, by its levels over frequency.
     Sine(SineTest),
-    /// A classical shock.
+    /// A classical shock, by its pulse.
     Shock(ShockTest),
     /// A shock by its response spectrum.
     Srs(SrsTest),
@@ -79,12 +79,12 @@ pub struct Control {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Average {
-    /// Mean of powers.
+    /// The mean of the channels' powers.
     #[default]
     Mean,
-    /// Largest.
+    /// The largest of the channels, line by line.
     Max,
-    /// Smallest.
+    /// The smallest of the channels, line by line.
     Min,
 }
 

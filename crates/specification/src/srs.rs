@@ -39,7 +39,7 @@ pub struct SrsTest {
 /// What a shock response spectrum asks of a structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SrsFigures {
-    /// Number of lines.
+    /// Number of natural frequencies at which the spectrum is judged.
     pub lines: usize,
     /// Largest acceleration of an oscillator, m/s².
     pub largest_m_s2: f64,

@@ -11,7 +11,7 @@ use crate::profile::Place;
 /// Tolerance that holds from a frequency on, up to the next one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ToleranceBand {
-    /// First frequency, Hz.
+    /// Frequency from which on it holds, Hz.
     pub from_hz: f64,
     /// Lowest deviation, dB, negative.
     pub low_db: f64,
@@ -19,7 +19,7 @@ pub struct ToleranceBand {
     pub high_db: f64,
 }
 
-/// Tolerance over frequency.
+/// Lower and upper tolerance, which may depend on the frequency.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Tolerance {

@@ -91,7 +91,7 @@ pub enum Cycle {
 }
 
 impl MessageKind {
-    /// Number of kinds.
+    /// Number of kinds of messages, and the length of tables by kind.
     pub const COUNT: usize = 16;
 
     /// Every kind, in the order of the discriminants.

@@ -30,7 +30,7 @@ struct Turn {
 pub struct NodeCore {
     /// The time that the node listened: the clock of its timeouts.
     pub listening: Listening,
-    /// Counts of frames.
+    /// Counts of the frames that came, by what became of them.
     pub counts: FrameCounts,
     state: NodeState,
     fault: Option<Emergency>,

@@ -60,7 +60,7 @@ pub(super) enum UnderTest {
     Command {
         /// Bus on which it controls the plant.
         bus: BusAddress,
-        /// Program and arguments.
+        /// The program and its arguments.
         words: Vec<String>,
         /// Program and arguments that say an operator's word to it.
         operator: Option<Vec<String>>,

@@ -113,7 +113,7 @@ pub(super) fn begins_text(base: &Run, begins_s: Option<f64>) -> String {
     }
 }
 
-/// The whole audit.
+/// The JSON document of a whole audit.
 #[derive(Debug, Serialize)]
 pub(super) struct Document {
     configuration: Value,

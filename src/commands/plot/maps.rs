@@ -1,4 +1,4 @@
-//! Spectra over time.
+//! Draws spectra over time, as maps.
 
 use serde_json::{Value, json};
 

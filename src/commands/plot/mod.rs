@@ -141,7 +141,7 @@ struct Shown {
     /// Columns of the table: names and values.
     columns: Vec<(String, Vec<f64>)>,
     panels: Vec<Panel>,
-    /// Lines of text.
+    /// The lines of text that are printed.
     text: String,
 }
 

@@ -104,9 +104,9 @@ impl Default for ContinuationSettings {
 /// A solution and how the branch passes through it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
-    /// The unknowns x.
+    /// The unknowns x of the equations at this point.
     pub x: Vec<f64>,
-    /// The parameter λ.
+    /// The value of the parameter λ at this point.
     pub lambda: f64,
     /// The arclength from the start, in units of the local X.
     pub arclength: f64,

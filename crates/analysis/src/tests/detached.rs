@@ -56,7 +56,7 @@ fn only(found: &OtherBranches) -> &Branch {
     only.traced.as_ref().unwrap()
 }
 
-/// What was searched.
+/// Returns what the search has covered.
 fn covered(found: &OtherBranches) -> &Searched {
     found.searched.as_ref().unwrap()
 }

@@ -102,7 +102,7 @@ fn scaled(record: &Record, factor: f64) -> Record {
     }
 }
 
-/// White noise.
+/// Returns white Gaussian noise of the given rms.
 fn noise(seed: u64, samples: usize, rms: f64) -> Vec<f64> {
     let mut noise = Noise::new(seed, 7);
     (0..samples).map(|_| rms * noise.normal()).collect()

@@ -84,7 +84,7 @@ pub struct ReadingNoise {
     pub run: usize,
     /// Name of the reading, `head` or the sensor and its axis.
     pub reading: String,
-    /// Degree of freedom.
+    /// Name of the degree of freedom, as tip.x.
     pub at: String,
     /// Standard deviation of a sample as the residuals show it, N or m/s².
     pub estimated: f64,
@@ -107,7 +107,7 @@ pub struct ResidualTerm {
     pub above_m_n: f64,
 }
 
-/// Modes in records.
+/// The modes that were identified in one recording or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// Modes in the order of their frequencies.

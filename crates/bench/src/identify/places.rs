@@ -19,9 +19,9 @@ pub struct ReadingPlace {
     /// Degree of freedom whose acceleration it is, such as `tip.x`; `None` if it is another quantity, or the structure has no
     /// such degree of freedom.
     pub at: Option<String>,
-    /// The instrument.
+    /// The instrument that reads the motion.
     pub sensor: SensorSpec,
-    /// Its axis.
+    /// The axis along which it reads.
     pub axis: Axis,
 }
 

@@ -180,7 +180,7 @@ impl Record {
         self.direction
     }
 
-    /// Returns the responses.
+    /// Returns the responses of the record, in the order of its channels.
     pub fn responses(&self) -> &[RecordedResponse] {
         &self.responses
     }

@@ -99,7 +99,7 @@ pub(super) fn of_doubt(doubt: &Doubt, names: &Names) -> Remark {
     Remark { reason, text }
 }
 
-/// States a warning.
+/// Returns the remark that states a warning, with the names of channels and modes.
 pub(super) fn of_warning(warning: &Warning, names: &Names) -> Remark {
     let (reason, text) = match warning {
         Warning::Complex { collinearity, phase_deviation_deg } => (

@@ -84,7 +84,7 @@ impl TwoLinks {
         }
     }
 
-    /// ṡ, m/s.
+    /// Returns the rate ṡ of the armature's stroke, m/s.
     fn stroke_rate_m_s(&self, state: &State) -> f64 {
         self.shaker.map_or(0.0, |shaker| shaker.direction().dot(&(self.tip(state).jacobian_m * state.alpha_dot_rad_s)))
     }

@@ -15,7 +15,7 @@ const STEP_S: f64 = 1e-3 / 4.0;
 #[derive(Clone, Debug)]
 struct Mode {
     channels: Vec<Channel>,
-    /// q and q̇.
+    /// Displacement q and rate q̇ of the oscillator.
     state: [f64; 2],
 }
 

@@ -38,7 +38,7 @@ pub(super) fn plant(spec: &PlantSpec) -> Plant {
     plant_from(spec, [0.0; 4])
 }
 
-/// The Euclidean norm.
+/// Returns the Euclidean norm of some numbers.
 fn norm(numbers: &[f64]) -> f64 {
     numbers.iter().map(|number| number * number).sum::<f64>().sqrt()
 }

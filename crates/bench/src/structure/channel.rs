@@ -158,9 +158,9 @@ pub enum Quantity {
     AngularVelocity,
     /// Torque at a joint.
     Torque,
-    /// Force, N.
+    /// Force, along an axis or the shaker, N.
     Force,
-    /// Acceleration, m/s².
+    /// Acceleration of a point along an axis, m/s².
     Acceleration,
     /// Electric current in a coil, A.
     Current,

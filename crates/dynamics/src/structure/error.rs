@@ -170,7 +170,7 @@ pub enum StructureError {
     MixedPlaces {
         /// The number of the element, from 1.
         element: usize,
-        /// Its first place.
+        /// The first place of the element.
         at: String,
         /// The first place of another kind.
         to: String,
@@ -184,9 +184,9 @@ pub enum StructureError {
         element: usize,
         /// The number of the term, from 1.
         term: usize,
-        /// Number of powers.
+        /// Number of powers that the term has.
         got: usize,
-        /// Number of displacements.
+        /// Number of displacements, each of which needs a power.
         expected: usize,
     },
     /// The powers of a term of a polynomial have an impossible sum.

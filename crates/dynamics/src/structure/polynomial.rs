@@ -28,7 +28,7 @@ pub const MOST_DISPLACEMENTS: usize = 8;
 pub const MOST_TERMS: usize = 1000;
 /// The smallest and largest sum of the powers of a term.
 pub const LEAST_DEGREE: usize = 3;
-/// See [`LEAST_DEGREE`].
+/// Highest degree of a term; see [`LEAST_DEGREE`].
 pub const MOST_DEGREE: usize = 5;
 /// The most displacements of all polynomials of a structure.
 pub(super) const MOST_ALL_DISPLACEMENTS: usize = MOST_ELEMENTS * MOST_DISPLACEMENTS;

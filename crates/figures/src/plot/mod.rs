@@ -55,13 +55,13 @@ impl Figure {
         Self { title: title.into(), subtitle: Subtitle::default(), panels: Vec::new(), columns: 1, is_titled: true }
     }
 
-    /// Sets the subtitle.
+    /// Returns the figure with this subtitle, below its title.
     #[must_use]
     pub fn subtitle(self, subtitle: impl Into<Subtitle>) -> Self {
         Self { subtitle: subtitle.into(), ..self }
     }
 
-    /// Adds a panel.
+    /// Returns the figure with this panel below the others.
     #[must_use]
     pub fn with(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
@@ -159,7 +159,7 @@ impl Panel {
         Self { title: None, x, y, series: Vec::new(), notes: Vec::new(), rows: Vec::new(), legend: Legend::Auto }
     }
 
-    /// Sets the title.
+    /// Returns the panel with this title.
     #[must_use]
     pub fn title(self, title: impl Into<String>) -> Self {
         Self { title: Some(title.into()), ..self }
@@ -323,7 +323,7 @@ impl Series {
         self
     }
 
-    /// Sets another style.
+    /// Returns the series in this style.
     #[must_use]
     pub fn style(self, style: Style) -> Self {
         Self { style, ..self }

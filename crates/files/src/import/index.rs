@@ -31,7 +31,7 @@ pub(super) struct Anchor {
     pub sample: u64,
     /// Number in the frame: index or counter.
     pub raw: Option<u64>,
-    /// Arrival time, ns.
+    /// Time at which the frame arrived, ns.
     pub time_ns: u64,
     /// The place of its message among those of a sample.
     pub order: usize,

@@ -1,4 +1,4 @@
-//! Errors of recordings.
+//! Errors of reading, writing and cutting recordings.
 
 use std::io;
 use std::ops::RangeInclusive;
@@ -217,7 +217,7 @@ pub enum RecordingError {
         expected: u64,
         /// The sample found there.
         got: u64,
-        /// Number of gaps.
+        /// Number of gaps in the samples of the recording.
         gaps: u64,
     },
     /// There is nothing to recover.
@@ -239,7 +239,7 @@ pub enum RecordingError {
     NothingToCopy {
         /// The recordings, with their damage.
         sources: Vec<(PathBuf, Integrity)>,
-        /// The selected samples.
+        /// The samples that were selected.
         samples: RangeInclusive<u64>,
     },
     /// The file is no longer at its path.

@@ -165,7 +165,7 @@ impl Options {
         libm::round(sample as f64 * self.dt_s * 1e9) as u64
     }
 
-    /// Rejects invalid values.
+    /// Rejects values that are out of their ranges.
     pub(super) fn check(&self) -> Result<(), RecordingError> {
         // A batch of so many takes some 10 MB, far less than a chunk may.
         const MOST_IN_A_BATCH: u32 = 100_000;

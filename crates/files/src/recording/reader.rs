@@ -1,4 +1,4 @@
-//! Reads a recording.
+//! Reads a recording, record by record, also a damaged one.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -375,7 +375,7 @@ impl Tally {
         self.check_period(batch.dt_s())
     }
 
-    /// Counts one record.
+    /// Adds one record to the counts of its topic.
     fn record(&mut self, topic: Topic, record: &Record<String>) {
         if let Record::Event(event) = record {
             self.event(event);

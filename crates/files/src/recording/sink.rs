@@ -46,7 +46,7 @@ impl io::Write for Counted {
     }
 }
 
-/// A finished file.
+/// What a file has when it is finished.
 pub(super) struct Finished {
     /// Metadata that identify the file.
     pub metadata: Metadata,

@@ -11,7 +11,7 @@ pub enum SpectraError {
     /// The sample rate is not a positive number.
     #[error("the sample rate is {rate_hz} Hz: it must be a positive number", rate_hz = short(.rate_hz))]
     Rate {
-        /// Sample rate, Hz.
+        /// Stated sample rate, Hz.
         rate_hz: f64,
     },
     /// The quality of the oscillators is not above ½, so that they don't oscillate.
@@ -76,7 +76,7 @@ pub enum SpectraError {
     NoResponse {
         /// Number of inputs of the record.
         inputs: usize,
-        /// Number of outputs.
+        /// Number of outputs of the record.
         outputs: usize,
     },
     /// The estimator H2 is defined for one input only.

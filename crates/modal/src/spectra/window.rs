@@ -15,9 +15,9 @@ pub enum Window {
     /// Hann's window, for random excitation.
     #[default]
     Hann,
-    /// Hamming's window.
+    /// Hamming's window, 0.54 − 0.46 cos.
     Hamming,
-    /// Blackman's window.
+    /// Blackman's window, three terms of cosines.
     Blackman,
     /// The minimum four-term window of Blackman and Harris, whose side lobes are 92 dB below the peak.
     BlackmanHarris,
@@ -26,7 +26,7 @@ pub enum Window {
 }
 
 impl Window {
-    /// All windows.
+    /// All windows, in the order of the documents.
     pub const ALL: [Window; 6] =
         [Window::Hann, Window::Rectangular, Window::Hamming, Window::Blackman, Window::BlackmanHarris, Window::FlatTop];
 
@@ -75,14 +75,14 @@ pub enum Detrend {
     /// Leaves the samples as they are.
     #[default]
     None,
-    /// Subtracts the mean.
+    /// Subtracts the mean of each segment.
     Constant,
     /// Subtracts the straight line of least squares.
     Linear,
 }
 
 impl Detrend {
-    /// All kinds.
+    /// All kinds, in the order of the documents.
     pub const ALL: [Detrend; 3] = [Detrend::None, Detrend::Constant, Detrend::Linear];
 
     /// Returns the name in commands and results.

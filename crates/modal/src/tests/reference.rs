@@ -40,7 +40,7 @@ pub struct Set {
 pub enum Data {
     /// Frequencies, and the responses of outputs and references: `[output][reference][line]`.
     Functions { frequency_hz: Vec<f64>, functions: Vec<Vec<Vec<Complex<f64>>>> },
-    /// Force and accelerations.
+    /// The force on a structure and the accelerations of its points.
     Record { rate_hz: f64, band_hz: [f64; 2], force: Vec<f64>, responses: Vec<Vec<f64>> },
 }
 

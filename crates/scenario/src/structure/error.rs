@@ -134,7 +134,7 @@ pub enum StructureSectionError {
     SeveralPlaces {
         /// The number of the element, from 1.
         element: usize,
-        /// Number of places.
+        /// Number of places that the element states.
         got: usize,
         /// Kind of the element.
         kind: &'static str,

@@ -87,7 +87,7 @@ pub enum AlgorithmSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum PartSpec {
-    /// A constant byte.
+    /// A constant byte among what the checksum covers.
     Byte(u8),
     /// The low bytes of the identifier, the least significant first.
     Id {

@@ -36,7 +36,7 @@ impl Deref for Place {
 }
 
 impl Place {
-    /// Names a message.
+    /// Returns the place of a message, by its key and its name.
     pub(super) fn message(key: &'static str, message: &str) -> Place {
         Place(Box::new(Names { key, message: message.to_string(), signal: None }))
     }

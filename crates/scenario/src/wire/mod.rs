@@ -235,11 +235,11 @@ pub struct EventSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RequestSpec {
-    /// Arms the plant.
+    /// Arms the plant: from now on its commands act.
     Arm,
-    /// Disarms the plant.
+    /// Disarms the plant: no load acts any more.
     Disarm,
-    /// Clears a fault.
+    /// Clears a fault, so that the plant can be armed again.
     Reset,
     /// Stops the plant with a fault.
     Stop,

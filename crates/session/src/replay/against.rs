@@ -95,7 +95,7 @@ pub enum DifferenceKind {
     },
     /// It has not sent a command that the recorded controller sent, on a protocol whose commands name no sample.
     NoCommand {
-        /// The recorded command.
+        /// The load of the recorded command.
         expected: Load,
     },
     /// It has sent more commands than the recorded controller by then, on a protocol whose commands name no sample.
@@ -292,7 +292,7 @@ impl Controller for Live {
     }
 }
 
-/// A running test.
+/// A test that is running, with what it compares.
 struct Test<'a, C, L> {
     bus: &'a mut dyn Bus,
     clock: &'a C,

@@ -280,7 +280,7 @@ impl<'a> Bench<'a> {
         self.record_event(now_ns, controller_record(state), 0);
     }
 
-    /// Processes one frame.
+    /// Gives a received frame to the node, and records it.
     pub fn take(&mut self, now_ns: u64, received: &Received) {
         let record = FrameRecord {
             sample: self.sample(),

@@ -31,7 +31,7 @@ const FRAMES_AT_ONCE: usize = 256;
 pub(super) struct Patience<'r> {
     /// Longest wait until a plant is armed; `None` waits forever.
     pub wait: Option<Duration>,
-    /// Number of restarts.
+    /// Number of times that it may arm again and start anew.
     pub rearm: u32,
     /// In a process with both ends, set once the only plant on the bus has ended; then none is waited for. `None` for
     /// an exciter alone.

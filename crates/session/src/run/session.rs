@@ -48,7 +48,7 @@ pub struct RecordTo {
 /// The action if the operating system denies a run's thread the requested settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnShortfall {
-    /// Logs a warning.
+    /// Logs a warning and runs all the same.
     #[default]
     Warn,
     /// Does not start the run: [`RunError::NoRealTimeThread`].

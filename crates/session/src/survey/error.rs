@@ -1,4 +1,4 @@
-//! Errors of surveys.
+//! Errors of planning and running surveys.
 
 use std::io;
 use std::path::PathBuf;
@@ -59,13 +59,13 @@ pub enum SurveyError {
         group: usize,
         /// Number of accelerometers besides the one at the exciter.
         got: usize,
-        /// Largest number.
+        /// The largest number of them that is possible.
         most: usize,
     },
     /// A number is outside its valid range.
     #[error("{flag} is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The flag.
+        /// Name of the flag, as it is written.
         flag: &'static str,
         /// Value that was given.
         got: f64,
@@ -75,7 +75,7 @@ pub enum SurveyError {
     /// A level is given twice.
     #[error("--levels has {level} twice: give each level once", level = short(.level))]
     SameLevel {
-        /// The level.
+        /// The level that was stated.
         level: f64,
     },
     /// Neither the scenario nor the request states a force.
@@ -89,7 +89,7 @@ pub enum SurveyError {
     NoMode {
         /// Frequency of the lowest mode that vibrates, Hz.
         lowest_hz: f64,
-        /// Sample rate, Hz.
+        /// Sample rate of the scenario, Hz.
         rate_hz: f64,
         /// Least sample rate for this mode, Hz.
         needed_hz: f64,
@@ -143,7 +143,7 @@ pub enum SurveyError {
     NotAnIndex {
         /// Path of the file.
         path: PathBuf,
-        /// Reason.
+        /// Reason why the run failed, in words.
         reason: String,
     },
     /// A file or the folder can't be written.

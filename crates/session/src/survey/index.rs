@@ -47,7 +47,7 @@ pub struct PlanSummary {
     pub to_hz: f64,
     /// Length of each run, s.
     pub duration_s: f64,
-    /// Sample rate, Hz.
+    /// Sample rate of the recordings, Hz.
     pub rate_hz: f64,
     /// Peak force at level 1, N.
     pub force_n: f64,
@@ -90,7 +90,7 @@ pub enum RunState {
 }
 
 impl RunState {
-    /// Returns its name.
+    /// Returns its name, as in the index.
     pub const fn name(self) -> &'static str {
         match self {
             RunState::Planned => "planned",

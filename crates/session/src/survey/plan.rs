@@ -51,7 +51,7 @@ pub enum SurveyExcitation {
 }
 
 impl SurveyExcitation {
-    /// All excitations.
+    /// All excitations, in the order of the help.
     pub const ALL: [SurveyExcitation; 5] = [
         SurveyExcitation::Random,
         SurveyExcitation::BurstRandom,
@@ -60,7 +60,7 @@ impl SurveyExcitation {
         SurveyExcitation::Sine,
     ];
 
-    /// Returns its name.
+    /// Returns its name, as flags and files have it.
     pub const fn name(self) -> &'static str {
         match self {
             SurveyExcitation::Random => "random",

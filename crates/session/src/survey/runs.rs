@@ -117,7 +117,7 @@ impl Survey {
         act(&mut self.index.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Makes a recording.
+    /// Runs one recording of the plan, and returns how it ended.
     fn measure(&self, number: usize) -> (RunState, Option<String>) {
         let (run, signals) = (&self.runs[number], &self.signals[number]);
         if signals.is_stopped() {

@@ -41,7 +41,7 @@ pub enum BeginBy {
     Level,
     /// The first sweep of a sine.
     Sweep,
-    /// The first shot.
+    /// The first shot that was found.
     Shot,
 }
 

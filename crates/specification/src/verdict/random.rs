@@ -54,15 +54,15 @@ pub struct Density<'a> {
 /// Verdict on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LineVerdict {
-    /// Frequency, Hz.
+    /// Frequency of the line, Hz.
     pub frequency_hz: f64,
     /// Density of the record, (m/s²)²/Hz.
     pub density: f64,
-    /// Specified density, (m/s²)²/Hz.
+    /// Density that is specified at the line, (m/s²)²/Hz.
     pub demand: f64,
     /// Ends of the interval of 95 % confidence, dB relative to the specified density.
     pub interval_db: [f64; 2],
-    /// Tolerance, dB.
+    /// Lower and upper tolerance at the line, dB.
     pub tolerance_db: [f64; 2],
     /// Whether a response is at its limit, so that the density may be too low.
     pub is_limited: bool,
@@ -101,7 +101,7 @@ pub struct LimitVerdict {
 pub struct RandomVerdict {
     /// Verdict on the whole.
     pub verdict: Verdict,
-    /// Judged lines.
+    /// The lines that were judged, without those at the edges.
     pub lines: Vec<LineVerdict>,
     /// Verdict on the profile.
     pub profile: Verdict,
@@ -473,7 +473,7 @@ fn within_band(samples: &[f64], rate_hz: f64, [from_hz, to_hz]: [f64; 2]) -> Vec
 /// What a random test is judged with.
 #[derive(Clone, Copy, Debug)]
 pub struct RandomOptions<'a> {
-    /// Control channels, m/s².
+    /// Readings of the control channels, m/s².
     pub control: &'a [&'a [f64]],
     /// Channels of the responses with a limit, in the order of [`Limits::response`].
     pub responses: &'a [&'a [f64]],

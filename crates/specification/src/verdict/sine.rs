@@ -65,15 +65,15 @@ const AT_LIMIT: f64 = 0.85;
 pub struct SinePoint {
     /// Time from the start of the record, s.
     pub t_s: f64,
-    /// Frequency, Hz.
+    /// Frequency of the sine at this instant, Hz.
     pub frequency_hz: f64,
-    /// Specified amplitude, m/s².
+    /// Amplitude that is specified there, m/s².
     pub demand_m_s2: f64,
     /// Amplitude of the fundamental, m/s².
     pub tracked_m_s2: f64,
     /// √2 times the rms, m/s².
     pub rms_m_s2: f64,
-    /// Peak, m/s².
+    /// Peak of the reading about this instant, m/s².
     pub peak_m_s2: f64,
     /// Deviation of the amplitude due to noise, m/s².
     pub noise_m_s2: f64,
@@ -88,11 +88,11 @@ pub struct SinePoint {
 pub struct SinePass {
     /// Start, s from the start of the record.
     pub from_s: f64,
-    /// End, s.
+    /// Time at which the sweep ends, s.
     pub to_s: f64,
-    /// First frequency, Hz.
+    /// Frequency at which the sweep begins, Hz.
     pub from_hz: f64,
-    /// Last frequency, Hz.
+    /// Frequency at which the sweep ends, Hz.
     pub to_hz: f64,
     /// Rate by regression, in the unit of the specified one, positive.
     pub rate: f64,
@@ -136,7 +136,7 @@ pub struct SineVerdict {
     pub asked: u32,
     /// Verdicts on responses with a limit.
     pub limits: Vec<LimitVerdict>,
-    /// Judged instants.
+    /// The instants that were judged.
     pub points: Vec<SinePoint>,
 }
 
@@ -147,11 +147,11 @@ struct Phase {
     reach: usize,
     /// Size of the analytic signal.
     size: Vec<f64>,
-    /// Phase, rad, unwrapped.
+    /// Phase of the reference at each sample, rad, unwrapped.
     phase: Vec<f64>,
     /// Integral of the averaged rate of the phase, rad.
     smooth: Vec<f64>,
-    /// Averaged frequency, Hz.
+    /// Averaged frequency at each sample, Hz.
     frequency_hz: Vec<f64>,
 }
 
@@ -458,7 +458,7 @@ struct Line {
     /// Value in the middle, and the sample of the record there.
     middle: f64,
     center: f64,
-    /// Slope by sample.
+    /// Slope of the line, by sample.
     slope: f64,
     correlation: f64,
 }

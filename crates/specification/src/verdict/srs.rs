@@ -22,13 +22,13 @@ const FULL_DB: f64 = -3.0;
 /// Response of an oscillator, with its verdict.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SrsLine {
-    /// Natural frequency, Hz.
+    /// Natural frequency of the oscillator, Hz.
     pub frequency_hz: f64,
     /// Largest acceleration to either side, m/s².
     pub response_m_s2: f64,
-    /// Specified acceleration, m/s².
+    /// Acceleration that is specified there, m/s².
     pub demand_m_s2: f64,
-    /// Deviation, dB.
+    /// Deviation of the spectrum from the specified one, dB.
     pub deviation_db: f64,
     /// Verdict by the tolerance of the share of the lines.
     pub verdict: Verdict,

@@ -35,7 +35,7 @@ const ZERO: Complex<f64> = Complex::new(0.0, 0.0);
 pub(super) struct Frames {
     fft: Fft,
     window: Vec<f64>,
-    /// 2/(fs Σ w²).
+    /// Factor from |X|² to a one-sided density, 2/(fs Σ w²).
     scale: f64,
     /// The last N samples of each channel, of which `filled` are there.
     samples: Vec<Vec<f64>>,

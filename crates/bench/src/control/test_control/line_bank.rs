@@ -25,7 +25,7 @@ pub(super) struct LineBank {
     /// e^(2πikn/N) at the present sample n, and e^(2πik/N).
     turned: Vec<Complex<f64>>,
     turn: Vec<Complex<f64>>,
-    /// Present sample n.
+    /// Index n of the present sample, from the begin of the signal.
     pub sample: usize,
 }
 
@@ -121,11 +121,11 @@ pub(super) struct Identification {
 /// What the identification knows after a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Known {
-    /// Nothing new.
+    /// Nothing new: the signal goes on.
     Nothing,
     /// The responses of the first pass: the second one must be shaped.
     Roughly,
-    /// The responses.
+    /// The responses are identified, and are good enough.
     Well,
 }
 

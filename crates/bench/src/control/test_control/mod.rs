@@ -85,7 +85,7 @@ impl TestControlSpec {
 /// A specification with the texts that it was read from, so that a recording can hold them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpecificationSource {
-    /// The specification.
+    /// The specification, as it was read and checked.
     pub specification: Specification,
     /// Text of its file.
     pub text: String,
@@ -96,9 +96,9 @@ pub struct SpecificationSource {
 /// Law of a test control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TestLaw {
-    /// Random control.
+    /// Random test: the drive's density is equalised line by line.
     Random,
-    /// Swept-sine control.
+    /// Swept sine: the amplitude follows the specified level.
     SweptSine,
     /// Shocks, classical or by their response spectrum.
     Shock,
@@ -182,7 +182,7 @@ pub enum TestControlError {
     Rate {
         /// Highest frequency of the test, Hz.
         to_hz: f64,
-        /// Sample rate, Hz.
+        /// Sample rate of the plant, Hz.
         rate_hz: f64,
         /// Highest frequency that can be controlled, Hz.
         most_hz: f64,
@@ -192,7 +192,7 @@ pub enum TestControlError {
     WordTime {
         /// Number of the word.
         number: usize,
-        /// The time, s.
+        /// The stated time of the run, s.
         got_s: f64,
     },
     /// An operator's word asks for more than the specified level.
@@ -200,7 +200,7 @@ pub enum TestControlError {
     WordLevel {
         /// Number of the word.
         number: usize,
-        /// The level, dB.
+        /// The stated level, dB over the specified one.
         got_db: f64,
     },
     /// A level is missing.
@@ -293,7 +293,7 @@ pub struct TestReport {
 /// Line of the average by which a random test is controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TestLine {
-    /// Frequency, Hz.
+    /// Frequency of the line, Hz.
     pub frequency_hz: f64,
     /// Specified density at the level, (m/s²)²/Hz.
     pub demand: f64,
@@ -367,7 +367,7 @@ trait Law: Debug + Send {
     /// Starts over at sample 0.
     fn restart(&mut self);
 
-    /// Answers a sample.
+    /// Takes the readings of a sample, and answers with the drive.
     fn step(&mut self, sample: &TestSample<'_>) -> Step;
 
     /// Continues the drive without judging or learning, while it ramps to zero.

@@ -56,7 +56,7 @@ const LOST: f64 = 0.1;
 /// Spacing of the lines of the loop check, Hz.
 const CHECK_LINES_HZ: f64 = 1.0;
 
-/// Waveform replication.
+/// Replicates a waveform: identification first, then shots that are corrected one after the other.
 #[derive(Clone, Debug)]
 pub(super) struct ShockLaw {
     /// Waveform at full level, m/s², its largest size and its energy, Σ r².
@@ -82,7 +82,7 @@ pub(super) struct ShockLaw {
     best: Vec<Complex<f64>>,
     missing: Vec<Complex<f64>>,
     least_error: f64,
-    /// Step α.
+    /// Share α of the correction that is applied, halved when a shot got worse.
     step: f64,
     /// Lines and samples of the response to the present shot.
     response: Vec<Complex<f64>>,
@@ -98,15 +98,15 @@ pub(super) struct ShockLaw {
 /// Stage of the test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// The loop check.
+    /// The loop check, with weak noise.
     Check,
-    /// The identification.
+    /// The identification of the responses, at low level.
     Identify,
     /// The drive of the identification fades out, over this number of samples.
     FadeOut(usize),
     /// Silence before a shot, for this number of samples.
     Pause(u64),
-    /// A shot.
+    /// A shot, with its lead and what rings after it.
     Shot,
 }
 

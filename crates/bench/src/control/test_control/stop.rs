@@ -22,7 +22,7 @@ pub enum StopReason {
         response_db: f64,
         /// Coherence of drive and response.
         coherence: f64,
-        /// Least response, dB.
+        /// Least response over the silence that closes the loop, dB.
         least_db: f64,
         /// Least coherence of a response that is not far above the silence.
         least_coherence: f64,
@@ -43,7 +43,7 @@ pub enum StopReason {
         short(.got_m_s2), short(.expected_m_s2)
     )]
     Lost {
-        /// Reading, m/s² rms.
+        /// Rms of the control channel's reading, m/s².
         got_m_s2: f64,
         /// Expected reading, m/s² rms.
         expected_m_s2: f64,
@@ -51,7 +51,7 @@ pub enum StopReason {
     /// The control channel repeats its reading.
     #[error("the control channel reads exactly {} m/s\u{b2} for {samples} samples: check sensor and cable", short(.got_m_s2))]
     Stuck {
-        /// Reading, m/s².
+        /// Reading of the control channel, m/s².
         got_m_s2: f64,
         /// Number of equal samples in a row.
         samples: u32,
@@ -77,7 +77,7 @@ pub enum StopReason {
         got_m_s2: f64,
         /// Level of the test, m/s².
         expected_m_s2: f64,
-        /// Largest reading, m/s².
+        /// Largest reading at which the test goes on, m/s².
         limit_m_s2: f64,
     },
     /// Too many lines are beyond the deviation at which the test ends.
@@ -88,7 +88,7 @@ pub enum StopReason {
     Lines {
         /// Share of the lines.
         share: f64,
-        /// Largest share.
+        /// Largest share at which the test goes on.
         limit: f64,
     },
     /// The level needs more force than is allowed.
@@ -100,7 +100,7 @@ pub enum StopReason {
     Drive {
         /// Peak that the level needs, N.
         needed_n: f64,
-        /// Limit, N.
+        /// Limit of the drive's magnitude, N.
         limit_n: f64,
     },
     /// The operator has stopped the test.

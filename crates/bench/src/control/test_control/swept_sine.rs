@@ -96,7 +96,7 @@ pub(super) struct SweptSineLaw {
     /// Level over the specified one that the operator has asked for, and the one on the way there, as natural logarithms.
     asked_level: f64,
     level: f64,
-    /// ln G.
+    /// Logarithm of the correction G of the amplitude.
     correction: f64,
     /// Samples for which the correction is held, after samples were lost.
     hold: u64,
@@ -107,7 +107,7 @@ pub(super) struct SweptSineLaw {
     frequency_hz: f64,
 }
 
-/// Tracking filter.
+/// Filter that follows the sine's frequency, and returns the amplitude of its fundamental.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tracking {
     z1: Complex<f64>,
@@ -360,7 +360,7 @@ impl SweptSineLaw {
         self.correction = (self.correction + change).clamp(-most, most);
     }
 
-    /// Judges the amplitude.
+    /// Judges the tracked amplitude; returns why the test ends, if it does.
     fn judge(&mut self, level: f64, amplitude: f64, control_m_s2: f64) -> Option<End> {
         if let Some(reason) = self.stuck.judge(control_m_s2) {
             return Some(End::Stopped(reason));

@@ -42,7 +42,7 @@ pub enum StepError {
     Harmonics {
         /// Number of harmonics given.
         got: usize,
-        /// The most harmonics.
+        /// The most harmonics that a load may have.
         most: usize,
     },
     /// The rate does not fit, the integrator can't make the step, or the new state is not finite.

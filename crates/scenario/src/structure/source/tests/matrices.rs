@@ -1,4 +1,4 @@
-//! Modes of matrices.
+//! Tests of modes that are computed from matrices.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Chains of robots.
+//! Tests of chains that are read from URDF.
 
 use super::super::urdf::Robot;
 use super::super::urdf_chain::{Wanted, links};
