@@ -33,6 +33,14 @@ const logarithmic = (label) => ({
   values: (_, values) => values.map((value) => (value === null ? "" : value.toExponential(0))),
 });
 
+// The library counts the marks from the lowest value on, which need not be round.
+const decades = (_, __, low, high) => {
+  const marks = [];
+  for (let power = Math.floor(Math.log10(low)); 10 ** power <= high; power += 1) {
+    for (let digit = 1; digit < 10; digit += 1) marks.push(Number(`${digit}e${power}`));
+  }
+  return marks.filter((mark) => mark >= low && mark <= high);
+};
 // On the other logarithmic axis 1, 2 and 5 of each decade have names.
 const named = (_, values) => values.map((value) => (/^[125](e|$)/.test(value?.toExponential()) ? value : null));
 
@@ -217,7 +225,7 @@ export class LinePlot {
       about: title, entries: entries.map((entry, k) => ({ name: entry.label, ...entry, series: [k + 1] })), ...(steering ?? own),
       values: (drawn, [one], at) => between(drawn.data[one][at], drawn.data[one][at]), unit: x.unit,
       cursor: steering ? { sync: { key: "time" } } : {},
-      series: [{}, ...series], scales, axes: [{ ...below(`${x.label} (${x.unit})`), ...(logX ? { filter: named } : {}) }, first, ...second],
+      series: [{}, ...series], scales, axes: [{ ...below(`${x.label} (${x.unit})`), ...(logX ? { splits: decades, filter: named } : {}) }, first, ...second],
     }, [[], ...entries.map(() => [])]);
   }
 
