@@ -72,7 +72,7 @@ def test_a_shock_is_shown_by_its_response_spectrum(browser, programs, tmp_path):
     # Oscillators much slower than the pulse with its compensation hardly answer; around the pulse's own they do as specified.
     largest = int(np.argmax(plan["demand"]))
     assert test["reached"][largest] == pytest.approx(test["factor"] * plan["demand"][largest], rel=0.25)
-    # The lowest frequency is not round, and the axis is labelled all the same.
+    # The axis has labels although its lowest frequency is not round.
     labels = page.value("resonarm.views.test.plot.axes[0]._values.filter((label) => label)")
     assert len(labels) >= 3 and all(str(label)[0] in "125" for label in labels), labels
     keep(page, tmp_path, "shock-test.png")

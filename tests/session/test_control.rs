@@ -24,7 +24,7 @@ fn both(scenario: Scenario, mode: Mode, path: Option<&Path>) -> BothReport {
     session.both(&Signals::default(), |_event| {}).unwrap()
 }
 
-/// Each example finishes, its recording is in, holds the specification, and repeats bit for bit. In lockstep, one of them: there
+/// Each example finishes, its recording holds the specification, and it repeats bit for bit. One of them runs in lockstep, where
 /// the two nodes take turns in threads of their own, which takes twice the processor time.
 #[test]
 fn the_examples_are_in_their_specifications() {

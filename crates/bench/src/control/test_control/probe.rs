@@ -43,8 +43,8 @@ pub(super) struct Probe {
     pub silence: Vec<f64>,
     /// Whether the control channel is at the driving point, so that the sign of the power is known.
     checks_sign: bool,
-    /// Whether the head has read a force: a protocol may not carry it. The sum of the power is never exactly 0, since the
-    /// transform of two channels at once leaves rounding of one in the other.
+    /// Whether the head has read a force; a protocol need not carry it. Without it the power is not exactly 0, since two
+    /// channels are transformed at once, and rounding of one is left in the other.
     has_head: bool,
     pub phase: TestPhase,
     /// Drive of the last sample, N.
