@@ -1,5 +1,6 @@
 //! The archive of an FMU: what is in it, and its files in a folder of an instance.
 
+use core::fmt::{self, Display};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{Cursor, Read, Write};
@@ -37,14 +38,26 @@ pub struct Archive {
     entries: BTreeMap<String, usize>,
 }
 
-impl core::fmt::Debug for Archive {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+impl fmt::Debug for Archive {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.entries.keys()).finish()
     }
 }
 
-fn of_zip(error: impl ToString) -> ImportError {
-    ImportError::Zip { reason: error.to_string() }
+fn refused(reason: String) -> ImportError {
+    ImportError::Archive { reason }
+}
+
+fn of_zip(error: impl Display) -> ImportError {
+    refused(format!("not a ZIP archive, as an FMU is: {error}"))
+}
+
+fn too_large(name: &str, most: u64) -> ImportError {
+    let most_mb = most / 1_000_000;
+    refused(format!(
+        "the archive unpacks to more than {most_mb} MB, at `{name}`: an FMU may have 2000 MB, and no more than 100 MB and 100 \
+         times the size of its archive; pack its resources less densely if it really has so many"
+    ))
 }
 
 /// The most bytes to which an archive of `packed` bytes may unpack.
@@ -62,10 +75,14 @@ impl Archive {
     pub fn read(packed: Vec<u8>) -> Result<Archive, ImportError> {
         let mut zip = ZipArchive::new(Cursor::new(&packed[..])).map_err(of_zip)?;
         if zip.len() > MOST_ENTRIES {
-            return Err(ImportError::Entries { got: zip.len(), most: MOST_ENTRIES });
+            let hint = "put the files of a large folder into one archive among its resources";
+            return Err(refused(format!(
+                "the archive has {} entries: at most {MOST_ENTRIES} are read; {hint}",
+                zip.len()
+            )));
         }
-        let mut left = most_unpacked(packed.len());
-        let most_mb = left / 1_000_000;
+        let most_unpacked = most_unpacked(packed.len());
+        let mut left = most_unpacked;
         let mut entries = BTreeMap::new();
         let mut description = None;
         for index in 0..zip.len() {
@@ -78,21 +95,23 @@ impl Archive {
                 continue;
             }
             // The size that an entry states need not be true: `unpack` counts again.
-            left = left.checked_sub(entry.size()).ok_or(ImportError::TooLarge { name: name.clone(), most_mb })?;
+            left = left.checked_sub(entry.size()).ok_or_else(|| too_large(&name, most_unpacked))?;
             if is_description {
                 description = Some(index);
             } else {
                 entries.insert(name, index);
             }
         }
-        let index = description.ok_or(ImportError::NoFile { name: DESCRIPTION })?;
-        let most = MOST_DESCRIPTION.min(most_unpacked(packed.len()));
+        let none = || refused(format!("no `{DESCRIPTION}` in the archive: it is no FMU"));
+        let index = description.ok_or_else(none)?;
+        let most = MOST_DESCRIPTION.min(most_unpacked);
         let mut text = Vec::new();
         zip.by_index(index).map_err(of_zip)?.take(most + 1).read_to_end(&mut text).map_err(of_zip)?;
         if text.len() as u64 > most {
-            return Err(ImportError::TooLarge { name: DESCRIPTION.into(), most_mb: most / 1_000_000 });
+            return Err(too_large(DESCRIPTION, most));
         }
-        let description = String::from_utf8(text).map_err(|_| ImportError::Xml { reason: "it is not UTF-8".into() })?;
+        let not_utf8 = |_| ImportError::Description { reason: "it is not UTF-8".into() };
+        let description = String::from_utf8(text).map_err(not_utf8)?;
         Ok(Archive { packed: Arc::new(packed), description, entries })
     }
 
@@ -112,7 +131,8 @@ impl Archive {
             .filter_map(|name| name.split('/').nth(1).filter(|_| name.starts_with("binaries/")))
             .collect();
         has.dedup();
-        Err(ImportError::Platform { expected: expected.to_owned(), has: has.join(", ") })
+        let has = if has.is_empty() { "has no libraries".to_owned() } else { format!("is for {}", has.join(", ")) };
+        Err(ImportError::Unsuitable { reason: format!("no `{expected}` in the FMU: it {has}") })
     }
 
     /// Unpacks the libraries for `platform`, as the folder among `binaries` is called, and the resources into `folder`,
@@ -143,9 +163,7 @@ impl Archive {
                 if got == 0 {
                     break;
                 }
-                left = left
-                    .checked_sub(got as u64)
-                    .ok_or_else(|| ImportError::TooLarge { name: name.clone(), most_mb: most / 1_000_000 })?;
+                left = left.checked_sub(got as u64).ok_or_else(|| too_large(name, most))?;
                 file.write_all(&buffer[..got]).map_err(failed)?;
             }
         }
@@ -174,5 +192,6 @@ fn check_name(name: &str, unix_mode: Option<u32>) -> Result<(), ImportError> {
     } else {
         return Ok(());
     };
-    Err(ImportError::Name { name: name.to_owned(), what })
+    let hint = "names must stay within the FMU; nothing of it is unpacked";
+    Err(refused(format!("`{name}` in the archive {what}: {hint}")))
 }

@@ -3,6 +3,7 @@
 use std::io::{BufReader, Error, ErrorKind, PipeReader, PipeWriter, Write};
 
 use crate::ImportError;
+use crate::abi::{StartError, is_good};
 use crate::description::Version;
 use crate::message::{Answer, Request, StepCall, Stepped};
 use crate::process::{FarEnds, Guard};
@@ -42,10 +43,6 @@ fn status_name(status: Option<i32>) -> &'static str {
         Some(5) => "Pending",
         Some(_) => "a status that FMI does not have",
     }
-}
-
-fn is_good(status: i32) -> bool {
-    matches!(status, 0 | 1)
 }
 
 /// Says how a process has ended, by its status of waitpid(2).
@@ -94,26 +91,23 @@ impl Instance {
         if !matches!(answer, Ok(Answer::Started)) {
             self.is_over = true;
         }
-        let log = self.last_message();
+        let log = self.last.take();
+        let failed = |reason: String| Err(ImportError::Start { reason, log });
         match answer {
             Ok(Answer::Started) => match read.iter().find(|value| !value.is_finite()) {
                 Some(got) => {
                     let fault = ForeignFault::NotFinite { got: *got };
                     let call = self.function(StepCall::Get);
-                    Err(ImportError::Start {
-                        reason: StructureError::Foreign { call, t_s: 0.0, fault }.to_string(),
-                        log,
-                    })
+                    failed(StructureError::Foreign { call, t_s: 0.0, fault }.to_string())
                 }
                 None => Ok(()),
             },
-            Ok(Answer::NotLoaded { reason }) => Err(ImportError::Load { reason }),
-            Ok(Answer::NoFunction { name }) => Err(ImportError::Function { name }),
-            Ok(Answer::Refused { function, status }) => {
-                Err(ImportError::Call { call: function, status: status_name(status), log })
+            Ok(Answer::NotStarted(StartError::Library(reason))) => Err(ImportError::Library { reason }),
+            Ok(Answer::NotStarted(StartError::Refused { function, status })) => {
+                failed(format!("{function} returned {}", status_name(status)))
             }
-            Ok(_) => Err(ImportError::Ended { during: "loading", fault: ForeignFault::Lost, log }),
-            Err(fault) => Err(ImportError::Ended { during: "loading", fault, log }),
+            Ok(_) => failed(format!("loading the FMU, {}", ForeignFault::Lost)),
+            Err(fault) => failed(format!("loading the FMU, {fault}")),
         }
     }
 
@@ -208,7 +202,11 @@ impl Instance {
 
     /// Frees the FMU and unloads its library.
     pub fn end(mut self) -> Result<(), ImportError> {
-        self.finish().map_err(|fault| ImportError::Ended { during: "unloading", fault, log: self.last_message() })
+        let finished = self.finish();
+        finished.map_err(|fault| ImportError::Start {
+            reason: format!("unloading the FMU, {fault}"),
+            log: self.last.take(),
+        })
     }
 
     fn finish(&mut self) -> Result<(), ForeignFault> {
@@ -221,11 +219,6 @@ impl Instance {
             Answer::Freed => Ok(()),
             _ => Err(ForeignFault::Lost),
         }
-    }
-
-    /// The last message of the FMU, once.
-    pub fn last_message(&mut self) -> Option<String> {
-        self.last.take()
     }
 }
 

@@ -30,14 +30,17 @@ pub(crate) enum Dof {
 }
 
 impl Dof {
-    fn parse(key: &'static str, text: &str) -> Result<Dof, ImportError> {
+    fn parse(key: &str, text: &str) -> Result<Dof, ImportError> {
         let numbered = |name: &str| text.strip_prefix(name)?.parse().ok().filter(|number: &usize| *number > 0);
         let is_point = || matches!(text.rsplit_once('.'), Some((point, "x" | "y" | "z")) if !point.is_empty());
         match (numbered("joint"), numbered("mode")) {
             (Some(joint), _) => Ok(Dof::Joint(joint)),
             (_, Some(mode)) => Ok(Dof::Mode(mode)),
             _ if is_point() => Ok(Dof::Point),
-            _ => Err(ImportError::Dof { key, got: text.to_owned() }),
+            _ => {
+                let expected = "write point and axis, as in \"tip.x\", or joint1, or mode1";
+                Err(of_key(key, format!("`{text}` names no degree of freedom: {expected}")))
+            }
         }
     }
 }
@@ -114,7 +117,8 @@ impl Mapping {
     fn drive(&mut self, description: &Description, spec: &Spec, exciter: &str) -> Result<(), ImportError> {
         for dof in spec.inputs.keys() {
             if !matches!(Dof::parse("inputs", dof)?, Dof::Point | Dof::Joint(1..=MOST_JOINTS)) {
-                return Err(ImportError::Driven { got: dof.clone() });
+                let driven = "loads are forces at points and torques at joint1 to joint8";
+                return Err(of_key("inputs", format!("`{dof}` can't be driven: {driven}")));
             }
         }
         for (slot, dof) in self.inputs.iter_mut().zip(driven(exciter)) {
@@ -138,14 +142,15 @@ impl Mapping {
     fn check(&self, description: &Description, spec: &Spec, dof: &str, of: &OutputsOf) -> Result<(), ImportError> {
         let kind = Dof::parse("outputs", dof)?;
         if of.force.is_some() && spec.read != ReadAt::End {
-            return Err(ImportError::Force { dof: dof.to_owned() });
+            let hint = "leave it out, or take `read = \"end\"`";
+            return Err(of_key(&output(dof), format!("`force` is of an FMU that samples it itself: {hint}")));
         }
         let names = [&of.displacement, &of.velocity, &of.acceleration, &of.force];
         let quantities = [Of::Displacement(kind), Of::Velocity(kind), Of::Acceleration(kind), Of::Head];
         let keys = ["displacement", "velocity", "acceleration", "force"];
         for ((name, quantity), key) in names.into_iter().zip(quantities).zip(keys) {
             if let Some(name) = name {
-                let key = format!("outputs.\"{dof}\".{key}");
+                let key = format!("{}.{key}", output(dof));
                 named(description, &key, name, quantity)?;
                 warn_of_unit(description, &key, name, quantity)?;
             }
@@ -155,7 +160,7 @@ impl Mapping {
 
     /// Adds a variable of a degree of freedom to those that are read, and returns its place there.
     fn slot(&mut self, description: &Description, dof: &str, name: &str, of: Of) -> Result<Slot, ImportError> {
-        let variable = named(description, &format!("outputs.\"{dof}\""), name, of)?;
+        let variable = named(description, &output(dof), name, of)?;
         Ok(self.read.slot(&variable))
     }
 
@@ -168,12 +173,10 @@ impl Mapping {
     ) -> Result<(), ImportError> {
         let (channels, all) = coordinates(outputs)?;
         self.channels = channels;
-        for Coordinate { kind, dof, displacement, .. } in &all {
-            let slot = self.slot(description, dof, displacement, Of::Displacement(*kind))?;
-            self.states.push(slot);
-        }
-        for Coordinate { kind, dof, velocity, .. } in &all {
-            let slot = self.slot(description, dof, velocity, Of::Velocity(*kind))?;
+        let displacements = all.iter().map(|of| (of.dof, of.displacement, Of::Displacement(of.kind)));
+        let velocities = all.iter().map(|of| (of.dof, of.velocity, Of::Velocity(of.kind)));
+        for (dof, name, quantity) in displacements.chain(velocities) {
+            let slot = self.slot(description, dof, name, quantity)?;
             self.states.push(slot);
         }
         Ok(())
@@ -199,7 +202,7 @@ impl Mapping {
                 None if needs_velocity => {
                     let why =
                         "the filter of rig.converter needs it beside the acceleration; or take the converter `instant`";
-                    return Err(ImportError::Missing { dof: dof.clone(), missing: "velocity", why });
+                    return Err(missing(dof, "velocity", why));
                 }
                 _ => None,
             };
@@ -234,8 +237,8 @@ impl Mapping {
                     }
                     false => return Ok(None),
                 };
-                let missing = || ImportError::Missing { dof: dof.to_owned(), missing: key, why };
-                self.slot(description, dof, name.as_ref().ok_or_else(missing)?, quantity).map(Some)
+                let name = name.as_ref().ok_or_else(|| missing(dof, key, why))?;
+                self.slot(description, dof, name, quantity).map(Some)
             };
             let sensed = Sensed {
                 displacement: slot("displacement", &of.displacement, 0, Of::Displacement(kind))?,
@@ -258,8 +261,7 @@ impl Mapping {
                     self.travel[axis] = Some(self.slot(description, dof, name, Of::Displacement(Dof::Point))?);
                 }
                 None if spec.limits_travel && self.inputs[MOST_JOINTS + axis].is_some() => {
-                    let why = "rig.gate.travel_limit_m needs it";
-                    return Err(ImportError::Missing { dof: dof.clone(), missing: "displacement", why });
+                    return Err(missing(dof, "displacement", "rig.gate.travel_limit_m needs it"));
                 }
                 None => {}
             }
@@ -294,7 +296,9 @@ fn coordinates(outputs: &BTreeMap<String, OutputsOf>) -> Result<(Vec<Channel>, V
     let Some(first) = all.first() else { return Ok((Vec::new(), all)) };
     let kind = core::mem::discriminant(&first.kind);
     if let Some(other) = all.iter().find(|other| core::mem::discriminant(&other.kind) != kind) {
-        return Err(ImportError::Kinds { one: first.dof.clone(), other: other.dof.clone() });
+        let hint = "give displacement and velocity of one kind alone";
+        let (one, other) = (first.dof, other.dof);
+        return Err(of_key("outputs", format!("`{one}` and `{other}` are coordinates of different kinds: {hint}")));
     }
     let (of, what) = match first.kind {
         Dof::Point => (Coordinates::Displacements, "points"),
@@ -306,7 +310,11 @@ fn coordinates(outputs: &BTreeMap<String, OutputsOf>) -> Result<(Vec<Channel>, V
         Dof::Joint(number) | Dof::Mode(number) => number == index + 1,
     };
     if all.len() > of.most() || !all.iter().enumerate().all(is_in_order) {
-        return Err(ImportError::Coordinates { what, got: all.len(), most: of.most() });
+        let (got, most) = (all.len(), of.most());
+        let reason = format!(
+            "displacement and velocity are given for {got} {what}: a recording has at most {most}, numbered from 1 without a gap"
+        );
+        return Err(of_key("outputs", reason));
     }
     Ok((coordinate_channels(of, all.len()), all))
 }
@@ -356,6 +364,21 @@ fn directions(exciter: &str) -> [Option<String>; 3] {
 /// The degrees of freedom of a place of the rig: along x and y of a point, or one for x.
 fn axes(at: &str) -> [Option<String>; 2] {
     if at.contains('.') { [Some(at.to_owned()), None] } else { ["x", "y"].map(|axis| Some(format!("{at}.{axis}"))) }
+}
+
+/// The key of the variables of a degree of freedom that is read.
+fn output(dof: &str) -> String {
+    format!("outputs.\"{dof}\"")
+}
+
+/// The error of a key of the section `[structure]`.
+fn of_key(key: &str, reason: String) -> ImportError {
+    ImportError::Structure { key: key.to_owned(), reason }
+}
+
+/// The error of a variable that is needed and not mapped.
+fn missing(dof: &str, variable: &str, why: &str) -> ImportError {
+    of_key(&output(dof), format!("`{variable}` is missing: {why}"))
 }
 
 fn place<'a>(

@@ -6,7 +6,7 @@
 use std::io::{Error, ErrorKind, PipeWriter, Read, Result, Write};
 use std::sync::{Mutex, PoisonError};
 
-use crate::abi::StepOutcome;
+use crate::abi::StartError;
 
 /// The longest answer that is read, bytes: an array of a million numbers has 8 MB.
 const MOST_LENGTH: u32 = 1 << 26;
@@ -68,16 +68,10 @@ pub(crate) enum StepCall {
 pub(crate) struct Stepped {
     pub call: StepCall,
     pub status: i32,
+    /// Whether the FMU asks to end the simulation.
     pub terminates: bool,
+    /// Time that the FMU says it has reached, s; `None` if it does not say.
     pub reached_s: Option<f64>,
-}
-
-impl Stepped {
-    /// The end of a step that got as far as `call`.
-    pub fn new(call: StepCall, status: i32, outcome: Option<StepOutcome>) -> Stepped {
-        let terminates = outcome.is_some_and(|outcome| outcome.terminates);
-        Stepped { call, status, terminates, reached_s: outcome.and_then(|outcome| outcome.reached_s) }
-    }
 }
 
 /// An answer of the process of an FMU, or of the one that watches it.
@@ -87,12 +81,8 @@ pub(crate) enum Answer {
     Says { status: i32, text: String },
     /// The simulation has begun. The values that are read follow.
     Started,
-    /// The library can't be loaded.
-    NotLoaded { reason: String },
-    /// The library lacks a function.
-    NoFunction { name: String },
-    /// A function returned a bad status before the simulation began; `None` for an instance that is NULL.
-    Refused { function: String, status: Option<i32> },
+    /// The simulation could not begin.
+    NotStarted(StartError),
     /// A step was made. The values that are read follow if it succeeded.
     Stepped(Stepped),
     /// The instance is freed, and the library unloaded.
@@ -116,12 +106,11 @@ fn read_numbers(bytes: &[u8], numbers: &mut [f64]) -> bool {
 impl Answer {
     const SAYS: u8 = 1;
     const STARTED: u8 = 2;
-    const NOT_LOADED: u8 = 3;
-    const NO_FUNCTION: u8 = 4;
-    const REFUSED: u8 = 5;
-    const STEPPED: u8 = 6;
-    const FREED: u8 = 7;
-    const ENDED: u8 = 8;
+    const UNUSABLE: u8 = 3;
+    const REFUSED: u8 = 4;
+    const STEPPED: u8 = 5;
+    const FREED: u8 = 6;
+    const ENDED: u8 = 7;
 
     fn bytes(&self, values: &[f64]) -> Vec<u8> {
         let values = || values.iter().flat_map(|value| value.to_ne_bytes());
@@ -136,9 +125,8 @@ impl Answer {
         let (kind, body): (u8, Vec<u8>) = match self {
             Answer::Says { status, text: said } => (Answer::SAYS, text(Some(*status), said)),
             Answer::Started => (Answer::STARTED, values().collect()),
-            Answer::NotLoaded { reason } => (Answer::NOT_LOADED, text(None, reason)),
-            Answer::NoFunction { name } => (Answer::NO_FUNCTION, text(None, name)),
-            Answer::Refused { function, status } => (Answer::REFUSED, text(*status, function)),
+            Answer::NotStarted(StartError::Library(reason)) => (Answer::UNUSABLE, text(None, reason)),
+            Answer::NotStarted(StartError::Refused { function, status }) => (Answer::REFUSED, text(*status, function)),
             Answer::Stepped(stepped) => {
                 let mut body =
                     vec![stepped.call as u8, u8::from(stepped.terminates), u8::from(stepped.reached_s.is_some())];
@@ -185,11 +173,10 @@ impl Answer {
                 Answer::Says { status: status?, text }
             }
             Answer::STARTED => read_numbers(body, values).then_some(Answer::Started)?,
-            Answer::NOT_LOADED => Answer::NotLoaded { reason: text()?.1 },
-            Answer::NO_FUNCTION => Answer::NoFunction { name: text()?.1 },
+            Answer::UNUSABLE => Answer::NotStarted(StartError::Library(text()?.1)),
             Answer::REFUSED => {
                 let (status, function) = text()?;
-                Answer::Refused { function, status }
+                Answer::NotStarted(StartError::Refused { function, status })
             }
             Answer::STEPPED => {
                 let ([call, terminates, has_reached], body) = body.split_first_chunk::<3>()?;
@@ -255,10 +242,9 @@ mod tests {
         for answer in [
             Answer::Says { status: 2, text: "an error\nof two lines".into() },
             Answer::Started,
-            Answer::NotLoaded { reason: "no such file".into() },
-            Answer::NoFunction { name: "fmi3DoStep".into() },
-            Answer::Refused { function: "fmi3DoStep".into(), status: Some(-1) },
-            Answer::Refused { function: "fmi3Instantiate".into(), status: None },
+            Answer::NotStarted(StartError::Library("has no function `fmi3DoStep`".into())),
+            Answer::NotStarted(StartError::Refused { function: "fmi3DoStep".into(), status: Some(-1) }),
+            Answer::NotStarted(StartError::Refused { function: "fmi3Instantiate".into(), status: None }),
             Answer::Stepped(stepped),
             Answer::Stepped(Stepped { reached_s: None, terminates: false, ..stepped }),
             Answer::Freed,

@@ -214,7 +214,8 @@ fn an_archive_that_unpacks_to_far_more_than_its_size_is_refused_before_it_is_unp
     let deflated = zip(&entries);
     let most_mb = 100 + 100 * deflated.len() / 1_000_000;
     let refused = Source::read(deflated, &spec()).unwrap_err();
-    assert!(matches!(refused, ImportError::TooLarge { most_mb: got, .. } if got == most_mb as u64), "{refused}");
+    let expected = format!("the archive unpacks to more than {most_mb} MB, at `resources/5`: ");
+    assert!(refused.to_string().starts_with(&expected), "{refused}");
     assert!(Source::read(zip(&entries[..4]), &spec()).is_ok());
 }
 
@@ -231,7 +232,7 @@ fn an_archive_that_understates_its_sizes_is_refused_as_it_is_unpacked() {
     let source = Source::read(packed, &spec()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let refused = source.archive.unpack("x86_64-linux", folder.path()).unwrap_err();
-    assert!(matches!(refused, ImportError::TooLarge { .. } | ImportError::Zip { .. }), "{refused}");
+    assert!(matches!(refused, ImportError::Archive { .. }), "{refused}");
     let written = std::fs::read_dir(folder.path().join("resources")).unwrap();
     let written: u64 = written.map(|entry| entry.unwrap().metadata().unwrap().len()).sum();
     assert!(written <= 101_000_000, "{written}");
