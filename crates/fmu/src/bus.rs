@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use crate::Fault;
 use crate::content::TxClock;
-use crate::model::{Inputs, Model, Saved, Span};
+use crate::model::{Inputs, Model, Span};
 use crate::operation::{BusErrorCode, Operation};
 use crate::terminal::Terminal;
 use crate::variables::Source;
@@ -92,17 +92,6 @@ impl BusModel {
         if got_hz == expected_hz { Ok(()) } else { Err(Fault::BitRate { node: index + 1, key, got_hz, expected_hz }) }
     }
 
-    /// Says when countdown clocks tick next: now where something waits, else with the next event on the bus.
-    fn schedule(&mut self) {
-        let now_ns = self.clock.now_ns();
-        // All ends share one bus, so the first knows the next event of each.
-        let next_ns = self.ports.first_mut().and_then(|port| port.end.next_event_ns());
-        for Port { terminal, .. } in &mut self.ports {
-            let due_ns = if terminal.is_sending() { Some(now_ns) } else { next_ns };
-            terminal.schedule(now_ns, due_ns);
-        }
-    }
-
     fn are_sending(&self) -> bool {
         self.ports.iter().any(|port| port.terminal.tx_clock())
     }
@@ -123,10 +112,6 @@ fn operation(outcome: Outcome) -> Operation {
 }
 
 impl Model for BusModel {
-    fn begin(&mut self) -> Result<(), Fault> {
-        Ok(())
-    }
-
     fn step(&mut self, span: Span, _inputs: &Inputs) -> Result<bool, Fault> {
         self.clock.advance_to_ns(libm::round(span.to_s * 1e9) as u64);
         self.carry()?;
@@ -148,8 +133,15 @@ impl Model for BusModel {
         self.ports.get_mut(index).map(|port| &mut port.terminal)
     }
 
+    /// Says when countdown clocks tick next: now where something waits, else with the next event on the bus.
     fn before_interval(&mut self) {
-        self.schedule();
+        let now_ns = self.clock.now_ns();
+        // All ends share one bus, so the first knows the next event of each.
+        let next_ns = self.ports.first_mut().and_then(|port| port.end.next_event_ns());
+        for Port { terminal, .. } in &mut self.ports {
+            let due_ns = if terminal.is_sending() { Some(now_ns) } else { next_ns };
+            terminal.schedule(now_ns, due_ns);
+        }
     }
 
     fn number(&self, _source: Source) -> f64 {
@@ -163,17 +155,5 @@ impl Model for BusModel {
             Source::ErrorFrames => traffic.error_frames,
             _ => 0,
         }
-    }
-
-    fn save(&mut self) -> Result<Saved, Fault> {
-        Err(Fault::NotOffered { call: "fmi3GetFMUState", why: "canGetAndSetFMUState is false" })
-    }
-
-    fn restore(&mut self, _saved: &Saved) -> Result<(), Fault> {
-        Err(Fault::NotOffered { call: "fmi3SetFMUState", why: "canGetAndSetFMUState is false" })
-    }
-
-    fn end(&mut self) -> Result<(), Fault> {
-        Ok(())
     }
 }

@@ -49,12 +49,6 @@ pub enum Fault {
         /// Instantiation token stored in the resources.
         expected: String,
     },
-    /// A kind of instance that the FMU does not offer.
-    #[error("{call}: the FMU supports co-simulation only: call fmi3InstantiateCoSimulation")]
-    NotCoSimulation {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-    },
     /// The scenario is impossible.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -67,81 +61,17 @@ pub enum Fault {
     /// A recording can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// A text is not UTF-8.
-    #[error("{call}: {what} is not UTF-8")]
-    NotUtf8 {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Name of the argument that is not UTF-8.
-        what: &'static str,
-    },
-    /// A pointer is null.
-    #[error("{call}: {what} is NULL")]
-    Null {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Name of the argument that is NULL.
-        what: &'static str,
-    },
+    /// The call is one that this FMU does not support, or has an invalid argument. The importer sees no more of it than
+    /// the status `fmi3Error` and this text.
+    #[error("{0}")]
+    Call(String),
     /// The call is not one of this state.
-    #[error("{call} is not allowed in {state}: it is allowed in {legal}")]
+    #[error("not allowed in {state}: it is allowed in {legal}")]
     WrongState {
-        /// Name of the FMI function that was called.
-        call: &'static str,
         /// The state of the instance.
         state: State,
         /// States in which the call is allowed.
         legal: &'static str,
-    },
-    /// The function is not one of this FMU.
-    #[error("{call}: this FMU does not support the function: {why}")]
-    NotOffered {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Capability that the model description states.
-        why: &'static str,
-    },
-    /// No variable has the value reference.
-    #[error("{call}: no variable has the value reference {got}: it must be from 0 to {most}")]
-    UnknownReference {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Value reference that no variable has.
-        got: u32,
-        /// Largest value reference of the FMU.
-        most: u32,
-    },
-    /// A variable of another type.
-    #[error("{call}: `{name}` is of the type {is}: use the function for that type")]
-    WrongType {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Name of the variable.
-        name: String,
-        /// Type of the variable in the model description.
-        is: &'static str,
-    },
-    /// A variable that can't be set now.
-    #[error("{call}: `{name}` can't be set in {state}: {why}")]
-    NotSettable {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Name of the variable.
-        name: String,
-        /// The state of the instance.
-        state: State,
-        /// States in which the variable can be set.
-        why: &'static str,
-    },
-    /// Another number of values than of value references.
-    #[error("{call}: got {values} values for {references} value references: expected one value for each")]
-    Lengths {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Number of value references given.
-        references: usize,
-        /// Number of values given.
-        values: usize,
     },
     /// A value that a variable can't have.
     #[error("`{name}` is {got}: it must be {expected}", got = short(.got))]
@@ -166,90 +96,25 @@ pub enum Fault {
         /// Largest torque of the exciter, N·m.
         limit_nm: f64,
     },
-    /// The start time is not finite.
-    #[error("fmi3EnterInitializationMode: the start time is {got_s} s: it must be finite")]
-    StartTime {
-        /// Start time that was given, s.
-        got_s: f64,
-    },
-    /// The step does not begin where the last one ended.
-    #[error("fmi3DoStep: the step begins at {got_s} s: it must begin at {at_s} s, the time of the FMU")]
-    StepStart {
-        /// Time at which the step begins, s.
-        got_s: f64,
-        /// Time of the FMU, s.
-        at_s: f64,
-    },
-    /// The length of a step is impossible.
-    #[error("fmi3DoStep: the length of the step is {got_s} s: it must be finite and not negative")]
-    StepSize {
-        /// Requested length of the step, s.
-        got_s: f64,
-    },
-    /// Time does not advance by the step.
-    #[error(
-        "fmi3DoStep: the step of {got_s} s is too small: it does not advance the time {at_s} s; make a longer step"
-    )]
-    StepTooSmall {
-        /// Requested length of the step, s.
-        got_s: f64,
-        /// Time at which the step begins, s.
-        at_s: f64,
-    },
     /// The recording already has what the state would take back.
     #[error(
-        "fmi3SetFMUState: the recording already contains samples after this state, up to sample {sample}: keep a \
+        "the recording already contains samples after this state, up to sample {sample}: keep a \
          state from fmi3GetFMUState for as long as you may return to it, or leave `parameter.recording` empty"
     )]
     Recorded {
         /// The last sample in the file.
         sample: u64,
     },
-    /// A saved state that is not of this FMU.
-    #[error("{call}: the bytes are not a state of this FMU: {reason}")]
-    Saved {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Description of what differs from a state of this FMU.
-        reason: &'static str,
-    },
-    /// A buffer of another length than the state has.
-    #[error("{call}: got {got} bytes: the state has {expected}")]
-    SavedLength {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Length of the buffer given, bytes.
-        got: usize,
-        /// Length of the state, bytes.
-        expected: usize,
-    },
-    /// The importer does not use event mode, without which no frame moves.
-    #[error(
-        "fmi3InstantiateCoSimulation: eventModeUsed is false: the FMU exchanges frames only in event mode; set eventModeUsed to true"
-    )]
-    NeedsEventMode,
-    /// Bytes that end within an operation.
-    #[error(
-        "`{name}`: the operation at byte {at} has {got} bytes, expected {expected}: the bytes were cut off, or are \
-         not operations of FMI-LS-BUS"
-    )]
-    Operation {
-        /// Name of the terminal that received the bytes.
+    /// A saved state that is not of this FMU, with what differs.
+    #[error("the bytes are not a state of this FMU: {0}")]
+    Saved(&'static str),
+    /// A terminal received bytes that end within an operation, or has frames that nobody fetches.
+    #[error("`{name}`: {reason}")]
+    Terminal {
+        /// Name of the terminal.
         name: String,
-        /// Byte at which the operation begins.
-        at: usize,
-        /// The bytes that are left from there on.
-        got: usize,
-        /// Length that the operation states, bytes.
-        expected: usize,
-    },
-    /// Frames that nobody fetches.
-    #[error("`{name}`: {bytes} bytes wait to be sent: the importer never activates the clock `{name}.Tx_Clock`")]
-    Untaken {
-        /// Name of the terminal with the waiting frames.
-        name: String,
-        /// The bytes that wait.
-        bytes: usize,
+        /// What is wrong with its bytes.
+        reason: String,
     },
     /// A bus without a bit rate.
     #[error("the scenario gives no network.bit_rate_hz: a bus on which frames take time needs it")]
@@ -268,12 +133,23 @@ pub enum Fault {
         /// Bit rate of the bus, bit/s.
         expected_hz: u32,
     },
-    /// Something panicked, which is a defect of the library.
-    #[error("{call}: internal error in the library: {reason}; please report it")]
-    Panic {
-        /// Name of the FMI function that was called.
-        call: &'static str,
-        /// Message of the panic.
-        reason: String,
-    },
+    /// Something panicked, with this message, which is a defect of the library.
+    #[error("internal error in the library: {0}; please report it")]
+    Panic(String),
+}
+
+impl Fault {
+    /// The error of a function that the description says is not to be called.
+    pub(crate) fn not_offered(why: &str) -> Fault {
+        Fault::Call(format!("this FMU does not support the function: {why}"))
+    }
+
+    /// The message in the importer's log: an error of a call itself begins with the name of the function.
+    pub(crate) fn in_call(&self, call: &str) -> String {
+        match self {
+            Fault::WrongState { .. } => format!("{call} is {self}"),
+            Fault::Call(_) | Fault::Saved(_) | Fault::Recorded { .. } | Fault::Panic(_) => format!("{call}: {self}"),
+            _ => self.to_string(),
+        }
+    }
 }

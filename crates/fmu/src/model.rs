@@ -68,6 +68,14 @@ pub(crate) fn reached(time_s: f64, rate_hz: f64) -> u64 {
     (time_s * rate_hz + TOLERANCE_SAMPLES) as u64
 }
 
+/// The capability by which a description says that a model has no states to save.
+pub(crate) const NO_STATES: &str = "canGetAndSetFMUState is false";
+
+/// The error of a state that another kind of model has saved.
+pub(crate) fn of_other_interface() -> Fault {
+    Fault::Saved("it belongs to an FMU with another interface")
+}
+
 /// A state that the importer holds, without what all models have.
 #[derive(Clone, Debug)]
 pub(crate) enum Saved {
@@ -78,7 +86,9 @@ pub(crate) enum Saved {
 /// The simulation behind an instance: the plant by signals, a CAN node or the bus.
 pub(crate) trait Model {
     /// The simulation begins: a recording is opened.
-    fn begin(&mut self) -> Result<(), Fault>;
+    fn begin(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
 
     /// Simulates one step. Returns whether event mode is needed then.
     fn step(&mut self, span: Span, inputs: &Inputs) -> Result<bool, Fault>;
@@ -103,13 +113,19 @@ pub(crate) trait Model {
     fn before_interval(&mut self) {}
 
     /// Returns a copy of the current state.
-    fn save(&mut self) -> Result<Saved, Fault>;
+    fn save(&mut self) -> Result<Saved, Fault> {
+        Err(Fault::not_offered(NO_STATES))
+    }
 
     /// Returns to a state.
-    fn restore(&mut self, saved: &Saved) -> Result<(), Fault>;
+    fn restore(&mut self, _saved: &Saved) -> Result<(), Fault> {
+        Err(Fault::not_offered(NO_STATES))
+    }
 
     /// The simulation ends: a recording is finished.
-    fn end(&mut self) -> Result<(), Fault>;
+    fn end(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
 }
 
 /// The variables of a content.
@@ -128,8 +144,9 @@ pub(crate) fn build(content: &Content, parameters: &Parameters) -> Result<Box<dy
     let Settings { interface, role, clock, nodes } = content.settings;
     Ok(match (interface, role) {
         (Interface::Signals, _) => Box::new(Signals::new(parameters.session(content)?)),
-        (Interface::Can, Role::Plant) => Box::new(Node::plant(parameters.session(content)?, clock)?),
-        (Interface::Can, Role::Exciter) => Box::new(Node::exciter(parameters.session(content)?, clock)?),
+        (Interface::Can, Role::Plant | Role::Exciter) => {
+            Box::new(Node::new(parameters.session(content)?, role == Role::Plant, clock)?)
+        }
         (Interface::Can, Role::Bus) => {
             let spec = content.scenario.timed_bus()?.ok_or(Fault::NoBitRate)?;
             Box::new(BusModel::new(&spec, nodes, clock))

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::Fault;
 use crate::content::TxClock;
-use crate::model::{Inputs, Model, Saved, Span, reached};
+use crate::model::{Inputs, Model, NO_STATES, Saved, Span, of_other_interface, reached};
 use crate::operation::{BusErrorCode, Operation, Status};
 use crate::tape::{Mark, Tape};
 use crate::terminal::Terminal;
@@ -63,24 +63,17 @@ pub(crate) struct SavedNode {
 }
 
 impl Node {
-    /// Creates the node of the plant.
-    pub fn plant(session: Session, clock: TxClock) -> Result<Node, Fault> {
-        let plant = session.hosted_plant(true)?;
-        Ok(Node::of(End::Plant(Box::new(plant)), session, clock))
-    }
-
-    /// Creates the node of the exciter.
-    pub fn exciter(session: Session, clock: TxClock) -> Result<Node, Fault> {
-        let exciter = session.hosted_exciter()?;
-        Ok(Node::of(End::Exciter(exciter), session, clock))
-    }
-
-    fn of(end: End, session: Session, clock: TxClock) -> Node {
+    /// Creates the node of the plant, or of the exciter.
+    pub fn new(session: Session, is_plant: bool, clock: TxClock) -> Result<Node, Fault> {
+        let end = match is_plant {
+            true => End::Plant(Box::new(session.hosted_plant(true)?)),
+            false => End::Exciter(session.hosted_exciter()?),
+        };
         let network = &session.scenario().network;
         let nominal_hz = network.bit_rate_hz.unwrap_or(BIT_RATE_HZ);
         let rates = BitRates { nominal_hz, data_hz: network.data_bit_rate_hz.unwrap_or(nominal_hz) };
         let (terminal, controller) = (Terminal::new("can", clock), Controller::default());
-        Node { end, terminal, controller, rates, now_ns: 0, samples: false, tape: None, session }
+        Ok(Node { end, terminal, controller, rates, now_ns: 0, samples: false, tape: None, session })
     }
 
     /// Tells the bus what it must know before the first frame.
@@ -276,7 +269,7 @@ impl Model for Node {
 
     fn save(&mut self) -> Result<Saved, Fault> {
         let End::Plant(plant) = &self.end else {
-            return Err(Fault::NotOffered { call: "fmi3GetFMUState", why: "canGetAndSetFMUState is false" });
+            return Err(Fault::not_offered(NO_STATES));
         };
         Ok(Saved::Node(Box::new(SavedNode {
             plant: plant.clone(),
@@ -289,12 +282,7 @@ impl Model for Node {
     }
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
-        let Saved::Node(saved) = saved else {
-            return Err(Fault::Saved {
-                call: "fmi3SetFMUState",
-                reason: "it belongs to an FMU with another interface",
-            });
-        };
+        let Saved::Node(saved) = saved else { return Err(of_other_interface()) };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.plant.plant().sample())?;
         }

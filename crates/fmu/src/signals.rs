@@ -10,12 +10,11 @@
 use std::sync::Arc;
 
 use crate::Fault;
-use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, reached};
+use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, of_other_interface, reached};
 use crate::tape::{Mark, Tape};
 use crate::variables::Source;
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::{Load, MOST_CHANNELS, Measurement, Reading, Readings};
-use resonarm_bench::structure::OUTPUTS;
+use resonarm_bench::rig::{Load, MOST_CHANNELS, Measurement};
 use resonarm_bus::Statistics;
 use resonarm_files::recording::{Record, StateRecord};
 use resonarm_session::run::{Session, sample_record};
@@ -42,14 +41,7 @@ pub(crate) struct Signals {
 pub(crate) struct SavedSignals {
     pub now: Measured,
     /// Mark of a state that was not read from bytes, while something is recorded.
-    mark: Option<Arc<Mark>>,
-}
-
-impl SavedSignals {
-    /// A state that was read from bytes.
-    pub fn read(now: Measured) -> SavedSignals {
-        SavedSignals { now, mark: None }
-    }
+    pub mark: Option<Arc<Mark>>,
 }
 
 impl Signals {
@@ -156,12 +148,7 @@ impl Model for Signals {
     }
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
-        let Saved::Signals(saved) = saved else {
-            return Err(Fault::Saved {
-                call: "fmi3SetFMUState",
-                reason: "it belongs to an FMU with another interface",
-            });
-        };
+        let Saved::Signals(saved) = saved else { return Err(of_other_interface()) };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.now.plant.sample())?;
         }
@@ -179,14 +166,4 @@ impl Model for Signals {
             None => Ok(()),
         }
     }
-}
-
-/// The measurement of these readings, those in the order of [`OUTPUTS`] and the others.
-pub(crate) fn measurement(
-    sample: u64,
-    [hx, hy, bx, by, cx, cy]: [Reading; OUTPUTS.len()],
-    more: Readings,
-) -> Measurement {
-    let (head_force_n, acceleration_b_m_s2, acceleration_c_m_s2) = ([hx, hy], [bx, by], [cx, cy]);
-    Measurement { sample, head_force_n, acceleration_b_m_s2, acceleration_c_m_s2, more }
 }

@@ -8,7 +8,7 @@ use crate::operation::{self, Operation};
 const MOST_BYTES: usize = 1 << 20;
 
 /// A network terminal of FMI-LS-BUS, by which a node exchanges operations with the bus.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Terminal {
     name: String,
     clock: TxClock,
@@ -38,16 +38,7 @@ pub enum Interval {
 
 impl Terminal {
     pub fn new(name: &str, clock: TxClock) -> Terminal {
-        Terminal {
-            name: name.to_string(),
-            clock,
-            outgoing: Vec::new(),
-            ticks: false,
-            incoming: Vec::new(),
-            answers: Vec::new(),
-            due_ns: None,
-            interval: None,
-        }
+        Terminal { name: name.to_string(), clock, ..Terminal::default() }
     }
 
     /// Sends an operation with the next tick.
@@ -62,8 +53,12 @@ impl Terminal {
 
     /// Refuses to keep what no importer fetches.
     pub fn check(&self) -> Result<(), Fault> {
-        let bytes = self.outgoing.len();
-        if bytes > MOST_BYTES { Err(Fault::Untaken { name: self.name.clone(), bytes }) } else { Ok(()) }
+        let (name, bytes) = (self.name.clone(), self.outgoing.len());
+        if bytes <= MOST_BYTES {
+            return Ok(());
+        }
+        let cause = format!("the importer never activates the clock `{name}.Tx_Clock`");
+        Err(Fault::Terminal { name, reason: format!("{bytes} bytes wait to be sent: {cause}") })
     }
 
     /// Returns the operations to be sent, as `Tx_Data` has them.

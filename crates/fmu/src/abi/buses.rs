@@ -2,13 +2,8 @@
 
 use core::ffi::{c_int, c_void};
 
-use super::{on, slice, slice_mut};
-use crate::Fault;
+use super::{on, same_length, slice, slice_mut};
 use crate::terminal::Interval;
-
-fn same_length(call: &'static str, references: usize, values: usize) -> Result<(), Fault> {
-    if references == values { Ok(()) } else { Err(Fault::Lengths { call, references, values }) }
-}
 
 /// Returns bytes, which stay valid until the next call on the instance.
 #[unsafe(no_mangle)]
@@ -20,16 +15,15 @@ pub unsafe extern "C" fn fmi3GetBinary(
     values: *mut *const u8,
     count: usize,
 ) -> c_int {
-    const CALL: &str = "fmi3GetBinary";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            same_length(CALL, reference_count, count)?;
-            let sizes = slice_mut(CALL, "valueSizes", sizes, count)?;
-            let values = slice_mut(CALL, "values", values, count)?;
-            let references = slice(CALL, "valueReferences", references, count)?;
+        on(instance, "fmi3GetBinary", |handle| {
+            same_length(reference_count, count)?;
+            let sizes = slice_mut("valueSizes", sizes, count)?;
+            let values = slice_mut("values", values, count)?;
+            let references = slice("valueReferences", references, count)?;
             for ((reference, size), value) in references.iter().zip(sizes).zip(values) {
-                let bytes = handle.instance.binary(CALL, *reference)?;
+                let bytes = handle.instance.binary(*reference)?;
                 (*size, *value) = (bytes.len(), bytes.as_ptr());
             }
             Ok(())
@@ -47,16 +41,15 @@ pub unsafe extern "C" fn fmi3SetBinary(
     values: *const *const u8,
     count: usize,
 ) -> c_int {
-    const CALL: &str = "fmi3SetBinary";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            same_length(CALL, reference_count, count)?;
-            let sizes = slice(CALL, "valueSizes", sizes, count)?;
-            let values = slice(CALL, "values", values, count)?;
-            let references = slice(CALL, "valueReferences", references, count)?;
+        on(instance, "fmi3SetBinary", |handle| {
+            same_length(reference_count, count)?;
+            let sizes = slice("valueSizes", sizes, count)?;
+            let values = slice("values", values, count)?;
+            let references = slice("valueReferences", references, count)?;
             for ((reference, size), value) in references.iter().zip(sizes).zip(values) {
-                handle.instance.set_binary(CALL, *reference, slice(CALL, "a value", *value, *size)?)?;
+                handle.instance.set_binary(*reference, slice("a value", *value, *size)?)?;
             }
             Ok(())
         })
@@ -71,14 +64,13 @@ pub unsafe extern "C" fn fmi3GetClock(
     count: usize,
     values: *mut bool,
 ) -> c_int {
-    const CALL: &str = "fmi3GetClock";
     // SAFETY: as the standard states; what is written is a `bool`.
     unsafe {
-        on(instance, CALL, |handle| {
+        on(instance, "fmi3GetClock", |handle| {
             // Written as bytes: the importer's memory may hold values that no `bool` of Rust may have.
-            let values = slice_mut(CALL, "values", values.cast::<u8>(), count)?;
-            for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
-                *value = u8::from(handle.instance.clock(CALL, *reference)?);
+            let values = slice_mut("values", values.cast::<u8>(), count)?;
+            for (reference, value) in slice("valueReferences", references, count)?.iter().zip(values) {
+                *value = u8::from(handle.instance.clock(*reference)?);
             }
             Ok(())
         })
@@ -93,13 +85,12 @@ pub unsafe extern "C" fn fmi3SetClock(
     count: usize,
     values: *const u8,
 ) -> c_int {
-    const CALL: &str = "fmi3SetClock";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            let values = slice(CALL, "values", values, count)?;
-            for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
-                handle.instance.set_clock(CALL, *reference, *value != 0)?;
+        on(instance, "fmi3SetClock", |handle| {
+            let values = slice("values", values, count)?;
+            for (reference, value) in slice("valueReferences", references, count)?.iter().zip(values) {
+                handle.instance.set_clock(*reference, *value != 0)?;
             }
             Ok(())
         })
@@ -115,15 +106,14 @@ pub unsafe extern "C" fn fmi3GetIntervalDecimal(
     intervals: *mut f64,
     qualifiers: *mut c_int,
 ) -> c_int {
-    const CALL: &str = "fmi3GetIntervalDecimal";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            let intervals = slice_mut(CALL, "intervals", intervals, count)?;
-            let qualifiers = slice_mut(CALL, "qualifiers", qualifiers, count)?;
-            let references = slice(CALL, "valueReferences", references, count)?;
+        on(instance, "fmi3GetIntervalDecimal", |handle| {
+            let intervals = slice_mut("intervals", intervals, count)?;
+            let qualifiers = slice_mut("qualifiers", qualifiers, count)?;
+            let references = slice("valueReferences", references, count)?;
             for ((reference, interval), qualifier) in references.iter().zip(intervals).zip(qualifiers) {
-                (*interval, *qualifier) = match handle.instance.interval(CALL, *reference)? {
+                (*interval, *qualifier) = match handle.instance.interval(*reference)? {
                     Interval::Unknown => (0.0, 0),
                     Interval::Unchanged(interval_s) => (interval_s, 1),
                     Interval::Changed(interval_s) => (interval_s, 2),

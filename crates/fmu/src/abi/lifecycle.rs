@@ -42,28 +42,22 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     log_message: Option<LogMessage>,
     _intermediate_update: *const c_void,
 ) -> *mut c_void {
-    const CALL: &str = "fmi3InstantiateCoSimulation";
     let log = Log { environment, message: log_message };
     let make = || {
         if resource_path.is_null() {
             return Err(Fault::NoResources);
         }
         // SAFETY: texts, as the standard states.
-        let (token, folder) =
-            unsafe { (text(CALL, "instantiationToken", token)?, text(CALL, "resourcePath", resource_path)?) };
+        let (token, folder) = unsafe { (text("instantiationToken", token)?, text("resourcePath", resource_path)?) };
         Instance::new(Path::new(folder), token, event_mode_used)
     };
-    match catch_unwind(AssertUnwindSafe(make)) {
-        Ok(Ok(instance)) => Box::into_raw(Box::new(Handle { instance, log, texts: Vec::new() })).cast(),
-        Ok(Err(fault)) => {
-            log.error(ERROR, &fault);
-            core::ptr::null_mut()
-        }
-        Err(panic) => {
-            log.error(FATAL, &Fault::Panic { call: CALL, reason: reason(&*panic) });
-            core::ptr::null_mut()
-        }
-    }
+    let (status, fault) = match catch_unwind(AssertUnwindSafe(make)) {
+        Ok(Ok(instance)) => return Box::into_raw(Box::new(Handle { instance, log, texts: Vec::new() })).cast(),
+        Ok(Err(fault)) => (ERROR, fault),
+        Err(panic) => (FATAL, Fault::Panic(reason(&*panic))),
+    };
+    log.error(status, "fmi3InstantiateCoSimulation", &fault);
+    core::ptr::null_mut()
 }
 
 /// Returns NULL: the FMU does not support model exchange.
@@ -97,8 +91,9 @@ pub extern "C" fn fmi3InstantiateScheduledExecution(
     refuse(Log { environment, message: log_message }, "fmi3InstantiateScheduledExecution")
 }
 
-fn refuse(log: Log, call: &'static str) -> *mut c_void {
-    log.error(ERROR, &Fault::NotCoSimulation { call });
+fn refuse(log: Log, call: &str) -> *mut c_void {
+    let reason = "the FMU supports co-simulation only: call fmi3InstantiateCoSimulation";
+    log.error(ERROR, call, &Fault::Call(reason.into()));
     core::ptr::null_mut()
 }
 

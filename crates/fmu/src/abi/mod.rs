@@ -40,10 +40,10 @@ struct Log {
 
 impl Log {
     /// Logs a failure, whatever `loggingOn` says.
-    fn error(self, status: c_int, fault: &Fault) {
+    fn error(self, status: c_int, call: &str, fault: &Fault) {
         let Some(message) = self.message else { return };
         // A message has no NUL inside but by a name that the importer gave.
-        let text = CString::new(fault.to_string().replace('\0', " ")).unwrap_or_default();
+        let text = CString::new(fault.in_call(call).replace('\0', " ")).unwrap_or_default();
         let category = if status == FATAL { c"logStatusFatal" } else { c"logStatusError" };
         // SAFETY: the importer's callback, with texts that live during the call.
         unsafe { message(self.environment, status, category.as_ptr(), text.as_ptr()) }
@@ -62,20 +62,20 @@ struct Handle {
 ///
 /// # Safety
 /// `instance` is NULL or from an instantiation, not freed, and used by no other thread now.
-unsafe fn on(instance: *mut c_void, call: &'static str, work: impl FnOnce(&mut Handle) -> Result<(), Fault>) -> c_int {
+unsafe fn on(instance: *mut c_void, call: &str, work: impl FnOnce(&mut Handle) -> Result<(), Fault>) -> c_int {
     // SAFETY: as stated.
     let Some(handle) = (unsafe { instance.cast::<Handle>().as_mut() }) else { return ERROR };
     let log = handle.log;
     let (status, fault) = match catch_unwind(AssertUnwindSafe(|| work(handle))) {
         Ok(Ok(())) => return OK,
         Ok(Err(fault)) => (ERROR, fault),
-        Err(panic) => (FATAL, Fault::Panic { call, reason: reason(&*panic) }),
+        Err(panic) => (FATAL, Fault::Panic(reason(&*panic))),
     };
     // SAFETY: as above; the work has ended.
     if let Some(handle) = unsafe { instance.cast::<Handle>().as_mut() } {
         handle.instance.fail();
     }
-    log.error(status, &fault);
+    log.error(status, call, &fault);
     status
 }
 
@@ -90,15 +90,10 @@ fn reason(panic: &(dyn core::any::Any + Send)) -> String {
 ///
 /// # Safety
 /// `pointer` is NULL or points at `length` elements that live and are not written for as long as the result is used.
-unsafe fn slice<'a, T>(
-    call: &'static str,
-    what: &'static str,
-    pointer: *const T,
-    length: usize,
-) -> Result<&'a [T], Fault> {
+unsafe fn slice<'a, T>(what: &str, pointer: *const T, length: usize) -> Result<&'a [T], Fault> {
     match (pointer.is_null(), length) {
         (_, 0) => Ok(&[]),
-        (true, _) => Err(Fault::Null { call, what }),
+        (true, _) => Err(null(what)),
         // SAFETY: as stated.
         (false, _) => Ok(unsafe { core::slice::from_raw_parts(pointer, length) }),
     }
@@ -108,31 +103,40 @@ unsafe fn slice<'a, T>(
 ///
 /// # Safety
 /// As [`slice`], and nothing else reads or writes them.
-unsafe fn slice_mut<'a, T>(
-    call: &'static str,
-    what: &'static str,
-    pointer: *mut T,
-    length: usize,
-) -> Result<&'a mut [T], Fault> {
+unsafe fn slice_mut<'a, T>(what: &str, pointer: *mut T, length: usize) -> Result<&'a mut [T], Fault> {
     match (pointer.is_null(), length) {
         (_, 0) => Ok(&mut []),
-        (true, _) => Err(Fault::Null { call, what }),
+        (true, _) => Err(null(what)),
         // SAFETY: as stated.
         (false, _) => Ok(unsafe { core::slice::from_raw_parts_mut(pointer, length) }),
     }
+}
+
+/// The error of an argument that is NULL.
+fn null(what: &str) -> Fault {
+    Fault::Call(format!("{what} is NULL"))
+}
+
+/// Refuses another number of values than of references: every variable is a scalar.
+fn same_length(references: usize, values: usize) -> Result<(), Fault> {
+    if references == values {
+        return Ok(());
+    }
+    let got = format!("got {values} values for {references} value references");
+    Err(Fault::Call(format!("{got}: expected one value for each")))
 }
 
 /// The text at `pointer`.
 ///
 /// # Safety
 /// `pointer` is NULL or points at a text that ends with NUL and lives for as long as the result is used.
-unsafe fn text<'a>(call: &'static str, what: &'static str, pointer: *const c_char) -> Result<&'a str, Fault> {
+unsafe fn text<'a>(what: &str, pointer: *const c_char) -> Result<&'a str, Fault> {
     if pointer.is_null() {
-        return Err(Fault::Null { call, what });
+        return Err(null(what));
     }
     // SAFETY: as stated.
     let text = unsafe { CStr::from_ptr(pointer) };
-    text.to_str().map_err(|_| Fault::NotUtf8 { call, what })
+    text.to_str().map_err(|_| Fault::Call(format!("{what} is not UTF-8")))
 }
 
 /// Writes through a pointer that the importer gave for a result, unless it is NULL.

@@ -17,12 +17,11 @@ macro_rules! no_variables {
             _values: *const c_void,
             _value_count: usize,
         ) -> c_int {
-            const CALL: &str = stringify!($name);
             // SAFETY: as the standard states.
             unsafe {
-                on(instance, CALL, |handle| match slice(CALL, "valueReferences", references, count)? {
+                on(instance, stringify!($name), |handle| match slice("valueReferences", references, count)? {
                     [] => Ok(()),
-                    [first, ..] => Err(handle.instance.refused_type(CALL, *first)),
+                    [first, ..] => Err(handle.instance.refused_type(*first)),
                 })
             }
         }
@@ -42,7 +41,7 @@ macro_rules! not_offered {
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(instance: *mut c_void $(, _: $argument)*) -> c_int {
             // SAFETY: as the standard states.
-            unsafe { on(instance, stringify!($name), |_| Err(Fault::NotOffered { call: stringify!($name), why: $why })) }
+            unsafe { on(instance, stringify!($name), |_| Err(Fault::not_offered($why))) }
         }
     )*};
 }

@@ -2,7 +2,7 @@
 
 use core::ffi::{c_int, c_void};
 
-use super::{on, slice, slice_mut};
+use super::{null, on, slice, slice_mut};
 use crate::Fault;
 use crate::instance::SavedInstance;
 
@@ -10,19 +10,19 @@ use crate::instance::SavedInstance;
 ///
 /// # Safety
 /// `state` is NULL or from [`fmi3GetFMUState`] or [`fmi3DeserializeFMUState`], and not freed.
-unsafe fn saved<'a>(call: &'static str, state: *mut c_void) -> Result<&'a mut SavedInstance, Fault> {
+unsafe fn saved<'a>(state: *mut c_void) -> Result<&'a mut SavedInstance, Fault> {
     // SAFETY: as stated.
-    unsafe { state.cast::<SavedInstance>().as_mut() }.ok_or(Fault::Null { call, what: "the state" })
+    unsafe { state.cast::<SavedInstance>().as_mut() }.ok_or_else(|| null("the state"))
 }
 
 /// Gives a state to the importer: in place of the one that it holds, or a new one.
 ///
 /// # Safety
 /// `to` is NULL or points at NULL or at a state as above.
-unsafe fn hand_out(call: &'static str, to: *mut *mut c_void, state: SavedInstance) -> Result<(), Fault> {
+unsafe fn hand_out(to: *mut *mut c_void, state: SavedInstance) -> Result<(), Fault> {
     // SAFETY: as stated.
     unsafe {
-        let place = to.as_mut().ok_or(Fault::Null { call, what: "the place for the state" })?;
+        let place = to.as_mut().ok_or_else(|| null("the place for the state"))?;
         match place.cast::<SavedInstance>().as_mut() {
             Some(old) => *old = state,
             None => *place = Box::into_raw(Box::new(state)).cast(),
@@ -35,15 +35,14 @@ unsafe fn hand_out(call: &'static str, to: *mut *mut c_void, state: SavedInstanc
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(instance: *mut c_void, state: *mut *mut c_void) -> c_int {
     // SAFETY: as the standard states.
-    unsafe { on(instance, "fmi3GetFMUState", |handle| hand_out("fmi3GetFMUState", state, handle.instance.save()?)) }
+    unsafe { on(instance, "fmi3GetFMUState", |handle| hand_out(state, handle.instance.save()?)) }
 }
 
 /// Returns the instance to a saved state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut c_void, state: *mut c_void) -> c_int {
-    const CALL: &str = "fmi3SetFMUState";
     // SAFETY: as the standard states.
-    unsafe { on(instance, CALL, |handle| handle.instance.restore(saved(CALL, state)?)) }
+    unsafe { on(instance, "fmi3SetFMUState", |handle| handle.instance.restore(saved(state)?)) }
 }
 
 /// Frees a saved state and sets its pointer to NULL.
@@ -70,12 +69,11 @@ pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     state: *mut c_void,
     size: *mut usize,
 ) -> c_int {
-    const CALL: &str = "fmi3SerializedFMUStateSize";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            let size = size.as_mut().ok_or(Fault::Null { call: CALL, what: "size" })?;
-            *size = handle.instance.serialize(CALL, saved(CALL, state)?)?.len();
+        on(instance, "fmi3SerializedFMUStateSize", |handle| {
+            let size = size.as_mut().ok_or_else(|| null("size"))?;
+            *size = handle.instance.serialize(saved(state)?)?.len();
             Ok(())
         })
     }
@@ -89,15 +87,15 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     bytes: *mut u8,
     size: usize,
 ) -> c_int {
-    const CALL: &str = "fmi3SerializeFMUState";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            let written = handle.instance.serialize(CALL, saved(CALL, state)?)?;
+        on(instance, "fmi3SerializeFMUState", |handle| {
+            let written = handle.instance.serialize(saved(state)?)?;
             if written.len() != size {
-                return Err(Fault::SavedLength { call: CALL, got: size, expected: written.len() });
+                let reason = format!("got {size} bytes: the state has {}", written.len());
+                return Err(Fault::Call(reason));
             }
-            slice_mut(CALL, "serializedState", bytes, size)?.copy_from_slice(&written);
+            slice_mut("serializedState", bytes, size)?.copy_from_slice(&written);
             Ok(())
         })
     }
@@ -111,12 +109,11 @@ pub unsafe extern "C" fn fmi3DeserializeFMUState(
     size: usize,
     state: *mut *mut c_void,
 ) -> c_int {
-    const CALL: &str = "fmi3DeserializeFMUState";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            let read = handle.instance.deserialize(slice(CALL, "serializedState", bytes, size)?)?;
-            hand_out(CALL, state, read)
+        on(instance, "fmi3DeserializeFMUState", |handle| {
+            let read = handle.instance.deserialize(slice("serializedState", bytes, size)?)?;
+            hand_out(state, read)
         })
     }
 }

@@ -3,14 +3,8 @@
 use core::ffi::{c_char, c_int, c_void};
 use std::ffi::CString;
 
-use super::{on, slice, slice_mut, text};
-use crate::Fault;
+use super::{on, same_length, slice, slice_mut, text};
 use crate::instance::Value;
-
-/// Refuses another number of values than of references: every variable is a scalar.
-fn same_length(call: &'static str, references: usize, values: usize) -> Result<(), Fault> {
-    if references == values { Ok(()) } else { Err(Fault::Lengths { call, references, values }) }
-}
 
 /// The functions of a type that is a number: its getter, its setter, its type in C and the method and variant here.
 macro_rules! numbers {
@@ -24,14 +18,13 @@ macro_rules! numbers {
             values: *mut $type,
             count: usize,
         ) -> c_int {
-            const CALL: &str = stringify!($get);
             // SAFETY: as the standard states.
             unsafe {
-                on(instance, CALL, |handle| {
-                    same_length(CALL, reference_count, count)?;
-                    let values = slice_mut(CALL, "values", values, count)?;
-                    for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
-                        *value = $to(handle.instance.$method(CALL, *reference)?);
+                on(instance, stringify!($get), |handle| {
+                    same_length(reference_count, count)?;
+                    let values = slice_mut("values", values, count)?;
+                    for (reference, value) in slice("valueReferences", references, count)?.iter().zip(values) {
+                        *value = $to(handle.instance.$method(*reference)?);
                     }
                     Ok(())
                 })
@@ -47,14 +40,13 @@ macro_rules! numbers {
             values: *const $type,
             count: usize,
         ) -> c_int {
-            const CALL: &str = stringify!($set);
             // SAFETY: as the standard states.
             unsafe {
-                on(instance, CALL, |handle| {
-                    same_length(CALL, reference_count, count)?;
-                    let values = slice(CALL, "values", values, count)?;
-                    for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
-                        handle.instance.set(CALL, *reference, Value::$variant($from(*value)))?;
+                on(instance, stringify!($set), |handle| {
+                    same_length(reference_count, count)?;
+                    let values = slice("values", values, count)?;
+                    for (reference, value) in slice("valueReferences", references, count)?.iter().zip(values) {
+                        handle.instance.set(*reference, Value::$variant($from(*value)))?;
                     }
                     Ok(())
                 })
@@ -79,16 +71,15 @@ pub unsafe extern "C" fn fmi3GetString(
     values: *mut *const c_char,
     count: usize,
 ) -> c_int {
-    const CALL: &str = "fmi3GetString";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            same_length(CALL, reference_count, count)?;
-            let values = slice_mut(CALL, "values", values, count)?;
+        on(instance, "fmi3GetString", |handle| {
+            same_length(reference_count, count)?;
+            let values = slice_mut("values", values, count)?;
             handle.texts.clear();
-            for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
+            for (reference, value) in slice("valueReferences", references, count)?.iter().zip(values) {
                 // Texts come through fmi3SetString and have no NUL inside.
-                let text = CString::new(handle.instance.string(CALL, *reference)?).unwrap_or_default();
+                let text = CString::new(handle.instance.string(*reference)?).unwrap_or_default();
                 *value = text.as_ptr();
                 handle.texts.push(text);
             }
@@ -106,14 +97,13 @@ pub unsafe extern "C" fn fmi3SetString(
     values: *const *const c_char,
     count: usize,
 ) -> c_int {
-    const CALL: &str = "fmi3SetString";
     // SAFETY: as the standard states.
     unsafe {
-        on(instance, CALL, |handle| {
-            same_length(CALL, reference_count, count)?;
-            let values = slice(CALL, "values", values, count)?;
-            for (reference, value) in slice(CALL, "valueReferences", references, count)?.iter().zip(values) {
-                handle.instance.set_string(CALL, *reference, text(CALL, "a value", *value)?)?;
+        on(instance, "fmi3SetString", |handle| {
+            same_length(reference_count, count)?;
+            let values = slice("values", values, count)?;
+            for (reference, value) in slice("valueReferences", references, count)?.iter().zip(values) {
+                handle.instance.set_string(*reference, text("a value", *value)?)?;
             }
             Ok(())
         })

@@ -109,7 +109,8 @@ impl Instance {
     pub fn new(folder: &Path, token: &str, event_mode_used: bool) -> Result<Instance, Fault> {
         let content = Content::read(folder, token)?;
         if content.settings.interface == Interface::Can && !event_mode_used {
-            return Err(Fault::NeedsEventMode);
+            let hint = "the FMU exchanges frames only in event mode; set eventModeUsed to true";
+            return Err(Fault::Call(format!("eventModeUsed is false: {hint}")));
         }
         let parameters = Parameters::of(&content.scenario);
         let variables = model::variables(&content)?;
@@ -127,18 +128,13 @@ impl Instance {
         })
     }
 
-    /// Returns the current state of the instance.
-    pub fn state(&self) -> State {
-        self.state
-    }
-
     /// A call has failed: from now on only a reset, an earlier state or the end is possible.
     pub fn fail(&mut self) {
         self.state = State::Failed;
     }
 
-    fn expect(&self, call: &'static str, states: &[State], legal: &'static str) -> Result<(), Fault> {
-        if states.contains(&self.state) { Ok(()) } else { Err(Fault::WrongState { call, state: self.state, legal }) }
+    fn expect(&self, states: &[State], legal: &'static str) -> Result<(), Fault> {
+        if states.contains(&self.state) { Ok(()) } else { Err(Fault::WrongState { state: self.state, legal }) }
     }
 
     fn model(&mut self) -> Result<&mut dyn Model, Fault> {
@@ -153,11 +149,11 @@ impl Instance {
     /// Enters initialization mode, with the simulation's start at `start_s`, s.
     ///
     /// # Errors
-    /// [`Fault::WrongState`], [`Fault::StartTime`].
+    /// [`Fault::WrongState`], [`Fault::Call`] for a start that is not finite.
     pub fn enter_initialization(&mut self, start_s: f64) -> Result<(), Fault> {
-        self.expect("fmi3EnterInitializationMode", &[State::Instantiated], "the state Instantiated")?;
+        self.expect(&[State::Instantiated], "the state Instantiated")?;
         if !start_s.is_finite() {
-            return Err(Fault::StartTime { got_s: start_s });
+            return Err(Fault::Call(format!("the start time is {start_s} s: it must be finite")));
         }
         (self.start_s, self.time_s, self.state) = (start_s, start_s, State::Initialization);
         Ok(())
@@ -168,7 +164,7 @@ impl Instance {
     /// # Errors
     /// [`Fault::WrongState`]; what is wrong with the parameters; a recording that can't be created.
     pub fn exit_initialization(&mut self) -> Result<(), Fault> {
-        self.expect("fmi3ExitInitializationMode", &[State::Initialization], "initialization mode")?;
+        self.expect(&[State::Initialization], "initialization mode")?;
         self.model()?.begin()?;
         self.state = if self.event_mode_used { State::Event } else { State::Step };
         Ok(())
@@ -180,7 +176,7 @@ impl Instance {
     /// [`Fault::WrongState`], also if the importer said that it does not use it.
     pub fn enter_event(&mut self) -> Result<(), Fault> {
         let legal = if self.event_mode_used { &[State::Step][..] } else { &[] };
-        self.expect("fmi3EnterEventMode", legal, "step mode, with eventModeUsed at the instantiation")?;
+        self.expect(legal, "step mode, with eventModeUsed at the instantiation")?;
         self.state = State::Event;
         Ok(())
     }
@@ -190,7 +186,7 @@ impl Instance {
     /// # Errors
     /// [`Fault::WrongState`].
     pub fn enter_step(&mut self) -> Result<(), Fault> {
-        self.expect("fmi3EnterStepMode", &[State::Event], "event mode")?;
+        self.expect(&[State::Event], "event mode")?;
         self.state = State::Step;
         Ok(())
     }
@@ -200,7 +196,7 @@ impl Instance {
     /// # Errors
     /// [`Fault::WrongState`]; what is wrong with the frames that came in.
     pub fn update_discrete_states(&mut self) -> Result<bool, Fault> {
-        self.expect("fmi3UpdateDiscreteStates", &[State::Event], "event mode")?;
+        self.expect(&[State::Event], "event mode")?;
         self.model()?.update()
     }
 
@@ -210,7 +206,7 @@ impl Instance {
     /// [`Fault::WrongState`].
     pub fn evaluate_discrete_states(&self) -> Result<(), Fault> {
         let legal = [State::Initialization, State::Event];
-        self.expect("fmi3EvaluateDiscreteStates", &legal, "initialization mode and event mode")
+        self.expect(&legal, "initialization mode and event mode")
     }
 
     /// Ends the simulation, and its recording.
@@ -218,7 +214,7 @@ impl Instance {
     /// # Errors
     /// [`Fault::WrongState`]; a recording that can't be finished.
     pub fn terminate(&mut self) -> Result<(), Fault> {
-        self.expect("fmi3Terminate", &[State::Event, State::Step], "event mode and step mode")?;
+        self.expect(&[State::Event, State::Step], "event mode and step mode")?;
         self.state = State::Terminated;
         self.model()?.end()
     }
@@ -239,21 +235,22 @@ impl Instance {
     /// Simulates from `from_s` on for `length_s`, s. Returns whether event mode is needed then.
     ///
     /// # Errors
-    /// [`Fault::WrongState`]; [`Fault::StepStart`], [`Fault::StepSize`] and [`Fault::StepTooSmall`] of the times; what
-    /// the model says.
+    /// [`Fault::WrongState`]; [`Fault::Call`] of the times; what the model says.
     pub fn step(&mut self, from_s: f64, length_s: f64) -> Result<bool, Fault> {
-        self.expect("fmi3DoStep", &[State::Step], "step mode")?;
+        self.expect(&[State::Step], "step mode")?;
+        let (refused, at_s) = (|reason: String| Err(Fault::Call(reason)), self.time_s);
         if !(length_s.is_finite() && length_s >= 0.0) {
-            return Err(Fault::StepSize { got_s: length_s });
+            return refused(format!("the length of the step is {length_s} s: it must be finite and not negative"));
         }
         let tolerance_s = TOLERANCE_SAMPLES / self.content.scenario.simulation.rate_hz;
-        if (from_s - self.time_s).abs() > tolerance_s || from_s.is_nan() {
-            return Err(Fault::StepStart { got_s: from_s, at_s: self.time_s });
+        if (from_s - at_s).abs() > tolerance_s || from_s.is_nan() {
+            return refused(format!("the step begins at {from_s} s: it must begin at {at_s} s, the time of the FMU"));
         }
         let to_s = from_s + length_s;
         // A step below the resolution of the time would leave the FMU where it is, however often it is called.
         if length_s > 0.0 && to_s <= from_s {
-            return Err(Fault::StepTooSmall { got_s: length_s, at_s: from_s });
+            let hint = format!("it does not advance the time {from_s} s; make a longer step");
+            return refused(format!("the step of {length_s} s is too small: {hint}"));
         }
         let (span, inputs) = (Span { from_s: from_s - self.start_s, to_s: to_s - self.start_s }, self.inputs);
         let event = self.model()?.step(span, &inputs)?;
@@ -269,9 +266,9 @@ impl Instance {
     /// The state now, to return to.
     ///
     /// # Errors
-    /// [`Fault::WrongState`] after an error; of a model without states [`Fault::NotOffered`].
+    /// [`Fault::WrongState`] after an error; [`Fault::Call`] of a model without states.
     pub fn save(&mut self) -> Result<SavedInstance, Fault> {
-        self.expect_readable("fmi3GetFMUState")?;
+        self.expect_readable()?;
         let model = self.model()?.save()?;
         Ok(SavedInstance {
             token: self.token.clone(),
@@ -290,8 +287,7 @@ impl Instance {
     /// [`Fault::Saved`] of another FMU, [`Fault::Recorded`] if a recording has already what came behind it.
     pub fn restore(&mut self, saved: &SavedInstance) -> Result<(), Fault> {
         if saved.token != self.token {
-            let reason = "its instantiation token is that of another FMU";
-            return Err(Fault::Saved { call: "fmi3SetFMUState", reason });
+            return Err(Fault::Saved("its instantiation token is that of another FMU"));
         }
         // The model is built from the parameters, so other ones need another model.
         if saved.parameters != self.parameters {
@@ -306,10 +302,9 @@ impl Instance {
     /// A state as bytes.
     ///
     /// # Errors
-    /// [`Fault::NotOffered`] of a model whose states have no such form.
-    pub fn serialize(&self, call: &'static str, saved: &SavedInstance) -> Result<Vec<u8>, Fault> {
-        let why = "canSerializeFMUState is false";
-        saved::write(saved).ok_or(Fault::NotOffered { call, why })
+    /// [`Fault::Call`] of a model whose states have no such form.
+    pub fn serialize(&self, saved: &SavedInstance) -> Result<Vec<u8>, Fault> {
+        saved::write(saved).ok_or_else(|| Fault::not_offered("canSerializeFMUState is false"))
     }
 
     /// The state that `bytes` are.

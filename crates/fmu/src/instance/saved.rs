@@ -2,16 +2,15 @@
 
 use crate::Fault;
 use crate::model::{Parameters, Saved};
-use crate::signals::{Measured, SavedSignals, measurement};
+use crate::signals::{Measured, SavedSignals};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::{Load, MOST_MORE, Reading, Readings};
-use resonarm_bench::structure::{LOADS, OUTPUTS};
+use resonarm_bench::rig::{Load, MOST_MORE, Measurement, Reading, Readings};
+use resonarm_bench::structure::LOADS;
 
 use super::{SavedInstance, State};
 
 /// First bytes of a saved state: the name and version of the format.
 const MAGIC: [u8; 8] = *b"rsnfmu\0\x03";
-const CALL: &str = "fmi3DeserializeFMUState";
 
 /// A state as bytes; `None` of a model that has no such form.
 pub(crate) fn write(saved: &SavedInstance) -> Option<Vec<u8>> {
@@ -55,12 +54,12 @@ pub(crate) fn read(
 ) -> Result<SavedInstance, Fault> {
     let mut rest = Rest { bytes };
     if rest.take::<8>()? != MAGIC {
-        return Err(refused("it does not begin as a state, or is of another version"));
+        return Err(Fault::Saved("it does not begin as a state, or is of another version"));
     }
     if rest.text()? != token {
-        return Err(refused("its instantiation token is that of another FMU"));
+        return Err(Fault::Saved("its instantiation token is that of another FMU"));
     }
-    let state = State::of(rest.byte()?).ok_or_else(|| refused("its FMI state is unknown"))?;
+    let state = State::of(rest.byte()?).ok_or(Fault::Saved("its FMI state is unknown"))?;
     let [start_s, time_s] = rest.numbers()?;
     let inputs = rest.numbers::<{ LOADS.len() }>()?;
     let count = rest.length()?;
@@ -72,37 +71,32 @@ pub(crate) fn read(
     let sample = u64::from_le_bytes(rest.take()?);
     let held = rest.flag()?;
     let load = rest.numbers::<{ LOADS.len() }>()?;
-    let mut readings = [Reading::default(); OUTPUTS.len()];
-    for reading in &mut readings {
-        let [value] = rest.numbers()?;
-        *reading = Reading { value, clipped: rest.flag()? };
-    }
+    let head_force_n = [rest.reading()?, rest.reading()?];
+    let acceleration_b_m_s2 = [rest.reading()?, rest.reading()?];
+    let acceleration_c_m_s2 = [rest.reading()?, rest.reading()?];
     let (others, clipped) = (rest.length()?, u32::from_le_bytes(rest.take()?));
     let mut more = [0.0; MOST_MORE];
-    let more = more.get_mut(..others).ok_or_else(|| refused("it has more readings than a rig can have"))?;
+    let more = more.get_mut(..others).ok_or(Fault::Saved("it has more readings than a rig can have"))?;
     for value in more.iter_mut() {
         [*value] = rest.numbers()?;
     }
-    let more = Readings::new(more, clipped).ok_or_else(|| refused("a clipping mark belongs to no reading"))?;
+    let more = Readings::new(more, clipped).ok_or(Fault::Saved("a clipping mark belongs to no reading"))?;
     let count = rest.length()?;
     // Checked before the numbers are read: a damaged count can't ask for more than there are bytes.
     if rest.bytes.len() != count.saturating_mul(8) {
-        return Err(refused("it ends before its last number, or after it"));
+        return Err(Fault::Saved("it ends before its last number, or after it"));
     }
     let numbers = rest.list(count)?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
     let held = held.then(|| Load::from_parts(&load));
-    let now = Measured { plant, measurement: measurement(sample, readings, more), held };
-    let model = Saved::Signals(Box::new(SavedSignals::read(now)));
+    let measurement = Measurement { sample, head_force_n, acceleration_b_m_s2, acceleration_c_m_s2, more };
+    let now = Measured { plant, measurement, held };
+    let model = Saved::Signals(Box::new(SavedSignals { now, mark: None }));
     Ok(SavedInstance { token: token.to_string(), state, start_s, time_s, parameters, inputs, model })
 }
 
 fn put(bytes: &mut Vec<u8>, numbers: &[f64]) {
     bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-}
-
-fn refused(reason: &'static str) -> Fault {
-    Fault::Saved { call: CALL, reason }
 }
 
 /// Bytes that are left to read.
@@ -112,7 +106,7 @@ struct Rest<'a> {
 
 impl<'a> Rest<'a> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
-        let Some((head, rest)) = self.bytes.split_first_chunk() else { return Err(refused("it ends early")) };
+        let Some((head, rest)) = self.bytes.split_first_chunk() else { return Err(Fault::Saved("it ends early")) };
         self.bytes = rest;
         Ok(*head)
     }
@@ -125,7 +119,7 @@ impl<'a> Rest<'a> {
         match self.byte()? {
             0 => Ok(false),
             1 => Ok(true),
-            _ => Err(refused("a truth value is neither 0 nor 1")),
+            _ => Err(Fault::Saved("a truth value is neither 0 nor 1")),
         }
     }
 
@@ -137,18 +131,23 @@ impl<'a> Rest<'a> {
         Ok(numbers)
     }
 
+    fn reading(&mut self) -> Result<Reading, Fault> {
+        let [value] = self.numbers()?;
+        Ok(Reading { value, clipped: self.flag()? })
+    }
+
     fn list(&mut self, count: usize) -> Result<Vec<f64>, Fault> {
         (0..count).map(|_| Ok(self.numbers::<1>()?[0])).collect()
     }
 
     fn length(&mut self) -> Result<usize, Fault> {
-        usize::try_from(u64::from_le_bytes(self.take()?)).map_err(|_| refused("a length is too large"))
+        usize::try_from(u64::from_le_bytes(self.take()?)).map_err(|_| Fault::Saved("a length is too large"))
     }
 
     fn text(&mut self) -> Result<&'a str, Fault> {
         let length = self.length()?;
-        let (head, rest) = self.bytes.split_at_checked(length).ok_or_else(|| refused("it ends early"))?;
+        let (head, rest) = self.bytes.split_at_checked(length).ok_or(Fault::Saved("it ends early"))?;
         self.bytes = rest;
-        core::str::from_utf8(head).map_err(|_| refused("a text is not UTF-8"))
+        core::str::from_utf8(head).map_err(|_| Fault::Saved("a text is not UTF-8"))
     }
 }

@@ -28,7 +28,7 @@ fn started(instance: &mut Instance, start_s: f64) {
 fn outputs(instance: &mut Instance) -> Vec<u64> {
     let of_type = |variable: &Variable| variable.causality == Causality::Output && variable.kind == Kind::Float64;
     let references: Vec<usize> = (0..instance.variables.len()).filter(|at| of_type(&instance.variables[*at])).collect();
-    references.into_iter().map(|at| instance.float64("", at as u32).unwrap().to_bits()).collect()
+    references.into_iter().map(|at| instance.float64(at as u32).unwrap().to_bits()).collect()
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn samples_fall_at_their_times_in_steps_that_are_added_up() {
     for step in 1..=3_000_u64 {
         instance.step(time_s, 0.01).unwrap();
         time_s += 0.01;
-        assert_eq!(instance.uint64("", sample).unwrap(), step);
+        assert_eq!(instance.uint64(sample).unwrap(), step);
     }
     assert!(time_s != 30.1);
 }
@@ -55,11 +55,11 @@ fn the_load_is_the_one_that_was_set_when_the_hold_began() {
     for sample in 0..20_u32 {
         let (at_s, force_n) = (f64::from(sample) * 1e-3, f64::from(sample % 7));
         for one in [&mut instance, &mut whole] {
-            one.set("", force, Value::Float64(force_n)).unwrap();
+            one.set(force, Value::Float64(force_n)).unwrap();
         }
         whole.step(at_s, 1e-3).unwrap();
         instance.step(at_s, 0.4e-3).unwrap();
-        instance.set("", force, Value::Float64(-5.0)).unwrap();
+        instance.set(force, Value::Float64(-5.0)).unwrap();
         instance.step(at_s + 0.4e-3, 0.6e-3).unwrap();
         assert_eq!(outputs(&mut instance), outputs(&mut whole));
     }
@@ -82,7 +82,7 @@ fn an_fmu_has_inputs_for_all_loads_that_its_structure_takes() {
         let (_other, mut still) = made(text);
         let reference = of(&instance, last);
         [&mut instance, &mut still].into_iter().for_each(|instance| started(instance, 0.0));
-        instance.set("", reference, Value::Float64(3.0)).unwrap();
+        instance.set(reference, Value::Float64(3.0)).unwrap();
         [&mut instance, &mut still].into_iter().for_each(|instance| assert!(!instance.step(0.0, 0.02).unwrap()));
         assert_ne!(outputs(&mut instance), outputs(&mut still), "{last}");
     }
@@ -95,10 +95,10 @@ fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
     let (_other, mut fresh) = made(text);
     let force = of(&instance, "load.force_x_n");
     started(&mut instance, 0.0);
-    instance.set("", force, Value::Float64(20.0)).unwrap();
+    instance.set(force, Value::Float64(20.0)).unwrap();
     instance.step(0.0, 0.0123).unwrap();
     let saved = instance.save().unwrap();
-    let bytes = instance.serialize("", &saved).unwrap();
+    let bytes = instance.serialize(&saved).unwrap();
     fresh.restore(&fresh.deserialize(&bytes).unwrap()).unwrap();
     for step in 0..10 {
         let at_s = 0.0123 + f64::from(step) * 0.0007;
@@ -106,42 +106,42 @@ fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
         assert_eq!(outputs(&mut instance), outputs(&mut fresh));
     }
     for cut in [0, 7, 8, 60, bytes.len() - 1] {
-        assert!(matches!(fresh.deserialize(&bytes[..cut]), Err(Fault::Saved { .. })), "{cut}");
+        assert!(matches!(fresh.deserialize(&bytes[..cut]), Err(Fault::Saved(_))), "{cut}");
     }
     let error = fresh.deserialize(&[&bytes[..], &[0]].concat()).unwrap_err();
-    insta::assert_snapshot!(error, @"fmi3DeserializeFMUState: the bytes are not a state of this FMU: it ends before its last number, or after it");
+    insta::assert_snapshot!(error.in_call("fmi3DeserializeFMUState"), @"fmi3DeserializeFMUState: the bytes are not a state of this FMU: it ends before its last number, or after it");
 }
 
 #[test]
 fn parameters_are_those_of_the_scenario_until_they_are_set() {
     let (_folder, mut instance) = made("structure.angles_deg = [0, 75]\nsimulation.seed = 9");
     let (beta, seed) = (of(&instance, "parameter.link2.angle_deg"), of(&instance, "parameter.seed"));
-    assert_eq!((instance.float64("", beta).unwrap(), instance.uint64("", seed).unwrap()), (75.0, 9));
+    assert_eq!((instance.float64(beta).unwrap(), instance.uint64(seed).unwrap()), (75.0, 9));
     let rest = outputs(&mut instance);
-    instance.set("", seed, Value::UInt64(10)).unwrap();
+    instance.set(seed, Value::UInt64(10)).unwrap();
     assert_ne!(outputs(&mut instance), rest);
     started(&mut instance, 0.0);
-    let error = instance.set("fmi3SetUInt64", seed, Value::UInt64(11)).unwrap_err();
-    insta::assert_snapshot!(error, @"fmi3SetUInt64: `parameter.seed` can't be set in step mode: parameters are fixed once initialization mode is left");
+    let error = instance.set(seed, Value::UInt64(11)).unwrap_err();
+    insta::assert_snapshot!(error.in_call("fmi3SetUInt64"), @"fmi3SetUInt64: `parameter.seed` can't be set in step mode: parameters are fixed once initialization mode is left");
     instance.reset().unwrap();
-    assert_eq!((instance.uint64("", seed).unwrap(), outputs(&mut instance)), (9, rest));
+    assert_eq!((instance.uint64(seed).unwrap(), outputs(&mut instance)), (9, rest));
 }
 
 #[test]
 fn calls_out_of_their_state_are_refused() {
     let (_folder, mut instance) = made("");
     let error = instance.step(0.0, 1e-3).unwrap_err();
-    insta::assert_snapshot!(error, @"fmi3DoStep is not allowed in the state Instantiated: it is allowed in step mode");
+    insta::assert_snapshot!(error.in_call("fmi3DoStep"), @"fmi3DoStep is not allowed in the state Instantiated: it is allowed in step mode");
     assert!(
         instance.terminate().is_err() && instance.enter_event().is_err() && instance.exit_initialization().is_err()
     );
     let error = instance.enter_initialization(f64::INFINITY).unwrap_err();
-    insta::assert_snapshot!(error, @"fmi3EnterInitializationMode: the start time is inf s: it must be finite");
+    insta::assert_snapshot!(error.in_call("fmi3EnterInitializationMode"), @"fmi3EnterInitializationMode: the start time is inf s: it must be finite");
     started(&mut instance, 0.0);
     instance.terminate().unwrap();
     let sample = of(&instance, "sample");
-    assert_eq!(instance.uint64("", sample).unwrap(), 0);
+    assert_eq!(instance.uint64(sample).unwrap(), 0);
     instance.fail();
-    let error = instance.uint64("fmi3GetUInt64", sample).unwrap_err();
-    insta::assert_snapshot!(error, @"fmi3GetUInt64 is not allowed in the state after an error: it is allowed in all states but that after an error");
+    let error = instance.uint64(sample).unwrap_err();
+    insta::assert_snapshot!(error.in_call("fmi3GetUInt64"), @"fmi3GetUInt64 is not allowed in the state after an error: it is allowed in all states but that after an error");
 }

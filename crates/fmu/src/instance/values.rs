@@ -5,41 +5,43 @@ use crate::Fault;
 use crate::terminal::{Interval, Terminal};
 use crate::variables::{Causality, Kind, Source, Variable};
 
+fn wrong_type(variable: &Variable) -> Fault {
+    let (name, kind) = (&variable.name, variable.kind.name());
+    Fault::Call(format!("`{name}` is of the type {kind}: use the function for that type"))
+}
+
 impl Instance {
     /// The variable of a value reference, if it is of this type.
-    fn variable(&self, call: &'static str, reference: u32, kind: Kind) -> Result<&Variable, Fault> {
-        let variable = self.any_variable(call, reference)?;
-        if variable.kind == kind {
-            return Ok(variable);
-        }
-        Err(Fault::WrongType { call, name: variable.name.clone(), is: variable.kind.name() })
+    fn variable(&self, reference: u32, kind: Kind) -> Result<&Variable, Fault> {
+        let variable = self.any_variable(reference)?;
+        if variable.kind == kind { Ok(variable) } else { Err(wrong_type(variable)) }
     }
 
-    fn any_variable(&self, call: &'static str, reference: u32) -> Result<&Variable, Fault> {
-        let most = self.variables.len().saturating_sub(1) as u32;
-        self.variables.get(reference as usize).ok_or(Fault::UnknownReference { call, got: reference, most })
+    fn any_variable(&self, reference: u32) -> Result<&Variable, Fault> {
+        self.variables.get(reference as usize).ok_or_else(|| {
+            let most = self.variables.len().saturating_sub(1);
+            let expected = format!("it must be from 0 to {most}");
+            Fault::Call(format!("no variable has the value reference {reference}: {expected}"))
+        })
     }
 
-    /// Returns the error for a variable that does not have the type that `call` is for, which no variable has.
-    pub fn refused_type(&self, call: &'static str, reference: u32) -> Fault {
-        match self.any_variable(call, reference) {
-            Ok(variable) => Fault::WrongType { call, name: variable.name.clone(), is: variable.kind.name() },
-            Err(fault) => fault,
-        }
+    /// Returns the error for a variable whose value a function for a type that no variable has asks for.
+    pub fn refused_type(&self, reference: u32) -> Fault {
+        self.any_variable(reference).map_or_else(|fault| fault, |variable| wrong_type(variable))
     }
 
-    pub(super) fn expect_readable(&self, call: &'static str) -> Result<(), Fault> {
-        self.expect(call, &READABLE, "all states but that after an error")
+    pub(super) fn expect_readable(&self) -> Result<(), Fault> {
+        self.expect(&READABLE, "all states but that after an error")
     }
 
     /// The value of a variable of the type Float64.
     ///
     /// # Errors
-    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::WrongState`]; before the simulation what is wrong
-    /// with the parameters.
-    pub fn float64(&mut self, call: &'static str, reference: u32) -> Result<f64, Fault> {
-        self.expect_readable(call)?;
-        match self.variable(call, reference, Kind::Float64)?.source {
+    /// [`Fault::Call`] for no variable of this type, [`Fault::WrongState`]; before the simulation what is wrong with the
+    /// parameters.
+    pub fn float64(&mut self, reference: u32) -> Result<f64, Fault> {
+        self.expect_readable()?;
+        match self.variable(reference, Kind::Float64)?.source {
             Source::Time => Ok(self.time_s),
             Source::Load(index) => Ok(self.inputs[index]),
             Source::LinkAngle(index) => Ok(self.parameters.angles_deg[index]),
@@ -51,9 +53,9 @@ impl Instance {
     ///
     /// # Errors
     /// As [`Instance::float64`].
-    pub fn uint64(&mut self, call: &'static str, reference: u32) -> Result<u64, Fault> {
-        self.expect_readable(call)?;
-        match self.variable(call, reference, Kind::UInt64)?.source {
+    pub fn uint64(&mut self, reference: u32) -> Result<u64, Fault> {
+        self.expect_readable()?;
+        match self.variable(reference, Kind::UInt64)?.source {
             Source::Seed => Ok(self.parameters.seed),
             source => Ok(self.model()?.count(source)),
         }
@@ -63,9 +65,9 @@ impl Instance {
     ///
     /// # Errors
     /// As [`Instance::float64`].
-    pub fn boolean(&mut self, call: &'static str, reference: u32) -> Result<bool, Fault> {
-        self.expect_readable(call)?;
-        match self.variable(call, reference, Kind::Boolean)?.source {
+    pub fn boolean(&mut self, reference: u32) -> Result<bool, Fault> {
+        self.expect_readable()?;
+        match self.variable(reference, Kind::Boolean)?.source {
             Source::Noise => Ok(self.parameters.noise),
             Source::Overwrite => Ok(self.parameters.overwrite),
             source => Ok(self.model()?.number(source) != 0.0),
@@ -76,9 +78,9 @@ impl Instance {
     ///
     /// # Errors
     /// As [`Instance::float64`].
-    pub fn string(&self, call: &'static str, reference: u32) -> Result<&str, Fault> {
-        self.expect_readable(call)?;
-        self.variable(call, reference, Kind::String)?;
+    pub fn string(&self, reference: u32) -> Result<&str, Fault> {
+        self.expect_readable()?;
+        self.variable(reference, Kind::String)?;
         Ok(&self.parameters.recording)
     }
 
@@ -86,9 +88,9 @@ impl Instance {
     ///
     /// # Errors
     /// As [`Instance::float64`].
-    pub fn binary(&mut self, call: &'static str, reference: u32) -> Result<&[u8], Fault> {
-        self.expect_readable(call)?;
-        match self.variable(call, reference, Kind::Binary)?.source {
+    pub fn binary(&mut self, reference: u32) -> Result<&[u8], Fault> {
+        self.expect_readable()?;
+        match self.variable(reference, Kind::Binary)?.source {
             Source::TxData(index) => Ok(self.terminal(index)?.map_or(&[], |terminal| terminal.tx_data())),
             _ => Ok(&[]),
         }
@@ -97,13 +99,13 @@ impl Instance {
     /// Sets a variable of the type Binary: takes what came.
     ///
     /// # Errors
-    /// As [`Instance::set`]; [`Fault::Operation`] of bytes that were cut.
-    pub fn set_binary(&mut self, call: &'static str, reference: u32, bytes: &[u8]) -> Result<(), Fault> {
-        let source = self.settable(call, reference, Kind::Binary)?;
+    /// As [`Instance::set`]; [`Fault::Terminal`] of bytes that were cut.
+    pub fn set_binary(&mut self, reference: u32, bytes: &[u8]) -> Result<(), Fault> {
+        let source = self.settable(reference, Kind::Binary)?;
         if bytes.is_empty() {
             return Ok(());
         }
-        self.expect(call, &[State::Event], "event mode")?;
+        self.expect(&[State::Event], "event mode")?;
         match source {
             Source::RxData(index) => self.terminal(index)?.map_or(Ok(()), |terminal| terminal.take(bytes)),
             _ => Ok(()),
@@ -113,10 +115,10 @@ impl Instance {
     /// Whether a clock ticks in this iteration of event mode.
     ///
     /// # Errors
-    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::WrongState`].
-    pub fn clock(&mut self, call: &'static str, reference: u32) -> Result<bool, Fault> {
-        let source = self.variable(call, reference, Kind::Clock)?.source;
-        self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
+    /// [`Fault::Call`] for no variable of this type, [`Fault::WrongState`].
+    pub fn clock(&mut self, reference: u32) -> Result<bool, Fault> {
+        let source = self.variable(reference, Kind::Clock)?.source;
+        self.expect(&[State::Initialization, State::Event], "initialization mode and event mode")?;
         match source {
             Source::TxClock(index) => Ok(self.terminal(index)?.is_some_and(|terminal| terminal.tx_clock())),
             _ => Ok(false),
@@ -126,10 +128,10 @@ impl Instance {
     /// Lets a clock tick in this iteration of event mode, one that is an input.
     ///
     /// # Errors
-    /// As [`Instance::clock`], and [`Fault::NotSettable`].
-    pub fn set_clock(&mut self, call: &'static str, reference: u32, ticks: bool) -> Result<(), Fault> {
-        let source = self.settable(call, reference, Kind::Clock)?;
-        self.expect(call, &[State::Event], "event mode")?;
+    /// As [`Instance::clock`], and [`Fault::Call`] for a clock that can't be set.
+    pub fn set_clock(&mut self, reference: u32, ticks: bool) -> Result<(), Fault> {
+        let source = self.settable(reference, Kind::Clock)?;
+        self.expect(&[State::Event], "event mode")?;
         if let Source::TxClock(index) = source
             && let Some(terminal) = self.terminal(index)?
         {
@@ -141,13 +143,13 @@ impl Instance {
     /// Returns the interval until a countdown clock ticks next.
     ///
     /// # Errors
-    /// As [`Instance::clock`]; [`Fault::NotOffered`] of another clock.
-    pub fn interval(&mut self, call: &'static str, reference: u32) -> Result<Interval, Fault> {
-        let Variable { source, causality, .. } = self.variable(call, reference, Kind::Clock)?;
+    /// As [`Instance::clock`]; [`Fault::Call`] for another clock.
+    pub fn interval(&mut self, reference: u32) -> Result<Interval, Fault> {
+        let Variable { source, causality, .. } = self.variable(reference, Kind::Clock)?;
         let (Source::TxClock(index), Causality::Input) = (*source, *causality) else {
-            return Err(Fault::NotOffered { call, why: "the clock is not a countdown clock" });
+            return Err(Fault::not_offered("the clock is not a countdown clock"));
         };
-        self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
+        self.expect(&[State::Initialization, State::Event], "initialization mode and event mode")?;
         let is_event = self.state == State::Event;
         let model = self.model()?;
         if is_event {
@@ -161,9 +163,9 @@ impl Instance {
     }
 
     /// Checks that the variable may be set now.
-    fn settable(&self, call: &'static str, reference: u32, kind: Kind) -> Result<Source, Fault> {
-        let Variable { name, source, causality, .. } = self.variable(call, reference, kind)?;
-        let refused = |why| Err(Fault::NotSettable { call, name: name.clone(), state: self.state, why });
+    fn settable(&self, reference: u32, kind: Kind) -> Result<Source, Fault> {
+        let Variable { name, source, causality, .. } = self.variable(reference, kind)?;
+        let refused = |why| Err(Fault::Call(format!("`{name}` can't be set in {}: {why}", self.state)));
         match causality {
             Causality::Input if ALIVE.contains(&self.state) => Ok(*source),
             Causality::Parameter if BEFORE.contains(&self.state) => Ok(*source),
@@ -176,14 +178,14 @@ impl Instance {
     /// Sets a variable of the type of `value`.
     ///
     /// # Errors
-    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::NotSettable`], [`Fault::Value`].
-    pub fn set(&mut self, call: &'static str, reference: u32, value: Value) -> Result<(), Fault> {
+    /// [`Fault::Call`] for no variable of this type that can be set now, [`Fault::Value`].
+    pub fn set(&mut self, reference: u32, value: Value) -> Result<(), Fault> {
         let kind = match value {
             Value::Float64(_) => Kind::Float64,
             Value::UInt64(_) => Kind::UInt64,
             Value::Boolean(_) => Kind::Boolean,
         };
-        let source = self.settable(call, reference, kind)?;
+        let source = self.settable(reference, kind)?;
         if let Value::Float64(got) = value
             && !got.is_finite()
         {
@@ -209,8 +211,8 @@ impl Instance {
     ///
     /// # Errors
     /// As [`Instance::set`].
-    pub fn set_string(&mut self, call: &'static str, reference: u32, text: &str) -> Result<(), Fault> {
-        self.settable(call, reference, Kind::String)?;
+    pub fn set_string(&mut self, reference: u32, text: &str) -> Result<(), Fault> {
+        self.settable(reference, Kind::String)?;
         self.parameters.recording = text.to_string();
         self.model = None;
         Ok(())
