@@ -214,36 +214,24 @@ fn takes(plant: &Plant, index: usize) -> bool {
 /// Returns the variables of what the instruments read, whether it was beyond their ranges, and what they would read
 /// without errors.
 fn readings(outputs: &[Channel]) -> impl Iterator<Item = Variable> {
-    let output = move |index: usize, group: &str, source: Source, kind: Kind, what: &str| {
-        let channel = &outputs[index];
-        Variable {
-            unit: units::of(channel.quantity).filter(|_| kind == Kind::Float64),
-            ..variable(
-                format!("{group}.{}", channel.name),
-                source,
-                kind,
-                Causality::Output,
-                format!("{}, {what}", words(channel)),
-            )
-        }
-    };
-    let read =
-        move |index| output(index, "reading", Source::Reading(index), Kind::Float64, "as the instrument reads it");
-    let clipped = move |index| {
-        let what = "whether the reading was beyond the range of the instrument";
-        output(index, "clipped", Source::Clipped(index), Kind::Boolean, what)
-    };
-    let sampled = move |index| {
-        output(
-            index,
+    type Group = (&'static str, fn(usize) -> Source, Kind, &'static str);
+    const GROUPS: [Group; 3] = [
+        ("reading", Source::Reading, Kind::Float64, "as the instrument reads it"),
+        ("clipped", Source::Clipped, Kind::Boolean, "whether the reading was beyond the range of the instrument"),
+        (
             "true",
-            Source::Sampled(index),
+            Source::Sampled,
             Kind::Float64,
             "value that the converter samples, without the errors of the instrument",
-        )
-    };
-    let places = 0..outputs.len();
-    places.clone().map(read).chain(places.clone().map(clipped)).chain(places.map(sampled))
+        ),
+    ];
+    GROUPS.into_iter().flat_map(move |(group, source, kind, what)| {
+        outputs.iter().enumerate().map(move |(index, channel)| {
+            let (name, description) = (format!("{group}.{}", channel.name), format!("{}, {what}", words(channel)));
+            let unit = units::of(channel.quantity).filter(|_| kind == Kind::Float64);
+            Variable { unit, ..variable(name, source(index), kind, Causality::Output, description) }
+        })
+    })
 }
 
 /// The states of the structure, and the number of the sample at which it is.
