@@ -172,27 +172,15 @@ pub struct Summary {
 /// # Errors
 /// [`ExportError`].
 pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summary, ExportError> {
+    let Settings { interface, role, nodes, .. } = content.settings;
+    match (interface, role) {
+        (Interface::Signals, Role::Exciter) => return Err(ExportError::Role { role: "exciter" }),
+        (Interface::Signals, Role::Bus) => return Err(ExportError::Role { role: "bus" }),
+        (_, Role::Plant) if content.scenario.is_fmu() => return Err(ExportError::Nested),
+        (_, Role::Bus) if !(2..=MOST_NODES).contains(&nodes) => return Err(ExportError::Nodes { got: nodes }),
+        _ => {}
+    }
     let name = path.file_stem().map_or_else(|| IDENTIFIER.into(), |stem| stem.to_string_lossy());
-    let (files, summary) = files(content, library, &name)?;
-    let written = |source| ExportError::Write { path: path.to_path_buf(), source };
-    let archive = pack(&files).map_err(written)?;
-    write_whole(path, &archive).map_err(written)?;
-    Ok(Summary { path: path.to_path_buf(), bytes: archive.len() as u64, ..summary })
-}
-
-/// The files of an FMU.
-fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summary), ExportError> {
-    if let (Interface::Signals, Role::Exciter | Role::Bus) = (content.settings.interface, content.settings.role) {
-        let role = if content.settings.role == Role::Bus { "bus" } else { "exciter" };
-        return Err(ExportError::Role { role });
-    }
-    let Settings { role, nodes, .. } = content.settings;
-    if role == Role::Plant && content.scenario.is_fmu() {
-        return Err(ExportError::Nested);
-    }
-    if role == Role::Bus && !(2..=MOST_NODES).contains(&nodes) {
-        return Err(ExportError::Nodes { got: nodes });
-    }
     let resources = content.files().map_err(Fault::from)?;
     let token = token(&resources);
     let variables = model::variables(content)?;
@@ -202,17 +190,20 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
     let platform = library.platform;
     let mut files: Files = resources.into_iter().map(|(name, data)| (format!("resources/{name}"), data)).collect();
     files.extend([
-        (String::from("modelDescription.xml"), model_description(name, &token, content, &variables).into_bytes()),
+        (String::from("modelDescription.xml"), model_description(&name, &token, content, &variables).into_bytes()),
         (format!("binaries/{platform}/{IDENTIFIER}.so"), library.bytes),
-        (String::from("documentation/index.html"), index(name, &variables, &scenario).into_bytes()),
+        (String::from("documentation/index.html"), index(&name, &variables, &scenario).into_bytes()),
         (String::from("documentation/licenses/license.txt"), LICENSE.as_bytes().to_vec()),
     ]);
-    if content.settings.interface == Interface::Can {
+    if interface == Interface::Can {
         files.insert(TERMINALS.to_string(), terminals_and_icons(&content.settings).into_bytes());
         files.insert(MANIFEST.to_string(), manifest(&content.settings).into_bytes());
     }
-    let summary = Summary { path: PathBuf::new(), bytes: 0, token, platform, variables: variables.len() };
-    Ok((files, summary))
+    let written = |source| ExportError::Write { path: path.to_path_buf(), source };
+    let archive = pack(&files).map_err(written)?;
+    write_whole(path, &archive).map_err(written)?;
+    let (path, bytes) = (path.to_path_buf(), archive.len() as u64);
+    Ok(Summary { path, bytes, token, platform, variables: variables.len() })
 }
 
 #[cfg(test)]
