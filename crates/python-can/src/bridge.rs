@@ -6,12 +6,9 @@
 //! `Notifier` and `ThreadSafeBus` rely on; everything else (`set_filters`, `shutdown`) is done by the receiver
 //! between two `recv`, as the locks of `ThreadSafeBus` demand.
 
-use alloc::string::ToString;
-use alloc::sync::Arc;
-use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use core::time::Duration;
-use std::sync::{Condvar, Mutex, PoisonError, mpsc};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
 
 use pyo3::prelude::*;
@@ -24,14 +21,74 @@ use super::{PythonCanError, exception, message};
 use resonarm_bus::Filter;
 use resonarm_bus::socketcan::{MEMINFO_BYTES, drops_in};
 
-/// Time for which `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
-const RECEIVE_TIMEOUT_S: f64 = 0.05;
+/// Time for which `recv` may keep the receiver: the delay at most of `set_filters` and `close`.
+const RECEIVE_TIMEOUT: Duration = Duration::from_millis(50);
 /// The pause after `recv` failed, so that a dead adapter does not take a whole core.
 const REST_AFTER_FAILURE: Duration = Duration::from_millis(10);
 /// The pause before a frame that met a full transmit queue is tried again.
 const REST_AFTER_FULL: Duration = Duration::from_millis(1);
 /// Number of times, over all frames, that a full transmit queue is tried again once the bus is being closed.
 pub(super) const ATTEMPTS_WHEN_CLOSING: u32 = 1000;
+
+/// An open python-can bus, and what is known of its interface.
+pub(super) struct Driver {
+    pub(super) bus: Py<PyAny>,
+    pub(super) message_class: Py<PyAny>,
+    /// The Python socket that the driver reads from, where the kernel counts what it lost on it.
+    pub(super) socket: Option<Py<PyAny>>,
+    pub(super) error_frames: ErrorFrames,
+}
+
+/// What a wait for a message brought.
+pub(super) enum Taken {
+    /// No message came in time.
+    Nothing,
+    /// A message for which ISO 11898-1 has no frame.
+    NoFrame,
+    Message(Incoming),
+}
+
+impl Driver {
+    /// Sends a message that [`message::from_frame`] has made.
+    pub(super) fn send(&self, message: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.bus.bind(message.py()).call_method1("send", (message,)).map(drop)
+    }
+
+    /// Waits for one message.
+    pub(super) fn receive(&self, py: Python<'_>, timeout: Duration) -> PyResult<Taken> {
+        let message = self.bus.bind(py).call_method1("recv", (timeout.as_secs_f64(),))?;
+        if message.is_none() {
+            return Ok(Taken::Nothing);
+        }
+        Ok(message::to_incoming(&message, self.error_frames)?.map_or(Taken::NoFrame, Taken::Message))
+    }
+
+    pub(super) fn set_filters(&self, py: Python<'_>, filters: &[Filter]) -> Result<(), PythonCanError> {
+        let list = message::filter_list(py, filters);
+        let set = list.and_then(|list| self.bus.bind(py).call_method1("set_filters", (list,)));
+        set.map(drop).map_err(|error| exception(py, Operation::SetFilters, error))
+    }
+
+    pub(super) fn shutdown(&self, py: Python<'_>) -> Result<(), PythonCanError> {
+        let shut = self.bus.bind(py).call_method0("shutdown");
+        shut.map(drop).map_err(|error| exception(py, Operation::Close, error))
+    }
+}
+
+/// Whether the driver only asks to be tried later. python-can has no class for this: its `socketcan` gives `ENOBUFS` or
+/// `EAGAIN` in `error_code`, or, where `select` says that the socket is not writable, this message.
+pub(super) fn is_queue_full(py: Python<'_>, error: &PyErr) -> bool {
+    let value = error.value(py);
+    let code: Option<i32> = value.getattr("error_code").and_then(|code| code.extract()).ok();
+    matches!(code, Some(libc::ENOBUFS | libc::EAGAIN)) || value.to_string() == "Transmit buffer full"
+}
+
+/// The frames that found the receive queue of a Python socket full, since it was opened.
+pub(super) fn kernel_drops(socket: &Bound<'_, PyAny>) -> PyResult<u64> {
+    let option = (libc::SOL_SOCKET, libc::SO_MEMINFO, MEMINFO_BYTES);
+    let counters: Vec<u8> = socket.call_method1("getsockopt", option)?.extract()?;
+    Ok(drops_in(&counters)?)
+}
 
 /// State shared by both threads and the bus.
 #[derive(Default)]
@@ -79,8 +136,7 @@ pub(super) struct FilterRequest {
 
 /// The sender: takes frames out of the queue and gives them to python-can.
 pub(super) struct Sender {
-    pub(super) bus: Arc<Py<PyAny>>,
-    pub(super) message_class: Py<PyAny>,
+    pub(super) driver: Arc<Driver>,
     pub(super) outgoing: Consumer<Frame>,
     pub(super) failures: Producer<PythonCanError>,
     pub(super) shared: Arc<Shared>,
@@ -92,13 +148,11 @@ impl Sender {
     /// Runs until the bus is closing and the queue is empty.
     pub(super) fn run(mut self) {
         Python::attach(|py| {
-            let bus = self.bus.bind(py).clone();
-            let class = self.message_class.bind(py).clone();
             loop {
                 // Read before the queue is emptied, so that everything queued before the closing is sent.
                 let closing = self.shared.closing.load(Ordering::Acquire);
                 while let Ok(frame) = self.outgoing.pop() {
-                    if let Err(error) = self.send(&bus, &class, &frame) {
+                    if let Err(error) = self.send(py, &frame) {
                         // A full ring holds older failures, which are nearer to the cause.
                         let _ = self.failures.push(exception(py, Operation::Send, error));
                         self.shared.announce();
@@ -116,35 +170,24 @@ impl Sender {
 
     /// Sends one frame, and again as long as the driver's transmit queue is full. The queue here then fills up, and the
     /// caller meets `QueueFull`.
-    fn send(&mut self, bus: &Bound<'_, PyAny>, class: &Bound<'_, PyAny>, frame: &Frame) -> PyResult<()> {
-        let message = message::from_frame(class, frame)?;
+    fn send(&mut self, py: Python<'_>, frame: &Frame) -> PyResult<()> {
+        let message = message::from_frame(self.driver.message_class.bind(py), frame)?;
         loop {
-            match bus.call_method1("send", (&message,)) {
-                Err(error) if self.attempts > 0 && is_queue_full(bus.py(), &error) => {
+            match self.driver.send(&message) {
+                Err(error) if self.attempts > 0 && is_queue_full(py, &error) => {
                     // Attempts count while closing only. Until then a full queue is waited for.
                     self.attempts -= u32::from(self.shared.closing.load(Ordering::Acquire));
-                    bus.py().detach(|| thread::park_timeout(REST_AFTER_FULL));
+                    py.detach(|| thread::park_timeout(REST_AFTER_FULL));
                 }
-                outcome => return outcome.map(drop),
+                outcome => return outcome,
             }
         }
     }
 }
 
-/// Whether the driver only asks to be tried later. python-can has no class for this: its `socketcan` gives `ENOBUFS` or
-/// `EAGAIN` in `error_code`, or, where `select` says that the socket is not writable, this message.
-pub(super) fn is_queue_full(py: Python<'_>, error: &PyErr) -> bool {
-    let value = error.value(py);
-    let code: Option<i32> = value.getattr("error_code").and_then(|code| code.extract()).ok();
-    matches!(code, Some(libc::ENOBUFS | libc::EAGAIN)) || value.to_string() == "Transmit buffer full"
-}
-
 /// The receiver: takes messages from python-can and puts frames and error frames into the queue.
 pub(super) struct Receiver {
-    pub(super) bus: Arc<Py<PyAny>>,
-    /// The Python socket that the driver reads from, where the kernel counts what it lost on it.
-    pub(super) socket: Option<Py<PyAny>>,
-    pub(super) error_frames: ErrorFrames,
+    pub(super) driver: Arc<Driver>,
     pub(super) incoming: Producer<Incoming>,
     pub(super) failures: Producer<PythonCanError>,
     pub(super) requests: mpsc::Receiver<FilterRequest>,
@@ -156,15 +199,12 @@ impl Receiver {
     /// the caller continues to use it.
     pub(super) fn run(mut self, sender: JoinHandle<()>) -> Result<(), PythonCanError> {
         Python::attach(|py| {
-            let bus = self.bus.bind(py).clone();
             while !self.shared.closing.load(Ordering::Acquire) {
                 if let Ok(FilterRequest { filters, reply }) = self.requests.try_recv() {
-                    let list = message::filter_list(py, &filters);
-                    let outcome = list.and_then(|list| bus.call_method1("set_filters", (list,)));
                     // The caller may have lost its patience and be gone.
-                    let _ = reply.send(outcome.map(drop).map_err(|error| exception(py, Operation::SetFilters, error)));
+                    let _ = reply.send(self.driver.set_filters(py, &filters));
                 }
-                match self.receive(&bus) {
+                match self.receive(py) {
                     Ok(true) => self.shared.announce(),
                     Ok(false) => {}
                     Err(error) => {
@@ -179,38 +219,28 @@ impl Receiver {
             if self.shared.keeps_open.load(Ordering::Acquire) {
                 return Ok(());
             }
-            bus.call_method0("shutdown").map(drop).map_err(|error| exception(py, Operation::Close, error))
+            self.driver.shutdown(py)
         })
     }
 
     /// Waits for one message. `true` if something was queued.
-    fn receive(&mut self, bus: &Bound<'_, PyAny>) -> PyResult<bool> {
+    fn receive(&mut self, py: Python<'_>) -> PyResult<bool> {
         // Before a message is taken, so that none is lost if this fails.
-        if let Some(socket) = &self.socket {
-            let dropped = kernel_drops(socket.bind(bus.py()))?;
+        if let Some(socket) = &self.driver.socket {
+            let dropped = kernel_drops(socket.bind(py))?;
             self.shared.dropped_beneath.store(dropped, Ordering::Relaxed);
         }
-        let message = bus.call_method1("recv", (RECEIVE_TIMEOUT_S,))?;
-        if message.is_none() {
-            return Ok(false);
-        }
-        let Some(incoming) = message::to_incoming(&message, self.error_frames)? else {
-            self.shared.discarded.fetch_add(1, Ordering::Relaxed);
-            return Ok(false);
+        let lost = match self.driver.receive(py, RECEIVE_TIMEOUT)? {
+            Taken::Nothing => return Ok(false),
+            Taken::NoFrame => &self.shared.discarded,
+            Taken::Message(incoming) => match self.incoming.push(incoming) {
+                Ok(()) => return Ok(true),
+                Err(_full) => &self.shared.dropped,
+            },
         };
-        if self.incoming.push(incoming).is_err() {
-            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
-            return Ok(false);
-        }
-        Ok(true)
+        lost.fetch_add(1, Ordering::Relaxed);
+        Ok(false)
     }
-}
-
-/// The frames that found the receive queue of a Python socket full, since it was opened.
-pub(super) fn kernel_drops(socket: &Bound<'_, PyAny>) -> PyResult<u64> {
-    let option = (libc::SOL_SOCKET, libc::SO_MEMINFO, MEMINFO_BYTES);
-    let counters: Vec<u8> = socket.call_method1("getsockopt", option)?.extract()?;
-    Ok(drops_in(&counters)?)
 }
 
 #[cfg(test)]
@@ -242,26 +272,27 @@ class Driver:
 
     /// Queues frames of these identifiers for a driver, closes, runs the sender to its end, and returns what the driver
     /// got and the failures.
-    fn send(full: u32, ids: &[u16]) -> (Vec<u16>, Vec<alloc::string::String>) {
+    fn send(full: u32, ids: &[u16]) -> (Vec<u16>, Vec<String>) {
         let (mut queue, outgoing) = RingBuffer::new(ids.len());
         let (failures, mut failed) = RingBuffer::new(16);
         ids.iter().for_each(|&id| queue.push(Frame::classic(Id::Standard(id), &[]).unwrap()).unwrap());
-        let (driver, message_class) = Python::attach(|py| {
+        let driver = Arc::new(Python::attach(|py| {
             let module = PyModule::from_code(py, DRIVER, c"driver.py", c"driver").unwrap();
-            let driver = module.getattr("Driver").unwrap().call1((full,)).unwrap();
-            (Arc::new(driver.unbind()), module.getattr("SimpleNamespace").unwrap().unbind())
-        });
+            let bus = module.getattr("Driver").unwrap().call1((full,)).unwrap().unbind();
+            let message_class = module.getattr("SimpleNamespace").unwrap().unbind();
+            Driver { bus, message_class, socket: None, error_frames: ErrorFrames::Other }
+        }));
         let shared = Arc::new(Shared::default());
         shared.closing.store(true, Ordering::Release);
-        let bus = Arc::clone(&driver);
-        Sender { bus, message_class, outgoing, failures, shared, attempts: ATTEMPTS_WHEN_CLOSING }.run();
-        let sent = Python::attach(|py| driver.getattr(py, "sent").unwrap().extract(py).unwrap());
+        let sender = Arc::clone(&driver);
+        Sender { driver: sender, outgoing, failures, shared, attempts: ATTEMPTS_WHEN_CLOSING }.run();
+        let sent = Python::attach(|py| driver.bus.getattr(py, "sent").unwrap().extract(py).unwrap());
         (sent, core::iter::from_fn(|| failed.pop().ok()).map(|failure| failure.to_string()).collect())
     }
 
     #[test]
     fn tries_again_while_the_transmit_queue_is_full() {
-        assert_eq!(send(3, &[1, 2]), (alloc::vec![1, 2], alloc::vec![]));
+        assert_eq!(send(3, &[1, 2]), (vec![1, 2], vec![]));
     }
 
     #[test]

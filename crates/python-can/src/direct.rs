@@ -2,18 +2,18 @@
 //!
 //! A frame that goes over two threads costs two wake-ups each way; here the caller calls python-can itself.
 
-use alloc::sync::Arc;
 use core::cell::Cell;
 use core::sync::atomic::Ordering;
 use core::time::Duration;
+use std::sync::Arc;
 
 use pyo3::ffi;
 use pyo3::prelude::*;
 use resonarm_protocol::Frame;
 
-use super::bridge::{Shared, is_queue_full, kernel_drops};
+use super::bridge::{Driver, Shared, Taken, is_queue_full, kernel_drops};
 use super::error::Operation;
-use super::message::{ErrorFrames, Incoming};
+use super::message::Incoming;
 use super::{PythonCanError, exception, message};
 use resonarm_bus::deadline::Deadline;
 use resonarm_bus::socketcan::ControllerReports;
@@ -24,11 +24,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
 /// The bus, and the message that ended a wait.
 pub(super) struct Direct {
-    pub(super) bus: Arc<Py<PyAny>>,
-    pub(super) message_class: Py<PyAny>,
-    /// Socket that the driver reads from, on which the kernel counts the frames it lost.
-    pub(super) socket: Option<Py<PyAny>>,
-    pub(super) error_frames: ErrorFrames,
+    pub(super) driver: Arc<Driver>,
     pub(super) shared: Arc<Shared>,
     pub(super) came_in: Option<Incoming>,
 }
@@ -38,9 +34,9 @@ impl Direct {
     pub(super) fn send(&self, frame: &Frame) -> Result<Sent, PythonCanError> {
         keep_thread_state();
         Python::attach(|py| {
-            let message = message::from_frame(self.message_class.bind(py), frame);
-            match message.and_then(|message| self.bus.bind(py).call_method1("send", (message,))) {
-                Ok(_none) => Ok(Sent::Queued),
+            let message = message::from_frame(self.driver.message_class.bind(py), frame);
+            match message.and_then(|message| self.driver.send(&message)) {
+                Ok(()) => Ok(Sent::Queued),
                 Err(error) if is_queue_full(py, &error) => Ok(Sent::QueueFull),
                 Err(error) => Err(exception(py, Operation::Send, error)),
             }
@@ -74,35 +70,27 @@ impl Direct {
     fn take(&self, timeout: Duration) -> Result<Option<Incoming>, PythonCanError> {
         keep_thread_state();
         Python::attach(|py| {
-            let take = |timeout_s: f64| {
-                let message = self.bus.bind(py).call_method1("recv", (timeout_s,))?;
-                let is_message = !message.is_none();
-                let incoming = if is_message { message::to_incoming(&message, self.error_frames)? } else { None };
-                Ok((is_message, incoming))
-            };
-            let mut timeout_s = timeout.as_secs_f64();
+            let mut timeout = timeout;
             loop {
-                match take(timeout_s).map_err(|error| exception(py, Operation::Receive, error))? {
-                    (true, None) => self.shared.discarded.fetch_add(1, Ordering::Relaxed),
-                    (_, incoming) => return Ok(incoming),
+                let taken = self.driver.receive(py, timeout);
+                match taken.map_err(|error| exception(py, Operation::Receive, error))? {
+                    Taken::Nothing => return Ok(None),
+                    Taken::Message(incoming) => return Ok(Some(incoming)),
+                    Taken::NoFrame => self.shared.discarded.fetch_add(1, Ordering::Relaxed),
                 };
                 // The frames after it have arrived, too.
-                timeout_s = 0.0;
+                timeout = Duration::ZERO;
             }
         })
     }
 
     pub(super) fn set_filters(&self, filters: &[Filter]) -> Result<(), PythonCanError> {
-        Python::attach(|py| {
-            let list = message::filter_list(py, filters);
-            let set = list.and_then(|list| self.bus.bind(py).call_method1("set_filters", (list,)));
-            set.map(drop).map_err(|error| exception(py, Operation::SetFilters, error))
-        })
+        Python::attach(|py| self.driver.set_filters(py, filters))
     }
 
     /// Counts what the kernel has lost up to now. If it can't say, the count stays.
     pub(super) fn count_drops(&self) {
-        let Some(socket) = &self.socket else { return };
+        let Some(socket) = &self.driver.socket else { return };
         if let Ok(dropped) = Python::attach(|py| kernel_drops(socket.bind(py))) {
             self.shared.dropped_beneath.store(dropped, Ordering::Relaxed);
         }
@@ -111,10 +99,7 @@ impl Direct {
     pub(super) fn close(self) -> Result<(), PythonCanError> {
         // While the socket is still open: the count of the kernel goes with it.
         self.count_drops();
-        Python::attach(|py| {
-            let shut = self.bus.bind(py).call_method0("shutdown");
-            shut.map(drop).map_err(|error| exception(py, Operation::Close, error))
-        })
+        Python::attach(|py| self.driver.shutdown(py))
     }
 }
 

@@ -8,8 +8,6 @@
 //! user's choice. One that is found counts only if nobody else can have put it there or changed it: anybody who may write
 //! to a directory above the working directory could otherwise place one.
 
-use alloc::format;
-use alloc::string::{String, ToString};
 use core::fmt;
 use std::env;
 use std::ffi::{CString, OsString};
@@ -53,12 +51,12 @@ impl VirtualEnvironment {
     }
 }
 
-/// Describes what `python-can:` would load, without running any Python.
+/// Describes where python-can would be loaded from, and its version, for people. No Python runs.
 ///
 /// # Errors
 /// [`PythonCanError::VirtualEnvironment`], [`PythonCanError::Untrusted`], and [`PythonCanError::Missing`] if an
 /// environment has no python-can.
-pub(super) fn would_load() -> Result<String, PythonCanError> {
+pub fn would_load() -> Result<String, PythonCanError> {
     let working_directory = env::current_dir().unwrap_or_default();
     let Some(environment) = find(env::var_os("VIRTUAL_ENV"), &working_directory)? else {
         return Ok(String::from(

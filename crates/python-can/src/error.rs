@@ -1,6 +1,5 @@
 //! Errors between here and an adapter that python-can drives.
 
-use alloc::string::String;
 use core::time::Duration;
 use std::io;
 use std::path::PathBuf;

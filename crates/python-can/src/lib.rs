@@ -14,8 +14,6 @@
 //! Frames lost before python-can has them are counted in [`Statistics::dropped`] if they met a full receive queue in
 //! the kernel of its `socketcan`; no other driver of python-can reports losses.
 
-extern crate alloc;
-
 mod bridge;
 mod direct;
 mod discovery;
@@ -24,13 +22,9 @@ mod message;
 mod options;
 mod signals;
 
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::sync::Arc;
-use alloc::vec::Vec;
 use core::sync::atomic::Ordering;
 use core::time::Duration;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::thread::{self, JoinHandle, Thread};
 
 use pyo3::prelude::*;
@@ -38,11 +32,12 @@ use pyo3::types::{PyDict, PyModule};
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use bridge::{ATTEMPTS_WHEN_CLOSING, FilterRequest, Receiver, Sender, Shared, kernel_drops};
+use bridge::{ATTEMPTS_WHEN_CLOSING, Driver, FilterRequest, Receiver, Sender, Shared, kernel_drops};
 use direct::Direct;
+pub use discovery::would_load;
 pub use error::{Operation, PythonCanError};
 use message::{ErrorFrames, Incoming};
-use options::{Options, Value};
+use options::Options;
 use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
@@ -53,6 +48,8 @@ pub const RECEIVE_QUEUE: usize = 1024;
 pub const TRANSMIT_QUEUE: usize = 1024;
 /// Failures kept for the caller; the first ones are kept.
 const FAILURE_QUEUE: usize = 16;
+/// The interface of python-can to the CAN interfaces of the kernel.
+const SOCKETCAN: &str = "socketcan";
 /// The interface of python-can that carries CAN FD frames whatever it says.
 const VIRTUAL: &str = "virtual";
 /// Time that [`Bus::close`] and [`Bus::set_filters`] wait for the driver.
@@ -101,27 +98,19 @@ impl PythonCan {
         let name = BusAddress::PythonCan(options.to_vec()).to_string();
         let options = Options::parse(options)?;
         start_python()?;
-        let (bus, message_class) = Python::attach(|py| open_bus(py, &options))?;
-        let (socket, controller) = match options.interface.as_str() {
-            "socketcan" => (Some(Python::attach(|py| counting_socket(&bus, py))?), options.channel),
-            _ => (None, None),
-        };
-        let is_classic = Python::attach(|py| is_classic(bus.bind(py))) && options.interface != VIRTUAL;
-        let mut bus = PythonCan::start(bus, message_class, socket, ErrorFrames::of(&options.interface))?;
+        let driver = Python::attach(|py| open_bus(py, &options))?;
+        let is_classic = Python::attach(|py| is_classic(driver.bus.bind(py))) && options.interface != VIRTUAL;
+        let mut bus = PythonCan::start(driver)?;
+        let controller = options.channel.filter(|_| options.interface == SOCKETCAN);
         bus.controller = controller.unwrap_or_else(|| name.clone());
         bus.classic_interface = is_classic.then_some(options.interface);
         bus.name = name;
         Ok(bus)
     }
 
-    /// Starts the bridge threads on an open python-can bus; `socket` is what it reads from, if that counts losses.
-    fn start(
-        bus: Py<PyAny>,
-        message_class: Py<PyAny>,
-        socket: Option<Py<PyAny>>,
-        error_frames: ErrorFrames,
-    ) -> Result<PythonCan, PythonCanError> {
-        let shared = Arc::new(Shared::default());
+    /// Starts the bridge threads on an open python-can bus.
+    fn start(driver: Driver) -> Result<PythonCan, PythonCanError> {
+        let (driver, shared) = (Arc::new(driver), Arc::new(Shared::default()));
         let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
         let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
         // A ring has one producer, so each thread has its own.
@@ -131,29 +120,16 @@ impl PythonCan {
         // Joining a thread has no time limit, and a driver may hang in a call. A channel can be waited on for a
         // limited time.
         let (ended, outcome) = mpsc::sync_channel(1);
-        let bus = Arc::new(bus);
-        let (class, counted) =
-            Python::attach(|py| (message_class.clone_ref(py), socket.as_ref().map(|s| s.clone_ref(py))));
-        let spare = Direct {
-            bus: Arc::clone(&bus),
-            message_class: class,
-            socket: counted,
-            error_frames,
-            shared: Arc::clone(&shared),
-            came_in: None,
-        };
+        let spare = Direct { driver: Arc::clone(&driver), shared: Arc::clone(&shared), came_in: None };
         let sender = Sender {
-            bus: Arc::clone(&bus),
-            message_class,
+            driver: Arc::clone(&driver),
             outgoing: to_send,
             failures: send_failed,
             shared: Arc::clone(&shared),
             attempts: ATTEMPTS_WHEN_CLOSING,
         };
         let receiver = Receiver {
-            bus,
-            socket,
-            error_frames,
+            driver,
             incoming: came_in,
             failures: receive_failed,
             requests: requested,
@@ -370,38 +346,28 @@ pub fn version() -> Result<String, PythonCanError> {
     })
 }
 
-/// Describes where python-can would be loaded from, and its version, for people. No Python runs.
-///
-/// # Errors
-/// [`PythonCanError::VirtualEnvironment`], [`PythonCanError::Untrusted`], and [`PythonCanError::Missing`].
-pub fn would_load() -> Result<String, PythonCanError> {
-    discovery::would_load()
-}
-
 fn start_python() -> Result<(), PythonCanError> {
     signals::start_python().map_err(|error| Python::attach(|py| exception(py, Operation::Import, error)))
 }
 
-/// Imports python-can and opens the bus: the bus, and the class `can.Message`.
-fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>), PythonCanError> {
+/// Imports python-can and opens the bus.
+fn open_bus(py: Python<'_>, options: &Options) -> Result<Driver, PythonCanError> {
     let can = discovery::import_can(py)?;
     check_interface(&can, &options.interface)?;
-    let open = || -> PyResult<(Py<PyAny>, Py<PyAny>)> {
+    let open = || -> PyResult<Driver> {
         let arguments = PyDict::new(py);
         for (key, value) in &options.rest {
-            match value {
-                Value::Integer(integer) => arguments.set_item(key, integer)?,
-                Value::Float(float) => arguments.set_item(key, float)?,
-                Value::Boolean(boolean) => arguments.set_item(key, boolean)?,
-                Value::Text(text) => arguments.set_item(key, text)?,
-            }
+            arguments.set_item(key, value)?;
         }
         arguments.set_item("interface", &options.interface)?;
         if let Some(channel) = &options.channel {
             arguments.set_item("channel", channel)?;
         }
         let bus = can.getattr("Bus")?.call((), Some(&arguments))?;
-        Ok((bus.unbind(), can.getattr("Message")?.unbind()))
+        let socket = if options.interface == SOCKETCAN { Some(bus.getattr("socket")?) } else { None };
+        socket.as_ref().map(kernel_drops).transpose()?;
+        let (message_class, error_frames) = (can.getattr("Message")?.unbind(), ErrorFrames::of(&options.interface));
+        Ok(Driver { bus: bus.unbind(), message_class, socket: socket.map(Bound::unbind), error_frames })
     };
     open().map_err(|error| exception(py, Operation::Open, error))
 }
@@ -411,17 +377,6 @@ fn is_classic(bus: &Bound<'_, PyAny>) -> bool {
     let protocol = bus.getattr("protocol").and_then(|protocol| protocol.getattr("name"));
     // Older releases have no such attribute. Their buses are not said to be classical.
     protocol.and_then(|name| name.extract::<String>()).is_ok_and(|name| name == "CAN_20")
-}
-
-/// The socket that python-can's `socketcan` reads from, after checking that it reports its losses, which it is asked
-/// before each frame.
-fn counting_socket(bus: &Py<PyAny>, py: Python<'_>) -> Result<Py<PyAny>, PythonCanError> {
-    let socket = || -> PyResult<Py<PyAny>> {
-        let socket = bus.getattr(py, "socket")?;
-        kernel_drops(socket.bind(py))?;
-        Ok(socket)
-    };
-    socket().map_err(|error| exception(py, Operation::Open, error))
 }
 
 /// `can.VALID_INTERFACES` holds the interfaces of python-can and of its installed plug-ins.

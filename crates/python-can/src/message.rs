@@ -1,7 +1,5 @@
 //! Conversion between frames and `can.Message`.
 
-use alloc::vec::Vec;
-
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;

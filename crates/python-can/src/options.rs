@@ -1,7 +1,6 @@
 //! The options of an address: the keyword arguments of `can.Bus`.
 
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
+use pyo3::IntoPyObjectRef;
 
 use super::PythonCanError;
 
@@ -17,7 +16,7 @@ pub(super) struct Options {
 }
 
 /// A value as python-can reads it from its configuration files.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, IntoPyObjectRef)]
 pub(super) enum Value {
     /// Digits, with a sign or without.
     Integer(i64),
@@ -121,7 +120,7 @@ mod tests {
         let expected = Options {
             interface: "kvaser".into(),
             channel: Some("0".into()),
-            rest: alloc::vec![("bitrate".into(), Value::Integer(1_000_000))],
+            rest: vec![("bitrate".into(), Value::Integer(1_000_000))],
         };
         assert_eq!(options.ok(), Some(expected));
     }
