@@ -7,6 +7,7 @@ use resonarm::node::{PlantInterface, PublishedSample, TimeBase, Timing};
 use resonarm::protocol::{Frame, FrameFormat, Id, NodeState};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
+use resonarm::structure::States;
 
 const DBC: &str = include_str!("../../examples/own-protocol/bench.dbc");
 const SCENARIOS: [&str; 3] = [
@@ -24,6 +25,11 @@ fn can_command(scenario: usize, id: u16) -> bool {
     }
 }
 
+/// The angles of the arm's joints and their rates, at rest.
+fn at_rest() -> States {
+    States::written(4, 4, |numbers| numbers.fill(0.0))
+}
+
 /// A copy of the node that only gets what answers samples, and no command: whether a load begins to act.
 fn acts_by_itself(node: &dyn PlantInterface, mut now_ns: u64, mut sample: u64) -> bool {
     let mut twin = node.boxed_clone();
@@ -34,7 +40,7 @@ fn acts_by_itself(node: &dyn PlantInterface, mut now_ns: u64, mut sample: u64) -
         twin.handle_deadline(now_ns);
         let (load, is_ramping) = (twin.load(), twin.is_ramping());
         let measurement = Measurement { sample, ..Measurement::default() };
-        let published = PublishedSample { measurement: &measurement, states: &[0.0; 4], travel_m: 0.0 };
+        let published = PublishedSample { measurement: &measurement, states: &at_rest(), travel_m: 0.0 };
         twin.publish(&published).expect("a sample of numbers");
         twin.is_armed() && !is_ramping && load != Default::default()
     })
@@ -84,7 +90,7 @@ fuzz_target!(|input: &[u8]| {
         let is_idle = node.state() != NodeState::Operational && !node.is_ramping();
         assert!(!is_idle || exciter.size(&load) == (0.0, 0.0), "{load:?} while {:?}", node.state());
         let measurement = Measurement { sample, ..Measurement::default() };
-        let published = PublishedSample { measurement: &measurement, states: &[0.0; 4], travel_m: 0.0 };
+        let published = PublishedSample { measurement: &measurement, states: &at_rest(), travel_m: 0.0 };
         node.publish(&published).expect("a sample of numbers");
         sample += 1;
         sent.clear();
