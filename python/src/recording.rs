@@ -8,7 +8,6 @@ use pyo3::types::PyByteArray;
 use resonarm::export::RecordingPart;
 use resonarm::protocol::{FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
-use resonarm::recording::channels::Channels;
 use resonarm::recording::{self, Direction, Integrity, Origin, Record, RecordingError, Records};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
@@ -117,7 +116,7 @@ impl Recording {
 
     /// The vectors of numbers in the rows of a part: name, and names of the components.
     fn channels(&self, part: &str) -> PyResult<Vec<Vector>> {
-        Ok(vectors(self.inner.channels(), self::part(part)?))
+        Ok(structure::vectors(self.inner.channels().of(self::part(part)?.topic())))
     }
 
     /// Reads a part: states, samples, frames, ticks or events, from one sample to another, both included.
@@ -146,20 +145,10 @@ pub fn known_vectors() -> Vec<Vector> {
     structure::vectors(&[known_states(), READINGS.to_vec()].concat())
 }
 
-/// The vectors of numbers in the rows of a part of the arm with the coil of a shaker, as `Recording.channels`.
-#[pyfunction]
-pub fn arm_channels(part: &str) -> PyResult<Vec<Vector>> {
-    Ok(vectors(&Channels::arm(true), self::part(part)?))
-}
-
 /// Causes of overruns by their number in the rows of ticks, from 1 on; 0 is none.
 #[pyfunction]
 pub fn overrun_causes() -> [&'static str; 3] {
     OverrunCause::ALL.map(OverrunCause::name)
-}
-
-fn vectors(channels: &Channels, part: RecordingPart) -> Vec<Vector> {
-    structure::vectors(channels.of(part.topic()))
 }
 
 type AnyRecords = Box<dyn Iterator<Item = Result<Record<String>, RecordingError>> + Send>;

@@ -113,7 +113,7 @@ def test_invalid_arguments_are_value_errors(arm, call, message):
 
 def test_coordinates_have_the_names_of_the_channels(arm):
     """basins called the velocity of joint 1 alpha_dot1_rad_s, recordings and exports alpha1_dot_rad_s."""
-    channels = {name for _vector, names in _resonarm.arm_channels("states") for name in names}
+    channels = {name for _vector, names in resonarm.Plant().channels() for name in names}
     basins = arm.basins(HZ, drive=DRIVE, points=(2, 2), time_constants=0.1)
     assert set(basins.known) <= channels
 

@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 import resonarm
-from resonarm import _resonarm, own_structure, words
+from resonarm import own_structure, words
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -20,7 +20,7 @@ def listed(message):
 
 
 def test_the_words_of_readings_are_those_of_the_table_of_channels():
-    vectors = [vector for vector, _ in _resonarm.arm_channels("samples")]
+    vectors = [vector for vector, _ in resonarm.Plant().reading_channels()]
     assert set(get_args(words.Reading)) == set(vectors)
 
 
