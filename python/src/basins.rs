@@ -1,19 +1,18 @@
 //! Many responses of a structure at once: ensembles, and basins of attraction.
 
-use core::sync::atomic::{AtomicBool, Ordering};
-
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::Forced;
 use resonarm::analysis::time_domain::{BasinOutcome, TimeDomainError};
 use resonarm::analysis::time_domain::{StableOrbit, StroboscopicMap, further_orbits, outcomes, reach, stable_orbits};
+use resonarm::structure::Dof;
 use resonarm::study::on_all_cores;
 
 use crate::errors;
 use crate::forced::Drive;
 use crate::rows::{Rows, numbers};
 use crate::structure::Assembly;
-use crate::watch::watched;
+use crate::watch::stoppable;
 
 /// Motions that a core follows together.
 const TOGETHER: usize = 64;
@@ -47,13 +46,12 @@ pub fn ensemble<'py>(
     let (forced, frequency_hz, (periods, every)) = (drive.forced(structure)?, drive.2, length);
     let states = states(&forced, initial)?;
     // Refused before any thread begins.
-    StroboscopicMap::new(&forced, frequency_hz).map_err(errors::time_domain)?;
-    let (groups, stopped) = (states.chunks(TOGETHER).collect::<Vec<_>>(), AtomicBool::new(false));
-    let stop = || stopped.load(Ordering::Relaxed);
-    let of =
-        |group: &&[Vec<f64>]| followed(&StroboscopicMap::new(&forced, frequency_hz)?, group, periods, every, &stop);
-    let work = || on_all_cores(&groups, of, || ());
-    let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
+    let map = || StroboscopicMap::new(&forced, frequency_hz);
+    map().map_err(errors::time_domain)?;
+    let groups: Vec<_> = states.chunks(TOGETHER).collect();
+    let found = stoppable(py, |stop| {
+        on_all_cores(&groups, |group: &&[Vec<f64>]| followed(&map()?, group, periods, every, stop), || ())
+    })?;
     let found: Vec<Vec<Vec<Vec<f64>>>> =
         found.into_iter().collect::<Result<_, TimeDomainError>>().map_err(errors::time_domain)?;
     let mut rows = Rows::default();
@@ -90,6 +88,11 @@ fn followed(
     Ok(kept)
 }
 
+/// The degrees of freedom at which a structure is driven, where its responses are read.
+fn driven(forced: &Forced) -> Vec<Dof> {
+    forced.drives().iter().map(|(dof, _share)| *dof).collect()
+}
+
 /// Makes a row with the number of the response that is reached, and that of the periods.
 fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
     let (orbit, periods) = match outcome {
@@ -121,11 +124,8 @@ pub struct Attractors {
 impl Attractors {
     #[new]
     fn new(py: Python<'_>, structure: &Assembly, drive: Drive) -> PyResult<Attractors> {
-        let (forced, frequency_hz, stopped) = (drive.forced(structure)?, drive.2, AtomicBool::new(false));
-        let read: Vec<_> = forced.drives().iter().map(|(dof, _share)| *dof).collect();
-        let stop = || stopped.load(Ordering::Relaxed);
-        let work = || stable_orbits(&forced, &read, frequency_hz, &stop);
-        let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
+        let (forced, frequency_hz) = (drive.forced(structure)?, drive.2);
+        let found = stoppable(py, |stop| stable_orbits(&forced, &driven(&forced), frequency_hz, stop))?;
         let (orbits, early) = found.map_err(errors::time_domain)?;
         let ended_early = early.map(|early| errors::printable(early.reason));
         Ok(Attractors { forced, frequency_hz, orbits, ended_early })
@@ -133,11 +133,10 @@ impl Attractors {
 
     /// These, and the stable periodic responses on which other states settle.
     fn with_those_of(&self, py: Python<'_>, initial: &[u8]) -> PyResult<Attractors> {
-        let (states, stopped) = (states(&self.forced, initial)?, AtomicBool::new(false));
-        let read: Vec<_> = self.forced.drives().iter().map(|(dof, _share)| *dof).collect();
-        let stop = || stopped.load(Ordering::Relaxed);
-        let work = || further_orbits(&self.forced, &read, self.frequency_hz, &self.orbits, &states, &stop);
-        let further = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?.map_err(errors::time_domain)?;
+        let (states, read) = (states(&self.forced, initial)?, driven(&self.forced));
+        let further =
+            stoppable(py, |stop| further_orbits(&self.forced, &read, self.frequency_hz, &self.orbits, &states, stop))?
+                .map_err(errors::time_domain)?;
         Ok(Attractors {
             forced: self.forced.clone(),
             orbits: [&self.orbits[..], &further].concat(),
@@ -173,13 +172,13 @@ impl Attractors {
     ) -> PyResult<Bound<'py, PyByteArray>> {
         let map = || StroboscopicMap::new(&self.forced, self.frequency_hz);
         let states = states(&self.forced, initial)?;
-        let (groups, stopped) = (states.chunks(TOGETHER).collect::<Vec<_>>(), AtomicBool::new(false));
-        let stop = || stopped.load(Ordering::Relaxed);
-        let of = |group: &&[Vec<f64>]| outcomes(&map()?, &self.orbits, group, time_constants, &stop);
+        let groups: Vec<_> = states.chunks(TOGETHER).collect();
+        let of =
+            |group: &[Vec<f64>], stop: &dyn Fn() -> bool| outcomes(&map()?, &self.orbits, group, time_constants, stop);
         let found = if on_cores {
-            watched(py, &|| stopped.store(true, Ordering::Relaxed), || on_all_cores(&groups, of, || ()))?
+            stoppable(py, |stop| on_all_cores(&groups, |group: &&[Vec<f64>]| of(group, stop), || ()))?
         } else {
-            py.detach(|| groups.iter().map(of).collect())
+            py.detach(|| groups.iter().map(|group| of(group, &|| false)).collect())
         };
         let found: Vec<Vec<BasinOutcome>> =
             found.into_iter().collect::<Result<_, TimeDomainError>>().map_err(errors::time_domain)?;

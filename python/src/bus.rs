@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use resonarm::bus::memory::{self, MemoryBus, MemoryReceiver, MemorySender};
 
 use crate::errors;
-use crate::protocol::{FrameParts, parts};
+use crate::protocol::{FrameParts, Parts, parts};
 
 /// Frames of each other end that an end keeps until it receives them: a few seconds of a bench at 1 kHz, for
 /// listeners that are slower than simulated time.
@@ -65,9 +65,6 @@ impl BusEnd {
     }
 }
 
-/// Identifier, whether it is extended, payload, FD, bit rate switch.
-type Parts = (u32, bool, Vec<u8>, bool, bool);
-
 #[pymethods]
 impl BusEnd {
     /// Sends a frame to every other end.
@@ -98,10 +95,7 @@ impl BusEnd {
             })?;
             left_s -= part_s;
             if received.is_some() || left_s <= 0.0 {
-                return Ok(received.map(|frame| {
-                    let (identifier, extended, data, fd, switch) = parts(&frame);
-                    (identifier, extended, data.to_vec(), fd, switch)
-                }));
+                return Ok(received.map(|frame| parts(&frame)));
             }
             py.check_signals()?;
         }

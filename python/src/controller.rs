@@ -1,6 +1,5 @@
 //! A controller written in Python.
 
-use core::fmt;
 use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
@@ -13,16 +12,11 @@ use crate::plant::Measurement;
 use crate::values;
 
 /// Called with each sample: returns two components of a load, or `None` when the work is done.
+#[derive(Debug)]
 pub struct PyController {
     call: Py<PyAny>,
     kind: LoadKind,
     raised: Raised,
-}
-
-impl fmt::Debug for PyController {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("PyController")
-    }
 }
 
 /// Parses `force` or `torque`.
@@ -36,7 +30,7 @@ pub fn load_kind(name: &str) -> PyResult<LoadKind> {
 
 /// The two components that a controller returned for a sample.
 fn load(answer: &Bound<'_, PyAny>, sample: u64) -> PyResult<[f64; 2]> {
-    values::two_numbers(answer, |returned| {
+    values::two_or_more(answer, |returned| {
         format!(
             "the controller returned {returned} for sample {sample}: expected a load, two finite numbers, or None to end the work"
         )

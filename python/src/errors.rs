@@ -18,6 +18,7 @@ use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
 use resonarm::scenario::{ScenarioError, StructureSectionError};
+use resonarm::signals::SignalError;
 
 create_exception!(resonarm, ResonarmError, PyException, "A valid request could not be fulfilled.");
 
@@ -77,6 +78,14 @@ pub fn scenario(error: ScenarioError) -> PyErr {
         ScenarioError::Read { source, .. } | ScenarioError::ReadLoad { source, .. } => refused(source.kind(), &error),
         ScenarioError::Structure(StructureSectionError::Read { kind, .. }) => refused(*kind, &error),
         _ => value(error),
+    }
+}
+
+/// The exception for an error of reading the channels of a recording.
+pub fn signals(error: SignalError) -> PyErr {
+    match error {
+        SignalError::Export(error) => failed(error),
+        error => value(error),
     }
 }
 

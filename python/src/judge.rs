@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use pyo3::prelude::*;
 use resonarm::judge::{Document, JudgeError, JudgeOptions};
 use resonarm::scenario::specification;
-use resonarm::signals::SignalError;
 use resonarm::specification::{PRESETS, Specification};
 use serde_json::{Map, json};
 
@@ -24,7 +23,7 @@ fn read(name: &Path) -> PyResult<Specification> {
 
 fn error(error: JudgeError) -> PyErr {
     match error {
-        JudgeError::Signals(SignalError::Export(error)) => errors::failed(error),
+        JudgeError::Signals(error) => errors::signals(error),
         error => errors::value(error),
     }
 }

@@ -13,8 +13,10 @@ use crate::errors;
 #[derive(Debug, PartialEq)]
 pub struct Mode {
     /// Natural frequency of the undamped structure, Hz.
+    #[pyo3(get)]
     frequency_hz: f64,
     /// Damping ratio of the mode's pole λ, −Re λ/|λ|, dimensionless.
+    #[pyo3(get)]
     damping_ratio: f64,
     /// Shape in the coordinates, normalised to the mass matrix.
     shape: Vec<f64>,
@@ -25,18 +27,6 @@ impl Mode {
     #[new]
     pub fn new(frequency_hz: f64, damping_ratio: f64, shape: Vec<f64>) -> Mode {
         Mode { frequency_hz, damping_ratio, shape }
-    }
-
-    /// Natural frequency of the undamped structure, Hz.
-    #[getter]
-    fn frequency_hz(&self) -> f64 {
-        self.frequency_hz
-    }
-
-    /// Damping ratio of the mode's pole λ, −Re λ/|λ|, dimensionless.
-    #[getter]
-    fn damping_ratio(&self) -> f64 {
-        self.damping_ratio
     }
 
     /// Shape in the coordinates, normalised to the mass matrix.

@@ -1,6 +1,5 @@
 //! A structure whose step is written in Python.
 
-use core::fmt;
 use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
@@ -29,16 +28,11 @@ pub struct OwnParts(
 );
 
 /// The calls; that of the sensors if they read anything.
+#[derive(Debug)]
 struct Calls {
     step: Py<PyAny>,
     points: Py<PyAny>,
     sensors: Option<Py<PyAny>>,
-}
-
-impl fmt::Debug for Calls {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Calls")
-    }
 }
 
 /// The structure in a state.

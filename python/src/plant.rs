@@ -9,6 +9,7 @@ use resonarm::plant::{self, PlantError};
 use resonarm::recording::Topic;
 use resonarm::recording::channels::Channels;
 use resonarm::rig::{self, Load, MOST_JOINTS, Reading, Readings};
+use resonarm::run::sample_record;
 use resonarm::structure::States;
 
 use crate::errors::{self, Raised, taken};
@@ -113,7 +114,7 @@ impl Measurement {
     /// those above for the other sensors in their order.
     #[getter]
     fn clipped(&self) -> u32 {
-        clipped(&self.inner)
+        sample_record(&self.inner).clipped_bits()
     }
 
     /// The readings of the sensors beside B and C by the names of their channels, such as `acceleration_m3_z_m_s2`.
@@ -143,15 +144,6 @@ impl Measurement {
     fn named(&self) -> Vec<(String, f64)> {
         self.names.iter().cloned().zip(self.inner.more.values().iter().copied()).collect()
     }
-}
-
-fn clipped(measurement: &rig::Measurement) -> u32 {
-    let rig::Measurement { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, more, .. } = measurement;
-    // The order gives the bits: 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head.
-    let pairs = [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n];
-    let readings = pairs.into_iter().flatten().enumerate();
-    let own: u32 = readings.map(|(bit, reading)| u32::from(reading.clipped) << bit).sum();
-    own | more.clipped() << rig::Measurement::CHANNELS
 }
 
 /// A plant at a sample: the arm or another structure, its instruments and an integrator.
@@ -308,11 +300,9 @@ impl Plant {
 }
 
 fn push(rows: &mut Rows, states: &States, measured: &rig::Measurement) {
-    rows.word(measured.sample);
+    let read = sample_record(measured);
+    rows.word(read.sample);
     rows.numbers(states);
-    rows.numbers(&measured.acceleration_b_m_s2.map(|reading| reading.value));
-    rows.numbers(&measured.acceleration_c_m_s2.map(|reading| reading.value));
-    rows.numbers(&measured.head_force_n.map(|reading| reading.value));
-    rows.numbers(measured.more.values());
-    rows.word(clipped(measured));
+    rows.numbers(&read.values());
+    rows.word(read.clipped_bits());
 }

@@ -36,13 +36,16 @@ fn id(identifier: u32, extended: bool) -> PyResult<Id> {
     }
 }
 
+/// Identifier, whether it has 29 bits, payload, FD, bit rate switch.
+pub type Parts = (u32, bool, Vec<u8>, bool, bool);
+
 /// The parts of a frame.
-pub fn parts(frame: &Frame) -> (u32, bool, &[u8], bool, bool) {
+pub fn parts(frame: &Frame) -> Parts {
     let (fd, bit_rate_switch) = match frame.format() {
         FrameFormat::Fd { bit_rate_switch, .. } => (true, bit_rate_switch),
         FrameFormat::Classic | FrameFormat::Remote => (false, false),
     };
-    (frame.id().raw(), matches!(frame.id(), Id::Extended(_)), frame.data(), fd, bit_rate_switch)
+    (frame.id().raw(), matches!(frame.id(), Id::Extended(_)), frame.data().to_vec(), fd, bit_rate_switch)
 }
 
 /// One plant and one exciter on a bus.
@@ -130,11 +133,7 @@ impl Encoder {
     }
 
     /// The parts of the next frame of a message.
-    fn encode_parts(
-        &mut self,
-        message: &str,
-        signals: &Bound<'_, PyDict>,
-    ) -> PyResult<(u32, bool, Vec<u8>, bool, bool)> {
+    fn encode_parts(&mut self, message: &str, signals: &Bound<'_, PyDict>) -> PyResult<Parts> {
         let known = MessageKind::ALL.into_iter().find(|kind| kind.name() == message);
         let kind = known.ok_or_else(|| {
             let names = MessageKind::ALL.map(MessageKind::name).join(", ");
@@ -154,9 +153,7 @@ impl Encoder {
         if let Some((unknown, _)) = given.iter().find(|(given, _)| !used.contains(&given.as_str())) {
             return Err(errors::value(format!("{kind} has no signal {unknown}, expected one of {}", used.join(", "))));
         }
-        let frame = self.inner.frame(&message).map_err(errors::value)?;
-        let (identifier, extended, data, fd, switch) = parts(&frame);
-        Ok((identifier, extended, data.to_vec(), fd, switch))
+        Ok(parts(&self.inner.frame(&message).map_err(errors::value)?))
     }
 }
 
@@ -205,19 +202,15 @@ impl Decoder {
                 ("refused", kind.name(), kind.sender().to_string(), signals, error.to_string())
             }
             Ok(Some(message)) => {
-                let mut failed = None;
+                let mut set = Ok(());
                 message.signals(|name, value| {
-                    if let Err(error) = signals.set_item(name, value) {
-                        failed = Some(error);
+                    if set.is_ok() {
+                        set = signals.set_item(name, value);
                     }
                 });
-                match failed {
-                    Some(error) => return Err(error),
-                    None => {
-                        let kind = message.kind();
-                        ("taken", kind.name(), kind.sender().to_string(), signals, String::new())
-                    }
-                }
+                set?;
+                let kind = message.kind();
+                ("taken", kind.name(), kind.sender().to_string(), signals, String::new())
             }
         })
     }

@@ -129,12 +129,6 @@ fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
 }
 
 impl How {
-    /// Whether it sets how long the loop spins.
-    fn spins(&self) -> bool {
-        let How(.., RealTime(.., spin)) = self;
-        spin.is_some()
-    }
-
     fn session(
         self,
         scenario: &Scenario,
@@ -284,7 +278,8 @@ impl NodeRun {
         if how.0 == Mode::Free.name() {
             return Err(errors::run(RunError::FreeHasNoBus));
         }
-        if role == "exciter" && how.spins() {
+        let How(.., RealTime(.., spin)) = &how;
+        if role == "exciter" && spin.is_some() {
             return Err(errors::value("spin_s applies only to a plant: leave it out for an exciter"));
         }
         if role == "exciter" && structure.is_some() {

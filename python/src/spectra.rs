@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyByteArray;
 use resonarm::modal::spectra::{self, CrossSpectra, Detrend, Estimator, Segments, ShockResponse, Window};
-use resonarm::signals::{SignalError, Signals};
+use resonarm::signals::Signals;
 
 use crate::errors;
 use crate::recording::Recording;
@@ -27,10 +27,7 @@ type Average = (usize, f64, f64, [f64; 2]);
 const CONFIDENCE: f64 = 0.95;
 
 fn read(recording: &Recording, (names, range): &Wanted) -> PyResult<Signals> {
-    Signals::read(recording.inner(), names, *range).map_err(|error| match error {
-        SignalError::Export(error) => errors::failed(error),
-        error => errors::value(error),
-    })
+    Signals::read(recording.inner(), names, *range).map_err(errors::signals)
 }
 
 fn channels(signals: &Signals) -> Channels {

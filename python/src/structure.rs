@@ -13,8 +13,8 @@ use resonarm::integrate::Scheme;
 use resonarm::scenario::Scenario;
 use resonarm::scenario::structure::{Matrices, StructureSection, StructureSectionError};
 use resonarm::structure::{
-    self, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, Link, LoadHarmonic, StepError, StepLoad, Stepper,
-    coordinate_channels, element_channel,
+    self, BodySpec, ChainSpec, Channel, CoordinateUnit, Coordinates, Dof, Link, LoadHarmonic, StepError, StepLoad,
+    Stepper, coordinate_channels, element_channel,
 };
 use toml::Value;
 
@@ -120,10 +120,7 @@ impl Assembly {
     /// The links of a chain; of an arm those of the chain that moves as it does.
     #[getter]
     fn chain_links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let links: &[Link] = match &self.inner.spec().body {
-            BodySpec::Chain(chain) => &chain.links,
-            BodySpec::Modal(_) => &[],
-        };
+        let links: &[Link] = self.chain().map_or(&[], |chain| &chain.links);
         values::document(py, &links)
     }
 
@@ -136,10 +133,7 @@ impl Assembly {
     /// Acceleration of gravity along −y, m/s²; 0 without.
     #[getter]
     fn chain_gravity_m_s2(&self) -> f64 {
-        match &self.inner.spec().body {
-            BodySpec::Chain(chain) => chain.gravity_m_s2,
-            BodySpec::Modal(_) => 0.0,
-        }
+        self.chain().map_or(0.0, |chain| chain.gravity_m_s2)
     }
 
     /// The names of the points.
@@ -255,6 +249,13 @@ impl Assembly {
     /// The degree of freedom of an argument.
     pub fn dof(&self, argument: &str, name: &str) -> PyResult<Dof> {
         self.inner.dof(name).map_err(|error| errors::value(format!("{argument} {name}: {error}")))
+    }
+
+    fn chain(&self) -> Option<&ChainSpec> {
+        match &self.inner.spec().body {
+            BodySpec::Chain(chain) => Some(chain),
+            BodySpec::Modal(_) => None,
+        }
     }
 
     /// The state at the start: the one given, or the section's, or rest.

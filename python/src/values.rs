@@ -45,13 +45,8 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     }
 }
 
-/// Extracts two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or
-/// a `TypeError` if it has no numbers.
-pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
-    two_or_more(given, message)
-}
-
-/// Two to `MOST` finite numbers, and zeros for those that are not given. `message` as in [`two_numbers`].
+/// Two to `MOST` finite numbers, and zeros for those that are not given. `message` describes an invalid argument, given
+/// as Python writes it: a `ValueError`, or a `TypeError` if it has no numbers.
 pub fn two_or_more<const MOST: usize>(
     given: &Bound<'_, PyAny>,
     message: impl Fn(&str) -> String,

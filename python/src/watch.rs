@@ -1,5 +1,6 @@
 //! Does long work while checking for signals of the system.
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
@@ -36,6 +37,12 @@ pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnO
     });
     logging::hand_over(py)?;
     interrupted.map_or_else(|| joined(result), Err)
+}
+
+/// As [`watched`], of work that asks again and again whether to stop.
+pub fn stoppable<T: Send>(py: Python<'_>, work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T + Send) -> PyResult<T> {
+    let stopped = AtomicBool::new(false);
+    watched(py, &|| stopped.store(true, Ordering::Relaxed), || work(&|| stopped.load(Ordering::Relaxed)))
 }
 
 /// The value that a thread returned.
