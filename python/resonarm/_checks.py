@@ -75,12 +75,6 @@ def steps(duration_s: float, rate_hz: float) -> int:
     return steps
 
 
-def network(given: Any) -> None:
-    """Raises TypeError unless this is a network."""
-    if not isinstance(given, _resonarm.Network):
-        raise TypeError(f"network is of the type {type(given).__name__}: it must be a resonarm.Network")
-
-
 def controller(given: Any) -> None:
     """Raises TypeError unless this can be called with a measurement."""
     if not callable(given):

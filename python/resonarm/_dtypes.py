@@ -18,80 +18,75 @@ def words(form: np.dtype[Any]) -> int:
     return -(-form.itemsize // 8)
 
 
-def _rows(*fields: tuple[str, str, int]) -> np.dtype[Any]:
-    """Fields of the given numbers of values; each field begins at a new word of 8 bytes."""
-    little = [(np.dtype(form).newbyteorder("<"), count) for _, form, count in fields]
-    formats = [np.dtype((form, (count,))) if count > 1 else form for form, count in little]
+def _rows(*fields: tuple[str, str]) -> np.dtype[Any]:
+    """Fields with their types; each field begins at a new word of 8 bytes."""
+    formats = [np.dtype(form).newbyteorder("<") for _, form in fields]
     offsets, end = [], 0
     for form in formats:
         offsets.append(end)
         end += 8 * words(form)
-    names = [name for name, _, _ in fields]
+    names = [name for name, _ in fields]
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
 
 
 NUMBER: np.dtype[Any] = np.dtype("<f8")
 COMPLEX: np.dtype[Any] = np.dtype("<c16")
-OUTCOME = _rows(("motion", "i8", 1), ("periods", "u8", 1))
+OUTCOME = _rows(("motion", "i8"), ("periods", "u8"))
 
 _COMPONENTS = dict(known_vectors())
 
 
-def _vectors(vectors: Vectors) -> list[tuple[str, str, int]]:
+def _vectors(vectors: Vectors) -> list[tuple[str, str]]:
     """A field for each vector: a vector of one component has the shape (1,), a channel alone is a scalar."""
-    return [
-        (vector, "f8" if components == [vector] else f"({len(components)},)f8", 1) for vector, components in vectors
-    ]
+    return [(vector, "f8" if components == [vector] else f"({len(components)},)f8") for vector, components in vectors]
 
 
 RESPONSE = _rows(
-    ("frequency_hz", "f8", 1),
-    ("load", "f8", 1),
-    ("phase_deg", "f8", 1),
-    ("drift", "f8", 1),
-    ("head_force_n", "c16", 2),
-    ("acceleration_b_m_s2", "c16", 2),
-    ("acceleration_c_m_s2", "c16", 2),
-    ("settled", "?", 1),
-    ("clipped", "?", 1),
-    ("tries", "u8", 1),
+    ("frequency_hz", "f8"),
+    ("load", "f8"),
+    ("phase_deg", "f8"),
+    ("drift", "f8"),
+    ("head_force_n", "(2,)c16"),
+    ("acceleration_b_m_s2", "(2,)c16"),
+    ("acceleration_c_m_s2", "(2,)c16"),
+    ("settled", "?"),
+    ("clipped", "?"),
+    ("tries", "u8"),
 )
 PARTS = {
     "frames": _rows(
-        ("sample", "u8", 1),
-        ("time_ns", "u8", 1),
-        ("bus_unix_ns", "u8", 1),
-        ("received", "?", 1),
-        ("identifier", "u4", 1),
-        ("extended", "?", 1),
-        ("remote", "?", 1),
-        ("fd", "?", 1),
-        ("bitrate_switch", "?", 1),
-        ("error_state_indicator", "?", 1),
-        ("length", "u1", 1),
-        ("data", "u1", 64),
+        ("sample", "u8"),
+        ("time_ns", "u8"),
+        ("bus_unix_ns", "u8"),
+        ("received", "?"),
+        ("identifier", "u4"),
+        ("extended", "?"),
+        ("remote", "?"),
+        ("fd", "?"),
+        ("bitrate_switch", "?"),
+        ("error_state_indicator", "?"),
+        ("length", "u1"),
+        ("data", "(64,)u1"),
     ),
-    "ticks": _rows(
-        ("sample", "u8", 1), ("wakeup_ns", "u8", 1), ("exec_ns", "u8", 1), ("overruns", "u8", 1), ("cause", "u1", 1)
-    ),
-    "events": _rows(("sample", "u8", 1), ("time_ns", "u8", 1), ("value", "i8", 1)),
+    "ticks": _rows(("sample", "u8"), ("wakeup_ns", "u8"), ("exec_ns", "u8"), ("overruns", "u8"), ("cause", "u1")),
+    "events": _rows(("sample", "u8"), ("time_ns", "u8"), ("value", "i8")),
 }
 
 
 def motion(channels: Vectors) -> np.dtype[Any]:
     """The type of the rows of a structure's motion."""
-    return _rows(("t_s", "f8", 1), *_vectors(channels))
+    return _rows(("t_s", "f8"), *_vectors(channels))
 
 
 def played(channels: Vectors, readings: Vectors) -> np.dtype[Any]:
     """The type of the rows that a plant plays, with the vectors of its states and of its readings."""
-    return _rows(("sample", "u8", 1), *_vectors(channels), *_vectors(readings), ("clipped", "u8", 1))
+    return _rows(("sample", "u8"), *_vectors(channels), *_vectors(readings), ("clipped", "u8"))
 
 
-def _readings(read: list[tuple[str, str]]) -> list[tuple[str, str, int]]:
+def _readings(read: list[tuple[str, str]]) -> list[tuple[str, str]]:
     """The columns of degrees of freedom that are read, each with its unit."""
     return [
-        (f"{dof.replace('.', '_')}_{name}_{unit}", form, 1)
+        (f"{dof.replace('.', '_')}_{name}_{unit}", form)
         for dof, unit in read
         for name, form in (("largest", "f8"), ("mean", "f8"), ("harmonic1", "c16"))
     ]
@@ -100,23 +95,23 @@ def _readings(read: list[tuple[str, str]]) -> list[tuple[str, str, int]]:
 def orbit(read: list[tuple[str, str]], states: int, multipliers: int) -> np.dtype[Any]:
     """The type of the rows of a branch: degrees of freedom that are read, each with its unit, and the numbers of states
     and of multipliers."""
-    scalars = [("value", "f8", 1), ("frequency_hz", "f8", 1), ("drive", "f8", 1), ("stable", "?", 1)]
-    counts = [("harmonics", "u8", 1), ("period", "u8", 1), ("truncation_error", "f8", 1)]
-    vectors = [("state", f"({states},)f8", 1), ("multipliers", f"({multipliers},)c16", 1)]
-    return _rows(*scalars, *counts, vectors[0], *_readings(read), vectors[1])
+    scalars = [("value", "f8"), ("frequency_hz", "f8"), ("drive", "f8"), ("stable", "?")]
+    counts = [("harmonics", "u8"), ("period", "u8"), ("truncation_error", "f8")]
+    state, last = ("state", f"({states},)f8"), ("multipliers", f"({multipliers},)c16")
+    return _rows(*scalars, *counts, state, *_readings(read), last)
 
 
 def singular(read: list[tuple[str, str]]) -> np.dtype[Any]:
     """The type of the rows of a curve of bifurcations, with the degrees of freedom that are read."""
-    return _rows(("value", "f8", 1), ("value2", "f8", 1), *_readings(read))
+    return _rows(("value", "f8"), ("value2", "f8"), *_readings(read))
 
 
 def rows_of(recording: Recording, part: str) -> np.dtype[Any]:
     """The type of the rows of a part: for states and samples with the vectors that the recording has."""
     if part in PARTS:
         return PARTS[part]
-    mark = ("is_end", "?", 1) if part == "states" else ("clipped", "u8", 1)
-    return _rows(("sample", "u8", 1), ("time_s", "f8", 1), *_vectors(recording.channels(part)), mark)
+    mark = ("is_end", "?") if part == "states" else ("clipped", "u8")
+    return _rows(("sample", "u8"), ("time_s", "f8"), *_vectors(recording.channels(part)), mark)
 
 
 def view(rows: bytearray, dtype: np.dtype[Any]) -> Array:
@@ -124,27 +119,20 @@ def view(rows: bytearray, dtype: np.dtype[Any]) -> Array:
     return np.frombuffer(rows, dtype) if rows else np.empty(0, dtype)
 
 
-def named(names: list[str], rows: Array, field: str = "kind") -> Array:
-    """The rows, each with a text in front."""
-    fields = [
-        (field, f"U{max([1, *map(len, names)])}"),
-        *((name, rows.dtype[name]) for name in rows.dtype.names or ()),
-    ]
-    out = np.empty(len(rows), dtype=fields)
-    out[field] = names
-    for name in rows.dtype.names or ():
+def texts(names: list[str]) -> Array:
+    """Texts as a column, of the length of the longest."""
+    return np.array(names, f"U{max([1, *map(len, names)])}")
+
+
+def prefixed(rows: Array, **columns: Array) -> Array:
+    """The rows, with more columns in front."""
+    own = rows.dtype.names or ()
+    fields = [(name, column.dtype) for name, column in columns.items()]
+    out = np.empty(len(rows), [*fields, *((name, rows.dtype[name]) for name in own)])
+    for name, column in columns.items():
+        out[name] = column
+    for name in own:
         out[name] = rows[name]
-    return out
-
-
-def with_beats(bifurcations: Array, beats: list[tuple[float, float]]) -> Array:
-    """The bifurcations, with the rotation number and the frequency of the beat of each after the kind."""
-    (kind, form), *fields = ((name, bifurcations.dtype[name]) for name in bifurcations.dtype.names or ())
-    out = np.empty(len(bifurcations), [(kind, form), ("rotation_number", NUMBER), ("beat_hz", NUMBER), *fields])
-    for name in bifurcations.dtype.names or ():
-        out[name] = bifurcations[name]
-    out["rotation_number"] = [number for number, _ in beats]
-    out["beat_hz"] = [hz for _, hz in beats]
     return out
 
 

@@ -30,3 +30,11 @@ def _packages(extra: str) -> list[str]:
 def axes(ax: Any) -> Any:
     """The given matplotlib axes, or those of a new figure."""
     return require("matplotlib.pyplot", "plot").subplots()[1] if ax is None else ax
+
+
+def labelled(ax: Any, x: str, y: str) -> Any:
+    """The axes, with their labels and a legend."""
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
+    ax.legend()
+    return ax

@@ -85,10 +85,7 @@ class Basins:
             at = motion.section[:, index]
             label = None if number else "stable responses"
             ax.plot(at[:, 0], at[:, 1], "D", color="black", markerfacecolor="white", label=label)
-        ax.set_xlabel(self.coordinates[0])
-        ax.set_ylabel(self.coordinates[1])
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, *self.coordinates)
 
 
 @dataclass(frozen=True)

@@ -100,17 +100,7 @@ class ResonarmBus(can.BusABC):
         parts = self._end.receive(timeout)
         if parts is None:
             return None, False
-        identifier, extended, data, fd, bitrate_switch = parts
-        message = can.Message(
-            timestamp=time.time(),
-            arbitration_id=identifier,
-            is_extended_id=extended,
-            data=data,
-            is_fd=fd,
-            bitrate_switch=bitrate_switch,
-            channel=self.channel,
-        )
-        return message, False
+        return Frame(*parts).message(timestamp=time.time(), channel=self.channel), False
 
     def _check_open(self) -> None:
         if not self._is_open:

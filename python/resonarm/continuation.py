@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import _checks, _drive, _extras, _resonarm
 from ._drive import Drive, Harmonics
-from ._dtypes import Array, named, orbit, singular, view, with_beats
+from ._dtypes import NUMBER, Array, orbit, prefixed, singular, texts, view
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -39,10 +39,7 @@ class Curve:
         for kind in np.unique(self.turns["kind"]):
             at = self.turns[self.turns["kind"] == kind]
             ax.plot(at["value"], at["value2"], "o", markersize=4, label=str(kind))
-        ax.set_xlabel(self.labels[0])
-        ax.set_ylabel(self.labels[1])
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, *self.labels)
 
 
 class Origin(NamedTuple):
@@ -150,10 +147,7 @@ class Branch:
         for kind in np.unique(self.bifurcations["kind"]):
             found = self.bifurcations[self.bifurcations["kind"] == kind]
             ax.plot(found["value"], found[column], "o", markersize=4, label=str(kind))
-        ax.set_xlabel(self.label)
-        ax.set_ylabel(f"largest displacement of {at} ({column.rpartition('_')[2]})")
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, self.label, f"largest displacement of {at} ({column.rpartition('_')[2]})")
 
     def column(self, at: str, reading: str = "largest") -> str:
         """The name of a column of a degree of freedom that is read: its `largest`, `mean` or `harmonic1`."""
@@ -282,10 +276,11 @@ def continuation(
     def branch(rows: _resonarm.TracedBranch, **more: Any) -> Branch:
         form = orbit(units, rows.states, rows.multipliers)
         points, peaks, bifurcations = (
-            named(names, view(part, form), "stability")
+            prefixed(view(part, form), stability=texts(names))
             for names, part in zip(rows.stability, (rows.points, rows.peaks, rows.bifurcations), strict=True)
         )
-        bifurcations = with_beats(named(rows.kinds, bifurcations), rows.beats)
+        beats = np.array(rows.beats, NUMBER).reshape(-1, 2).T
+        bifurcations = prefixed(bifurcations, kind=texts(rows.kinds), rotation_number=beats[0], beat_hz=beats[1])
         unlocated = tuple(rows.unlocated)
         of = (parameter, label, amplitudes, read, points, bifurcations, peaks, unlocated, stability)
         return Branch(*of, **more)
@@ -295,8 +290,8 @@ def continuation(
         names, labels = (parameter, curves_in), (label, _label(structure, curves_in, amplitudes))
         form = singular(units)
         for kind, points, turns, cusps in traced.curves:
-            kinds = ["cusp" if cusp else "turn" for cusp in cusps]
-            curves.append(Curve(kind, names, labels, view(points, form), named(kinds, view(turns, form))))
+            kinds = texts(["cusp" if cusp else "turn" for cusp in cusps])
+            curves.append(Curve(kind, names, labels, view(points, form), prefixed(view(turns, form), kind=kinds)))
     isolas, leaving = (
         tuple(branch(rows, origin=Origin(*origin)) for origin, rows in others)
         for others in (traced.isolas, traced.branches)

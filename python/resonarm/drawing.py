@@ -40,10 +40,7 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
     for name, place in zip(names, at_rest, strict=True):
         ax.annotate(name, place, xytext=(4, 4), textcoords="offset points", fontsize="small", color="0.4")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("x (m)")
-    ax.set_ylabel("y (m)")
-    ax.legend()
-    return ax
+    return _extras.labelled(ax, "x (m)", "y (m)")
 
 
 def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:

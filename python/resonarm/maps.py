@@ -83,12 +83,9 @@ def response_map(
     data: dict[str, Any] = {}
     for variable, label in VARIABLES.items():
         values = np.stack([chunk[variable] for chunk in computed])
-        of_dofs = values.ndim == 3
-        data[variable] = (
-            (*axes, "frequency_hz", "at") if of_dofs else (*axes, "frequency_hz"),
-            values.reshape((*shape, len(hz), len(read)) if of_dofs else (*shape, len(hz))),
-            {"long_name": label} if of_dofs else {"units": "1", "long_name": label},
-        )
+        at_dofs, labels = (("at",), {}) if values.ndim == 3 else ((), {"units": "1"})
+        names = (*axes, "frequency_hz", *at_dofs)
+        data[variable] = (names, values.reshape(*shape, *values.shape[1:]), {**labels, "long_name": label})
     early = np.array([bool(chunk["ended_early"]) for chunk in computed]).reshape(shape)
     data["ended_early"] = (axes, early, {"long_name": "the branch could not be followed to its end"})
     places["frequency_hz"] = (hz.tolist(), "Hz")

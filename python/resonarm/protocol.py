@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
-from . import _checks, _extras, _resonarm
+from . import _extras, _resonarm
 from .words import MessageName, NodeRole, Verdict
 
 LARGEST_IDENTIFIER = 0x1FFF_FFFF
@@ -88,13 +88,18 @@ class Network(_resonarm.Network):
         return f"Network(base={self.base:#x}, {ids}, profile={self.profile!r})"
 
 
+def _checked(network: Network | None) -> Network:
+    """The network, by default the usual one. Raises TypeError for anything else."""
+    if network is not None and not isinstance(network, _resonarm.Network):
+        raise TypeError(f"network is of the type {type(network).__name__}: it must be a resonarm.Network")
+    return Network() if network is None else network
+
+
 class Encoder(_resonarm.Encoder):
     """Makes frames of a network, each message with its own counter, from 0 on."""
 
     def __new__(cls, network: Network | None = None) -> "Encoder":
-        network = Network() if network is None else network
-        _checks.network(network)
-        return super().__new__(cls, network)
+        return super().__new__(cls, _checked(network))
 
     def encode(self, message: MessageName, **signals: float) -> Frame:
         """The next frame of a message by its name in the DBC, protected; marks of saturation that are left out are 0.
@@ -109,9 +114,7 @@ class Decoder(_resonarm.Decoder):
     supervises the counters. `lost` is the number of lost frames according to the counters."""
 
     def __new__(cls, network: Network | None = None) -> "Decoder":
-        network = Network() if network is None else network
-        _checks.network(network)
-        return super().__new__(cls, network)
+        return super().__new__(cls, _checked(network))
 
     def decode(self, frame: Any) -> Decoded:
         """Decodes a `Frame`, or a `can.Message`: an error frame is foreign, a remote frame never holds a message.

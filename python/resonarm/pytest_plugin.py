@@ -221,7 +221,7 @@ def _bus(wanted: str) -> Iterator[str]:
         return
     names = _virtual_interfaces() if wanted == "auto" else wanted.split(",")
     for name in names:
-        with (Path(tempfile.gettempdir()) / f"resonarm-{os.getuid()}-{name}.lock").open("w") as lock:
+        with _lock_of(name).open("w") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -231,9 +231,14 @@ def _bus(wanted: str) -> Iterator[str]:
     if wanted == "auto":
         yield MEMORY
         return
-    with (Path(tempfile.gettempdir()) / f"resonarm-{os.getuid()}-{names[0]}.lock").open("w") as lock:
+    with _lock_of(names[0]).open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield names[0]
+
+
+def _lock_of(interface: str) -> Path:
+    """The file by whose lock a process claims an interface."""
+    return Path(tempfile.gettempdir()) / f"resonarm-{os.getuid()}-{interface}.lock"
 
 
 def _virtual_interfaces() -> list[str]:

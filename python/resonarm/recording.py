@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import _arrow, _checks, _extras, _resonarm, spectra
 from ._checks import LAST
-from ._dtypes import Array, named, rows_of, unit, view
+from ._dtypes import Array, prefixed, rows_of, texts, unit, view
 from .scenario import Scenario
 from .spectra import FrequencyResponses, ShockSpectra, Spectra
 from .words import Detrend, RecordingPart, Window
@@ -91,7 +91,7 @@ class Recording(_resonarm.Recording):
         while True:
             words, names = reader.read(rows)
             chunk = view(words, dtype)
-            chunk = named(names, chunk, "name") if part == "events" else chunk
+            chunk = prefixed(chunk, name=texts(names)) if part == "events" else chunk
             if first or len(chunk):
                 yield chunk
             if len(chunk) < rows:
@@ -253,10 +253,7 @@ class Recording(_resonarm.Recording):
         symbol = {"alpha_rad": "α", "q_m_sqrt_kg": "q"}.get(name, "x")
         for number, line in enumerate(ax.plot(states["time_s"], states[name]), 1):
             line.set_label(f"{symbol}{''.join(SUBSCRIPTS[int(digit)] for digit in str(number))}")
-        ax.set_xlabel("time (s)")
-        ax.set_ylabel(f"{symbol} ({unit(name)})")
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, "time (s)", f"{symbol} ({unit(name)})")
 
     def frame_data(self, row: np.void) -> bytes:
         """The payload of a row of `frames`."""

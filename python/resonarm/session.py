@@ -60,10 +60,7 @@ class Report:
                     label = f"along {axis}" if settled else f"along {axis}, not settled"
                     ax.plot(rows["frequency_hz"], amplitude, marker, color=color, markerfacecolor="none", label=label)
         name = quantity.removesuffix("_m_s2").removesuffix("_n").replace("_", " ")
-        ax.set_xlabel("frequency (Hz)")
-        ax.set_ylabel(f"amplitude of the {name} ({unit(quantity)})")
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, "frequency (Hz)", f"amplitude of the {name} ({unit(quantity)})")
 
     def __repr__(self) -> str:
         parts = [

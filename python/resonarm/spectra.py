@@ -53,10 +53,7 @@ class Spectra(Averages):
         ax = _extras.axes(ax)
         for name, density in self.psd.items():
             ax.semilogy(self.frequency_hz, density, label=f"{name} (({self.units[name]})²/Hz)")
-        ax.set_xlabel("frequency (Hz)")
-        ax.set_ylabel("power spectral density")
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, "frequency (Hz)", "power spectral density")
 
 
 @dataclass(frozen=True)
@@ -77,10 +74,8 @@ class FrequencyResponses(Averages):
         ax = _extras.axes(ax)
         for name, response in self.frf.items():
             ax.semilogy(self.frequency_hz, np.abs(response), label=f"{name} ({self.units[name]})")
-        ax.set_xlabel("frequency (Hz)")
-        ax.set_ylabel(f"response over {self.reference} ({self.units[self.reference]})")
-        ax.legend()
-        return ax
+        unit = self.units[self.reference]
+        return _extras.labelled(ax, "frequency (Hz)", f"response over {self.reference} ({unit})")
 
 
 @dataclass(frozen=True)
@@ -110,10 +105,7 @@ class ShockSpectra:
         ax = _extras.axes(ax)
         for name, response in self.maximax.items():
             ax.loglog(self.frequency_hz, response, label=f"{name} ({self.units[name]})")
-        ax.set_xlabel("natural frequency (Hz)")
-        ax.set_ylabel(f"largest response, Q = {self.quality:g}")
-        ax.legend()
-        return ax
+        return _extras.labelled(ax, "natural frequency (Hz)", f"largest response, Q = {self.quality:g}")
 
 
 def densities(recording: _resonarm.Recording, wanted: Wanted, cut: Cut) -> Spectra:

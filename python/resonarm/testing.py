@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -316,55 +316,39 @@ class Bench:
         self.programs.append(Program([word.format(bus=self.bus) for word in words], log))
         return self.programs[-1]
 
-    @contextmanager
-    def fault(self, kind: NetworkFault, *, node: NodeRole = "plant", **values: Any) -> Iterator[None]:
+    def fault(self, kind: NetworkFault, *, node: NodeRole = "plant", **values: Any) -> AbstractContextManager[None]:
         """Runs within the block have a fault of the network at a node's end: loss, delay, jitter, reordering,
         duplication, bit_error, babble, bus_off or link_down, with the keys of `[[network.faults]]`. Faults at a
         program's end are not applied: give them to the plant's end."""
-        with self._section("network", {"node": node, "kind": kind, **values}):
-            yield
+        return self._section("network", {"node": node, "kind": kind, **values})
 
-    @contextmanager
-    def loss(self, **values: Any) -> Iterator[None]:
+    def loss(self, **values: Any) -> AbstractContextManager[None]:
         """Frames are lost: `probability` or `count`, `ids`, `direction`, `from_s`, `to_s`."""
-        with self.fault("loss", **values):
-            yield
+        return self.fault("loss", **values)
 
-    @contextmanager
-    def delay(self, delay_s: float, **values: Any) -> Iterator[None]:
+    def delay(self, delay_s: float, **values: Any) -> AbstractContextManager[None]:
         """Frames are delayed by a time, s, and so are those behind them: simulated time in the mode free, otherwise by
         the clock."""
-        with self.fault("delay", delay_s=delay_s, **values):
-            yield
+        return self.fault("delay", delay_s=delay_s, **values)
 
-    @contextmanager
-    def wrong_crc(self, **values: Any) -> Iterator[None]:
+    def wrong_crc(self, **values: Any) -> AbstractContextManager[None]:
         """One bit of a frame is inverted, so that its E2E check fails."""
-        with self.fault("bit_error", **values):
-            yield
+        return self.fault("bit_error", **values)
 
-    @contextmanager
-    def link_down(self, **values: Any) -> Iterator[None]:
+    def link_down(self, **values: Any) -> AbstractContextManager[None]:
         """No frame is received, and no frame sent arrives."""
-        with self.fault("link_down", **values):
-            yield
+        return self.fault("link_down", **values)
 
-    @contextmanager
-    def sensor_fault(self, instrument: str, kind: SensorFault, **values: Any) -> Iterator[None]:
+    def sensor_fault(self, instrument: str, kind: SensorFault, **values: Any) -> AbstractContextManager[None]:
         """An instrument (head, or a sensor by its name) has a fault: stuck, dropout, drift, noise,
         spike or gain, with the keys of `[[rig.faults]]`."""
-        with self._section("rig", {"instrument": instrument, "kind": kind, **values}):
-            yield
+        return self._section("rig", {"instrument": instrument, "kind": kind, **values})
 
-    @contextmanager
-    def inject(self, fault: BenchFault) -> Iterator[None]:
+    def inject(self, fault: BenchFault) -> AbstractContextManager[None]:
         """Runs within the block have a fault of the list `FAULTS`, or one like them."""
         if fault.instrument is None:
-            block = self.fault(fault.kind, **fault.values)  # type: ignore[arg-type]
-        else:
-            block = self.sensor_fault(fault.instrument, fault.kind, **fault.values)  # type: ignore[arg-type]
-        with block:
-            yield
+            return self.fault(fault.kind, **fault.values)  # type: ignore[arg-type]
+        return self.sensor_fault(fault.instrument, fault.kind, **fault.values)  # type: ignore[arg-type]
 
     @contextmanager
     def _section(self, section: str, fault: dict[str, Any]) -> Iterator[None]:
