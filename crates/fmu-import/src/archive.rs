@@ -86,6 +86,7 @@ impl Archive {
         let mut entries = BTreeMap::new();
         let mut description = None;
         for index in 0..zip.len() {
+            // Raw, since nothing is decompressed here: names and stated sizes are in the head of the entry.
             let entry = zip.by_index_raw(index).map_err(of_zip)?;
             let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
             check_name(&name, entry.unix_mode())?;
@@ -106,6 +107,7 @@ impl Archive {
         let index = description.ok_or_else(none)?;
         let most = MOST_DESCRIPTION.min(most_unpacked);
         let mut text = Vec::new();
+        // One byte more than is allowed, to tell a text of exactly this length from a longer one.
         zip.by_index(index).map_err(of_zip)?.take(most + 1).read_to_end(&mut text).map_err(of_zip)?;
         if text.len() as u64 > most {
             return Err(too_large(DESCRIPTION, most));
@@ -143,12 +145,14 @@ impl Archive {
     pub fn unpack(&self, platform: &str, folder: &Path) -> Result<(), ImportError> {
         let failed = |error: std::io::Error| ImportError::Unpack { reason: error.to_string() };
         let binaries = format!("binaries/{platform}/");
+        // Made for an FMU without resources, too: its instantiation names the folder in any case.
         fs::create_dir_all(folder.join("resources")).map_err(failed)?;
         let mut zip = ZipArchive::new(Cursor::new(&self.packed[..])).map_err(of_zip)?;
         let most = most_unpacked(self.packed.len());
         let mut left = most;
         let mut buffer = vec![0; 1 << 16];
         for (name, index) in &self.entries {
+            // Libraries for other platforms can have hundreds of megabytes, and nothing loads them.
             if name.starts_with("binaries/") && !name.starts_with(&binaries) {
                 continue;
             }
@@ -159,6 +163,7 @@ impl Archive {
             let mut file = File::create(&path).map_err(failed)?;
             let mut entry = zip.by_index(*index).map_err(of_zip)?;
             loop {
+                // Counted as it is decompressed: an entry that understates its size is stopped before the disk is full.
                 let got = entry.read(&mut buffer).map_err(of_zip)?;
                 if got == 0 {
                     break;
@@ -178,9 +183,11 @@ fn check_name(name: &str, unix_mode: Option<u32>) -> Result<(), ImportError> {
     const FOLDER: u32 = 0o040_000;
     const LINK: u32 = 0o120_000;
     const REGULAR: u32 = 0o100_000;
+    // Archives that were not made on Unix state no mode, and other tools leave out the bits of the kind: both give 0.
     let kind = unix_mode.map_or(0, |mode| mode & KIND);
     let what = if name.starts_with('/') || name.get(1..2) == Some(":") {
         "is absolute"
+    // A backslash separates folders on Windows, so that `..` may stand between two of them as well.
     } else if name.split(['/', '\\']).any(|part| part == "..") {
         "leads out of its folder"
     } else if name.contains(['\\', '\0']) {

@@ -84,6 +84,7 @@ fn unsuitable(reason: String) -> ImportError {
 }
 
 fn is_true(node: &Node<'_, '_>, name: &str) -> bool {
+    // A truth value of XML Schema has two spellings.
     node.attribute(name).is_some_and(|text| matches!(text, "true" | "1"))
 }
 
@@ -112,6 +113,7 @@ impl Description {
             let reason = "the FMU needs its tool to run (needsExecutionTool): export one that runs alone";
             return Err(unsuitable(reason.into()));
         }
+        // FMI 3.0 has renamed the attribute.
         let token = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
         let own_step = simulation.attribute("fixedInternalStepSize");
         let own_step_s = own_step.map(step_size).transpose()?;
@@ -154,6 +156,7 @@ fn step_size(got: &str) -> Result<f64, ImportError> {
 fn types<'a>(root: &Node<'a, '_>) -> BTreeMap<&'a str, (Option<&'a str>, bool)> {
     let all = child(root, "TypeDefinitions").into_iter().flat_map(|node| node.children());
     let unit = |node: Node<'a, '_>| {
+        // In FMI 2 the unit is at an element `Real` within the type, in FMI 3 at the type itself.
         let of = child(&node, "Real").unwrap_or(node);
         Some((node.attribute("name")?, (of.attribute("unit"), is_true(&of, "relativeQuantity"))))
     };
@@ -223,6 +226,7 @@ fn elements(name: &str, node: &Node<'_, '_>, sizes: &BTreeMap<u32, u64>) -> Resu
     };
     let mut all: u64 = 1;
     for dimension in node.children().filter(|node| node.has_tag_name("Dimension")) {
+        // Checked at each factor: the product of lengths that a file states may overflow.
         let length = size(&dimension).and_then(|length| all.checked_mul(length)).filter(|all| *all <= MOST_ELEMENTS);
         all = length.ok_or_else(|| {
             let got = dimension.attribute("start").or(dimension.attribute("valueReference")).unwrap_or_default();

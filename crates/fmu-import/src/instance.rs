@@ -65,6 +65,8 @@ impl Instance {
         let far = FarEnds { requests: requests_far, answers: answers_far, lifeline: lifeline_far };
         let unwritten = |error: Error| ImportError::Unpack { reason: error.to_string() };
         let folder = tempfile::Builder::new().prefix("resonarm-fmu-").tempdir().map_err(unwritten)?;
+        // The guard is started before anything is unpacked, so that it removes the folder even if this process dies
+        // meanwhile.
         let mut guard = Guard::start(source, folder.path(), far, lifeline).map_err(unstarted)?;
         // The guard removes it.
         let folder = folder.keep();
@@ -88,6 +90,7 @@ impl Instance {
     /// Waits until the simulation has begun.
     fn started(&mut self, read: &mut [f64]) -> Result<(), ImportError> {
         let answer = self.receive(read);
+        // The process ends by itself after such an answer: it must not be asked to end once more.
         if !matches!(answer, Ok(Answer::Started)) {
             self.is_over = true;
         }
@@ -166,6 +169,8 @@ impl Instance {
         let is_there = |reached_s: f64| (reached_s - (from_s + step_s)).abs() <= TOLERANCE_STEPS * step_s;
         let missed_s = reached_s.filter(|reached_s| !is_there(*reached_s));
         let function = self.function(call);
+        // The function that was called last says how far the step came: its status is the reason if it did not come to
+        // the end.
         match (call, missed_s) {
             // Tested first: an FMU that asks for the end may also discard the step, or stop before its end.
             _ if terminates => Err(failed(function, ForeignFault::Terminates)),

@@ -16,6 +16,7 @@ const END_S: u32 = 10;
 
 /// Loads the FMU from `folder` and begins a simulation at 0.
 fn start(source: &Source, folder: &Path, answers: &Arc<Answers>) -> Result<Box<dyn Fmi>, StartError> {
+    // The token is from a file, and the path of the folder from the environment.
     let text = |text: &str| CString::new(text).map_err(|_| StartError::unloadable(format!("`{text}` has a NUL")));
     let token = text(&source.description.token)?;
     let resources = text(&format!("{}/", folder.join("resources").display()))?;
@@ -59,6 +60,8 @@ pub(crate) fn serve(
                 answers.send(&Answer::Stepped(stepped), if has_read { &read } else { &[] })?;
             }
             Some(Request::End) => {
+                // An FMU that hangs as it is freed is ended by the alarm. The guard then reports the signal in place of
+                // the answer.
                 end_within(END_S);
                 drop(fmu);
                 return answers.send(&Answer::Freed, &[]);

@@ -33,6 +33,7 @@ impl Dof {
     fn parse(key: &str, text: &str) -> Result<Dof, ImportError> {
         let numbered = |name: &str| text.strip_prefix(name)?.parse().ok().filter(|number: &usize| *number > 0);
         let is_point = || matches!(text.rsplit_once('.'), Some((point, "x" | "y" | "z")) if !point.is_empty());
+        // Numbers are tried first: `joint1` has no axis, and so can be no point.
         match (numbered("joint"), numbered("mode")) {
             (Some(joint), _) => Ok(Dof::Joint(joint)),
             (_, Some(mode)) => Ok(Dof::Mode(mode)),
@@ -115,6 +116,7 @@ impl Mapping {
 
     /// The variables that take loads: torques about the joints, and forces along x, y and z of the exciter.
     fn drive(&mut self, description: &Description, spec: &Spec, exciter: &str) -> Result<(), ImportError> {
+        // All keys are parsed first, so that a misspelt one is an error and not an input that nothing drives.
         for dof in spec.inputs.keys() {
             if !matches!(Dof::parse("inputs", dof)?, Dof::Point | Dof::Joint(1..=MOST_JOINTS)) {
                 let driven = "loads are forces at points and torques at joint1 to joint8";
@@ -173,6 +175,7 @@ impl Mapping {
     ) -> Result<(), ImportError> {
         let (channels, all) = coordinates(outputs)?;
         self.channels = channels;
+        // Coordinates come before their rates, as in every recording.
         let displacements = all.iter().map(|of| (of.dof, of.displacement, Of::Displacement(of.kind)));
         let velocities = all.iter().map(|of| (of.dof, of.velocity, Of::Velocity(of.kind)));
         for (dof, name, quantity) in displacements.chain(velocities) {

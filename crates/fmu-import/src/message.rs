@@ -153,6 +153,7 @@ impl Answer {
         pipe.read_exact(&mut head)?;
         let [kind, length @ ..] = head;
         let length = u32::from_ne_bytes(length);
+        // The library may have written to the pipe itself: a length of its making must not reserve all memory.
         if length > MOST_LENGTH {
             return Err(invalid());
         }

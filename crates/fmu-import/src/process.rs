@@ -118,6 +118,7 @@ fn no_signals() -> libc::sigset_t {
 fn separate() -> Result<()> {
     // SAFETY: calls with numbers, and a set. Signals that can't be set are kept.
     unsafe {
+        // A handler of the program would work on a copy of its memory, of which nobody sees the effect.
         for signal in 1..=libc::SIGRTMAX() {
             libc::signal(signal, libc::SIG_DFL);
         }
@@ -125,6 +126,7 @@ fn separate() -> Result<()> {
         // Ctrl-C goes to the processes of a terminal's group: it asks the program to stop, and the program ends the FMU.
         libc::setpgid(0, 0);
         let null = checked(libc::open(c"/dev/null".as_ptr(), libc::O_RDWR))?;
+        // The library must not take what is typed for the program.
         checked(libc::dup2(null, libc::STDIN_FILENO))?;
         // Standard output may be a document of the program, such as that of `--json`.
         checked(libc::dup2(libc::STDERR_FILENO, libc::STDOUT_FILENO)).or_else(|_| checked(libc::dup2(null, 1)))?;
@@ -174,6 +176,7 @@ fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeli
         let kept = [requests.as_raw_fd(), answers_fd];
         run(source, folder, requests, &answers, guard, kept);
     }
+    // With this end open, the program would not learn from its next write that the FMU has ended.
     drop(requests);
     close_others([answers_fd, lifeline.as_raw_fd()])?;
     let ended = |options| -> Result<Option<c_int>> {
@@ -193,6 +196,7 @@ fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeli
         if unsafe { libc::ppoll(&mut polled, 1, core::ptr::null(), &awake) } > 0 {
             // SAFETY: a child that was not waited for yet.
             unsafe { libc::kill(pid, libc::SIGKILL) };
+            // Its files are in the folder, which is removed when this function returns.
             ended(0)?;
             return Ok(());
         }

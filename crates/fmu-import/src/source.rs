@@ -29,6 +29,7 @@ impl Source {
         let archive = Archive::read(packed)?;
         let description = Description::parse(archive.description())?;
         archive.check_platform(&description.library())?;
+        // So `resonarm fmu` writes itself into its FMUs.
         let own_tool = description.tool.as_ref().filter(|tool| tool.starts_with("resonarm "));
         if let (ReadAt::Middle, Some(tool)) = (spec.read, own_tool) {
             let hint = "take `read = \"end\"`, and the variables `true.…`";

@@ -81,6 +81,7 @@ impl Held {
     fn instance(&mut self, t_s: f64) -> Result<&mut Instance, StructureError> {
         let fails = |call, fault| StructureError::Foreign { call, t_s, fault };
         if matches!(self.run, Run::AtStart) {
+            // Not used: what an instance reads at its start is known from `Held::new`.
             let mut at_start = vec![0.0; self.source.mapping.read.count];
             let started = Instance::start(&self.source, &mut at_start).map_err(|error| {
                 tracing::error!("{error}");

@@ -50,6 +50,7 @@ impl BusModel {
     /// Moves frames between the terminals and the bus, as far as the time allows.
     fn carry(&mut self) -> Result<(), Fault> {
         for port in &mut self.ports {
+            // The frame stays in the queue until a mailbox takes it, so that the frames of a node keep their order.
             while let Some(frame) = port.waiting.front() {
                 match port.end.send(frame) {
                     Ok(Sent::Queued) => _ = port.waiting.pop_front(),
@@ -113,6 +114,7 @@ fn operation(outcome: Outcome) -> Operation {
 
 impl Model for BusModel {
     fn step(&mut self, span: Span, _inputs: &Inputs) -> Result<bool, Fault> {
+        // Rounded and not cut: the sum of many steps may lie a rounding error below a whole nanosecond.
         self.clock.advance_to_ns(libm::round(span.to_s * 1e9) as u64);
         self.carry()?;
         Ok(self.are_sending())
@@ -120,6 +122,7 @@ impl Model for BusModel {
 
     fn update(&mut self) -> Result<bool, Fault> {
         for index in 0..self.ports.len() {
+            // Before the frames of this iteration are taken up: what answers them leaves with the next iteration.
             self.ports[index].terminal.end_iteration();
             for operation in self.ports[index].terminal.received() {
                 self.follow(index, operation)?;
@@ -149,6 +152,7 @@ impl Model for BusModel {
     }
 
     fn count(&self, source: Source) -> u64 {
+        // All ends see the traffic of the one bus, so the first answers for all.
         let traffic = self.ports.first().map(|port| port.end.traffic()).unwrap_or_default();
         match source {
             Source::Frames => traffic.frames,

@@ -13,6 +13,7 @@ pub(crate) const IDENTIFIER: &str = "resonarm";
 
 /// The description of an FMU called `name`.
 pub(crate) fn model_description(name: &str, token: &str, content: &Content, variables: &[Variable]) -> String {
+    // The shortest text that reads back as the same number.
     let step_s = format!("{:?}", 1.0 / content.scenario.simulation.rate_hz);
     let what = match content.settings.role {
         Role::Plant => "a structure with its exciter and instruments",
@@ -20,6 +21,8 @@ pub(crate) fn model_description(name: &str, token: &str, content: &Content, vari
         Role::Bus => "a CAN bus",
     };
     let Settings { interface, role, .. } = content.settings;
+    // Only the plant has states to save, and only those by signals have a form as bytes: `Model::save` and
+    // `instance::saved`.
     let (has_states, serializes) = (role == Role::Plant, interface == Interface::Signals);
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\

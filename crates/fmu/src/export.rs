@@ -123,6 +123,7 @@ impl Library {
     pub fn read(path: &Path) -> Result<Library, ExportError> {
         let bytes = fs::read(path).map_err(|source| ExportError::Read { path: path.to_path_buf(), source })?;
         let refused = |reason: String| Err(ExportError::Library { path: path.to_path_buf(), reason });
+        // Missing bytes count as 0, which is neither a shared object nor a machine that is supported.
         let head = |at: usize| bytes.get(at..at + 2).map_or(0, |pair| u16::from_le_bytes([pair[0], pair[1]]));
         // ELF: e_type at 16, 3 of a shared object; e_machine at 18.
         let platform = match (bytes.starts_with(b"\x7fELF\x02\x01"), head(16), head(18)) {
@@ -182,6 +183,8 @@ pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summar
     }
     let name = path.file_stem().map_or_else(|| IDENTIFIER.into(), |stem| stem.to_string_lossy());
     let resources = content.files().map_err(Fault::from)?;
+    // The token is taken of the resources as they are packed, so that the library can compute it again from what it
+    // reads.
     let token = token(&resources);
     let variables = model::variables(content)?;
     // Builds the model once, so that an error in the scenario is reported now and not in the importer.

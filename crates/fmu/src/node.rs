@@ -71,6 +71,7 @@ impl Node {
         };
         let network = &session.scenario().network;
         let nominal_hz = network.bit_rate_hz.unwrap_or(BIT_RATE_HZ);
+        // A scenario with one bit rate has it for the data of CAN FD frames as well.
         let rates = BitRates { nominal_hz, data_hz: network.data_bit_rate_hz.unwrap_or(nominal_hz) };
         let (terminal, controller) = (Terminal::new("can", clock), Controller::default());
         Ok(Node { end, terminal, controller, rates, now_ns: 0, samples: false, tape: None, session })
@@ -216,6 +217,7 @@ impl Model for Node {
             plant.next_sample()?;
             self.exchange()?;
         }
+        // The step may end between two samples: frames of that time are exchanged, too.
         let to_ns = libm::round(span.to_s * 1e9) as u64;
         if to_ns > self.now_ns {
             self.now_ns = to_ns;
@@ -301,6 +303,7 @@ impl Model for Node {
             (Some(tape), End::Plant(plant)) => {
                 let samples = plant.plant().sample();
                 let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
+                // A sample is measured at the start and after each hold, so there is one more than were advanced.
                 Ok(tape.finish(samples + 1, steps, plant.statistics())?)
             }
             _ => Ok(()),

@@ -79,6 +79,7 @@ impl Operation {
             Operation::Buffers(buffers) => write(bytes, CONFIGURATION, &[&[4, if *buffers { 1 } else { 2 }]]),
             Operation::Status(status) => write(bytes, STATUS, &[&[*status as u8]]),
             Operation::FormatError(data) => {
+                // The length of the data has 16 bits, so what is beyond them is left out.
                 let kept = &data[..data.len().min(usize::from(u16::MAX))];
                 write(bytes, FORMAT_ERROR, &[&(kept.len() as u16).to_le_bytes(), kept]);
             }
@@ -107,6 +108,7 @@ impl Operation {
             }
             (CONFIGURATION, [1, rate_hz @ ..]) => Operation::BaudRate(number(rate_hz)?),
             (CONFIGURATION, [2, rate_hz @ ..]) => Operation::FdBaudRate(number(rate_hz)?),
+            // The bit rate of CAN XL, which no node here uses. It is checked for its form alone.
             (CONFIGURATION, [3, rate_hz @ ..]) => number(rate_hz).map(|_| Operation::Ignored)?,
             (CONFIGURATION, [4, behaviour @ (1 | 2)]) => Operation::Buffers(*behaviour == 1),
             (STATUS, [1]) => Operation::Status(Status::Active),
@@ -177,6 +179,7 @@ fn write_frame(frame: &Frame, bytes: &mut Vec<u8>) {
 fn frame(id: [u8; 4], ide: u8, format: FrameFormat, length: u16, data: &[u8]) -> Option<Operation> {
     let raw = u32::from_le_bytes(id);
     let id = match ide {
+        // `Frame::new` refuses what fits 16 bits and not the 11 of the identifier.
         0 => Id::Standard(u16::try_from(raw).ok()?),
         1 => Id::Extended(raw),
         _ => return None,

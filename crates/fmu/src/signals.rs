@@ -47,6 +47,7 @@ pub(crate) struct SavedSignals {
 impl Signals {
     pub fn new(session: Session) -> Signals {
         let mut plant = session.plant_at_start();
+        // Sample 0 is measured at once: the importer may read its outputs in initialization mode already.
         let measurement = plant.measure();
         let rate_hz = session.scenario().simulation.rate_hz;
         Signals { rate_hz, now: Measured { plant, measurement, held: None }, tape: None, session }
@@ -162,6 +163,7 @@ impl Model for Signals {
         let samples = self.now.plant.sample();
         let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
         match self.tape.take() {
+            // A sample is measured at the start and after each hold, so there is one more than were advanced.
             Some(tape) => Ok(tape.finish(samples + 1, steps, Statistics::default())?),
             None => Ok(()),
         }

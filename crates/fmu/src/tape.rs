@@ -72,6 +72,7 @@ impl Tape {
     /// Writes what can't be taken back any more.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.marks.retain(|mark| mark.strong_count() > 0);
+        // The oldest state that is held bounds what may be written: the importer may return to it.
         let held = self.marks.iter().filter_map(Weak::upgrade).map(|mark| mark.records).min();
         self.write(held.unwrap_or(u64::MAX))
     }

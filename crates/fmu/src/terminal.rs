@@ -83,6 +83,7 @@ impl Terminal {
     pub fn tick(&mut self, ticks: bool) {
         self.ticks = ticks;
         if ticks {
+            // The interval has passed: what is due next is said as a new one.
             (self.due_ns, self.interval) = (None, None);
         }
     }
@@ -106,6 +107,7 @@ impl Terminal {
             self.outgoing.clear();
         }
         self.ticks = false;
+        // After what was sent is cleared: an answer is to what came in this iteration, and leaves in the next.
         core::mem::take(&mut self.answers).iter().for_each(|answer| self.send(answer));
         is_quiet
     }
@@ -117,6 +119,8 @@ impl Terminal {
 
     /// Says when a countdown clock ticks next, seen from `now_ns`.
     pub fn schedule(&mut self, now_ns: u64, due_ns: Option<u64>) {
+        // The same time as before has been said already: a new interval would make the importer schedule the clock
+        // again.
         if self.due_ns != due_ns {
             let interval = |due_ns: u64| (due_ns.saturating_sub(now_ns) as f64 * 1e-9, true);
             (self.due_ns, self.interval) = (due_ns, due_ns.map(interval));

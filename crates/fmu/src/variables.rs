@@ -204,6 +204,7 @@ fn loads(plant: &Plant) -> impl Iterator<Item = Variable> {
 /// Whether exciter and structure take load `index`: a thousandth of the limit can be held for a sample.
 fn takes(plant: &Plant, index: usize) -> bool {
     let (limit_n, limit_nm) = plant.exciter().limits();
+    // Far below any limit, so that a structure is asked whether it takes the load and not how much of it.
     let mut loads = [0.0; LOADS.len()];
     loads[index] = 1e-3 * if index < MOST_JOINTS { limit_nm } else { limit_n };
     let load = Load::from_parts(&loads);
@@ -228,6 +229,7 @@ fn readings(outputs: &[Channel]) -> impl Iterator<Item = Variable> {
     GROUPS.into_iter().flat_map(move |(group, source, kind, what)| {
         outputs.iter().enumerate().map(move |(index, channel)| {
             let (name, description) = (format!("{group}.{}", channel.name), format!("{}, {what}", words(channel)));
+            // A truth value has no unit, whatever the reading that it is about.
             let unit = units::of(channel.quantity).filter(|_| kind == Kind::Float64);
             Variable { unit, ..variable(name, source(index), kind, Causality::Output, description) }
         })

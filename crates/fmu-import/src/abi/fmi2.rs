@@ -68,6 +68,7 @@ unsafe extern "C" fn log(
     _category: *const c_char,
     message: *const c_char,
 ) {
+    // The message is a format of `printf` whose arguments are not read: a `%s` in it is passed on as it is.
     // SAFETY: the environment that was given with this function, which lives as long as the instance, and a text, as the
     // standard states.
     unsafe { pass_on(environment, status, message) };
@@ -103,6 +104,7 @@ impl Fmi2 {
             logger: log,
             allocate: libc::calloc,
             free: libc::free,
+            // NULL is allowed where no step is asynchronous: `fmi2DoStep` has to return at the end of the step.
             step_finished: core::ptr::null(),
             environment: Handle::environment(&answers),
         });
@@ -131,6 +133,7 @@ impl Fmi for Fmi2 {
     }
 
     fn enter_initialization(&mut self) -> Called {
+        // Neither a tolerance nor a stop time is stated: a run may be stopped at any time.
         // SAFETY: an instance, here and below.
         let status = unsafe { (self.setup)(self.handle.pointer, FALSE, 0.0, 0.0, FALSE, 0.0) };
         let called = self.handle.called("fmi2SetupExperiment", status);

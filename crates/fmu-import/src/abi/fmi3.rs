@@ -106,6 +106,8 @@ impl Fmi for Fmi3 {
     fn step(&mut self, from_s: f64, step_s: f64) -> Stepped {
         let (mut event, mut terminates, mut early, mut reached_s) = (false, false, false, f64::NAN);
         let pointer = self.handle.pointer;
+        // `true`: no state from before this point is returned to. The need of an event and an early return are not looked
+        // at, since the instance was created without both.
         // SAFETY: an instance, and four variables to write to.
         let status = unsafe {
             (self.step)(pointer, from_s, step_s, true, &mut event, &mut terminates, &mut early, &mut reached_s)

@@ -44,8 +44,11 @@ pub(crate) struct Library {
 impl Library {
     /// Loads a library, with all that it needs.
     pub fn load(path: &Path) -> Result<Library, StartError> {
+        // As bytes: a path of Linux need not be UTF-8.
         let name = CString::new(path.as_os_str().as_encoded_bytes());
         let name = name.map_err(|_| StartError::unloadable("its path has a NUL"))?;
+        // RTLD_NOW makes a missing symbol an error of loading, and not a crash in a later call. RTLD_LOCAL keeps the symbols
+        // of the FMU from resolving those of libraries that are loaded later.
         // SAFETY: a text; the code that runs is the user's choice, and has this process for itself.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
@@ -163,6 +166,7 @@ pub(crate) fn begin(fmu: &mut dyn Fmi, mapping: &Mapping) -> Result<(), StartErr
         fmu.set(&[*reference], values).checked()?;
     }
     fmu.enter_initialization().checked()?;
+    // The outputs at time 0 follow from these inputs, which are those of a plant without load.
     if !mapping.set.references.is_empty() {
         fmu.set(&mapping.set.references, &mapping.set_at_rest()).checked()?;
     }
@@ -224,6 +228,8 @@ impl Drop for Handle {
     fn drop(&mut self) {
         // SAFETY: an instance, which nobody uses any more, in a state in which the calls are allowed.
         unsafe {
+            // An instance that has returned an error can only be freed, and one whose simulation has not begun has
+            // nothing to terminate.
             if self.is_running && self.worst < Handle::ERROR {
                 (self.terminate)(self.pointer);
             }

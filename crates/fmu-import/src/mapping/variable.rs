@@ -70,6 +70,7 @@ impl Block {
     /// Returns the place of a number in the block, to which its variable is added unless it is there.
     pub(super) fn slot(&mut self, named: &Named) -> Slot {
         let Block { references, count, first } = self;
+        // Aliases share a value reference, and it is set or read only once.
         let first = *first.entry(named.reference).or_insert_with(|| {
             references.push(named.reference);
             let first = *count;
@@ -82,6 +83,7 @@ impl Block {
 
 /// The variable `name` and the element of it: the name as it is, or that of an array with a number in brackets.
 fn find<'a>(description: &'a Description, key: &str, name: &str) -> Result<(&'a Variable, Option<usize>), ImportError> {
+    // The whole name is tried first: tools write the elements of an array as scalars whose names have brackets, too.
     if let Some(variable) = description.variables.get(name) {
         return Ok((variable, None));
     }
@@ -94,6 +96,7 @@ fn find<'a>(description: &'a Description, key: &str, name: &str) -> Result<(&'a 
         return Ok((variable, Some(number)));
     }
     let near = description.variables.keys().map(|known| (strsim::normalized_damerau_levenshtein(name, known), known));
+    // A name that shares less than half with the given one would mislead.
     let nearest = near.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(similarity, _)| *similarity > 0.5);
     let nearest = nearest.map(|(_, known)| format!(", did you mean `{known}`?")).unwrap_or_default();
     Err(of_key(key, format!("the FMU has no variable `{name}`{nearest}")))
@@ -152,6 +155,7 @@ fn conversion(
         let reason = format!("the unit `{unit_name}` of `{name}` is {got} in base units: {expected} is needed");
         return Err(of_key(key, reason));
     }
+    // A difference has no offset: 1 °C of a relative quantity is 1 K.
     Ok(Conversion { factor: unit.factor, offset: if variable.is_relative { 0.0 } else { unit.offset } })
 }
 

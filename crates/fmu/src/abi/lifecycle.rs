@@ -161,6 +161,7 @@ pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
             again = handle.instance.update_discrete_states()?;
             Ok(())
         });
+        // Written after an error, too, so that no result is left undefined.
         give(need_update, again);
         [terminate, nominals_changed, values_changed, next_event_defined]
             .into_iter()

@@ -92,6 +92,7 @@ fn reason(panic: &(dyn core::any::Any + Send)) -> String {
 /// `pointer` is NULL or points at `length` elements that live and are not written for as long as the result is used.
 unsafe fn slice<'a, T>(what: &str, pointer: *const T, length: usize) -> Result<&'a [T], Fault> {
     match (pointer.is_null(), length) {
+        // Importers pass NULL for an array without elements, and a slice may not begin at NULL.
         (_, 0) => Ok(&[]),
         (true, _) => Err(null(what)),
         // SAFETY: as stated.

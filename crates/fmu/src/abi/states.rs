@@ -24,6 +24,7 @@ unsafe fn hand_out(to: *mut *mut c_void, state: SavedInstance) -> Result<(), Fau
     unsafe {
         let place = to.as_mut().ok_or_else(|| null("the place for the state"))?;
         match place.cast::<SavedInstance>().as_mut() {
+            // The importer asks for the state to be kept in place of an older one, whose memory is used again.
             Some(old) => *old = state,
             None => *place = Box::into_raw(Box::new(state)).cast(),
         }

@@ -243,6 +243,7 @@ impl Instance {
             return refused(format!("the length of the step is {length_s} s: it must be finite and not negative"));
         }
         let tolerance_s = TOLERANCE_SAMPLES / self.content.scenario.simulation.rate_hz;
+        // NaN is no more than the tolerance away from any time, so it is asked for by itself.
         if (from_s - at_s).abs() > tolerance_s || from_s.is_nan() {
             return refused(format!("the step begins at {from_s} s: it must begin at {at_s} s, the time of the FMU"));
         }

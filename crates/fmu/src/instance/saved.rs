@@ -53,6 +53,7 @@ pub(crate) fn read(
     plant: impl FnOnce(&Parameters) -> Result<Plant, Fault>,
 ) -> Result<SavedInstance, Fault> {
     let mut rest = Rest { bytes };
+    // The last of these bytes is the version of the layout, which changes with `write`.
     if rest.take::<8>()? != MAGIC {
         return Err(Fault::Saved("it does not begin as a state, or is of another version"));
     }
@@ -80,6 +81,7 @@ pub(crate) fn read(
     for value in more.iter_mut() {
         [*value] = rest.numbers()?;
     }
+    // Refuses marks beyond the readings, which would be the clipping of sensors that this FMU does not have.
     let more = Readings::new(more, clipped).ok_or(Fault::Saved("a clipping mark belongs to no reading"))?;
     let count = rest.length()?;
     // Checked before the numbers are read: a damaged count can't ask for more than there are bytes.

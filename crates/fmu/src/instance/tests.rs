@@ -38,6 +38,7 @@ fn samples_fall_at_their_times_in_steps_that_are_added_up() {
     started(&mut instance, 0.1);
     // 0.01 s is no binary fraction: times that are added up are off by rounding.
     let mut time_s = 0.1;
+    // 30 s, in which the sum of the steps drifts by some 1e-13 s: far less than `TOLERANCE_SAMPLES`.
     for step in 1..=3_000_u64 {
         instance.step(time_s, 0.01).unwrap();
         time_s += 0.01;
@@ -58,6 +59,7 @@ fn the_load_is_the_one_that_was_set_when_the_hold_began() {
             one.set(force, Value::Float64(force_n)).unwrap();
         }
         whole.step(at_s, 1e-3).unwrap();
+        // One sample in two steps: the load that is set between them must not act before the next sample.
         instance.step(at_s, 0.4e-3).unwrap();
         instance.set(force, Value::Float64(-5.0)).unwrap();
         instance.step(at_s + 0.4e-3, 0.6e-3).unwrap();
@@ -105,6 +107,7 @@ fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
         [&mut instance, &mut fresh].into_iter().for_each(|instance| assert!(!instance.step(at_s, 0.0007).unwrap()));
         assert_eq!(outputs(&mut instance), outputs(&mut fresh));
     }
+    // In front of and within the version of the format, behind it, within the times, and before the last byte.
     for cut in [0, 7, 8, 60, bytes.len() - 1] {
         assert!(matches!(fresh.deserialize(&bytes[..cut]), Err(Fault::Saved(_))), "{cut}");
     }
@@ -117,6 +120,7 @@ fn parameters_are_those_of_the_scenario_until_they_are_set() {
     let (_folder, mut instance) = made("structure.angles_deg = [0, 75]\nsimulation.seed = 9");
     let (beta, seed) = (of(&instance, "parameter.link2.angle_deg"), of(&instance, "parameter.seed"));
     assert_eq!((instance.float64(beta).unwrap(), instance.uint64(seed).unwrap()), (75.0, 9));
+    // The seed gives the noise of the readings, so that another one changes the outputs.
     let rest = outputs(&mut instance);
     instance.set(seed, Value::UInt64(10)).unwrap();
     assert_ne!(outputs(&mut instance), rest);

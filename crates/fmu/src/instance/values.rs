@@ -44,6 +44,7 @@ impl Instance {
         match self.variable(reference, Kind::Float64)?.source {
             Source::Time => Ok(self.time_s),
             Source::Load(index) => Ok(self.inputs[index]),
+            // Parameters are read from here and not from the model, which need not be built to know them.
             Source::LinkAngle(index) => Ok(self.parameters.angles_deg[index]),
             source => Ok(self.model()?.number(source)),
         }
@@ -102,6 +103,7 @@ impl Instance {
     /// As [`Instance::set`]; [`Fault::Terminal`] of bytes that were cut.
     pub fn set_binary(&mut self, reference: u32, bytes: &[u8]) -> Result<(), Fault> {
         let source = self.settable(reference, Kind::Binary)?;
+        // An empty value is the start value of a terminal, which importers set before there is event mode.
         if bytes.is_empty() {
             return Ok(());
         }
@@ -171,6 +173,7 @@ impl Instance {
             Causality::Parameter if BEFORE.contains(&self.state) => Ok(*source),
             Causality::Input => refused("inputs can be set until the simulation ends"),
             Causality::Parameter => refused("parameters are fixed once initialization mode is left"),
+            // What is calculated can be set in no state.
             Causality::Output | Causality::Independent => refused("it is calculated"),
         }
     }
@@ -203,6 +206,7 @@ impl Instance {
             (Source::Overwrite, Value::Boolean(overwrite)) => self.parameters.overwrite = overwrite,
             _ => {}
         }
+        // The model was built from the old parameters; it is built again when it is needed next.
         self.model = None;
         Ok(())
     }
