@@ -24,8 +24,10 @@ def real(name: str, values: ArrayLike) -> NDArray[np.float64]:
         given = np.asarray(values)
     except ValueError as error:
         raise TypeError(f"{name} must be an array of numbers: {error}") from error
+    # `astype` would drop the imaginary parts with no more than a warning.
     if np.iscomplexobj(given):
         raise TypeError(f"{name} has complex numbers: it must have real ones, such as values.real or abs(values)")
+    # `astype` would read texts as numbers, "1" as 1.0.
     if given.dtype.kind not in "biuf" and given.dtype != object:
         raise TypeError(f"{name} has values of the type {given.dtype.str}: it must have real numbers")
     try:

@@ -37,6 +37,7 @@ def computed(chunks: Sequence[Chunk], folder: str | PathLike[str] | None, client
     if kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
     if client is not None:
+        # Not pure: Dask then need not hash the arguments. Chunks are kept in files, by keys of their own.
         yield from client.gather([client.submit(_done, chunk, kept, pure=False) for chunk in chunks])
         return
     threads = ThreadPoolExecutor(os.cpu_count())
@@ -61,6 +62,7 @@ def _code() -> str:
 def _file(folder: Path, chunk: Chunk) -> Path:
     """The file of a chunk. Its name holds everything that the chunk depends on, including the code of this process."""
     whole = json.dumps([_code(), chunk.work.__name__, chunk.key])
+    # 64 bits of the hash tell the chunks of a folder apart, in names that stay short.
     return folder / f"chunk-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.npz"
 
 

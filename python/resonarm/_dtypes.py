@@ -136,6 +136,7 @@ def prefixed(rows: Array, **columns: Array) -> Array:
     return out
 
 
+# Endings that others end with come first: `_m_sqrt_kg_s` before `_s`.
 _UNITS = {
     "_m_sqrt_kg_s": "m·√kg/s",
     "_m_sqrt_kg": "m·√kg",

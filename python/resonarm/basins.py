@@ -118,6 +118,7 @@ class Grid:
         """The values of a coordinate, equal to those of the command line to the last bit."""
         last = self.points[index] - 1
         places = np.arange(self.points[index])
+        # As the command line has it: `np.linspace` rounds in another way.
         return np.asarray((self.start[index] * (last - places) + self.stop[index] * places) / last)
 
     def states(self) -> NDArray[np.float64]:

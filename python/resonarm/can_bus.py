@@ -16,6 +16,7 @@ from .scenario import Scenario
 from .session import Node, Report
 from .words import BusMode
 
+# One for the plant, and seven for `can.Bus`.
 ENDS = 8
 _benches: dict[str, "_Bench"] = {}
 _lock = threading.Lock()

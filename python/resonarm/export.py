@@ -98,6 +98,7 @@ def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
         mdf.MDF(version="4.10") as measured,
     ):
         measured.header.start_time = datetime.fromtimestamp(0, timezone.utc)
+        # After `start_time`, which sets the time zone, too: a datetime has no nanoseconds, and this does.
         measured.header.abs_time = recording.summary["origin"]["start_unix_ns"] or 0
         for group, part in enumerate(_parts(recording, ("states", "samples"))):
             _append(mdf, measured, group, part, recording)

@@ -50,6 +50,7 @@ def import_log(
     with TemporaryDirectory(prefix="resonarm-") as folder:
         converted = Path(folder) / "converted.log"
         with can.LogReader(path) as messages, converted.open("w", encoding="utf-8") as lines:
+            # The CSV of python-can has no column for the direction.
             error_frames = _write_candump(messages, lines, has_directions=suffix != ".csv")
         imported = _resonarm.import_log(converted, "candump", Path(output), (path, suffix[1:]), **keywords)
     imported["others"] += error_frames
@@ -66,8 +67,10 @@ def _write_candump(messages: Iterable[Any], lines: Any, *, has_directions: bool)
         identifier = f"{message.arbitration_id:0{8 if message.is_extended_id else 3}X}"
         data = bytes(message.data).hex().upper()
         if message.is_remote_frame:
+            # The codes 9 to 15 mean 8 bytes in a classical frame.
             content = f"#R{min(message.dlc, 8)}"
         elif message.is_fd:
+            # The digit has the flags of `struct canfd_frame`: bit 0 is BRS, bit 1 ESI.
             content = f"##{message.bitrate_switch + 2 * message.error_state_indicator}{data}"
         else:
             content = f"#{data}"

@@ -83,6 +83,7 @@ def response_map(
     data: dict[str, Any] = {}
     for variable, label in VARIABLES.items():
         values = np.stack([chunk[variable] for chunk in computed])
+        # Displacements have a value for each degree of freedom, in a unit of its own; counts have neither.
         at_dofs, labels = (("at",), {}) if values.ndim == 3 else ((), {"units": "1"})
         names = (*axes, "frequency_hz", *at_dofs)
         data[variable] = (names, values.reshape(*shape, *values.shape[1:]), {**labels, "long_name": label})
@@ -277,6 +278,7 @@ def _attractors_of(structure: Structure, drive: str, hz: float) -> _resonarm.Att
 
 def _attractors(structure: Structure, drive: Loads, hz: float) -> _resonarm.Attractors:
     """Returns the stable responses, computed once in each process."""
+    # Without the lock, threads that miss the cache at the same time would all compute the same responses.
     with _attractors_lock:
         return _attractors_of(structure, json.dumps(drive), hz)
 
@@ -315,6 +317,7 @@ def _at(branch: Branch, hz: NDArray[np.float64]) -> Arrays:
     last = branch.points["value"][-1] if len(branch.points) else np.nan
     for (one, from_one), (other, to_other) in pairwise(zip(branch.points, displacements, strict=True)):
         low, high = sorted((one["value"], other["value"]))
+        # Half-open, so that a frequency at which two stretches meet counts once. The last one has its end as well.
         for k in np.flatnonzero((hz >= low) & ((hz < high) | (hz == last) & (hz <= high))):
             if high == low:
                 continue

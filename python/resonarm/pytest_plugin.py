@@ -223,6 +223,7 @@ def _bus(wanted: str) -> Iterator[str]:
     for name in names:
         with _lock_of(name).open("w") as lock:
             try:
+                # The kernel gives the lock back with the file, so that a test that was killed keeps no interface.
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue

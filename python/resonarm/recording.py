@@ -50,6 +50,7 @@ class Recording(_resonarm.Recording):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
+        # Absolute, since another process may have another working directory.
         return _opened, (str(self.path.absolute()), self._strict)
 
     @cached_property

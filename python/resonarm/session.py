@@ -175,6 +175,7 @@ class Node(_resonarm.NodeRun):
     def wait(self) -> Report:
         """The report, after the run has ended by itself. Raises the error if it could not begin."""
         report, responses = self.join()
+        # A plant counts its samples, an exciter those that it has played.
         parts = (report, {}) if "samples" in report else ({}, report)
         return Report(*parts, view(responses, RESPONSE))
 

@@ -67,6 +67,7 @@ class Structure(_resonarm.Assembly):
         made = Modal if kind == "modal" else Chain
         if not (issubclass(made, cls) or issubclass(cls, made)):
             raise ValueError(f"structure.kind is {kind}: use {made.__name__}.from_scenario")
+        # A subclass of a user makes itself, the base class the kind that the scenario has.
         made = cls if issubclass(cls, made) else made
         return cast("Self", made._of(section))
 

@@ -78,6 +78,7 @@ fn followed(
     let mut kept = vec![states.clone()];
     while done < periods && !stop() {
         let next = (done / every + 1).saturating_mul(every);
+        // Not further than the next state that is kept, and not so far that a request to stop waits long.
         let more = (next.min(periods) - done).min(AT_ONCE);
         map.advance_all(&mut states, more)?;
         done += more;
@@ -96,6 +97,7 @@ fn driven(forced: &Forced) -> Vec<Dof> {
 /// Makes a row with the number of the response that is reached, and that of the periods.
 fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
     let (orbit, periods) = match outcome {
+        // Counted from 1, so that 0 and −1 are free for the states that reach no response.
         BasinOutcome::Reaches { orbit, periods } => (orbit as i64 + 1, periods),
         BasinOutcome::Undecided => (UNDECIDED, 0),
         BasinOutcome::Diverges => (DIVERGES, 0),
@@ -178,6 +180,7 @@ impl Attractors {
         let found = if on_cores {
             stoppable(py, |stop| on_all_cores(&groups, |group: &&[Vec<f64>]| of(group, stop), || ()))?
         } else {
+            // For the chunks of a map, which are short: an interrupt waits for those that have begun.
             py.detach(|| groups.iter().map(|group| of(group, &|| false)).collect())
         };
         let found: Vec<Vec<BasinOutcome>> =

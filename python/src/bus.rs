@@ -82,6 +82,7 @@ impl BusEnd {
         self.split();
         let mut left_s = timeout_s.unwrap_or(f64::INFINITY).max(0.0);
         loop {
+            // In parts, between which Ctrl-C is noticed.
             let part_s = left_s.min(LOOK_S);
             let received = py.detach(|| {
                 let mut receiver = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);

@@ -99,6 +99,7 @@ pub fn trace_branch(
     };
     let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
     let mut search = if further { SearchOptions::further() } else { SearchOptions::default() };
+    // The branches that are asked for include sub-harmonic ones, to which no bifurcation of the first leads.
     search.sub_harmonics |= leaving;
     let wanted = OtherOptions { leaving, search: Some(search) };
     let request = BranchRequest {
@@ -181,6 +182,7 @@ impl BranchRequest {
     fn follow(&self, options: &TraceOptions) -> Result<Found, AnalysisError> {
         let mut early = None;
         let branch = match trace(&self.forced, self.frequency_hz, self.varied, options) {
+            // Without a single response there is no branch to return, and the reason is an error at once.
             Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
             traced => keep(traced, &mut early),
         };
@@ -223,6 +225,7 @@ impl TracedBranch {
     fn new(py: Python<'_>, branch: &Branch, forced: &Forced, varied: Coordinate) -> PyResult<Py<TracedBranch>> {
         let found = || branch.bifurcations.iter().map(|bifurcation| &bifurcation.orbit);
         let all = || branch.orbits.iter().chain(found()).chain(&branch.peaks);
+        // Rows have one length, so the orbit with the most multipliers gives it.
         let multipliers = all().map(|orbit| multipliers(orbit).len()).max().unwrap_or(0);
         let assembly = forced.assembly();
         let states = 2 * assembly.coordinates() + assembly.element_states();

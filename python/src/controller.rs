@@ -56,6 +56,7 @@ impl Controller for PyController {
     }
 
     fn restart(&mut self) {
+        // The method is optional: a plain function has none.
         let restarted = Python::attach(|py| match self.call.bind(py).getattr_opt("restart")? {
             Some(restart) => restart.call0().map(drop),
             None => Ok(()),

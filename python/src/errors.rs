@@ -35,6 +35,7 @@ pub fn printable(text: impl Display) -> String {
     let mut found = String::new();
     for character in text.to_string().chars() {
         match character {
+            // Messages of several lines stay so.
             '\n' => found.push('\n'),
             _ if character.is_control() => found.extend(character.escape_unicode()),
             _ => found.push(character),
@@ -140,6 +141,7 @@ pub fn run(error: RunError) -> PyErr {
         | RunError::BitErrors { .. }
         | RunError::Spin(SpinError::Text { .. } | SpinError::TooLong { .. })
         | RunError::TimedInRealTime { .. } => value(error),
+        // PermissionError, which the system itself would cause where it refuses a priority.
         RunError::NoRealTimeThread { .. } => refused(io::ErrorKind::PermissionDenied, &error),
         _ => failed(error),
     }

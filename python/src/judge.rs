@@ -14,6 +14,8 @@ use crate::{errors, values};
 /// Reads a specification: a file, or a preset if no file has its name.
 fn read(name: &Path) -> PyResult<Specification> {
     let preset = PRESETS.into_iter().find(|preset| name.as_os_str() == preset.name);
+    // A file goes before a preset of its name, a dangling link included: its error is better than another
+    // specification.
     match preset.filter(|_| name.symlink_metadata().is_err()) {
         Some(preset) => specification::parse(preset.text, preset.name, Path::new("")),
         None => specification::read(name),

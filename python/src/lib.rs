@@ -53,6 +53,7 @@ mod _resonarm {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        // Before any call: the library may warn of a scenario as soon as it reads one.
         logging::begin();
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }

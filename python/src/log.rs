@@ -31,6 +31,7 @@ pub fn import_log<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let known = LogFormat::ALL.into_iter().find(|known| known.name() == format);
     let format = known.ok_or_else(|| errors::value(format!("format is {format:?}: expected candump, asc or blf")))?;
+    // The recording must replace neither the log nor a file that the scenario was read from.
     let mut read = scenario.map_or(Vec::new(), Scenario::files);
     read.push(original.0.clone());
     if read.iter().any(|file| resonarm::same_file(file, &output)) {

@@ -46,6 +46,7 @@ impl Mode {
     fn __repr__(&self) -> String {
         let Mode { frequency_hz, damping_ratio, shape } = self;
         let shape: Vec<String> = shape.iter().map(|entry| format!("{entry:.4}")).collect();
+        // Python writes a tuple of one element with a comma.
         let (shape, comma) = (shape.join(", "), if shape.len() == 1 { "," } else { "" });
         format!("Mode(frequency_hz={frequency_hz:.4}, damping_ratio={damping_ratio:.3e}, shape=({shape}{comma}))")
     }

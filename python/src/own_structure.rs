@@ -186,6 +186,7 @@ impl Stepped for OwnStructure {
         let call =
             |py: Python<'_>| self.calls.step.call1(py, (t_s, self.step_s, bytes(py, &self.state)?, bytes(py, &loads)?));
         self.state = self.call(self.state.len(), call)?;
+        // Kept for `travel_m`, which is asked without a time.
         self.t_s = t_s + self.step_s;
         Ok(())
     }
@@ -197,6 +198,7 @@ impl Stepped for OwnStructure {
     fn read(&self, t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
         let (points, others) = out.split_at_mut(POINT_DOFS);
         points.copy_from_slice(&self.read_by(&self.calls.points, POINT_DOFS, t_s, load)?);
+        // The sensors are asked only where the rig has some: each call takes the lock of the interpreter.
         let Some(sensors) = self.calls.sensors.as_ref().filter(|_| !others.is_empty()) else { return Ok(()) };
         let sensed = self.read_by(sensors, self.sensed, t_s, load)?;
         others.iter_mut().zip(&self.sensor_places).for_each(|(to, place)| *to = sensed[*place]);

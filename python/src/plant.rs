@@ -61,6 +61,7 @@ impl Measurement {
             let bits = rig::Measurement::CHANNELS + values.len();
             errors::value(format!("clipped is {clipped}: it must have at most one bit for each of the {bits} readings"))
         })?;
+        // The bits are in the order B, C, head of a recording, and the arguments in the order of a measurement.
         let reading = |value, bit: u32| Reading { value, clipped: clipped >> bit & 1 == 1 };
         let pair = |(x, y), bit| [reading(x, bit), reading(y, bit + 1)];
         Ok(Measurement {
@@ -167,6 +168,7 @@ impl Plant {
     fn new(scenario: &Scenario, structure: Option<OwnParts>) -> PyResult<Plant> {
         let (scenario, raised) = (&scenario.inner, Raised::default());
         let made = match structure {
+            // An FMU does not show its equations, so the scenario makes its plant.
             None if scenario.is_fmu() => Ok(scenario.plant().map_err(errors::scenario)?),
             None => plant::Plant::new(&scenario.plant_spec(), &scenario.under_test().map_err(errors::scenario)?),
             Some(parts) => {
@@ -208,6 +210,7 @@ impl Plant {
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (all, states) = (PyDict::new(py), self.inner.states());
+        // The states are one list; the channels say how many numbers of it each vector has.
         let mut rest = &states[..];
         for (name, components) in self.channels() {
             let (vector, after) = rest.split_at(components.len());

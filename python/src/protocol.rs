@@ -62,6 +62,7 @@ impl Network {
     fn new(base: i64, plant_id: i64, exciter_id: i64, profile: &str) -> PyResult<Network> {
         let unknown = |error| errors::value(format!("profile is `{profile}`: {error}"));
         let profile: Profile = profile.parse().map_err(unknown)?;
+        // Taken as an `i64`, so that a number out of range is a ValueError with the valid range and no OverflowError.
         let base = u16::try_from(base)
             .map_err(|_| errors::value(format!("base is {base}: it must be from 0x180 to 0x570")))?;
         let node_id = |name: &str, id: i64| {

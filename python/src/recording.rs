@@ -185,6 +185,7 @@ impl Reader {
         let (mut rows, mut names, mut count) = (Rows::default(), Vec::new(), 0);
         py.detach(|| {
             let mut records = self.records.lock().unwrap_or_else(PoisonError::into_inner);
+            // The file is read without the lock of the interpreter, in which other threads of Python run.
             while count < most_rows {
                 let Some(record) = records.next().transpose()? else { break };
                 // Frames and events need not be in the order of their samples, so they are read to the end.
@@ -226,6 +227,7 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin
             rows.word(tick.overruns);
             let number =
                 |cause| OverrunCause::ALL.iter().position(|of| *of == cause).map_or(0, |place| place as u64 + 1);
+            // 0 is no overrun, so the causes count from 1.
             rows.word(tick.cause.map_or(0, number));
         }
         Record::Event(event) => {

@@ -71,6 +71,7 @@ impl Scenario {
                 return Err(errors::value(message));
             };
             let given = values::table(&name, values)?;
+            // Keys of the structure before would be refused as those of another kind.
             if name == "structure" && given.contains_key("kind") {
                 whole.insert(name, toml::Value::Table(given));
                 continue;
@@ -82,6 +83,7 @@ impl Scenario {
                     section.remove(&key.extract::<String>()?);
                 }
             }
+            // After the removals, as a table without the keys that are `None`.
             section.extend(given);
         }
         let keywords = PyDict::new(slf.py());

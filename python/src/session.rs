@@ -98,12 +98,15 @@ impl RealTime {
         let left_out =
             |asked: &str| Err(errors::value(format!("{asked} and rt off exclude each other: give one of them")));
         match (rt.as_deref(), core) {
+            // Without `rt` the thread asks for what is given and no more: memory is locked for the sake of a priority
+            // alone.
             (None, _) if priority.is_some() || core.is_some() || cores_awake => options.thread = Some(given),
             (Some("off"), Some(core)) => return left_out(&format!("core {core}")),
             (Some("off"), None) if cores_awake => return left_out("cores_awake"),
             (None, _) | (Some("off"), None) => {}
             (Some("auto"), _) => options.thread = Some(whole),
             (Some("require"), _) => {
+                // What `auto` asks for, without which the run does not begin.
                 (options.thread, options.on_shortfall) = (Some(whole), OnShortfall::Refuse);
             }
             (Some(other), _) => {

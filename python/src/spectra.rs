@@ -101,6 +101,7 @@ pub fn frequency_responses<'py>(
     let (signals, spectra, found) = py.detach(|| {
         let signals = read(recording, &wanted)?;
         if let (Some(name), Some(first)) = (wanted.0.first(), signals.channels.first())
+            // A vector stands for all its components, and a response has one reference.
             && first.name.as_str() != name
         {
             let message = format!("reference {name} is a vector: name one of its components, as {}", first.name);
@@ -116,6 +117,7 @@ pub fn frequency_responses<'py>(
     for (line, hz) in spectra.frequency_hz.iter().enumerate() {
         rows.numbers(&[*hz]);
         for (output, deviation) in deviations.iter().enumerate() {
+            // The index 0 is the only input, the reference.
             let value = found.responses[output][0][line];
             // A single segment has no deviation.
             let deviation = deviation.as_ref().map_or(f64::NAN, |deviation| deviation[line]);

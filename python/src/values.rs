@@ -21,6 +21,7 @@ pub fn table(name: &str, dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
 }
 
 fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
+    // A truth value of Python is an integer, too, so it is asked for first.
     if value.is_instance_of::<PyBool>() {
         Ok(toml::Value::Boolean(value.extract()?))
     } else if value.is_instance_of::<PyInt>() {
@@ -33,6 +34,7 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
         Ok(toml::Value::Table(table(name, dict)?))
     } else if value.is_instance_of::<PyFloat>() || value.hasattr("__float__")? {
         match value.extract::<f64>()? {
+            // TOML can write `nan`, but no value of a scenario may be it. Here the message can name the argument.
             number if number.is_nan() => Err(errors::value(format!("{name} is NaN: it must be a number"))),
             number => Ok(toml::Value::Float(number)),
         }

@@ -26,6 +26,8 @@ pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnO
                 let _ = ended.send(());
                 result
             });
+            // Only the main thread of Python handles signals, and only when it asks for them: so the work is on the
+            // other one.
             while end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
                 if let Err(error) = Python::attach(|py| py.check_signals()) {
                     stop();

@@ -171,6 +171,7 @@ impl Sender {
     /// Sends one frame, and again as long as the driver's transmit queue is full. The queue here then fills up, and the
     /// caller meets `QueueFull`.
     fn send(&mut self, py: Python<'_>, frame: &Frame) -> PyResult<()> {
+        // Made once, and sent again as it is: only the driver was not ready for it.
         let message = message::from_frame(self.driver.message_class.bind(py), frame)?;
         loop {
             match self.driver.send(&message) {

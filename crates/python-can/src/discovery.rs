@@ -71,6 +71,7 @@ pub fn would_load() -> Result<String, PythonCanError> {
             command: format!("{path}/bin/python3 -m pip install python-can"),
         });
     }
+    // The release is in the name of the folder of metadata (PEP 376), so that no Python need run to find it.
     let installed =
         fs::read_dir(&packages).into_iter().flatten().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let version =
@@ -148,11 +149,13 @@ fn find(named: Option<OsString>, start: &Path) -> Result<Option<VirtualEnvironme
     let mut found = start.ancestors().map(|parent| parent.join(".venv"));
     let Some(path) = found.find(|path| path.join("pyvenv.cfg").is_file()) else { return Ok(None) };
     let user = rustix::process::geteuid().as_raw();
+    // The folder that holds the environment counts as well: who may write there can put another in its place.
     let above = path.parent().into_iter();
     above.chain([&*path, &path.join("pyvenv.cfg")]).try_for_each(|place| check_owner(&path, place, user))?;
     let environment = read(path)?;
     let path = &environment.path;
     let packages = environment.packages();
+    // Every folder down to the packages: who may write to one of them can replace what is below it.
     packages.ancestors().take_while(|place| *place != path).try_for_each(|place| check_owner(path, place, user))?;
     Ok(Some(environment))
 }

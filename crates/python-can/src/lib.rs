@@ -120,6 +120,7 @@ impl PythonCan {
         // Joining a thread has no time limit, and a driver may hang in a call. A channel can be waited on for a
         // limited time.
         let (ended, outcome) = mpsc::sync_channel(1);
+        // Made with the threads and used only after their end: two threads must not be in the driver at once.
         let spare = Direct { driver: Arc::clone(&driver), shared: Arc::clone(&shared), came_in: None };
         let sender = Sender {
             driver: Arc::clone(&driver),
@@ -243,6 +244,8 @@ impl Bus for PythonCan {
             };
             let Some(next) = next else { return self.check_failures().map(|()| None) };
             next.note(&mut self.reports);
+            // In its place among the frames, so that the caller knows which frames came before the controller left the
+            // bus.
             if next.is_bus_off() {
                 return Err(BusError::BusOff { interface: self.controller.clone() });
             }
@@ -280,6 +283,7 @@ impl Bus for PythonCan {
         let asked = self.requests.send(FilterRequest { filters: filters.to_vec(), reply });
         match asked.map(|()| answer.recv_timeout(PATIENCE)) {
             Ok(Ok(outcome)) => Ok(outcome?),
+            // Either no answer comes in time, or the thread that would give it has ended.
             Ok(Err(_)) | Err(_) => Err(stuck.into()),
         }
     }
@@ -365,6 +369,7 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<Driver, PythonCanError>
         }
         let bus = can.getattr("Bus")?.call((), Some(&arguments))?;
         let socket = if options.interface == SOCKETCAN { Some(bus.getattr("socket")?) } else { None };
+        // Checked now that it reports its losses, since it is asked for them before each frame.
         socket.as_ref().map(kernel_drops).transpose()?;
         let (message_class, error_frames) = (can.getattr("Message")?.unbind(), ErrorFrames::of(&options.interface));
         Ok(Driver { bus: bus.unbind(), message_class, socket: socket.map(Bound::unbind), error_frames })

@@ -27,6 +27,7 @@ pub(super) fn from_frame<'py>(class: &Bound<'py, PyAny>, frame: &Frame) -> PyRes
     arguments.set_item(intern!(py, "bitrate_switch"), bitrate_switch)?;
     arguments.set_item(intern!(py, "error_state_indicator"), error_state_indicator)?;
     arguments.set_item(intern!(py, "is_rx"), false)?;
+    // A remote frame asks for so many bytes and has none, so its length does not follow from the data.
     arguments.set_item(intern!(py, "dlc"), frame.len())?;
     arguments.set_item(intern!(py, "data"), PyBytes::new(py, frame.data()))?;
     class.call((), Some(&arguments))

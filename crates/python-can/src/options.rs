@@ -66,6 +66,7 @@ impl Value {
         {
             return Value::Integer(integer);
         }
+        // The pattern of python-can needs a point with a digit behind it: `1e3` and `1.` stay texts.
         let point = unsigned.find('.').filter(|&point| unsigned[..point].bytes().all(|byte| byte.is_ascii_digit()));
         if let Some(point) = point
             && unsigned[point + 1..].starts_with(|first: char| first.is_ascii_digit())

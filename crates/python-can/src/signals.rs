@@ -13,6 +13,7 @@ use pyo3::sync::PyOnceLock;
 /// Starts the interpreter if none runs, imports `_signal`, once and for all, and leaves SIGINT as it was.
 pub(super) fn start_python() -> PyResult<()> {
     static STARTED: PyOnceLock<()> = PyOnceLock::new();
+    // Read before the interpreter starts, since the import of `_signal` is what changes it.
     let before = disposition()?;
     Python::attach(|py| {
         let import = || -> PyResult<()> {
