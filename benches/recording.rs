@@ -29,8 +29,10 @@ fn main() {
 /// State and readings of a sample: a decaying sine, so that the bits are those of a motion.
 fn motion(sample: u64) -> [Record; 2] {
     let t = sample as f64 / RATE_HZ;
+    // 139 rad/s are 22.1 Hz, the first mode of the fitted arm.
     let x = libm::exp(-0.01 * t) * libm::sin(139.0 * t);
     let pair = |scale: f64| [scale * x, -0.3 * scale * x];
+    // Rounded as a converter rounds: readings compress better than the numbers of a sine.
     let reading = |scale: f64| pair(scale).map(|value| libm::round(value * 100.0) / 100.0);
     let moving = [pair(1e-3), pair(0.1)].concat();
     let state = StateRecord {
@@ -58,6 +60,8 @@ fn everything(sample: u64) -> Option<Vec<Record>> {
     for (id, direction) in
         [0x203, 0x204, 0x205].map(|id| (id, Direction::Sent)).into_iter().chain([(0x201, Direction::Received)])
     {
+        // A factor near 2³² over the golden ratio changes many bits from frame to frame, and the mask leaves two bytes
+        // constant, as slow signals do.
         let data = (sample.wrapping_mul(0x9E37_79B9) & 0xFFFF_00FF_FF00_FFFF).to_le_bytes();
         let frame = Frame::classic(Id::Standard(id), &data).ok()?;
         records.push(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns: None, frame }));
@@ -234,6 +238,7 @@ fn frames(batch: &proto::FrameBatch) -> usize {
     let mut payloads: Vec<Vec<u8>> = vec![Vec::new(); batch.id.len()];
     let mut data = batch.data.iter();
     let mut rows: Vec<usize> = (0..batch.id.len()).collect();
+    // The payloads are stored by identifier and then by their places, so that equal bytes lie side by side.
     rows.sort_by_key(|row| batch.id[*row]);
     for rows in rows.chunk_by(|one, other| batch.id[*one] == batch.id[*other]) {
         let longest = rows.iter().map(|row| batch.length[*row]).max().unwrap_or(0);

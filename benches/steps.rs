@@ -30,6 +30,7 @@ fn steps_of_the_arm(bencher: Bencher, scheme: Scheme, rate_hz: f64, load: StepLo
     let (Ok(joint), Ok(tip)) = (arm.dof("joint1"), arm.dof("tip.x")) else { return };
     let Ok(mut stepper) = Stepper::new(&arm, &[joint, tip], scheme, rate_hz) else { return };
     bencher.counter(ItemsCount::new(STEPS)).bench_local(|| -> Result<(), StepError> {
+        // From the same state in every round: with a decaying vibration later rounds would be of another cost.
         stepper.restore(&[0.02, -0.03, 0.0, 0.0])?;
         (0..STEPS).try_for_each(|k| stepper.advance_under(f64::from(k) / rate_hz, black_box(&load)))
     });

@@ -62,6 +62,7 @@ fn sent(bencher: Bencher) {
     let mut node = node(&mapping);
     node.start(0);
     let (mut sample, mut frames) = (0, Vec::with_capacity(2));
+    // Ten samples are ten frames of signals and one of floats.
     bencher.counter(ItemsCount::new(11_usize)).bench_local(|| {
         for _ in 0..10 {
             let measurement = Measurement { sample, ..Measurement::default() };

@@ -35,6 +35,7 @@ fn timed<T>(compute: impl FnOnce() -> T) -> (T, f64) {
 #[allow(clippy::print_stdout)]
 fn peer() -> Result<(), Box<dyn std::error::Error>> {
     let arm = forced(60.0)?;
+    // The first round is not timed: it loads code and memory.
     let mut best = (branch(&arm, 21.0, 23.5)?, f64::INFINITY);
     for _ in 0..20 {
         let (result, seconds) = timed(|| branch(&arm, 21.0, 23.5));

@@ -46,6 +46,8 @@ fn vibration_rad(gain_n_s_m: f64) -> Result<f64, Box<dyn Error>> {
         assert_eq!(report.bus.refused, 0);
         let recording = resonarm::recording::Recording::open(&path)?;
         let states: Vec<_> = recording.states()?.collect::<Result<_, _>>()?;
+        // The last 0.2 s: more than four periods of the slowest mode, so that a zero of the sine is not taken for the
+        // end.
         let last = &states[states.len() - 200..];
         Ok(last.iter().map(|state| state.states.rates()[0].abs()).fold(0.0, f64::max))
     })
@@ -67,6 +69,7 @@ fn control(bus: &mut dyn Bus, gain_n_s_m: f64) -> Result<(), Box<dyn Error>> {
                 }
                 // The last message of a sample: answer it.
                 Some(Message::AccelerometerC(c)) => {
+                    // Forgets with a time constant of 0.2 s, some four periods of the vibration that it is to see.
                     let leak = 1.0 - 5.0 / f64::from(RATE_HZ); // no drift by an offset
                     for (velocity, acceleration) in
                         velocity_m_s.iter_mut().zip([c.acceleration_x_m_s2, c.acceleration_y_m_s2])

@@ -117,6 +117,7 @@ fn checksum(words: &[&str]) -> Answer {
     };
     let checksum = preset.checksum(place, counter, &data_id, length)?;
     checksum.write(frame.id(), &mut payload)?;
+    // What was written must be what a receiver accepts.
     checksum.check(frame.id(), &payload)?;
     Ok(json!({ "frame": Frame::new(frame.id(), frame.format(), &payload)?.to_string() }))
 }

@@ -39,6 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ),
         "the scenario of the soak",
     )?;
+    // A stall of the machine is what the soak measures: it must be counted as overruns and not end the run.
     (scenario.network.command_timeout_s, scenario.network.partner_timeout_s) = (PATIENCE_S, PATIENCE_S);
     let options = Options {
         record: Some(RecordTo { path: path.into(), existing: Existing::Overwrite }),

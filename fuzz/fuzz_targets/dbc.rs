@@ -20,6 +20,7 @@ fuzz_target!(|input: &[u8]| {
             if value.is_finite() && signal.wire().encode(value, &mut written).is_ok() {
                 let again = signal.decode(&written).expect("a payload as long as before");
                 let count = signal.wire().resolution().unwrap_or(0.0);
+                // A float of 32 bits has no resolution of its own and keeps 24 bits, 6e-8 of its value.
                 assert!((again - value).abs() <= count.max(1e-6 * value.abs()), "{value} became {again}");
             }
         }

@@ -32,12 +32,14 @@ fn size(folder: &Path) -> u64 {
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(archive) = Archive::read(bytes.to_vec()) {
         let outer = std::env::temp_dir().join(format!("resonarm-fuzz-{}", std::process::id()));
+        // Two folders around it: a name with `..` would leave its file beside one of them, where it is counted.
         let folder = outer.join("inner/fmu");
         let _ = fs::remove_dir_all(&outer);
         fs::create_dir_all(&folder).expect("a folder for the files");
         let _ = archive.unpack("x86_64-linux", &folder);
         let beside = |folder: &Path| fs::read_dir(folder).expect("a folder").count();
         assert_eq!((beside(&outer), beside(&outer.join("inner"))), (1, 1));
+        // The limits of the archive: 100 MB, and 100 times its own size.
         assert!(size(&folder) <= MOST + 100 * bytes.len() as u64);
         fs::remove_dir_all(&outer).expect("removed");
     }

@@ -23,6 +23,7 @@ fuzz_target!(|message: &[u8]| {
             writer.write_metadata(&metadata).expect("the metadata");
         }
     }
+    // The reader goes by the name of the schema, so that its text can be left out.
     let schema = writer.add_schema("resonarm.v1.FrameBatch", "protobuf", &[]).expect("the schema");
     let id = writer.add_channel(schema, "/can/frames", "protobuf", &BTreeMap::new()).expect("the topic");
     let header = MessageHeader { channel_id: id, sequence: 0, log_time: 0, publish_time: 0 };

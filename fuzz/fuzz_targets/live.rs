@@ -78,6 +78,7 @@ fn told(sent: &[u8]) -> Vec<u8> {
 
 fuzz_target!(|input: &[u8]| {
     let Some((&first, rest)) = input.split_first() else { return };
+    // `text_frame` writes the length in 16 bits.
     let rest = &rest[..rest.len().min(60_000)];
     let foxglove = "Sec-WebSocket-Protocol: foxglove.websocket.v1\r\n";
     let sent = match first % 5 {

@@ -57,6 +57,7 @@ fuzz_target!(|input: &[u8]| {
         assert!(receiver.lost() - lost < u64::from(e2e::MAX_DELTA_COUNTER));
         if let Ok(Some(message)) = outcome {
             let mut transmitter = Transmitter::new(network);
+            // A counter has at most 256 values, of which the transmitter reaches each once in so many frames.
             let again = (0..=u8::MAX).any(|_| transmitter.frame(&message).is_ok_and(|again| is_same(&again, &frame)));
             assert!(again, "{frame} was taken as {message:?}");
         }

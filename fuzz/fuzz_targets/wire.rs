@@ -20,7 +20,9 @@ const SCENARIOS: [&str; 3] = [
 fn can_command(scenario: usize, id: u16) -> bool {
     match scenario {
         0 => id == 0x100,
+        // Set_Input_Torque of ODrive: the lower five bits are the command, those above it the node.
         1 => id & 0x1F == 0x0E,
+        // All but NMT, SYNC and the requests of SDO, which configure and time a drive.
         _ => !matches!(id, 0x000 | 0x080 | 0x600..=0x67F),
     }
 }
@@ -36,6 +38,7 @@ fn acts_by_itself(node: &dyn PlantInterface, mut now_ns: u64, mut sample: u64) -
     (0..4).any(|_| {
         now_ns += 1_000_000;
         sample += 1;
+        // SYNC of CANopen, at which drives take over what their PDOs have brought.
         twin.handle_frame(now_ns, &Frame::classic(Id::Standard(0x080), &[]).expect("a frame"));
         twin.handle_deadline(now_ns);
         let (load, is_ramping) = (twin.load(), twin.is_ramping());

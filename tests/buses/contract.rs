@@ -107,6 +107,7 @@ fn exactly(end: &mut dyn Bus, count: usize) -> Vec<Frame> {
 }
 
 fn keeps_order_and_content((mut near, mut far): Pair) {
+    // Later frames have lower identifiers, and so a higher priority: a bus that sorted by it would change the order.
     let frames: Vec<Frame> = (0..200u8)
         .map(|k| match k % 3 {
             0 => standard(0x7FF - u16::from(k), &vec![k; usize::from(k % 9)]),
@@ -115,6 +116,7 @@ fn keeps_order_and_content((mut near, mut far): Pair) {
         })
         .collect();
     let mut last_ns = 0;
+    // Fifty at a time fit the smallest queue of a bus under test, which has 64 places.
     for half in frames.chunks(50) {
         half.iter().for_each(|frame| send(&mut *near, frame));
         for frame in half {
@@ -137,6 +139,7 @@ fn keeps_order_and_content((mut near, mut far): Pair) {
 fn a_batch_is_sent_as_its_frames_are((mut near, mut far): Pair) {
     let frames: Vec<Frame> =
         (0..60u8).map(|k| if k % 2 == 0 { standard(0x100, &[k]) } else { extended(0x1000 + u32::from(k)) }).collect();
+    // Single frames around the batch show that both ways of sending share one queue.
     let (first, last) = (standard(1, &[1, 2]), standard(2, &[3]));
     send(&mut *near, &first);
     send_all(&mut *near, &frames);
@@ -172,6 +175,7 @@ fn carries_remote_frames((mut near, mut far): Pair) {
 }
 
 fn carries_fd_frames((mut near, mut far): Pair, formats: Formats) {
+    // Both ends of the range, the longest classical length, and 12, the shortest that only CAN FD has.
     for (len, bit_rate_switch) in [(0, false), (8, true), (12, false), (64, true)] {
         let format = FrameFormat::Fd { bit_rate_switch, error_state_indicator: false };
         let data: Vec<u8> = (1..=len).collect();
@@ -213,6 +217,8 @@ fn wait_ends_at_the_timeout((mut near, _far): Pair) {
 
 fn wait_ends_with_a_frame((mut near, mut far): Pair) {
     let sender = std::thread::spawn(move || {
+        // In place of a sleep, which clippy.toml leaves to `realtime::clock`. It is long enough for the near end to be
+        // waiting.
         far.wait(SILENCE).unwrap();
         send(&mut *far, &standard(0x55, &[1]));
         far
@@ -226,6 +232,7 @@ fn wait_ends_with_a_frame((mut near, mut far): Pair) {
 
 fn filters_by_identifier_and_mask((mut near, mut far): Pair) {
     let exactly = Filter { id: Id::Standard(0x123), mask: 0x7FF };
+    // The bits that the mask leaves out do not count, in the filter no more than in the frame: 0x200 to 0x20F pass.
     let block = Filter { id: Id::Standard(0x204), mask: 0x7F0 };
     far.set_filters(&[exactly, block, END_FILTER]).unwrap();
     let frames = [0x122, 0x123, 0x124, 0x1FF, 0x200, 0x20F, 0x210].map(|id| standard(id, &[]));
@@ -267,7 +274,9 @@ fn no_frame_vanishes_uncounted((mut near, mut far): Pair, lost_beneath: &impl Fn
     }
     let tx = near.statistics();
     assert_eq!(tx.sent + refused, u64::from(ATTEMPTS));
+    // A batch that is refused counts once, however many of its frames are left.
     assert!(tx.queue_full <= refused && (tx.queue_full > 0) == (refused > 0), "{refused} refused: {tx:?}");
+    // The end is known by the counts and not by a pause, which a busy machine makes as well.
     let (mut kept, mut silence) = (Vec::new(), Duration::ZERO);
     while far.statistics().received + far.statistics().dropped < tx.sent && silence < PATIENCE {
         silence = if far.wait(SILENCE).unwrap() { Duration::ZERO } else { silence + SILENCE };
@@ -278,9 +287,11 @@ fn no_frame_vanishes_uncounted((mut near, mut far): Pair, lost_beneath: &impl Fn
     let lost = lost_beneath() - lost_before;
     assert_eq!(rx.received, kept.len() as u64);
     let counted = rx.received + rx.dropped;
+    // The losses beneath are those of all interfaces of the machine, so that they are a bound and no equation.
     assert!((counted..=counted + lost).contains(&tx.sent), "{tx:?} {rx:?}, {lost} lost beneath");
     let numbers: Vec<u32> = kept.iter().map(|f| u32::from_le_bytes(f.data().try_into().unwrap())).collect();
     assert!(numbers.is_sorted_by(|a, b| a < b), "frames out of order");
+    // Without a single refusal or loss this clause would have shown nothing.
     assert!(tx.queue_full + rx.dropped > 0, "the bus under test must overflow: {tx:?} {rx:?}");
     send(&mut *near, &standard(0x101, &[]));
     assert_eq!(next(&mut *far).frame, standard(0x101, &[]), "the bus must work after an overflow");

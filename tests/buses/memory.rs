@@ -88,11 +88,14 @@ fn a_faulty_end_sends_and_receives_without_allocating() {
         }
         received
     });
+    // A tenth of 500 is lost, with a standard deviation of 7, and the last few still wait for their delay of ten
+    // rounds.
     assert!((400..500).contains(&received), "{received}");
 }
 
 #[test]
 fn memory_sends_and_receives_without_allocating() {
+    // Eight frames for queues of four: the way on which frames are dropped must not allocate either.
     let mut ends = memory::hub(3, 4);
     let frame = Frame::classic(Id::Standard(1), &[1, 2, 3]).unwrap();
     let received = assert_no_alloc(|| {

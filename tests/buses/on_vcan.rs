@@ -31,6 +31,7 @@ struct Interface(&'static str);
 impl Interface {
     fn new(name: &'static str) -> Interface {
         run(&format!("ip link add {name} type vcan"));
+        // The size of a `struct canfd_frame`: an interface with this MTU carries CAN FD.
         run(&format!("ip link set {name} mtu 72 up"));
         Interface(name)
     }
@@ -212,6 +213,7 @@ fn canbusload_counts_the_same_bits() {
     let mut bus = interface.open();
     let frames: Vec<Frame> = (0..200_u32)
         .map(|k| {
+            // Odd factors spread the bits, so that runs of equal bits, after which one is stuffed, have every length.
             let data = (u64::from(k) * 0x0123_4567_89AB_CDEF).to_le_bytes();
             let id = if k % 2 == 0 { Id::Standard((k * 11 % 0x800) as u16) } else { Id::Extended(k * 2_654_435) };
             Frame::classic(id, &data[..(k % 9) as usize]).unwrap()
@@ -264,6 +266,7 @@ fn says_that_the_interface_is_down_and_works_when_it_is_up_again() {
     assert!(down(far.wait(PATIENCE).unwrap_err()), "the waiting end must hear of it");
     assert!(down(near.receive().unwrap_err()));
     assert!(down(near.send(&frame(1, &[])).unwrap_err()));
+    // An interface that is down can't be opened either, and the message is the same.
     assert!(down(refusal("rtdown")));
     run("ip link set rtdown up");
     assert_eq!(near.send(&frame(2, &[])).unwrap(), Sent::Queued);
@@ -277,6 +280,7 @@ fn says_that_the_interface_was_removed() {
     let interface = Interface::new("rtgone");
     let mut bus = interface.open();
     run("ip link del rtgone");
+    // The kernel takes an interface down before it removes it, and a socket hears of one of the two first.
     let first = bus.receive().unwrap_err();
     assert!(matches!(first, BusError::InterfaceGone { .. } | BusError::InterfaceDown { .. }), "{first}");
     let then = bus.send(&frame(1, &[])).unwrap_err();
@@ -288,6 +292,7 @@ fn says_that_the_interface_was_removed() {
 fn refuses_fd_frames_where_the_interface_is_classical() {
     let interface = Interface::new("rtclassic");
     run("ip link set rtclassic down");
+    // The size of a `struct can_frame`, which has no place for more than 8 bytes.
     run("ip link set rtclassic mtu 16 up");
     let mut bus = interface.open();
     let fd = FrameFormat::Fd { bit_rate_switch: false, error_state_indicator: false };
@@ -316,6 +321,7 @@ fn counts_the_frames_that_the_transmit_queue_refuses() {
     for id in 0..4 {
         assert_eq!(next(&mut far).frame, frame(id, &[]), "frames queued before the close are still sent");
     }
+    // What the queue refused must not come after all.
     assert!(!far.wait(Duration::from_millis(400)).unwrap());
 }
 
@@ -371,6 +377,7 @@ fn error_frames_are_counted_and_bus_off_comes_out(interface: &Interface, far: &m
     send_state(&controller, libc::CAN_ERR_CRTL, libc::CAN_ERR_CRTL_TX_WARNING);
     send_state(&controller, libc::CAN_ERR_CRTL | libc::CAN_ERR_ACK, libc::CAN_ERR_CRTL_TX_PASSIVE);
     near.send(&frame(2, &[])).unwrap();
+    // A lost arbitration is no error: the frame is sent again, and nothing is counted.
     send_state(&controller, libc::CAN_ERR_LOSTARB, 0);
     send_state(&controller, libc::CAN_ERR_PROT | libc::CAN_ERR_BUSERROR, 0);
     send_state(&controller, libc::CAN_ERR_BUSOFF, 0);
@@ -457,6 +464,7 @@ fn too_many_filters_are_an_error() {
     let interface = Interface::new("rtfilter");
     let filters: Vec<Filter> = (0..600).map(|id| Filter { id: Id::Standard(id), mask: 0x7FF }).collect();
     let mut bus = interface.open();
+    // 512 is the most that the kernel takes, `CAN_RAW_FILTER_MAX` of linux/can/raw.h.
     bus.set_filters(&filters[..512]).unwrap();
     let refused = bus.set_filters(&filters).unwrap_err();
     assert!(matches!(refused, BusError::Os { action: "setting the receive filters", .. }), "{refused}");

@@ -66,6 +66,7 @@ impl NullModem {
             .spawn()
             .expect("these tests need socat: apt-get install socat");
         let mut lines = BufReader::new(socat.stderr.take().unwrap()).lines();
+        // socat says so once both links exist. Before, a port could not be opened.
         assert!(lines.any(|line| line.unwrap().contains("starting data transfer loop")), "socat ended");
         NullModem { socat, directory }
     }
@@ -181,6 +182,7 @@ fn carries_every_field_of_a_frame() {
         assert!(far.wait(PATIENCE).unwrap());
         let received = far.receive().unwrap().unwrap();
         assert_eq!(received.frame, frame);
+        // A time since 1970: the clock of an adapter that counts from its own start would be far below.
         let year_2024_ns = 1_704_067_200_000_000_000;
         assert!(received.timestamp_ns > Some(year_2024_ns), "{:?}", received.timestamp_ns);
     }
@@ -190,6 +192,8 @@ fn carries_every_field_of_a_frame() {
 fn sends_and_receives_without_allocating() {
     let (mut near, mut far) = (virtual_end("allocation"), virtual_end("allocation"));
     let frame = frame(1);
+    // Only these calls are those of a loop in real time. The threads behind the queues allocate with every message of
+    // Python.
     let sent = assert_no_alloc(|| near.send(&frame).ok());
     assert_eq!(sent, Some(Sent::Queued));
     assert!(far.wait(PATIENCE).unwrap());
@@ -301,6 +305,7 @@ fn keeps_the_oldest_frames_and_counts_the_rest() {
 #[test]
 fn a_blocked_driver_blocks_nobody_here() {
     let mut bus = virtual_end("blocked");
+    // The `virtual` interface blocks a sender while the queue of a receiver is full, here of two messages.
     let foreign = Python::attach(|py| foreign_end(py, "blocked", 2).unbind());
     let outcomes: Vec<Sent> = (0..3 * TRANSMIT_QUEUE as u32).map(|k| bus.send(&frame(k)).unwrap()).collect();
     assert_eq!(outcomes.last(), Some(&Sent::QueueFull));
@@ -397,6 +402,7 @@ fn finds_the_environment_beside_the_working_directory_and_an_active_one() {
     let packages = environment.join(format!("lib/python{version}/site-packages"));
     // The packages that this process uses.
     let can: String = Python::attach(|py| py.import("can").unwrap().getattr("__file__").unwrap().extract().unwrap());
+    // The module is `site-packages/can/__init__.py`, so the packages are two folders above the file.
     for package in fs::read_dir(Path::new(&can).ancestors().nth(2).unwrap()).unwrap().map(Result::unwrap) {
         symlink(package.path(), packages.join(package.file_name())).unwrap();
     }
@@ -418,6 +424,7 @@ fn says_which_command_installs_python_can() {
     let (version, _) = embedded();
     empty_environment(&environment, &version);
     let text = outcome(directory.path(), &[("VIRTUAL_ENV", &environment)]);
+    // The release that the tests run with may be any, so its numbers are left out of the text.
     let patch = Python::attach(|py| py.version_info().patch);
     let advice =
         text.replace(&environment.display().to_string(), "ENV").replace(&format!("{version}.{patch}"), "X.Y.Z");
@@ -428,6 +435,7 @@ fn says_which_command_installs_python_can() {
 fn says_both_versions() {
     let directory = tempfile::tempdir().unwrap();
     let environment = directory.path().join("environment");
+    // No interpreter of today can be of this version, so it differs from the embedded one on every machine.
     empty_environment(&environment, "2.7");
     let (version, prefix) = embedded();
     let text = outcome(directory.path(), &[("VIRTUAL_ENV", &environment)]);

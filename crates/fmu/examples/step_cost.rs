@@ -82,6 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let session = Session::new(scenario, Mode::Free, Options::default())?;
     let (mut native_ns, mut fmi_ns) = (f64::INFINITY, f64::INFINITY);
     for _ in 0..ROUNDS {
+        // In turns, so that both are measured under the same load of the machine.
         native_ns = native_ns.min(native(&session)?);
         fmi_ns = fmi_ns.min(through_fmi(&token, &resources)?);
     }
