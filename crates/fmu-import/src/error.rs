@@ -52,25 +52,13 @@ pub enum ImportError {
         /// The last message of the FMU.
         log: Option<String>,
     },
-    /// A key of the section `[structure]` does not suit the FMU.
-    #[error("structure.{key}: {reason}")]
-    Structure {
-        /// Name of the key.
+    /// A key of the scenario does not suit the FMU.
+    #[error("{key}: {reason}")]
+    Key {
+        /// Name of the key, with its section.
         key: String,
         /// What is wrong with it, and what it must be.
         reason: String,
-    },
-    /// Nothing is read or driven where an instrument or the exciter is.
-    #[error("rig.{instrument}: no variable of structure.{section} is at `{at}`; there are {known}")]
-    Place {
-        /// Name of the instrument in the scenario.
-        instrument: &'static str,
-        /// The section in which it has to be.
-        section: &'static str,
-        /// Degree of freedom at which the instrument is.
-        at: String,
-        /// The degrees of freedom that there are.
-        known: String,
     },
     /// A sensor is where nothing is read.
     #[error(transparent)]

@@ -185,10 +185,8 @@ impl Instance {
                 if !is_good(status) {
                     return Err(failed(ForeignFault::Status(status_name(Some(status)))));
                 }
-                match read.iter().find(|value| !value.is_finite()) {
-                    Some(got) => Err(failed(ForeignFault::NotFinite { got: *got })),
-                    None => Ok(()),
-                }
+                let odd = read.iter().find(|value| !value.is_finite());
+                odd.map_or(Ok(()), |got| Err(failed(ForeignFault::NotFinite { got: *got })))
             }
         }
     }

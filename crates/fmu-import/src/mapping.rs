@@ -190,7 +190,7 @@ impl Mapping {
         &mut self,
         description: &Description,
         spec: &Spec,
-        (instrument, at): (&'static str, &str),
+        (instrument, at): (&str, &str),
     ) -> Result<(), ImportError> {
         let needs_velocity = spec.is_filtered && spec.read == ReadAt::Middle;
         let mut sensed = [Sensed::default(); 2];
@@ -376,7 +376,7 @@ fn output(dof: &str) -> String {
 
 /// The error of a key of the section `[structure]`.
 fn of_key(key: &str, reason: String) -> ImportError {
-    ImportError::Structure { key: key.to_owned(), reason }
+    ImportError::Key { key: format!("structure.{key}"), reason }
 }
 
 /// The error of a variable that is needed and not mapped.
@@ -384,13 +384,10 @@ fn missing(dof: &str, variable: &str, why: &str) -> ImportError {
     of_key(&output(dof), format!("`{variable}` is missing: {why}"))
 }
 
-fn place<'a>(
-    instrument: &'static str,
-    section: &'static str,
-    at: &str,
-    known: impl Iterator<Item = &'a String>,
-) -> ImportError {
+/// The error of a place of the rig at which no variable of a section is.
+fn place<'a>(instrument: &str, section: &str, at: &str, known: impl Iterator<Item = &'a String>) -> ImportError {
     let known: Vec<&str> = known.map(String::as_str).collect();
     let known = if known.is_empty() { String::from("none") } else { known.join(", ") };
-    ImportError::Place { instrument, section, at: at.to_owned(), known }
+    let reason = format!("no variable of structure.{section} is at `{at}`; there are {known}");
+    ImportError::Key { key: format!("rig.{instrument}"), reason }
 }

@@ -3,7 +3,7 @@
 //! Both ends are one program, so numbers are in the machine's order of bytes. A request has a fixed length, as both ends
 //! know how many values are set; an answer states its kind and its length.
 
-use std::io::{Error, ErrorKind, PipeWriter, Read, Result, Write};
+use std::io::{ErrorKind, PipeWriter, Read, Result, Write};
 use std::sync::{Mutex, PoisonError};
 
 use crate::abi::StartError;
@@ -91,11 +91,6 @@ pub(crate) enum Answer {
     Ended { status: i32 },
 }
 
-/// Returns the error for an answer that breaks the protocol.
-fn invalid() -> Error {
-    Error::from(ErrorKind::InvalidData)
-}
-
 /// Reads as many numbers as there is place for; `false` if the bytes are of another number of them.
 fn read_numbers(bytes: &[u8], numbers: &mut [f64]) -> bool {
     let (all, rest) = bytes.as_chunks::<8>();
@@ -155,11 +150,11 @@ impl Answer {
         let length = u32::from_ne_bytes(length);
         // The library may have written to the pipe itself: a length of its making must not reserve all memory.
         if length > MOST_LENGTH {
-            return Err(invalid());
+            return Err(ErrorKind::InvalidData.into());
         }
         body.resize(length as usize, 0);
         pipe.read_exact(body)?;
-        Answer::parse(kind, body, values).ok_or_else(invalid)
+        Answer::parse(kind, body, values).ok_or_else(|| ErrorKind::InvalidData.into())
     }
 
     fn parse(kind: u8, body: &[u8], values: &mut [f64]) -> Option<Answer> {

@@ -69,10 +69,7 @@ impl Guard {
     /// # Errors
     /// That of the pipe.
     pub fn load(&mut self) -> Result<()> {
-        match &mut self.lifeline {
-            Some(lifeline) => lifeline.write_all(&[0]),
-            None => Ok(()),
-        }
+        self.lifeline.as_mut().map_or(Ok(()), |lifeline| lifeline.write_all(&[0]))
     }
 }
 

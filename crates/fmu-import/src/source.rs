@@ -33,9 +33,8 @@ impl Source {
         let own_tool = description.tool.as_ref().filter(|tool| tool.starts_with("resonarm "));
         if let (ReadAt::Middle, Some(tool)) = (spec.read, own_tool) {
             let hint = "take `read = \"end\"`, and the variables `true.…`";
-            let reason =
-                format!("structure: `read` is middle, and the FMU, of {tool}, samples its motion itself: {hint}");
-            return Err(ImportError::Unsuitable { reason });
+            let reason = format!("`read` is middle, and the FMU, of {tool}, samples its motion itself: {hint}");
+            return Err(ImportError::Key { key: "structure".into(), reason });
         }
         let mapping = Mapping::new(&description, spec)?;
         let step_s = match spec.read {

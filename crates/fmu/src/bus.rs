@@ -147,10 +147,6 @@ impl Model for BusModel {
         }
     }
 
-    fn number(&self, _source: Source) -> f64 {
-        f64::NAN
-    }
-
     fn count(&self, source: Source) -> u64 {
         // All ends see the traffic of the one bus, so the first answers for all.
         let traffic = self.ports.first().map(|port| port.end.traffic()).unwrap_or_default();

@@ -11,6 +11,7 @@ use resonarm_numeric::number::short;
 use resonarm_scenario::ScenarioError;
 use resonarm_session::run::RunError;
 
+use crate::content::VERSION;
 use crate::instance::State;
 
 /// Error of an FMI call; the importer reads it in its log.
@@ -30,13 +31,11 @@ pub enum Fault {
     NoResources,
     /// The resources are of another version than the library.
     #[error(
-        "the resources are of version {got}, but the library is of version {library}: export the FMU again with `resonarm fmu`"
+        "the resources are of version {got}, but the library is of version {VERSION}: export the FMU again with `resonarm fmu`"
     )]
     Version {
         /// Version of the resources.
         got: String,
-        /// Version of the library.
-        library: &'static str,
     },
     /// The token is not that of the resources.
     #[error(
@@ -74,14 +73,12 @@ pub enum Fault {
         legal: &'static str,
     },
     /// A value that a variable can't have.
-    #[error("`{name}` is {got}: it must be {expected}", got = short(.got))]
+    #[error("`{name}` is {got}: it must be a finite number", got = short(.got))]
     Value {
         /// Name of the variable.
         name: String,
         /// Value that the importer set.
         got: f64,
-        /// Description of the valid values.
-        expected: &'static str,
     },
     /// A load beyond the exciter's limits or direction.
     #[error(

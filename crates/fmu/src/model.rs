@@ -94,7 +94,9 @@ pub(crate) trait Model {
     fn step(&mut self, span: Span, inputs: &Inputs) -> Result<bool, Fault>;
 
     /// The value of a variable of the type Float64; of a Boolean 0 or 1.
-    fn number(&self, source: Source) -> f64;
+    fn number(&self, _source: Source) -> f64 {
+        f64::NAN
+    }
 
     /// The value of a variable of the type UInt64.
     fn count(&self, source: Source) -> u64;

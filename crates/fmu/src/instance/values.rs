@@ -192,8 +192,7 @@ impl Instance {
         if let Value::Float64(got) = value
             && !got.is_finite()
         {
-            let name = self.variables[reference as usize].name.clone();
-            return Err(Fault::Value { name, got, expected: "a finite number" });
+            return Err(Fault::Value { name: self.variables[reference as usize].name.clone(), got });
         }
         match (source, value) {
             (Source::Load(index), Value::Float64(load)) => {
