@@ -93,10 +93,8 @@ pub fn trace_branch(
 ) -> PyResult<Traced> {
     let ((parameter, start, stop), ((leaving, further), curves)) = (range, beyond);
     let varied = coordinate("parameter", &parameter, structure)?;
-    let curves = match curves {
-        Some((name, to)) => Some((coordinate("curves_in", &name, structure)?, to)),
-        None => None,
-    };
+    let second = |(name, to): (String, f64)| PyResult::Ok((coordinate("curves_in", &name, structure)?, to));
+    let curves = curves.map(second).transpose()?;
     let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
     let mut search = if further { SearchOptions::further() } else { SearchOptions::default() };
     // The branches that are asked for include sub-harmonic ones, to which no bifurcation of the first leads.

@@ -113,7 +113,7 @@ impl Scenario {
 
 impl Scenario {
     fn table(&self) -> PyResult<toml::Table> {
-        let unwritable = |error: toml::ser::Error| ScenarioError::Write { reason: error.to_string() };
-        toml::Table::try_from(&self.inner).map_err(|error| errors::scenario(unwritable(error)))
+        let table = toml::Table::try_from(&self.inner);
+        table.map_err(|error| errors::scenario(ScenarioError::Write { reason: error.to_string() }))
     }
 }

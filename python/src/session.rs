@@ -124,11 +124,8 @@ fn patience(given_s: f64) -> PyResult<Duration> {
 }
 
 fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
-    let priority = u8::try_from(given).ok().map(FifoPriority::try_from);
-    match priority {
-        Some(priority) => priority.map_err(errors::value),
-        None => Err(errors::value(format!("the real-time priority is {given}; it must be from 1 to 99"))),
-    }
+    let refused = |_| errors::value(format!("the real-time priority is {given}; it must be from 1 to 99"));
+    FifoPriority::try_from(u8::try_from(given).map_err(refused)?).map_err(errors::value)
 }
 
 impl How {
@@ -223,9 +220,7 @@ pub fn run_both<'py>(
     let (session, raised) = how.session(scenario, controller, structure)?;
     let signals = Signals::default();
     let report = watched(py, &|| signals.stop(), || session.both(&signals, |_event| {}))?;
-    if let Some(error) = taken(&raised) {
-        return Err(error);
-    }
+    taken(&raised).map_or(Ok(()), Err)?;
     let BothReport { plant, exciter } = report.map_err(errors::run)?;
     let documents = (values::document(py, &plant)?, values::document(py, &ExciterDocument::from(&exciter))?);
     Ok((documents.0, documents.1, responses(py, &exciter.responses)?))
@@ -357,9 +352,7 @@ impl NodeRun {
         }
         let report = joined(thread.join())?.map_err(errors::run)?;
         logging::hand_over(py)?;
-        if let Some(error) = taken(&self.raised) {
-            return Err(error);
-        }
+        taken(&self.raised).map_or(Ok(()), Err)?;
         match report {
             Report::Plant(report) => Ok((values::document(py, &report)?, responses(py, &[])?)),
             Report::Exciter(report) => {

@@ -120,7 +120,7 @@ impl Assembly {
     /// The links of a chain; of an arm those of the chain that moves as it does.
     #[getter]
     fn chain_links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let links: &[Link] = self.chain().map_or(&[], |chain| &chain.links);
+        let links: &[Link] = self.chain().map_or(&[], |chain| chain.links.as_slice());
         values::document(py, &links)
     }
 

@@ -201,10 +201,8 @@ impl PythonCan {
 
     /// Returns the oldest failure not yet reported.
     fn check_failures(&mut self) -> Result<(), BusError> {
-        match self.failures.iter_mut().find_map(|failures| failures.pop().ok()) {
-            Some(failure) => Err(failure.into()),
-            None => Ok(()),
-        }
+        let oldest = self.failures.iter_mut().find_map(|failures| failures.pop().ok());
+        oldest.map_or(Ok(()), |failure| Err(failure.into()))
     }
 }
 
@@ -312,10 +310,8 @@ impl Bus for PythonCan {
     }
 
     fn check_fd(&self) -> Result<(), BusError> {
-        match &self.classic_interface {
-            Some(interface) => Err(PythonCanError::Classic { interface: interface.clone() }.into()),
-            None => Ok(()),
-        }
+        let classic = self.classic_interface.clone();
+        classic.map_or(Ok(()), |interface| Err(PythonCanError::Classic { interface }.into()))
     }
 
     fn close(&mut self) -> Result<(), BusError> {
