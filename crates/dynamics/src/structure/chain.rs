@@ -25,7 +25,7 @@ use core::cmp::Ordering;
 use super::MOST_LINKS;
 use super::angle::{Angle, Turn};
 use super::error::StructureError;
-use super::parameter::{LinkField, Parameter};
+use super::parameter::{Parameter, Part};
 use super::spec::{Axis, ChainSpec, Link};
 
 /// One number a link.
@@ -453,12 +453,12 @@ fn per_link(links: &[Link], of: impl Fn(&Link) -> f64) -> PerLink {
 fn check_stated(spec: &ChainSpec) -> Result<(), StructureError> {
     for (i, link) in (1..).zip(&spec.links) {
         let is_at_joint = link.centre_of_mass_m == 0.0 && link.centre_of_mass_off_m == 0.0;
-        let missing = spec.unstated.iter().filter(|parameter| matches!(parameter, Parameter::Link(of, _) if *of == i));
+        let missing = spec.unstated.iter().filter(|parameter| parameter.part == Part::Link(i));
         let missing: Vec<&Parameter> = missing.collect();
         if missing.is_empty() || (spec.gravity_m_s2 == 0.0 && is_at_joint) {
             continue;
         }
-        let needs_inertia = missing.contains(&&Parameter::Link(i, LinkField::Inertia));
+        let needs_inertia = missing.iter().any(|parameter| parameter.key == "inertia_kg_m2");
         return Err(StructureError::Unstated {
             link: i,
             missing: missing.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),

@@ -42,7 +42,7 @@ pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
 pub use modal::mode_transient;
 pub use modes::StructureMode;
-pub use parameter::{ElementField, EnergyField, LinkField, ModeField, Parameter};
+pub use parameter::Parameter;
 pub use polynomial::{LEAST_DEGREE, MOST_DEGREE, MOST_DISPLACEMENTS, MOST_TERMS, Polynomial, falls_along};
 pub use position::{Kinematics, Position};
 pub use preset::Preset;

@@ -9,87 +9,44 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
-use super::MOST_LINKS;
 use super::assembly::Assembly;
 use super::error::StructureError;
-use super::spec::{BodySpec, ElementSpec, Law, Link, ModeSpec, StructureSpec, Term};
+use super::spec::{BodySpec, ElementSpec, Law, Link, StructureSpec, Term};
 
 /// A parameter of a structure; [`Assembly::parameter`] finds it by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parameter {
-    /// A value of a link, by the link's number from 1.
-    Link(u8, LinkField),
-    /// A value of a mode, by the mode's number from 1.
-    Mode(u8, ModeField),
-    /// A value of an element, by the element's number from 1.
-    Element(u8, ElementField),
-    /// The energy of a term of a polynomial element, by the element's number from 1.
-    Energy(u8, EnergyField),
-    /// The acceleration of gravity on a chain.
-    Gravity,
-}
-
-/// A value of a link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LinkField {
-    /// Length of the link, m.
-    Length,
-    /// Mass of the link, kg.
-    Mass,
-    /// The distance of its centre of mass from its joint, m.
-    CentreOfMass,
-    /// Distance of the link's centre of mass from the line between its joints, m.
-    CentreOfMassOff,
-    /// Moment of inertia of the link about the centre of mass, kg·m².
-    Inertia,
-    /// Angle of the link against the one before, degrees.
-    Angle,
-    /// The stiffness of its joint, N·m/rad.
-    Stiffness,
-    /// The damping of its joint, N·m·s/rad.
-    Damping,
-}
-
-/// A value of a mode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ModeField {
-    /// Natural frequency of the mode, Hz.
-    Frequency,
-    /// Damping ratio of the mode, dimensionless.
-    DampingRatio,
-}
-
-/// A value of an element's law.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ElementField {
-    /// Index of the value among the law's values.
-    index: u8,
-    /// Key of the value in a scenario.
-    key: &'static str,
+pub struct Parameter {
+    pub(super) part: Part,
+    /// Key of the value in a scenario; of the terms of a polynomial without their number.
+    pub(super) key: &'static str,
     unit: &'static str,
 }
 
-/// The energy of a term of a polynomial.
+/// Part of a structure that a parameter belongs to; numbers count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EnergyField {
-    /// The number of the term, from 1.
-    term: u16,
-    unit: &'static str,
+pub(super) enum Part {
+    /// The chain as a whole.
+    Chain,
+    Link(u8),
+    Mode(u8),
+    Element(u8),
+    /// A term of a polynomial element.
+    Term {
+        element: u8,
+        term: u16,
+    },
 }
 
-impl EnergyField {
-    /// The energy of term `term`, from 1.
-    fn new(term: u16, of: &Term, is_joint: bool) -> EnergyField {
-        let degree: u32 = of.powers.iter().map(|power| u32::from(*power)).sum();
-        let unit = match (degree, is_joint) {
-            (3, false) => "J/m³",
-            (4, false) => "J/m⁴",
-            (_, false) => "J/m⁵",
-            (3, true) => "J/rad³",
-            (4, true) => "J/rad⁴",
-            (_, true) => "J/rad⁵",
-        };
-        EnergyField { term, unit }
+/// Unit of the energy of a term of a polynomial.
+fn energy_unit(of: &Term, is_joint: bool) -> &'static str {
+    let degree: u32 = of.powers.iter().map(|power| u32::from(*power)).sum();
+    match (degree, is_joint) {
+        (3, false) => "J/m³",
+        (4, false) => "J/m⁴",
+        (_, false) => "J/m⁵",
+        (3, true) => "J/rad³",
+        (4, true) => "J/rad⁴",
+        (_, true) => "J/rad⁵",
     }
 }
 
@@ -110,67 +67,25 @@ const BREAKAWAY: Value = Value(["breakaway_n", "breakaway_nm"], ["N", "N·m"]);
 const STRIBECK: Value = Value(["stribeck_m_s", "stribeck_rad_s"], ["m/s", "rad/s"]);
 const VELOCITY: Value = Value(["velocity_m_s", "velocity_rad_s"], ["m/s", "rad/s"]);
 
-impl LinkField {
-    const ALL: [LinkField; 8] = [
-        LinkField::Length,
-        LinkField::Mass,
-        LinkField::CentreOfMass,
-        LinkField::CentreOfMassOff,
-        LinkField::Inertia,
-        LinkField::Angle,
-        LinkField::Stiffness,
-        LinkField::Damping,
-    ];
-
-    /// Key in a scenario, and unit.
-    const fn words(self) -> (&'static str, &'static str) {
-        match self {
-            LinkField::Length => ("length_m", "m"),
-            LinkField::Mass => ("mass_kg", "kg"),
-            LinkField::CentreOfMass => ("centre_of_mass_m", "m"),
-            LinkField::CentreOfMassOff => ("centre_of_mass_off_m", "m"),
-            LinkField::Inertia => ("inertia_kg_m2", "kg·m²"),
-            LinkField::Angle => ("angle_deg", "°"),
-            LinkField::Stiffness => ("stiffness_nm_rad", "N·m/rad"),
-            LinkField::Damping => ("damping_nm_s_rad", "N·m·s/rad"),
-        }
-    }
-
-    fn of(self, link: &mut Link) -> &mut f64 {
-        match self {
-            LinkField::Length => &mut link.length_m,
-            LinkField::Mass => &mut link.mass_kg,
-            LinkField::CentreOfMass => &mut link.centre_of_mass_m,
-            LinkField::CentreOfMassOff => &mut link.centre_of_mass_off_m,
-            LinkField::Inertia => &mut link.inertia_kg_m2,
-            LinkField::Angle => &mut link.angle_deg,
-            LinkField::Stiffness => &mut link.stiffness_nm_rad,
-            LinkField::Damping => &mut link.damping_nm_s_rad,
-        }
-    }
-}
-
-impl ModeField {
-    const ALL: [ModeField; 2] = [ModeField::Frequency, ModeField::DampingRatio];
-
-    /// Key in a scenario, and unit.
-    const fn words(self) -> (&'static str, &'static str) {
-        match self {
-            ModeField::Frequency => ("frequency_hz", "Hz"),
-            ModeField::DampingRatio => ("damping_ratio", ""),
-        }
-    }
-
-    fn of(self, mode: &mut ModeSpec) -> &mut f64 {
-        match self {
-            ModeField::Frequency => &mut mode.frequency_hz,
-            ModeField::DampingRatio => &mut mode.damping_ratio,
-        }
-    }
+/// The values of some links with their parameters.
+pub(super) fn values_of_links(links: &mut [Link]) -> impl Iterator<Item = (Parameter, &mut f64)> {
+    (1..).zip(links).flat_map(|(number, link)| {
+        [
+            ("length_m", "m", &mut link.length_m),
+            ("mass_kg", "kg", &mut link.mass_kg),
+            ("centre_of_mass_m", "m", &mut link.centre_of_mass_m),
+            ("centre_of_mass_off_m", "m", &mut link.centre_of_mass_off_m),
+            ("inertia_kg_m2", "kg·m²", &mut link.inertia_kg_m2),
+            ("angle_deg", "°", &mut link.angle_deg),
+            ("stiffness_nm_rad", "N·m/rad", &mut link.stiffness_nm_rad),
+            ("damping_nm_s_rad", "N·m·s/rad", &mut link.damping_nm_s_rad),
+        ]
+        .map(|(key, unit, value)| (Parameter { part: Part::Link(number), key, unit }, value))
+    })
 }
 
 /// The values of a law with their keys and units, in one order.
-fn values_of(law: &mut Law) -> Vec<(Value, &mut f64)> {
+fn values_of_law(law: &mut Law) -> Vec<(Value, &mut f64)> {
     match law {
         Law::Cubic { stiffness3, stiffness5 } => [(STIFFNESS3, stiffness3), (STIFFNESS5, stiffness5)].into(),
         Law::Gap { stiffness, gap, preload } => [(STIFFNESS, stiffness), (GAP, gap), (PRELOAD, preload)].into(),
@@ -195,65 +110,67 @@ fn values_of(law: &mut Law) -> Vec<(Value, &mut f64)> {
     }
 }
 
-impl Parameter {
-    /// The unit of its value; empty if it has none.
-    pub const fn unit(self) -> &'static str {
-        match self {
-            Parameter::Link(_, field) => field.words().1,
-            Parameter::Mode(_, field) => field.words().1,
-            Parameter::Element(_, field) => field.unit,
-            Parameter::Energy(_, field) => field.unit,
-            Parameter::Gravity => "m/s²",
+/// All values of a specification that are parameters: those of the links or modes, gravity of a chain, those of the elements.
+fn values(spec: &mut StructureSpec) -> Vec<(Parameter, &mut f64)> {
+    let mut found = Vec::new();
+    match &mut spec.body {
+        BodySpec::Chain(chain) => {
+            found.extend(values_of_links(&mut chain.links));
+            found.push((Parameter::GRAVITY, &mut chain.gravity_m_s2));
+        }
+        BodySpec::Modal(modal) => {
+            for (number, mode) in (1..).zip(&mut modal.modes) {
+                let part = Part::Mode(number);
+                found.push((Parameter { part, key: "frequency_hz", unit: "Hz" }, &mut mode.frequency_hz));
+                found.push((Parameter { part, key: "damping_ratio", unit: "" }, &mut mode.damping_ratio));
+            }
         }
     }
+    for (number, element) in (1..).zip(&mut spec.elements) {
+        let is_joint = element.is_at_joint();
+        match element {
+            ElementSpec::Point { law, .. } => {
+                let (part, place) = (Part::Element(number), usize::from(is_joint));
+                for (Value(keys, units), value) in values_of_law(law) {
+                    found.push((Parameter { part, key: keys[place], unit: units[place] }, value));
+                }
+            }
+            ElementSpec::Polynomial { terms, .. } => {
+                for (term, of) in (1..).zip(terms) {
+                    let (part, unit) = (Part::Term { element: number, term }, energy_unit(of, is_joint));
+                    found.push((Parameter { part, key: "energy", unit }, &mut of.energy));
+                }
+            }
+        }
+    }
+    found
+}
 
-    /// The value of a link with this name; none if there is none, or for more links than a chain has.
-    pub(super) fn of_link(name: &str) -> Option<Parameter> {
-        let (part, key) = name.split_once('.')?;
-        let link: u8 = part.strip_prefix("link")?.parse().ok()?;
-        let field = LinkField::ALL.into_iter().find(|field| field.words().0 == key)?;
-        (1..=MOST_LINKS).contains(&usize::from(link)).then_some(Parameter::Link(link, field))
+impl Parameter {
+    /// The acceleration of gravity on a chain.
+    pub const GRAVITY: Parameter = Parameter { part: Part::Chain, key: "gravity_m_s2", unit: "m/s²" };
+
+    /// The unit of its value; empty if it has none.
+    pub const fn unit(self) -> &'static str {
+        self.unit
     }
 
     /// Returns the parameter's value in a specification; none if the specification has no such parameter.
     fn of(self, spec: &mut StructureSpec) -> Option<&mut f64> {
-        let part = |number: u8| usize::from(number).wrapping_sub(1);
-        match (self, &mut spec.body) {
-            (Parameter::Link(link, field), BodySpec::Chain(chain)) => {
-                chain.links.get_mut(part(link)).map(|link| field.of(link))
-            }
-            (Parameter::Gravity, BodySpec::Chain(chain)) => Some(&mut chain.gravity_m_s2),
-            (Parameter::Mode(mode, field), BodySpec::Modal(modal)) => {
-                modal.modes.get_mut(part(mode)).map(|mode| field.of(mode))
-            }
-            (Parameter::Element(element, field), _) => {
-                let element = spec.elements.get_mut(part(element))?;
-                let is_joint = usize::from(element.is_at_joint());
-                let ElementSpec::Point { law, .. } = element else { return None };
-                let (Value(keys, _), value) = values_of(law).into_iter().nth(usize::from(field.index))?;
-                // A parameter of another structure may have this place with another key; it is none of this one.
-                (keys[is_joint] == field.key).then_some(value)
-            }
-            (Parameter::Energy(element, field), _) => {
-                let element = spec.elements.get_mut(part(element))?;
-                let is_joint = element.is_at_joint();
-                let ElementSpec::Polynomial { terms, .. } = element else { return None };
-                let term = terms.get_mut(usize::from(field.term).wrapping_sub(1))?;
-                (EnergyField::new(field.term, term, is_joint) == field).then_some(&mut term.energy)
-            }
-            _ => None,
-        }
+        // The key takes part in the comparison: the element with this number may have another law in another structure.
+        values(spec).into_iter().find_map(|(parameter, value)| (parameter == self).then_some(value))
     }
 }
 
 impl fmt::Display for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Parameter::Link(link, field) => write!(f, "link{link}.{}", field.words().0),
-            Parameter::Mode(mode, field) => write!(f, "mode{mode}.{}", field.words().0),
-            Parameter::Element(element, field) => write!(f, "element{element}.{}", field.key),
-            Parameter::Energy(element, field) => write!(f, "element{element}.energy{}", field.term),
-            Parameter::Gravity => f.write_str("gravity_m_s2"),
+        let key = self.key;
+        match self.part {
+            Part::Chain => f.write_str(key),
+            Part::Link(number) => write!(f, "link{number}.{key}"),
+            Part::Mode(number) => write!(f, "mode{number}.{key}"),
+            Part::Element(number) => write!(f, "element{number}.{key}"),
+            Part::Term { element, term } => write!(f, "element{element}.{key}{term}"),
         }
     }
 }
@@ -261,35 +178,7 @@ impl fmt::Display for Parameter {
 impl Assembly {
     /// All parameters: those of the links or modes, gravity of a chain, those of the elements.
     pub fn parameters(&self) -> Vec<Parameter> {
-        let mut found = Vec::new();
-        match &self.spec().body {
-            BodySpec::Chain(chain) => {
-                let of_link = |(number, _)| LinkField::ALL.map(|field| Parameter::Link(number, field));
-                found.extend((1..).zip(&chain.links).flat_map(of_link));
-                found.push(Parameter::Gravity);
-            }
-            BodySpec::Modal(modal) => {
-                let of_mode = |(number, _)| ModeField::ALL.map(|field| Parameter::Mode(number, field));
-                found.extend((1..).zip(&modal.modes).flat_map(of_mode));
-            }
-        }
-        for (number, element) in (1..).zip(&self.spec().elements) {
-            let is_joint = element.is_at_joint();
-            match element {
-                ElementSpec::Point { law, .. } => {
-                    let (mut law, place) = (*law, usize::from(is_joint));
-                    for (index, (Value(keys, units), _)) in (0..).zip(values_of(&mut law)) {
-                        let field = ElementField { index, key: keys[place], unit: units[place] };
-                        found.push(Parameter::Element(number, field));
-                    }
-                }
-                ElementSpec::Polynomial { terms, .. } => {
-                    let energy = |(term, of)| Parameter::Energy(number, EnergyField::new(term, of, is_joint));
-                    found.extend((1..).zip(terms).map(energy));
-                }
-            }
-        }
-        found
+        values(&mut self.spec().clone()).into_iter().map(|(parameter, _)| parameter).collect()
     }
 
     /// The parameter of a name: `link2.angle_deg`, `mode3.damping_ratio`, `element1.gap_m`, `gravity_m_s2`.

@@ -8,7 +8,7 @@ use core::str::FromStr;
 use serde::Deserialize;
 
 use super::error::StructureError;
-use super::parameter::Parameter;
+use super::parameter::{Parameter, values_of_links};
 use super::spec::{ChainSpec, Link};
 
 /// A chain that comes with the program, as a TOML file in `crates/dynamics/src/structure/presets/`.
@@ -59,9 +59,11 @@ impl Preset {
     /// [`StructureError::PresetText`] if the file is not valid; tests check that every preset is.
     pub fn chain(self) -> Result<ChainSpec, StructureError> {
         let unreadable = |reason: String| StructureError::PresetText { name: self.name(), reason };
-        let PresetFile { unstated, links } =
+        let PresetFile { unstated, mut links } =
             toml::from_str(self.text()).map_err(|error: toml::de::Error| unreadable(error.to_string()))?;
-        let parameter = |name: &String| Parameter::of_link(name).ok_or_else(|| unreadable(name.clone()));
+        let parameters: Vec<Parameter> = values_of_links(&mut links).map(|(parameter, _)| parameter).collect();
+        let named = |name: &String| parameters.iter().find(|parameter| parameter.to_string() == *name).copied();
+        let parameter = |name: &String| named(name).ok_or_else(|| unreadable(name.clone()));
         let unstated = unstated.iter().map(parameter).collect::<Result<_, _>>()?;
         Ok(ChainSpec { links, gravity_m_s2: 0.0, unstated })
     }

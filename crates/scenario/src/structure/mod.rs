@@ -219,7 +219,7 @@ impl StructureSection {
         let mut values = Vec::new();
         // Gravity on a preset needs values of `set`, and is given with them.
         if let (StructureKind::Preset, Some(gravity_m_s2)) = (self.kind, self.gravity_m_s2) {
-            values.push((Parameter::Gravity, gravity_m_s2));
+            values.push((Parameter::GRAVITY, gravity_m_s2));
         }
         for (name, value) in &self.set {
             let unknown = |source| StructureSectionError::Set { name: name.clone(), value: *value, source };
