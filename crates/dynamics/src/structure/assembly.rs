@@ -148,7 +148,7 @@ impl Assembly {
     /// The elements of a specification at their places.
     fn placed(&self, specs: &[ElementSpec]) -> Result<(Vec<Element>, Vec<Polynomial>), StructureError> {
         if specs.len() > MOST_ELEMENTS {
-            return Err(StructureError::Count { what: "elements", got: specs.len(), least: 0, most: MOST_ELEMENTS });
+            return Err(StructureError::structure_count("elements", specs.len(), 0, MOST_ELEMENTS));
         }
         let (mut elements, mut polynomials, mut states) = (Vec::with_capacity(specs.len()), Vec::new(), 0);
         for (i, spec) in specs.iter().enumerate() {
@@ -278,16 +278,15 @@ impl Assembly {
     /// The degree of freedom of a place.
     ///
     /// # Errors
-    /// [`StructureError::UnknownPlace`], [`StructureError::UnknownJoint`], [`StructureError::NoJoints`].
+    /// [`StructureError::UnknownPlace`], [`StructureError::UnknownJoint`].
     pub fn place(&self, place: &Place) -> Result<Dof, StructureError> {
-        match (place, &self.body) {
-            (Place::Dof { .. }, _) => self.dof(&place.name()),
-            (&Place::Joint(got), Body::Modal(_)) => Err(StructureError::NoJoints { got }),
-            (&Place::Joint(joint), Body::Chain(chain)) if (1..=chain.n).contains(&joint) => {
-                Ok(Dof(At::Joint(joint - 1)))
-            }
-            (&Place::Joint(got), Body::Chain(chain)) => Err(StructureError::UnknownJoint { got, most: chain.n }),
-        }
+        let &Place::Joint(got) = place else { return self.dof(&place.name()) };
+        let known = match &self.body {
+            Body::Chain(chain) if (1..=chain.n).contains(&got) => return Ok(Dof(At::Joint(got - 1))),
+            Body::Chain(chain) => format!("the chain has joints 1 to {}", chain.n),
+            Body::Modal(_) => "a structure of modes has no joints; name a point and an axis".to_string(),
+        };
+        Err(StructureError::UnknownJoint { got, known })
     }
 
     /// Whether it never moves: the start of a chain's first link, and the base of modes, relative to itself.

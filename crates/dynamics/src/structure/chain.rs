@@ -24,6 +24,8 @@ use core::cmp::Ordering;
 
 use super::MOST_LINKS;
 use super::angle::{Angle, Turn};
+use super::assembly::Linearised;
+use super::check::Range::{Finite, NotNegative, Positive};
 use super::error::StructureError;
 use super::parameter::{Parameter, Part};
 use super::spec::{Axis, ChainSpec, Link};
@@ -140,16 +142,13 @@ impl Chain {
     pub fn new(spec: &ChainSpec) -> Result<Chain, StructureError> {
         let n = spec.links.len();
         if !(1..=MOST_LINKS).contains(&n) {
-            return Err(StructureError::Count { what: "links", got: n, least: 1, most: MOST_LINKS });
+            return Err(StructureError::structure_count("links", n, 1, MOST_LINKS));
         }
         for (i, link) in spec.links.iter().enumerate() {
             check(i, link)?;
         }
         let gravity_m_s2 = spec.gravity_m_s2;
-        if !(gravity_m_s2.is_finite() && gravity_m_s2 >= 0.0) {
-            let (part, expected) = ("chain".into(), "zero or a positive number");
-            return Err(StructureError::Value { part, name: "gravity_m_s2", got: gravity_m_s2, expected });
-        }
+        NotNegative.check(|| "chain".into(), "gravity_m_s2", gravity_m_s2)?;
         check_stated(spec)?;
         let mut chain = Chain::relaxed(&spec.links, gravity_m_s2);
         let relaxed = summed(&per_link(&spec.links, |link| link.angle_deg.to_radians()));
@@ -470,31 +469,21 @@ fn check_stated(spec: &ChainSpec) -> Result<(), StructureError> {
 
 /// Checks that such a link can exist.
 fn check(index: usize, link: &Link) -> Result<(), StructureError> {
-    let refuse = |name: &'static str, got: f64, expected: &'static str| {
-        Err(StructureError::Value { part: format!("link {}", index + 1), name, got, expected })
-    };
-    let positive = [
-        ("length_m", link.length_m),
-        ("mass_kg", link.mass_kg),
-        ("inertia_kg_m2", link.inertia_kg_m2),
-        ("stiffness_nm_rad", link.stiffness_nm_rad),
-    ];
-    for (name, got) in positive {
-        if !(got.is_finite() && got > 0.0) {
-            return refuse(name, got, "a positive number");
-        }
-    }
-    if !link.centre_of_mass_m.is_finite() {
-        return refuse("centre_of_mass_m", link.centre_of_mass_m, "a finite number");
-    }
-    if !link.centre_of_mass_off_m.is_finite() {
-        return refuse("centre_of_mass_off_m", link.centre_of_mass_off_m, "a finite number");
-    }
-    if !(link.damping_nm_s_rad.is_finite() && link.damping_nm_s_rad >= 0.0) {
-        return refuse("damping_nm_s_rad", link.damping_nm_s_rad, "zero or a positive number");
+    let part = || format!("link {}", index + 1);
+    for (name, got, range) in [
+        ("length_m", link.length_m, Positive),
+        ("mass_kg", link.mass_kg, Positive),
+        ("inertia_kg_m2", link.inertia_kg_m2, Positive),
+        ("stiffness_nm_rad", link.stiffness_nm_rad, Positive),
+        ("centre_of_mass_m", link.centre_of_mass_m, Finite),
+        ("centre_of_mass_off_m", link.centre_of_mass_off_m, Finite),
+        ("damping_nm_s_rad", link.damping_nm_s_rad, NotNegative),
+    ] {
+        range.check(part, name, got)?;
     }
     if !(-360.0..=360.0).contains(&link.angle_deg) {
-        return refuse("angle_deg", link.angle_deg, "a number from -360 to 360 degrees");
+        let expected = "a number from -360 to 360 degrees";
+        return Err(StructureError::Value { part: part(), name: "angle_deg", got: link.angle_deg, expected });
     }
     Ok(())
 }

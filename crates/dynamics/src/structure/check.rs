@@ -1,16 +1,29 @@
 //! The checks of elements.
 
 use alloc::format;
+use alloc::string::String;
 
 use super::error::StructureError;
 use super::spec::{ElementSpec, Law, Place, Side};
 
-/// Range in which a value of a law must be.
+/// Range in which a value must be.
 #[derive(Clone, Copy)]
-enum Range {
+pub(super) enum Range {
     Finite,
     NotNegative,
     Positive,
+}
+
+impl Range {
+    /// Checks a value; `part` says what it belongs to.
+    pub fn check(self, part: impl FnOnce() -> String, name: &'static str, got: f64) -> Result<(), StructureError> {
+        let (fits, expected) = match self {
+            Range::Finite => (true, "a finite number"),
+            Range::NotNegative => (got >= 0.0, "zero or a positive number"),
+            Range::Positive => (got > 0.0, "a positive number"),
+        };
+        if got.is_finite() && fits { Ok(()) } else { Err(StructureError::Value { part: part(), name, got, expected }) }
+    }
 }
 
 /// Refuses an element whose ends have different units, or are one place.
@@ -55,8 +68,9 @@ pub(super) fn check_overlap(specs: &[ElementSpec], second: usize) -> Result<(), 
 /// Checks that such a law can exist.
 pub(super) fn check_values(element: usize, law: &Law) -> Result<(), StructureError> {
     use Range::{Finite, NotNegative, Positive};
+    let part = || format!("element {element}, {}", law.name());
     let refuse = |name: &'static str, got: f64, expected: &'static str| {
-        Err(StructureError::Value { part: format!("element {element}, {}", law.name()), name, got, expected })
+        Err(StructureError::Value { part: part(), name, got, expected })
     };
     let values: &[(&'static str, f64, Range)] = match *law {
         Law::Cubic { stiffness3, stiffness5 } => {
@@ -99,15 +113,5 @@ pub(super) fn check_values(element: usize, law: &Law) -> Result<(), StructureErr
         }
         Law::Tanh { slip, velocity } => &[("slip", slip, Positive), ("velocity", velocity, Positive)],
     };
-    for &(name, got, range) in values {
-        let (fits, expected) = match range {
-            Finite => (true, "a finite number"),
-            NotNegative => (got >= 0.0, "zero or a positive number"),
-            Positive => (got > 0.0, "a positive number"),
-        };
-        if !(got.is_finite() && fits) {
-            return refuse(name, got, expected);
-        }
-    }
-    Ok(())
+    values.iter().try_for_each(|&(name, got, range)| range.check(part, name, got))
 }

@@ -12,9 +12,11 @@ use resonarm_numeric::number::short;
 #[non_exhaustive]
 pub enum StructureError {
     /// No parts of a kind, or too many.
-    #[error("the structure has {got} {what}: it must have {least} to {most}")]
+    #[error("{part} has {got} {what}: it must have {least} to {most}")]
     Count {
-        /// The parts: links, modes, shapes, elements.
+        /// The part that has them: the structure, or an element.
+        part: String,
+        /// The parts: links, modes, shapes, elements, displacements, terms.
         what: &'static str,
         /// Number that is given.
         got: usize,
@@ -35,15 +37,17 @@ pub enum StructureError {
         /// Description of the valid values.
         expected: &'static str,
     },
-    /// A shape with a number too few or too many.
-    #[error("shape `{name}` has {got} numbers: it must have one for each of the {expected} modes")]
-    Shape {
-        /// Point and axis of the shape.
-        name: String,
+    /// A list with a number too few or too many: that of a shape, or the powers of a term of a polynomial.
+    #[error("{part} has {got} numbers: it must have one for each of the {expected} {of}")]
+    Numbers {
+        /// The list, such as ``shape `tip.x` ``.
+        part: String,
         /// Number that is given.
         got: usize,
-        /// The number of modes.
+        /// Number of modes or displacements, each of which needs a number.
         expected: usize,
+        /// What each number belongs to: modes or displacements.
+        of: &'static str,
     },
     /// The name of a point that names can't be made of.
     #[error("the name of a point is `{got}`: it must have at least one character, and no dot")]
@@ -104,18 +108,12 @@ pub enum StructureError {
         known: String,
     },
     /// A joint that the structure doesn't have.
-    #[error("there is no joint {got}: the chain has joints 1 to {most}")]
+    #[error("there is no joint {got}: {known}")]
     UnknownJoint {
         /// The joint that was given, counted from 1.
         got: usize,
-        /// The number of joints.
-        most: usize,
-    },
-    /// A joint of a structure without joints.
-    #[error("there is no joint {got}: a structure of modes has no joints; name a point and an axis")]
-    NoJoints {
-        /// The joint that was given, counted from 1.
-        got: usize,
+        /// The joints that there are, in words.
+        known: String,
     },
     /// An element at a place that doesn't move.
     #[error("element {element} acts at `{place}`, which doesn't move: leave `to` out for the ground")]
@@ -143,18 +141,6 @@ pub enum StructureError {
         /// Name of the place.
         at: String,
     },
-    /// A polynomial without displacements or terms, or with too many.
-    #[error("element {element}, polynomial, has {got} {what}: it must have 1 to {most}")]
-    PolynomialCount {
-        /// The number of the element, from 1.
-        element: usize,
-        /// The parts: displacements or terms.
-        what: &'static str,
-        /// Number that is given.
-        got: usize,
-        /// Largest number that is valid.
-        most: usize,
-    },
     /// A polynomial with a displacement twice.
     #[error("element {element}, polynomial, has the displacement `{place}` twice: give each once")]
     RepeatedPlace {
@@ -174,20 +160,6 @@ pub enum StructureError {
         at: String,
         /// The first place of another kind.
         to: String,
-    },
-    /// A term of a polynomial without a power for each displacement.
-    #[error(
-        "element {element}, term {term}: `powers` has {got} numbers: it must have one for each of the {expected} displacements"
-    )]
-    Powers {
-        /// The number of the element, from 1.
-        element: usize,
-        /// The number of the term, from 1.
-        term: usize,
-        /// Number of powers that the term has.
-        got: usize,
-        /// Number of displacements, each of which needs a power.
-        expected: usize,
     },
     /// The powers of a term of a polynomial have an impossible sum.
     #[error(
@@ -233,6 +205,13 @@ pub enum StructureError {
         /// Estimate of the highest frequency, Hz.
         highest_hz: f64,
     },
+}
+
+impl StructureError {
+    /// The error of a structure with too few or too many parts of a kind.
+    pub(super) fn structure_count(what: &'static str, got: usize, least: usize, most: usize) -> StructureError {
+        StructureError::Count { part: String::from("the structure"), what, got, least, most }
+    }
 }
 
 /// Explains the moment of inertia that is missing.

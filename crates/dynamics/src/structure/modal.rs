@@ -13,6 +13,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use super::check::Range::Finite;
 use super::error::StructureError;
 use super::spec::{BASE, ModalSpec, ShapeSpec};
 use super::{Linearised, MOST_MODES};
@@ -35,18 +36,15 @@ impl Modal {
         let counts = [("modes", spec.modes.len(), MOST_MODES), ("shapes", spec.shapes.len(), MOST_SHAPES)];
         for (what, got, most) in counts {
             if !(1..=most).contains(&got) {
-                return Err(StructureError::Count { what, got, least: 1, most });
+                return Err(StructureError::structure_count(what, got, 1, most));
             }
         }
         for (i, mode) in spec.modes.iter().enumerate() {
-            let part = || format!("mode {}", i + 1);
-            let (got, name) = (mode.frequency_hz, "frequency_hz");
-            if !(got.is_finite() && got >= 0.0) {
-                return Err(StructureError::Value { part: part(), name, got, expected: "a number from 0" });
-            }
-            let (got, name) = (mode.damping_ratio, "damping_ratio");
-            if !(got.is_finite() && got >= 0.0) {
-                return Err(StructureError::Value { part: part(), name, got, expected: "a number from 0" });
+            for (name, got) in [("frequency_hz", mode.frequency_hz), ("damping_ratio", mode.damping_ratio)] {
+                if !(got.is_finite() && got >= 0.0) {
+                    let (part, expected) = (format!("mode {}", i + 1), "a number from 0");
+                    return Err(StructureError::Value { part, name, got, expected });
+                }
             }
         }
         for (i, shape) in spec.shapes.iter().enumerate() {
@@ -187,13 +185,7 @@ fn check(shape: &ShapeSpec, modes: usize, before: &[ShapeSpec]) -> Result<(), St
         return Err(StructureError::ShapeTwice { name });
     }
     if got != modes {
-        return Err(StructureError::Shape { name, got, expected: modes });
+        return Err(StructureError::Numbers { part: format!("shape `{name}`"), got, expected: modes, of: "modes" });
     }
-    match shape.by_mode.iter().find(|number| !number.is_finite()) {
-        Some(&got) => {
-            let part = format!("shape {name}");
-            Err(StructureError::Value { part, name: "by_mode", got, expected: "a finite number" })
-        }
-        None => Ok(()),
-    }
+    shape.by_mode.iter().try_for_each(|got| Finite.check(|| format!("shape {name}"), "by_mode", *got))
 }

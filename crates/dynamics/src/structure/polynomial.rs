@@ -16,6 +16,7 @@
 use alloc::vec::Vec;
 
 use super::MOST_ELEMENTS;
+use super::check::Range::Finite;
 use super::dof::Dof;
 use super::error::StructureError;
 use super::position::Position;
@@ -70,7 +71,8 @@ impl Polynomial {
         let counts = [("displacements", at.len(), MOST_DISPLACEMENTS), ("terms", terms.len(), MOST_TERMS)];
         for (what, got, most) in counts {
             if !(1..=most).contains(&got) {
-                return Err(StructureError::PolynomialCount { element: number, what, got, most });
+                let part = alloc::format!("element {number}, polynomial,");
+                return Err(StructureError::Count { part, what, got, least: 1, most });
             }
         }
         for (k, place) in places.iter().enumerate() {
@@ -175,17 +177,14 @@ impl Monomial {
     fn new(element: usize, number: usize, term: &Term, displacements: usize) -> Result<Monomial, StructureError> {
         let got = term.powers.len();
         if got != displacements {
-            return Err(StructureError::Powers { element, term: number, got, expected: displacements });
+            let part = alloc::format!("element {element}, term {number}: `powers`");
+            return Err(StructureError::Numbers { part, got, expected: displacements, of: "displacements" });
         }
         let got = term.powers.iter().map(|power| usize::from(*power)).sum();
         if !(LEAST_DEGREE..=MOST_DEGREE).contains(&got) {
             return Err(StructureError::Degree { element, term: number, got });
         }
-        if !term.energy.is_finite() {
-            let part = alloc::format!("element {element}, term {number}");
-            let expected = "a finite number";
-            return Err(StructureError::Value { part, name: "energy", got: term.energy, expected });
-        }
+        Finite.check(|| alloc::format!("element {element}, term {number}"), "energy", term.energy)?;
         let factors = term.powers.iter().map(|power| usize::from(*power)).enumerate();
         let factors = factors.map(|(displacement, power)| Factor { displacement, power });
         Ok(Monomial { energy: term.energy, factors: factors.filter(|factor| factor.power > 0).collect() })
