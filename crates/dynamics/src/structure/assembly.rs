@@ -395,30 +395,12 @@ impl Assembly {
         }
     }
 
-    /// The power that the dampers turn into heat, without the elements, W.
-    pub fn loss_w(&self, v: &[f64]) -> f64 {
-        match &self.body {
-            Body::Chain(chain) => chain.loss_w(v),
-            Body::Modal(modal) => modal.loss_w(v),
-        }
-    }
-
     /// The energy stored in the elements at their states, J.
     pub fn element_energy_j(&self, q: &[f64], states: &[f64]) -> f64 {
         let at = self.at(q);
         let energy = |element: &Element| element.energy_j(at.element_displacement(element), element.own(states));
         let potential = |of: &Polynomial| of.energy_j(&of.displacements(&at)[..of.at().len()]);
         self.elements.iter().map(energy).sum::<f64>() + self.polynomials.iter().map(potential).sum::<f64>()
-    }
-
-    /// The power that the elements turn into heat, W.
-    pub fn element_loss_w(&self, q: &[f64], v: &[f64], states: &[f64]) -> f64 {
-        let at = self.at(q);
-        let loss = |element: &Element| {
-            let (position, velocity) = (at.element_displacement(element), at.element_velocity(element, v));
-            element.loss_w(position, velocity, element.own(states))
-        };
-        self.elements.iter().map(loss).sum()
     }
 }
 

@@ -400,11 +400,6 @@ impl Chain {
         0.5 * (kinetic + springs) + weight_j
     }
 
-    /// Power that the dampers turn into heat, q̇ᵀDq̇, W.
-    pub fn loss_w(&self, v: &[f64]) -> f64 {
-        self.damping.iter().zip(v).map(|(damping, v)| damping * (v * v)).sum()
-    }
-
     /// Returns the position at rest of the end of the first `links` links: Σ l (cos θ₀, sin θ₀), m.
     pub fn rest_m(&self, links: usize) -> [f64; 2] {
         let ends = self.length_m.iter().zip(&self.rest).take(links);

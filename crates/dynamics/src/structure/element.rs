@@ -116,19 +116,9 @@ impl Element {
         self.law.branch(position, velocity, state)
     }
 
-    /// The energy stored in it, J. Where a contact would pull, its spring relaxes without a force, and
-    /// [`Element::loss_w`] counts that.
+    /// The energy stored in it, J. Where a contact would pull, its spring relaxes without a force, and that energy is lost.
     pub fn energy_j(&self, position: f64, state: f64) -> f64 {
         self.law.energy_j(position, state)
-    }
-
-    /// The power that it turns into heat, not negative, W: f v − ∂E/∂x v − ∂E/∂z ż.
-    pub fn loss_w(&self, position: f64, velocity: f64, state: f64) -> f64 {
-        let branch = self.branch(position, velocity, state);
-        let force = self.law.reaction(branch, position, velocity, state).force;
-        let (by_position, by_state) = self.law.energy_gradient(position, state);
-        let rate = self.law.state_rate(branch, velocity, state).rate;
-        (force - by_position) * velocity - by_state * rate
     }
 }
 
@@ -414,30 +404,6 @@ impl Law {
             }
             Law::Linear { stiffness, .. } => 0.5 * stiffness * position * position,
             Law::Tanh { .. } => 0.0,
-        }
-    }
-
-    /// ∂E/∂x and ∂E/∂z of the stored energy.
-    fn energy_gradient(&self, position: f64, state: f64) -> (f64, f64) {
-        let (by_position, by_state) = self.unseated_gradient(self.unseated(position), state);
-        (by_position - self.seat().map_or(0.0, |[_, force]| force), by_state)
-    }
-
-    fn unseated_gradient(&self, position: f64, state: f64) -> (f64, f64) {
-        match *self {
-            Law::Cubic { .. } => (self.reaction(Branch::Inner, position, 0.0, state).force, 0.0),
-            Law::Gap { stiffness, gap, .. } => (stiffness * beyond(position, gap), 0.0),
-            Law::KelvinVoigt { stiffness, gap, side, .. } => {
-                (side.sign() * stiffness * (side.sign() * position - gap).max(0.0), 0.0)
-            }
-            Law::HuntCrossley { stiffness, gap, side, .. } => {
-                (side.sign() * stiffness * power_three_halves(side.sign() * position - gap), 0.0)
-            }
-            Law::Friction { stiffness, .. } | Law::Lugre { bristle_stiffness: stiffness, .. } => {
-                (0.0, stiffness * state)
-            }
-            Law::Linear { stiffness, .. } => (stiffness * position, 0.0),
-            Law::Tanh { .. } => (0.0, 0.0),
         }
     }
 }

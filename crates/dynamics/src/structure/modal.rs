@@ -107,11 +107,6 @@ impl Modal {
         0.5 * self.omega_rad_s.iter().enumerate().map(mode).sum::<f64>()
     }
 
-    /// Σ 2ζω q̇², W.
-    pub fn loss_w(&self, v: &[f64]) -> f64 {
-        self.constants().zip(v).map(|((_, damping), v)| damping * (v * v)).sum()
-    }
-
     /// The names of its points but the base, each once, in the order of the shapes.
     pub fn points(&self) -> Vec<String> {
         let mut points: Vec<String> = Vec::new();

@@ -244,9 +244,7 @@ fn energy_of_a_chain_with_smooth_elements_is_balanced() {
     };
     stepper.restore(&[0.02, -0.01, 0.01, 0.02, 0.0, 0.0, 0.0, 0.0]).unwrap();
     let (before, mut lost, mut work, h_s) = (energy(&stepper), 0.0, 0.0, stepper.step_s());
-    let loss = |stepper: &Stepper| {
-        assembly.loss_w(stepper.velocity()) + assembly.element_loss_w(stepper.position(), stepper.velocity(), &[])
-    };
+    let loss = |stepper: &Stepper| loss_w(&assembly, stepper.position(), stepper.velocity(), &[]);
     for k in 0..800 {
         // Simpson's rule over pairs of steps, with the work of the held force exact.
         let force = 400.0 * libm::sin(0.01 * f64::from(k));

@@ -1,4 +1,5 @@
 mod chains;
+mod losses;
 mod messages;
 mod modal;
 mod parameters;
@@ -10,6 +11,7 @@ mod switches;
 
 use super::*;
 use crate::integrate::Scheme;
+use losses::loss_w;
 use serde_json::Value;
 
 /// The cases of a kind; see `tests/oracles/README.md`.

@@ -169,8 +169,7 @@ fn energy_is_kept() {
                     voltage_v * current_a
                         - RESISTANCE_OHM * current_a * current_a
                         - armature.damping_n_s_m * motion.velocity_m_s * motion.velocity_m_s
-                        - of.loss_w(v)
-                        - of.element_loss_w(stepper.position(), v, &[])
+                        - loss_w(&of, stepper.position(), v, &[])
                 };
                 let mut powers_w = [power_w(&stepper); 3];
                 for power in &mut powers_w[1..] {

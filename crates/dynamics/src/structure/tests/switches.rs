@@ -147,7 +147,7 @@ impl Halves {
     fn loss_w(&self, level: usize) -> f64 {
         let stepper = &self.steppers[level];
         let (assembly, q, v) = (stepper.assembly(), stepper.position(), stepper.velocity());
-        assembly.loss_w(v) + assembly.element_loss_w(q, v, stepper.element_states())
+        loss_w(assembly, q, v, stepper.element_states())
     }
 
     /// Returns how many elements hold energy: it changes where a contact that no longer pushes opens, too.
