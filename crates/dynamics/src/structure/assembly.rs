@@ -7,7 +7,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::MOST_ELEMENTS;
-use super::chain::{Chain, LinearisedSlices};
+use super::chain::Chain;
 use super::check::{check_ends, check_overlap, check_values};
 use super::dof::{At, Dof};
 use super::element::Element;
@@ -79,15 +79,6 @@ impl Linearised {
             by_position: matrix.clone(),
             by_velocity: matrix.clone(),
             by_acceleration: matrix,
-        }
-    }
-
-    pub(super) fn slices(&mut self) -> LinearisedSlices<'_> {
-        LinearisedSlices {
-            unbalance: &mut self.unbalance,
-            by_position: &mut self.by_position,
-            by_velocity: &mut self.by_velocity,
-            by_acceleration: &mut self.by_acceleration,
         }
     }
 }

@@ -62,12 +62,12 @@ pub(super) struct Chain {
     pub sag_rad: PerLink,
 }
 
-/// Slices that [`Chain::linearise`] writes to.
-pub(super) struct LinearisedSlices<'a> {
-    pub unbalance: &'a mut [f64],
-    pub by_position: &'a mut [f64],
-    pub by_velocity: &'a mut [f64],
-    pub by_acceleration: &'a mut [f64],
+/// The unbalance of N links and its derivatives, by row and column.
+pub(super) struct LinearisedLinks<const N: usize> {
+    unbalance: [f64; N],
+    pub by_position: [[f64; N]; N],
+    pub by_velocity: [[f64; N]; N],
+    by_acceleration: [[f64; N]; N],
 }
 
 /// The links in a position: what is needed of it many times; entries beyond the links are those of no turn.
@@ -79,6 +79,15 @@ pub(super) struct Turned {
     /// Sine and cosine of θ + δ.
     moment_sine: PerLink,
     moment_cosine: PerLink,
+}
+
+impl<const N: usize> LinearisedLinks<N> {
+    fn write(&self, to: &mut Linearised) {
+        to.unbalance[..N].copy_from_slice(&self.unbalance);
+        to.by_position[..N * N].copy_from_slice(self.by_position.as_flattened());
+        to.by_velocity[..N * N].copy_from_slice(self.by_velocity.as_flattened());
+        to.by_acceleration[..N * N].copy_from_slice(self.by_acceleration.as_flattened());
+    }
 }
 
 impl Turned {
@@ -323,27 +332,26 @@ impl Chain {
     /// ```
     ///
     /// Matrices are n × n, by rows, with nothing beside.
-    pub fn linearise(&self, links: &Turned, motion: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
+    pub fn linearise(&self, links: &Turned, motion: [&[f64]; 3], force: &[f64], at: &mut Linearised) {
         match self.n {
-            1 => self.linearise_links::<1>(links, motion, force, at),
-            2 => self.linearise_links::<2>(links, motion, force, at),
-            3 => self.linearise_links::<3>(links, motion, force, at),
-            4 => self.linearise_links::<4>(links, motion, force, at),
-            5 => self.linearise_links::<5>(links, motion, force, at),
-            6 => self.linearise_links::<6>(links, motion, force, at),
-            7 => self.linearise_links::<7>(links, motion, force, at),
-            _ => self.linearise_links::<8>(links, motion, force, at),
+            1 => self.linearise_links::<1>(links, motion, force).write(at),
+            2 => self.linearise_links::<2>(links, motion, force).write(at),
+            3 => self.linearise_links::<3>(links, motion, force).write(at),
+            4 => self.linearise_links::<4>(links, motion, force).write(at),
+            5 => self.linearise_links::<5>(links, motion, force).write(at),
+            6 => self.linearise_links::<6>(links, motion, force).write(at),
+            7 => self.linearise_links::<7>(links, motion, force).write(at),
+            _ => self.linearise_links::<8>(links, motion, force).write(at),
         }
     }
 
     /// The same for N links: loops of a known length take half the time.
-    fn linearise_links<const N: usize>(
+    pub fn linearise_links<const N: usize>(
         &self,
         links: &Turned,
         [q, v, a]: [&[f64]; 3],
         force: &[f64],
-        at: LinearisedSlices,
-    ) {
+    ) -> LinearisedLinks<N> {
         let (rate, acceleration) = (summed(&v[..N]), summed(&a[..N]));
         let mut unbalance = [0.0; N];
         let [mut by_position, mut by_velocity, mut by_acceleration] = [[[0.0; N]; N]; 3];
@@ -377,10 +385,7 @@ impl Chain {
             by_position[i][i] += self.stiffness[i];
             by_velocity[i][i] += self.damping[i];
         }
-        at.unbalance[..N].copy_from_slice(&unbalance);
-        at.by_position[..N * N].copy_from_slice(by_position.as_flattened());
-        at.by_velocity[..N * N].copy_from_slice(by_velocity.as_flattened());
-        at.by_acceleration[..N * N].copy_from_slice(by_acceleration.as_flattened());
+        LinearisedLinks { unbalance, by_position, by_velocity, by_acceleration }
     }
 
     /// The energy of motion, of springs, and of the weight less its value and slope at rest, J.

@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 use core::array;
 
 use super::angle::{Angle, Turn, within_reach};
-use super::chain::{Chain, LinearisedSlices, Moving};
+use super::chain::{Chain, LinearisedLinks, Moving};
 use super::dof::{At, Dof};
 use super::modes::modes;
 use super::position::Kinematics;
@@ -59,9 +59,17 @@ pub(super) struct LinksLoad<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> LinksLoad<T, N> {
+    /// One in each lane.
     #[inline(always)]
-    fn zero() -> LinksLoad<T, N> {
-        LinksLoad { torque_nm: [T::splat(0.0); N], force_n: [[T::splat(0.0); 2]; N] }
+    fn gather<'a>(of: impl Fn(usize) -> &'a LinksLoad<f64, N>) -> LinksLoad<T, N> {
+        let mut lanes = LinksLoad { torque_nm: [T::splat(0.0); N], force_n: [[T::splat(0.0); 2]; N] };
+        for i in 0..N {
+            lanes.torque_nm[i] = T::gather(|lane| of(lane).torque_nm[i]);
+            for axis in [0, 1] {
+                lanes.force_n[i][axis] = T::gather(|lane| of(lane).force_n[i][axis]);
+            }
+        }
+        lanes
     }
 }
 
@@ -69,14 +77,7 @@ impl<const N: usize> LinksLoad<f64, N> {
     /// The same in every lane.
     #[inline(always)]
     pub fn splat<T: Real>(&self) -> LinksLoad<T, N> {
-        let mut lanes = LinksLoad::zero();
-        for i in 0..N {
-            lanes.torque_nm[i] = T::splat(self.torque_nm[i]);
-            for axis in [0, 1] {
-                lanes.force_n[i][axis] = T::splat(self.force_n[i][axis]);
-            }
-        }
-        lanes
+        LinksLoad::gather(|_lane| self)
     }
 
     /// The load multiplied by a factor.
@@ -85,20 +86,6 @@ impl<const N: usize> LinksLoad<f64, N> {
         let mut load = *self;
         load.torque_nm.iter_mut().chain(load.force_n.as_flattened_mut()).for_each(|of| *of *= factor);
         load
-    }
-}
-
-impl<const N: usize> LinksLoad<Wide, N> {
-    /// One in each lane.
-    fn gather<'a>(of: impl Fn(usize) -> &'a LinksLoad<f64, N>) -> LinksLoad<Wide, N> {
-        let mut lanes = LinksLoad::zero();
-        for i in 0..N {
-            lanes.torque_nm[i] = Wide::gather(|lane| of(lane).torque_nm[i]);
-            for axis in [0, 1] {
-                lanes.force_n[i][axis] = Wide::gather(|lane| of(lane).force_n[i][axis]);
-            }
-        }
-        lanes
     }
 }
 
@@ -488,40 +475,35 @@ impl<const N: usize> Dynamics<N> for Links<N> {
     /// to ∂r/∂q̇.
     fn jacobian(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Jacobian<N> {
         let acceleration = Dynamics::rates(self, motion, load).acceleration;
-        let [mut by_position, mut by_velocity, mut mass] = [[0.0; MOST_LINKS * MOST_LINKS]; 3];
-        let slices = LinearisedSlices {
-            unbalance: &mut [0.0; N],
-            by_position: &mut by_position[..N * N],
-            by_velocity: &mut by_velocity[..N * N],
-            by_acceleration: &mut mass[..N * N],
-        };
         let turned = self.chain.turned(&motion.x);
-        self.chain.linearise(&turned, [&motion.x, &motion.v, &acceleration], &[0.0; N], slices);
+        let LinearisedLinks { mut by_position, mut by_velocity, .. } =
+            self.chain.linearise_links::<N>(&turned, [&motion.x, &motion.v, &acceleration], &[0.0; N]);
+        let [by_x, by_v] = [by_position.as_flattened_mut(), by_velocity.as_flattened_mut()];
         let at = self.kernel.moving::<true>(motion);
         let mut turning = self.kernel.length_m;
         for (i, [x, y]) in load.force_n.into_iter().enumerate() {
             turning[i] *= x * at.cosine[i] + y * at.sine[i];
         }
         for element in &self.smooth.elements {
-            element.linearise(motion, &at, &self.kernel.rest, [&mut by_position, &mut by_velocity], &mut turning);
+            element.linearise(motion, &at, &self.kernel.rest, [by_x, by_v], &mut turning);
         }
         for polynomial in &self.smooth.polynomials {
-            polynomial.linearise(motion, &at, &self.kernel.rest, &mut by_position, &mut turning);
+            polynomial.linearise(motion, &at, &self.kernel.rest, by_x, &mut turning);
         }
         if let Some(armature) = &self.smooth.armature {
-            armature.linearise(&acceleration, &at, [&mut by_position, &mut by_velocity], &mut turning);
+            armature.linearise(&acceleration, &at, [by_x, by_v], &mut turning);
         }
         for i in (1..N).rev() {
             turning[i - 1] += turning[i];
         }
-        let rows = |matrix: &[f64], turning: &[f64; N]| {
+        let rows = |matrix: &[[f64; N]; N], turning: &[f64; N]| {
             let mut rows = [[0.0; N]; N];
             for n in 0..N {
                 let mut column = [0.0; N];
                 // A load on turn i counts in row and column of every joint up to i: their entry sums it from the
                 // outer joint out.
                 for (row, entry) in column.iter_mut().enumerate() {
-                    *entry = -(matrix[row * N + n] + turning[row.max(n)]);
+                    *entry = -(matrix[row][n] + turning[row.max(n)]);
                 }
                 for (row, entry) in self.solve_mass(&at, column).into_iter().enumerate() {
                     rows[row][n] = entry;

@@ -185,7 +185,7 @@ impl<'a> Position<'a> {
     /// Writes [`Position::unbalance`] with its derivatives, exact.
     pub fn linearise(&self, v: &[f64], a: &[f64], force: &[f64], at: &mut Linearised) {
         match &self.body {
-            BodyIn::Chain(chain, turned) => chain.linearise(turned, [self.q, v, a], force, at.slices()),
+            BodyIn::Chain(chain, turned) => chain.linearise(turned, [self.q, v, a], force, at),
             BodyIn::Modal(modal) => modal.linearise([self.q, v, a], force, at),
         }
     }
