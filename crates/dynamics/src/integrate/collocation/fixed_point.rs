@@ -32,15 +32,6 @@ struct Iteration<'a, D: Dynamics<N>, const S: usize, const N: usize> {
     stages: &'a Stages<'a, D, S, N>,
 }
 
-impl<D: Dynamics<N>, const S: usize, const N: usize> SolveStages<N> for Iteration<'_, D, S, N> {
-    type Solution = Option<Solution<S, N>>;
-
-    #[inline(always)]
-    fn solve(self, equation: &impl StageEquation<N>) -> Option<Solution<S, N>> {
-        iterate(self.stages, equation)
-    }
-}
-
 /// Way in which the states of an iteration are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MadeOf {
@@ -52,47 +43,49 @@ enum MadeOf {
     Whole,
 }
 
-/// One loop for all kinds, so that the code is short: at each tick of 1 kHz it is no longer in the caches.
-#[inline(always)]
-fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
-    stages: &Stages<D, S, N>,
-    equation: &impl StageEquation<N>,
-) -> Option<Solution<S, N>> {
-    let (mut made_of, mut slopes, mut before) = (MadeOf::Start, [Wide::splat(0.0); N], None);
-    for _ in 0..MOST_ITERATIONS {
-        let states = match made_of {
-            MadeOf::Start => stages.moved(&Motion::splat(0.0)),
-            MadeOf::Rounded => stages.rounded(&slopes),
-            MadeOf::Whole => stages.states(&slopes),
-        };
-        let Rates { acceleration, power_w } = equation.rates(&states);
-        let next = stages.slope(&states, acceleration);
-        let size = size::<S, N>(less(next, slopes)) / size::<S, N>(acceleration);
-        slopes = next;
-        // The first slopes are compared with zeros, which says nothing of how fast the iteration converges.
-        match (made_of, before) {
-            (MadeOf::Start, _) => made_of = MadeOf::Rounded,
-            (MadeOf::Rounded, None) => before = Some(size),
-            (MadeOf::Rounded, Some(known)) => {
-                let ratio = size / known;
-                // The slopes now err by about ρ times this correction, and the last iteration leaves ρ times that.
-                if size * ratio * ratio <= LEFT_LIMIT {
-                    made_of = MadeOf::Whole;
-                } else if ratio > SLOWEST || ratio.is_nan() {
-                    return None;
+impl<D: Dynamics<N>, const S: usize, const N: usize> SolveStages<N> for Iteration<'_, D, S, N> {
+    type Solution = Option<Solution<S, N>>;
+
+    // One loop for all kinds of states, so that the code is short: at each tick of 1 kHz it is no longer in the caches.
+    #[inline(always)]
+    fn solve(self, equation: &impl StageEquation<N>) -> Option<Solution<S, N>> {
+        let stages = self.stages;
+        let (mut made_of, mut slopes, mut before) = (MadeOf::Start, [Wide::splat(0.0); N], None);
+        for _ in 0..MOST_ITERATIONS {
+            let states = match made_of {
+                MadeOf::Start => stages.moved(&Motion::splat(0.0)),
+                MadeOf::Rounded => stages.rounded(&slopes),
+                MadeOf::Whole => stages.states(&slopes),
+            };
+            let Rates { acceleration, power_w } = equation.rates(&states);
+            let next = stages.slope(&states, acceleration);
+            let size = size::<S, N>(less(next, slopes)) / size::<S, N>(acceleration);
+            slopes = next;
+            // The first slopes are compared with zeros, which says nothing of how fast the iteration converges.
+            match (made_of, before) {
+                (MadeOf::Start, _) => made_of = MadeOf::Rounded,
+                (MadeOf::Rounded, None) => before = Some(size),
+                (MadeOf::Rounded, Some(known)) => {
+                    let ratio = size / known;
+                    // The slopes now err by about ρ times this correction, and the last iteration leaves ρ times that.
+                    if size * ratio * ratio <= LEFT_LIMIT {
+                        made_of = MadeOf::Whole;
+                    } else if ratio > SLOWEST || ratio.is_nan() {
+                        return None;
+                    }
+                    before = Some(size);
                 }
-                before = Some(size);
-            }
-            (MadeOf::Whole, _) => {
-                let mut of_stages = [[0.0; N]; S];
-                for (stage, of) in of_stages.iter_mut().enumerate() {
-                    *of = of_stage(&slopes, stage);
+                (MadeOf::Whole, _) => {
+                    let mut of_stages = [[0.0; N]; S];
+                    for (stage, of) in of_stages.iter_mut().enumerate() {
+                        *of = of_stage(&slopes, stage);
+                    }
+                    return Some(Solution { slopes: of_stages, work_j: stages.work_j(|i| power_w.lane(i)) });
                 }
-                return Some(Solution { slopes: of_stages, work_j: stages.work_j(|i| power_w.lane(i)) });
             }
         }
+        None
     }
-    None
 }
 
 #[inline(always)]
