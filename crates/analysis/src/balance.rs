@@ -273,7 +273,7 @@ impl Balance {
     /// A balance of these unknowns, before its number of harmonics is set.
     fn of_unknowns(forced: &Forced, unknowns: Unknowns, frequency_hz: f64, coordinate: Coordinate) -> Balance {
         let linear = forced.assembly.linear();
-        let n = linear.coordinates();
+        let n = linear.coordinates;
         let scale = (0..n).map(|i| linear.stiffness[i * n + i]).fold(0.0, f64::max);
         Balance {
             samples: Samples::new(forced, &unknowns),

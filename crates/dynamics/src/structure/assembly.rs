@@ -41,20 +41,14 @@ impl CoordinateUnit {
 /// [`Assembly::linear`] takes of elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
-    coordinates: usize,
+    /// Number n of coordinates.
+    pub coordinates: usize,
     /// M; kg·m² of a chain, dimensionless of modes.
     pub mass: Vec<f64>,
     /// D; N·m·s/rad, or 1/s.
     pub damping: Vec<f64>,
     /// K; N·m/rad, or 1/s².
     pub stiffness: Vec<f64>,
-}
-
-impl Linear {
-    /// Number n of coordinates.
-    pub fn coordinates(&self) -> usize {
-        self.coordinates
-    }
 }
 
 /// The unbalance of a motion and its derivatives, matrices by rows of n numbers.

@@ -46,34 +46,15 @@ impl StructureMode {
 /// rotations (C. G. J. Jacobi, 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition 2013, section
 /// 8.5). From yᵀy = 1 follows φᵀMφ = 1 for φ = ω L⁻ᵀy.
 pub(super) fn modes(of: &Linear) -> Option<Vec<StructureMode>> {
-    let n = of.coordinates();
-    let mut factor = of.stiffness.clone();
-    cholesky(n, &mut factor)?;
-    let mut s = of.mass.clone();
-    // L⁻¹ M, by columns since M is symmetric, then (L⁻¹ M) L⁻ᵀ by rows.
-    for row in s.chunks_exact_mut(n) {
-        solve_lower(n, &factor, row);
-    }
-    let mut s = transposed(n, &s);
-    for row in s.chunks_exact_mut(n) {
-        solve_lower(n, &factor, row);
-    }
+    let n = of.coordinates;
+    let (factor, mut s) = reduced(n, &of.stiffness, &of.mass)?;
     let mut vectors = diagonalise(n, &mut s)?;
     let mut modes = Vec::with_capacity(n);
     for (i, y) in vectors.chunks_exact_mut(n).enumerate() {
         let omega = 1.0 / libm::sqrt(s[i * n + i]);
-        solve_upper(n, &factor, y);
-        let largest = y.iter().fold(0.0_f64, |largest, &y| if y.abs() > largest.abs() { y } else { largest });
-        let scale = omega * largest.signum();
-        let shape: Vec<f64> = y.iter().map(|y| scale * y).collect();
-        if !(omega.is_finite() && shape.iter().all(|entry| entry.is_finite())) {
-            return None;
-        }
-        modes.push(StructureMode { frequency_hz: omega / TAU, damping_ratio: 0.0, shape });
+        modes.push(undamped_mode(n, omega, omega, &factor, y)?);
     }
-    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    add_damping(of, &mut modes);
-    Some(modes)
+    Some(with_damping(of, modes))
 }
 
 /// The modes of a linear structure that may be free, by frequency: K is positive semidefinite. `None` if M is not
@@ -82,17 +63,8 @@ pub(super) fn modes(of: &Linear) -> Option<Vec<StructureMode>> {
 /// With M = L Lᵀ and y = Lᵀφ the eigenproblem is S y = ω² y for S = L⁻¹ K L⁻ᵀ, and yᵀy = 1 is φᵀMφ = 1. Eigenvalues are
 /// exact to rounding of the largest, below which those of rigid modes are 0; where S is diagonal there is no rounding.
 pub(super) fn free_modes(of: &Linear) -> Option<Vec<StructureMode>> {
-    let n = of.coordinates();
-    let mut factor = of.mass.clone();
-    cholesky(n, &mut factor)?;
-    let mut s = of.stiffness.clone();
-    for row in s.chunks_exact_mut(n) {
-        solve_lower(n, &factor, row);
-    }
-    let mut s = transposed(n, &s);
-    for row in s.chunks_exact_mut(n) {
-        solve_lower(n, &factor, row);
-    }
+    let n = of.coordinates;
+    let (factor, mut s) = reduced(n, &of.mass, &of.stiffness)?;
     let is_diagonal = (0..n * n).all(|k| k / n == k % n || s[k] == 0.0);
     let mut vectors = diagonalise(n, &mut s)?;
     let largest = (0..n).map(|i| s[i * n + i].abs()).fold(0.0, f64::max);
@@ -105,17 +77,34 @@ pub(super) fn free_modes(of: &Linear) -> Option<Vec<StructureMode>> {
         }
         // A rigid mode is exactly at 0 Hz: one at a rounding error above would be a mode of some microhertz.
         let omega = if square <= rounding { 0.0 } else { libm::sqrt(square) };
-        solve_upper(n, &factor, y);
-        let largest = y.iter().fold(0.0_f64, |largest, &y| if y.abs() > largest.abs() { y } else { largest });
-        let shape: Vec<f64> = y.iter().map(|y| largest.signum() * y).collect();
-        if !shape.iter().all(|entry| entry.is_finite()) {
-            return None;
-        }
-        modes.push(StructureMode { frequency_hz: omega / TAU, damping_ratio: 0.0, shape });
+        modes.push(undamped_mode(n, omega, 1.0, &factor, y)?);
     }
-    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    add_damping(of, &mut modes);
-    Some(modes)
+    Some(with_damping(of, modes))
+}
+
+/// L of A = L Lᵀ, and S = L⁻¹ B L⁻ᵀ, for symmetric A and B. `None` if A is not positive definite.
+fn reduced(n: usize, a: &[f64], b: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (mut factor, mut s) = (a.to_vec(), b.to_vec());
+    cholesky(n, &mut factor)?;
+    // L⁻¹ B, by columns since B is symmetric, then (L⁻¹ B) L⁻ᵀ by rows.
+    for row in s.chunks_exact_mut(n) {
+        solve_lower(n, &factor, row);
+    }
+    let mut s: Vec<f64> = (0..n * n).map(|k| s[k % n * n + k / n]).collect();
+    for row in s.chunks_exact_mut(n) {
+        solve_lower(n, &factor, row);
+    }
+    Some((factor, s))
+}
+
+/// The mode with the shape φ = `scale` L⁻ᵀy, whose largest entry becomes positive. `None` if it is not finite.
+fn undamped_mode(n: usize, omega: f64, scale: f64, factor: &[f64], y: &mut [f64]) -> Option<StructureMode> {
+    solve_upper(n, factor, y);
+    let largest = y.iter().fold(0.0_f64, |largest, &y| if y.abs() > largest.abs() { y } else { largest });
+    let scale = scale * largest.signum();
+    let shape: Vec<f64> = y.iter().map(|y| scale * y).collect();
+    let is_finite = omega.is_finite() && shape.iter().all(|entry| entry.is_finite());
+    is_finite.then_some(StructureMode { frequency_hz: omega / TAU, damping_ratio: 0.0, shape })
 }
 
 /// Makes a symmetric matrix diagonal; the eigenvectors are the rows of the result.
@@ -171,8 +160,10 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
     (s[p * n + q], s[q * n + p]) = (0.0, 0.0);
 }
 
-/// Adds the damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C + Ω²) u = 0 with C = ΦᵀDΦ.
-fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
+/// Sorts undamped modes by frequency and adds the damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C +
+/// Ω²) u = 0 with C = ΦᵀDΦ.
+fn with_damping(of: &Linear, mut modes: Vec<StructureMode>) -> Vec<StructureMode> {
+    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let n = modes.len();
     let along = |mode: &StructureMode, k: usize| -> f64 {
         of.damping[k * n..(k + 1) * n].iter().zip(&mode.shape).map(|(entry, shape)| entry * shape).sum()
@@ -195,6 +186,7 @@ fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
         let rayleigh = if modal < 1.0 && is_coupled { damped_ratio(&omega, &damping, k) } else { None };
         mode.damping_ratio = rayleigh.unwrap_or(modal);
     }
+    modes
 }
 
 /// −Re λ/|λ| of the eigenvalue that belongs to mode k, by Rayleigh's functional from the mode on (J. W. Strutt, Lord
@@ -253,10 +245,6 @@ fn square_root(z: Complex<f64>) -> Complex<f64> {
     let re = libm::sqrt(0.5 * (length + z.re).max(0.0));
     let im = libm::sqrt(0.5 * (length - z.re).max(0.0));
     Complex::new(re, libm::copysign(im, z.im))
-}
-
-fn transposed(n: usize, matrix: &[f64]) -> Vec<f64> {
-    (0..n * n).map(|k| matrix[k % n * n + k / n]).collect()
 }
 
 /// A = L Lᵀ in place, L in the lower triangle. `None` if A is not positive definite.
