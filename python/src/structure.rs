@@ -160,8 +160,8 @@ impl Assembly {
             CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
         };
         let mut channels = coordinate_channels(of, self.inner.coordinates());
-        let elements = self.inner.elements().iter().filter(|element| element.state().is_some());
-        let channel = |element: &structure::Element| element_channel(element.number() - 1, element.at().is_angle());
+        let elements = self.inner.elements().iter().filter(|element| element.state.is_some());
+        let channel = |element: &structure::Element| element_channel(element.number - 1, element.at.is_angle());
         // Element states follow the coordinates and rates, as in the rows of `Motion::push`.
         channels.extend(elements.filter_map(channel));
         vectors(&channels)

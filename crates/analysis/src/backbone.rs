@@ -523,8 +523,8 @@ fn check_small_amplitudes(assembly: &Assembly) -> Result<(), AnalysisError> {
         Law::Friction { .. } | Law::Lugre { .. } => true,
     };
     // The forces of polynomials are of degree 2 at least.
-    match assembly.elements().iter().find(|element| bends(element.law())) {
-        Some(element) => Err(AnalysisError::NotLinear { element: element.number(), law: element.law().name() }),
+    match assembly.elements().iter().find(|element| bends(&element.law)) {
+        Some(element) => Err(AnalysisError::NotLinear { element: element.number, law: element.law.name() }),
         None => Ok(()),
     }
 }

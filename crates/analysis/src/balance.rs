@@ -212,7 +212,7 @@ fn samples_for(forced: &Forced, period: usize, harmonics: usize) -> usize {
         Law::Tanh { .. } => (12 * harmonics).max(rough / 4),
         _ => rough,
     };
-    let laws = forced.assembly.elements().iter().map(|element| of_law(element.law()));
+    let laws = forced.assembly.elements().iter().map(|element| of_law(&element.law));
     // The force is one degree below the potential.
     let polynomials = forced.assembly.polynomials().iter().map(|of| of.degree() * (harmonics + 1));
     let samples = laws.chain(polynomials).fold(4 * harmonics + 4, usize::max);
@@ -542,7 +542,7 @@ impl Balance {
         let (m, count) = (self.unknowns.count(), self.samples.count());
         let mut frictions = Vec::new();
         for (number, history) in self.samples.histories.iter().enumerate() {
-            let Law::Friction { stiffness, .. } = *self.forced.assembly.elements()[history.element].law() else {
+            let Law::Friction { stiffness, .. } = self.forced.assembly.elements()[history.element].law else {
                 continue;
             };
             let derivative = history.friction_derivative();
@@ -576,7 +576,7 @@ impl Balance {
         let mut products = Products::new(size);
         for (number, derivative) in frictions {
             let element = self.samples.histories[*number].element;
-            let Law::Friction { stiffness, .. } = *self.forced.assembly.elements()[element].law() else { continue };
+            let Law::Friction { stiffness, .. } = self.forced.assembly.elements()[element].law else { continue };
             for Stretch { constant, weights: of_samples } in &derivative.stretches {
                 let (mut force, mut change) = (vec![0.0; rows], vec![0.0; rows]);
                 for &(j, part) in of_samples {
@@ -647,7 +647,7 @@ impl Balance {
     fn add_histories(&mut self) {
         let is_condensed = matches!(self.unknowns.body, Body::Condensed(_));
         let elements = self.forced.assembly.elements();
-        let is_friction = |history: &History| matches!(elements[history.element].law(), Law::Friction { .. });
+        let is_friction = |history: &History| matches!(elements[history.element].law, Law::Friction { .. });
         // Friction between places that are sums of unknowns has been added by stretches.
         let remains = |history: &&History| !(is_condensed && is_friction(history));
         if !self.samples.histories.iter().any(|history| remains(&history)) {
@@ -682,7 +682,7 @@ impl Balance {
             let mut changes: [Vec<f64>; TOGETHER] = core::array::from_fn(|_| vec![0.0; columns]);
             let mut waiting = 0;
             let add = |j: usize, by: &[f64]| {
-                let by_state = match *element.law() {
+                let by_state = match element.law {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };

@@ -203,7 +203,7 @@ impl<'a> Tracer<'a> {
     fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
         let (branch, assembly) = (&self.options.branch, &self.balance.forced.assembly);
         let smooth = assembly.is_smooth();
-        let has_corners = assembly.elements().iter().any(|element| element.law().has_state());
+        let has_corners = assembly.elements().iter().any(|element| element.law.has_state());
         let (start, harmonics) = (walk.clone(), self.balance.harmonics());
         for _ in 0..MOST_HALVINGS {
             walk.advance(&mut self.balance, &branch.continuation)?;

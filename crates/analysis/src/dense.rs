@@ -204,6 +204,11 @@ impl Task for SubtractPanel<'_> {
     }
 }
 
+/// target += factor · source.
+pub(super) fn add(target: &mut [f64], source: &[f64], factor: f64) {
+    target.iter_mut().zip(source).for_each(|(target, source)| *target += factor * source);
+}
+
 /// target −= factor · source.
 fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
     for (t, s) in target.iter_mut().zip(source) {

@@ -131,7 +131,7 @@ impl Forced {
             BodySpec::Modal(modal) => modal.modes.iter().all(|mode| mode.damping_ratio == 0.0),
         };
         undamped
-            && self.assembly.elements().iter().all(|element| match *element.law() {
+            && self.assembly.elements().iter().all(|element| match element.law {
                 Law::Cubic { .. } | Law::Gap { .. } => true,
                 Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
                     damping == 0.0
@@ -144,7 +144,7 @@ impl Forced {
     pub fn is_linear(&self) -> bool {
         matches!(self.assembly.spec().body, BodySpec::Modal(_))
             && self.assembly.polynomials().is_empty()
-            && self.assembly.elements().iter().all(|element| matches!(element.law(), Law::Linear { .. }))
+            && self.assembly.elements().iter().all(|element| matches!(element.law, Law::Linear { .. }))
     }
 
     /// Returns the structure under a drive of another amplitude.

@@ -8,7 +8,7 @@ use resonarm_numeric::registers::{Task, widest};
 use super::dense::dot;
 
 /// Tables of cos kτⱼ and sin kτⱼ, frequency by frequency, on N points τⱼ.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Basis {
     /// Number of harmonics, H.
     harmonics: usize,
@@ -26,7 +26,7 @@ pub(super) fn uniform(samples: usize) -> impl Iterator<Item = f64> {
 impl Basis {
     /// The basis on τⱼ = 2πj/N, j = 0 … N − 1.
     pub fn uniform(harmonics: usize, samples: usize) -> Basis {
-        let mut basis = Basis { harmonics, cosines: Vec::new(), sines: Vec::new(), turns: Vec::new() };
+        let mut basis = Basis::default();
         basis.set(harmonics, uniform(samples));
         basis
     }

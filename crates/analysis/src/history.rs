@@ -16,7 +16,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use resonarm_dynamics::structure::{Element, Law};
+use resonarm_dynamics::structure::Law;
 use resonarm_numeric::registers::{Task, widest};
 
 use super::ramp::Ramp;
@@ -58,7 +58,7 @@ pub(super) struct Stretch {
 }
 
 /// A state over a period.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct History {
     /// The number of the element.
     pub element: usize,
@@ -80,17 +80,7 @@ pub(super) struct History {
 
 impl History {
     pub fn new(element: usize) -> History {
-        History {
-            element,
-            position: vec![],
-            velocity: vec![],
-            direction: vec![],
-            state: vec![],
-            mean: vec![],
-            steps: vec![],
-            forgets: true,
-            anchor: None,
-        }
+        History { element, forgets: true, ..History::default() }
     }
 
     pub fn clear(&mut self) {
@@ -400,11 +390,6 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
         ..StepDerivative::default()
     };
     (end + (z - end) * kept, step)
-}
-
-/// Says whether an element has a history.
-pub(super) fn has_history(element: &Element) -> bool {
-    element.law().has_state()
 }
 
 #[cfg(test)]

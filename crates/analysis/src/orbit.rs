@@ -40,7 +40,9 @@ pub struct TraceOptions {
 /// polynomials fall exponentially with the frequency, so that a small error costs few harmonics. Those of laws with kinks
 /// fall with a power of it, and so do those of tanh until its steps are resolved. With a tolerance of 1e-4 the branch of a
 /// contact can have folds that it does not have with more harmonics.
-const TOLERANCES: Tolerances = Tolerances { polynomial: 1e-9, tanh: 1e-6, kink: 1e-5 };
+const POLYNOMIAL_TOLERANCE: f64 = 1e-9;
+const TANH_TOLERANCE: f64 = 1e-6;
+const KINK_TOLERANCE: f64 = 1e-5;
 /// Below this fraction of the velocity the v0 of tanh is so steep that its series falls as that of friction.
 const STEEP: f64 = 0.05;
 /// The largest step, relative to the response's size: a resonance, which is a circle for the continuation, has about 60
@@ -49,26 +51,17 @@ const LARGEST_STEP: f64 = 0.1;
 /// Responses below this fraction of the static deflection count as this large.
 const STATE_FLOOR: f64 = 1e-2;
 
-/// The usual tolerances of the truncation error, which depend on the laws of the elements.
-struct Tolerances {
-    polynomial: f64,
-    tanh: f64,
-    kink: f64,
-}
-
-impl Tolerances {
-    /// Returns the tolerance of a law whose displacement has velocities of this order, m/s.
-    fn of(&self, law: &Law, velocity: f64) -> f64 {
-        match *law {
-            Law::Cubic { .. } | Law::Linear { .. } => self.polynomial,
-            Law::Tanh { velocity: scale, .. } if scale >= STEEP * velocity => self.tanh,
-            Law::Tanh { .. }
-            | Law::Friction { .. }
-            | Law::Lugre { .. }
-            | Law::Gap { .. }
-            | Law::KelvinVoigt { .. }
-            | Law::HuntCrossley { .. } => self.kink,
-        }
+/// Returns the usual tolerance for a law whose displacement has velocities of this order, m/s.
+fn tolerance(law: &Law, velocity: f64) -> f64 {
+    match *law {
+        Law::Cubic { .. } | Law::Linear { .. } => POLYNOMIAL_TOLERANCE,
+        Law::Tanh { velocity: scale, .. } if scale >= STEEP * velocity => TANH_TOLERANCE,
+        Law::Tanh { .. }
+        | Law::Friction { .. }
+        | Law::Lugre { .. }
+        | Law::Gap { .. }
+        | Law::KelvinVoigt { .. }
+        | Law::HuntCrossley { .. } => KINK_TOLERANCE,
     }
 }
 
@@ -86,9 +79,9 @@ impl TraceOptions {
         };
         let deflection = super::balance::unit_deflection(forced) * amplitude;
         let highest_hz = if coordinate == Coordinate::FrequencyHz { from.max(to) } else { 0.0 };
-        let tolerance = |element: &Element| TOLERANCES.of(element.law(), TAU * highest_hz * deflection);
+        let tolerance = |element: &Element| tolerance(&element.law, TAU * highest_hz * deflection);
         // The largest of all: the others' harmonics do not make up for those of one.
-        branch.truncation = forced.assembly.elements().iter().map(tolerance).fold(TOLERANCES.polynomial, f64::max);
+        branch.truncation = forced.assembly.elements().iter().map(tolerance).fold(POLYNOMIAL_TOLERANCE, f64::max);
         let state = super::balance::unit_state(forced) * amplitude;
         let state_floor = if state > 0.0 && state.is_finite() { STATE_FLOOR * state } else { 1e-6 };
         branch.continuation = ContinuationSettings { largest_step: LARGEST_STEP, state_floor, ..branch.continuation };

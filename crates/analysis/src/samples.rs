@@ -13,7 +13,8 @@ use resonarm_numeric::dft::Fft;
 
 use super::Forced;
 use super::contact::{Acting, Instant, Motion, Part, parts};
-use super::history::{History, has_history};
+use super::dense::add;
+use super::history::History;
 use super::ramp::Ramp;
 use super::spectral::values;
 use super::unknowns::{Body, Unknowns, Weights};
@@ -23,7 +24,7 @@ use crate::fourier::{Basis, uniform};
 const LEAST_FAST: usize = 256;
 
 /// Signals over a period.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Samples {
     pub basis: Basis,
     /// Transforms of as many samples, if that is faster than projections: of a power of two that is not small.
@@ -132,7 +133,7 @@ impl Reactions {
             let at = |(at, state): ([f64; 2], &f64)| element_force(element, at, *state);
             return samples().zip(state).for_each(|of| put(at(of), &mut self.numbers));
         }
-        let parts = parts(element.law());
+        let parts = parts(&element.law);
         if parts[0].is_none() {
             return samples().for_each(|[x, v]| put(element.force(x, v, 0.0), &mut self.numbers));
         }
@@ -187,25 +188,11 @@ impl Geometry {
 impl Samples {
     /// Storage for the elements of a structure; call [`Samples::set`] next.
     pub fn new(forced: &Forced, unknowns: &Unknowns) -> Samples {
-        let with_state = forced.assembly.elements().iter().enumerate().filter(|(_, element)| has_history(element));
+        let with_state = forced.assembly.elements().iter().enumerate().filter(|(_, element)| element.law.has_state());
         Samples {
-            basis: Basis::uniform(0, 0),
-            fft: None,
-            functions: vec![],
-            rates: vec![],
-            omega_rad_s: 0.0,
-            motion: Default::default(),
-            signals: Default::default(),
-            lines: vec![],
-            load: vec![],
-            by: Default::default(),
-            jumps: vec![],
-            series: vec![],
-            by_drive: vec![],
             histories: with_state.map(|(at, _)| History::new(at)).collect(),
             linearised: Linearised::new(unknowns.count()),
-            element: Default::default(),
-            reactions: Default::default(),
+            ..Samples::default()
         }
     }
 
@@ -430,7 +417,6 @@ impl Samples {
     /// Adds the part of the elements of a chain.
     fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, of_interval: Interval) {
         let (samples, m) = (self.count(), unknowns.count());
-        let Interval { step_s, frequency_hz, .. } = of_interval;
         let mut reactions = core::mem::take(&mut self.reactions);
         for (e, element) in forced.assembly.elements().iter().enumerate() {
             let history = self.histories.iter().position(|history| history.element == e);
@@ -438,7 +424,7 @@ impl Samples {
                 let [u, v] = [0, 1].map(|d| &motion[d][j * m..(j + 1) * m]);
                 geometry(forced, unknowns, e, u, v)
             };
-            if history.is_none() && parts(element.law())[0].is_none() {
+            if history.is_none() && parts(&element.law)[0].is_none() {
                 for j in 0..samples {
                     let geometry = at(&self.motion, j);
                     self.add(j, m, &geometry, &element.force(geometry.position, geometry.velocity, 0.0));
@@ -452,11 +438,10 @@ impl Samples {
                 self.element[1].push(geometry.velocity);
             }
             if let Some(history) = history {
-                let history = &mut self.histories[history];
-                history.position.extend_from_slice(&self.element[0]);
-                history.velocity.extend_from_slice(&self.element[1]);
-                geometries.iter().for_each(|at| history.direction.extend_from_slice(&at.direction[..m]));
-                history.run(element.law(), step_s, frequency_hz);
+                geometries
+                    .iter()
+                    .for_each(|at| self.histories[history].direction.extend_from_slice(&at.direction[..m]));
+                self.run_history(history, &element.law, of_interval);
             }
             let at_phase = |phase_rad: f64| {
                 let [u, v, a] = self.at_phase(phase_rad, m);
@@ -497,17 +482,15 @@ impl Samples {
         }
         let history = self.histories.iter().position(|history| history.element == e);
         if let Some(history) = history {
-            let history = &mut self.histories[history];
-            history.position.extend_from_slice(&self.element[0]);
-            history.velocity.extend_from_slice(&self.element[1]);
-            history.direction.resize(m * samples, 0.0);
+            let direction = &mut self.histories[history].direction;
+            direction.resize(m * samples, 0.0);
             for (place, weight) in weights {
-                history.direction.iter_mut().skip(*place).step_by(m).for_each(|along| *along = *weight);
+                direction.iter_mut().skip(*place).step_by(m).for_each(|along| *along = *weight);
             }
-            history.run(element.law(), of_interval.step_s, of_interval.frequency_hz);
+            self.run_history(history, &element.law, of_interval);
         }
         let (mut reactions, omega) = (core::mem::take(&mut self.reactions), self.omega_rad_s);
-        let series: Vec<f64> = match parts(element.law())[0] {
+        let series: Vec<f64> = match parts(&element.law)[0] {
             Some(_) => self.series.chunks_exact(m).map(|of| sum(weights, of)).collect(),
             None => vec![],
         };
@@ -528,18 +511,26 @@ impl Samples {
         // Most laws have only some of the derivatives.
         let [has_position, has_velocity] = [by_position, by_velocity].map(|by| by.iter().any(|by| *by != 0.0));
         for &(row, weight) in weights {
-            add_times(&mut self.load[row * samples..(row + 1) * samples], weight, force);
+            add(&mut self.load[row * samples..(row + 1) * samples], force, weight);
             for &(column, other) in weights {
                 let of_pair = (row * m + column) * samples..(row * m + column + 1) * samples;
                 if has_position {
-                    add_times(&mut self.by[0][of_pair.clone()], weight * other, by_position);
+                    add(&mut self.by[0][of_pair.clone()], by_position, weight * other);
                 }
                 if has_velocity {
-                    add_times(&mut self.by[1][of_pair], weight * other, by_velocity);
+                    add(&mut self.by[1][of_pair], by_velocity, weight * other);
                 }
             }
         }
         self.reactions = reactions;
+    }
+
+    /// Computes a history from the x and v of its element that were stored last.
+    fn run_history(&mut self, history: usize, law: &Law, of_interval: Interval) {
+        let history = &mut self.histories[history];
+        history.position.extend_from_slice(&self.element[0]);
+        history.velocity.extend_from_slice(&self.element[1]);
+        history.run(law, of_interval.step_s, of_interval.frequency_hz);
     }
 
     /// Returns u, u̇ and ü of the `m` unknowns at a phase.
@@ -614,11 +605,6 @@ fn sum(weights: &Weights, of: &[f64]) -> f64 {
     weights.iter().map(|(place, weight)| weight * of[*place]).sum()
 }
 
-/// Adds `factor` times a signal to another.
-fn add_times(to: &mut [f64], factor: f64, signal: &[f64]) {
-    to.iter_mut().zip(signal).for_each(|(to, value)| *to += factor * value);
-}
-
 /// Adds a cos kτ + b sin kτ to a signal.
 fn add_sine(signal: &mut [f64], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64; 2]) {
     signal.iter_mut().zip(cosines.iter().zip(sines)).for_each(|(value, (c, s))| *value += a * c + b * s);
@@ -636,12 +622,12 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
     at.element_direction(element, &mut direction);
     let velocity = direction.iter().zip(v).map(|(w, v)| w * v).sum();
     let position = at.element_displacement(element);
-    if element.at().is_angle() {
+    if element.at.is_angle() {
         return Geometry { position, velocity, direction, curvature: None };
     }
     let (mut curvature, mut turning) = ([0.0; MOST_LINKS * MOST_LINKS], [0.0; MOST_LINKS]);
-    at.add_curvature(element.at(), 1.0, &mut curvature);
-    if let Some(to) = element.to() {
+    at.add_curvature(element.at, 1.0, &mut curvature);
+    if let Some(to) = element.to {
         at.add_curvature(to, -1.0, &mut curvature);
     }
     for (turning, row) in turning.iter_mut().zip(curvature.chunks_exact(n)) {
@@ -653,7 +639,7 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
 /// Returns the force of an element at a displacement, a velocity and a state.
 pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], state: f64) -> Reaction {
     let mut reaction = element.force(position, velocity, state);
-    if let Law::Friction { stiffness, .. } = *element.law() {
+    if let Law::Friction { stiffness, .. } = element.law {
         // The state, which is held within its reach, has all of the force.
         reaction = Reaction { force: stiffness * state, by_state: stiffness, ..Reaction::default() };
     }
@@ -665,9 +651,9 @@ pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], s
 /// closes is an impulse in the derivative by x then.
 fn around_sample(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> Reaction {
     let plain = || element.force(position, velocity, 0.0);
-    let [seat, at_rest] = element.law().seat().unwrap_or_default();
+    let [seat, at_rest] = element.law.seat().unwrap_or_default();
     let position = position + seat;
-    match *element.law() {
+    match element.law {
         Law::Gap { stiffness, gap, .. } => {
             let [upper, lower] = [1.0, -1.0].map(|sign| {
                 let ramp = Ramp::new(sign * position - gap, sign * velocity, step_s);

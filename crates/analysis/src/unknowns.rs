@@ -207,7 +207,7 @@ impl Condensed {
         };
         let alone = |place: usize| vec![(place, 1.0)];
         let of_element: Vec<Weights> =
-            assembly.elements().iter().map(|element| alone(place_of(element.at(), element.to()))).collect();
+            assembly.elements().iter().map(|element| alone(place_of(element.at, element.to))).collect();
         let polynomials = assembly.polynomials().iter();
         let of_polynomial: Vec<Vec<Weights>> =
             polynomials.map(|of| of.at().iter().map(|at| alone(place_of(*at, None))).collect()).collect();

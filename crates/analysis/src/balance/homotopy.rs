@@ -53,7 +53,7 @@ pub(in super::super) struct Homotopy {
 
 /// Returns the stiffness and the damping with which an element belongs to the linear structure.
 fn linear_part(element: &Element) -> [f64; 2] {
-    match *element.law() {
+    match element.law {
         Law::Linear { stiffness, damping } => [stiffness, damping],
         Law::Lugre { viscous, .. } => [0.0, viscous],
         ref law if law.seat().is_some() => {
@@ -102,7 +102,7 @@ impl Homotopy {
         };
         let mut any = false;
         for (e, element) in assembly.elements().iter().enumerate() {
-            let added = share * closed_stiffness(element.law(), deflection);
+            let added = share * closed_stiffness(&element.law, deflection);
             any |= added > 0.0;
             match &balance.unknowns.body {
                 Body::Chain => {

@@ -15,8 +15,9 @@ use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
 
-use super::rows::{Rows, add, eliminate};
+use super::rows::{Rows, eliminate};
 use super::{StateVariation, Variations};
+use crate::dense::add;
 use crate::samples::Geometry;
 
 /// Terms of the series of e^A; with the steps of a periodic response the last is far below rounding.
@@ -63,7 +64,7 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
     let h = points as f64 * of.spacing_s;
     let rest = Rest::new(of, h)?;
     let mut flow = Rows::identity(2 * n + of.states.len());
-    let mut impulse = Impulse::new(n, flow.width());
+    let mut impulse = Impulse::new(n, flow.width);
     let count = of.samples.count();
     flow.multiply(&rest.half);
     for middle in (points / 2..count).step_by(points) {
@@ -124,7 +125,7 @@ impl Impulse {
     /// Advances the states by half a step at the response in its middle: for friction by the turn of w, for others by
     /// the whole half step, exact at constant δv.
     fn turn(flow: &mut Rows, n: usize, states: &[(Geometry, StateVariation, f64)], h: f64) {
-        let width = flow.width();
+        let width = flow.width;
         for (s, (geometry, at, decay)) in states.iter().enumerate() {
             let (moving, state) = flow.split(2 * n, s);
             let Some(rate) = at.by_state else {
@@ -145,7 +146,7 @@ impl Impulse {
 
     /// Advances the states of friction by the displacement since `before`.
     fn way(&self, flow: &mut Rows, n: usize, states: &[(Geometry, StateVariation, f64)]) {
-        let width = flow.width();
+        let width = flow.width;
         for (s, (geometry, at, _)) in states.iter().enumerate().filter(|(_, (_, at, _))| at.by_state == Some(0.0)) {
             let (moving, state) = flow.split(2 * n, s);
             for k in 0..n {
@@ -166,7 +167,7 @@ impl Impulse {
         h: f64,
         flow: &mut Rows,
     ) -> Option<()> {
-        let (n, width) = (of.unknowns(), flow.width());
+        let (n, width) = (of.unknowns(), flow.width);
         let [mass, left, stiffness, damping] = &mut self.matrices;
         for (at, mass) in mass.iter_mut().enumerate() {
             *mass = of.by(2, [at / n, at % n], point);

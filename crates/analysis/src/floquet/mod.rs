@@ -140,7 +140,7 @@ impl Variations<'_> {
     pub fn state(&self, state: usize, point: usize, points: usize) -> StateVariation {
         let history = &self.samples.histories[self.states[state]];
         let element = &self.balance.forced.assembly().elements()[history.element];
-        if let Law::Friction { stiffness, .. } = *element.law() {
+        if let Law::Friction { stiffness, .. } = element.law {
             let count = self.samples.count();
             let stuck = (1..=points).all(|j| history.sticks((point + j - points / 2) % count));
             let by_velocity = f64::from(u8::from(stuck));
@@ -324,7 +324,7 @@ fn log_determinant(flow: &DMatrix<f64>) -> f64 {
 fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
     let (m, count) = (balance.unknowns.count(), samples.count());
     for history in samples.histories.iter().filter(|history| !history.forgets) {
-        let Law::Friction { stiffness, .. } = *balance.forced.assembly().elements()[history.element].law() else {
+        let Law::Friction { stiffness, .. } = balance.forced.assembly().elements()[history.element].law else {
             continue;
         };
         for j in 0..count {

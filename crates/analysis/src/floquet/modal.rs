@@ -164,7 +164,7 @@ impl<'a> Plan<'a> {
                 halves[*count] = condensed.modes.iter().map(|mode| block(mode, 0.5 * h * *count as f64)).collect();
             }
         }
-        let law = |at: usize| of.balance.forced.assembly().elements()[of.samples.histories[at].element].law();
+        let law = |at: usize| of.balance.forced.assembly().elements()[of.samples.histories[at].element].law;
         let by_velocity = of.states.iter().any(|&at| !matches!(law(at), Law::Friction { .. }));
         Plan { condensed, h, coupling, impulses, halves, events, by_velocity }
     }

@@ -6,16 +6,13 @@ use core::ops::Range;
 
 use nalgebra::DMatrix;
 
+use crate::dense::add;
+
 /// A square matrix, row by row.
 pub(super) struct Rows {
-    width: usize,
+    pub width: usize,
     data: Vec<f64>,
     product: Vec<f64>,
-}
-
-/// target += factor · source.
-pub(super) fn add(target: &mut [f64], source: &[f64], factor: f64) {
-    target.iter_mut().zip(source).for_each(|(target, source)| *target += factor * source);
 }
 
 impl Rows {
@@ -23,10 +20,6 @@ impl Rows {
         let mut data = vec![0.0; width * width];
         data.iter_mut().step_by(width + 1).for_each(|diagonal| *diagonal = 1.0);
         Rows { width, data, product: vec![] }
-    }
-
-    pub fn width(&self) -> usize {
-        self.width
     }
 
     /// Returns some rows, one after the other.

@@ -143,7 +143,7 @@ impl AssemblySteps {
 /// The channels of the states that a stepper saves: those of the structure, and, if it saves them, the branches.
 fn saved_channels(tested: &TestedAssembly, has_coil: bool, saved: usize) -> Vec<Channel> {
     let mut channels = tested.states(has_coil);
-    let branches = tested.assembly.elements().iter().filter_map(|element| branch_channel(element.number() - 1));
+    let branches = tested.assembly.elements().iter().filter_map(|element| branch_channel(element.number - 1));
     channels.extend(branches.take(saved - channels.len()));
     channels
 }

@@ -108,8 +108,8 @@ impl TestedAssembly {
             CoordinateUnit::Radian => Coordinates::Joints,
             CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
         };
-        let elements = self.assembly.elements().iter().filter(|element| element.state().is_some());
-        let of_elements = elements.filter_map(|element| element_channel(element.number() - 1, element.at().is_angle()));
+        let elements = self.assembly.elements().iter().filter(|element| element.state.is_some());
+        let of_elements = elements.filter_map(|element| element_channel(element.number - 1, element.at.is_angle()));
         let coil = has_coil.then_some(COIL_CURRENT);
         let coordinates = coordinate_channels(of, self.assembly.coordinates());
         coordinates.into_iter().chain(coil).chain(of_elements).collect()

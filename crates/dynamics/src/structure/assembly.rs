@@ -52,7 +52,7 @@ pub struct Linear {
 }
 
 /// The unbalance of a motion and its derivatives, matrices by rows of n numbers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Linearised {
     /// M(q) a + c(q, v) + D v + K q + g(q) − g(0) − p.
     pub unbalance: Vec<f64>,

@@ -58,39 +58,19 @@ pub(super) struct Margin {
 /// An element of an [`Assembly`](super::Assembly) with one displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
-    pub(super) number: usize,
-    pub(super) law: Law,
-    pub(super) at: Dof,
-    pub(super) to: Option<Dof>,
-    pub(super) state: Option<usize>,
+    /// The number of the element in the structure, from 1: polynomials count, too.
+    pub number: usize,
+    /// The law of its force.
+    pub law: Law,
+    /// Degree of freedom at which it acts.
+    pub at: Dof,
+    /// The other end; `None` is the ground.
+    pub to: Option<Dof>,
+    /// The place of its state among those of the assembly, if it has one.
+    pub state: Option<usize>,
 }
 
 impl Element {
-    /// The number of the element in the structure, from 1: polynomials count, too.
-    pub fn number(&self) -> usize {
-        self.number
-    }
-
-    /// The law of its force.
-    pub fn law(&self) -> &Law {
-        &self.law
-    }
-
-    /// Degree of freedom at which it acts.
-    pub fn at(&self) -> Dof {
-        self.at
-    }
-
-    /// Returns the other end; `None` is the ground.
-    pub fn to(&self) -> Option<Dof> {
-        self.to
-    }
-
-    /// The place of its state among those of the assembly, if it has one.
-    pub fn state(&self) -> Option<usize> {
-        self.state
-    }
-
     /// Returns the element's state among those of the assembly; 0 for a law without.
     pub(super) fn own(&self, states: &[f64]) -> f64 {
         self.state.map_or(0.0, |state| states[state])

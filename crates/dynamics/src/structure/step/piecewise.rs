@@ -106,7 +106,7 @@ pub(super) fn engine(
     rate_hz: f64,
 ) -> Result<Box<dyn Engine>, StepError> {
     let n = assembly.coordinates();
-    let elements: Vec<Dof> = assembly.elements().iter().map(Element::at).collect();
+    let elements: Vec<Dof> = assembly.elements().iter().map(|element| element.at).collect();
     let mut element_rows = rows(assembly, &elements);
     let rest = [0.0; MOST_COORDINATES];
     let at = assembly.at(&rest[..n]);
