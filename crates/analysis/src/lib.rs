@@ -23,6 +23,7 @@ mod branch;
 mod branch_options;
 mod contact;
 pub mod continuation;
+mod continuous_phase;
 mod crossing;
 mod curve;
 mod dense;
@@ -32,7 +33,6 @@ mod error;
 mod floquet;
 mod forced;
 mod fourier;
-pub mod frf;
 mod gauss;
 mod grid;
 mod history;
@@ -43,6 +43,7 @@ mod orbit;
 mod peaks;
 mod phase_zero;
 mod poles;
+mod quantity;
 mod ramp;
 mod resonances;
 mod rows;
@@ -64,14 +65,14 @@ pub use backbone::{Backbone, BackboneOptions, BackboneOrbit, backbone};
 pub use bending::Bending;
 pub use branch::trace;
 pub use branch_options::{BifurcationKind, BranchOptions};
+pub use continuous_phase::continuous_phase;
 pub use curve::{SingularCurve, SingularPoint, TracedCurve, Turn, trace_singular, trace_singular_curves};
 pub use detached::{NotSearched, SearchOptions, Searched};
 pub use error::{AnalysisError, EndedEarly, Place};
 pub use forced::{Coordinate, Forced};
-pub use frf::{FrfError, Quantity, UnknownQuantity, continuous_phase};
 pub use grid::frequencies_hz;
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
-pub use linear::LinearResponse;
+pub use linear::{FrfError, LinearResponse};
 pub use nearest::{Distances, Nearest, nearest};
 pub use orbit::{
     Assess, Beat, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated, Verdict,
@@ -79,6 +80,7 @@ pub use orbit::{
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use phase_zero::phase_zero_state;
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
+pub use quantity::{Quantity, UnknownQuantity};
 pub use rows::{segments, stretches};
 pub use start::{StartAttempt, StartEnd, StartStructure};
 pub use switching::{

@@ -4,17 +4,43 @@
 //! Z = K − ω²M + iωD, for any damping. A unit force at a degree of freedom is P = ∂x/∂q, and the response there
 //! ∂x/∂q·Q.
 
-use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::Complex;
+use thiserror::Error;
 
 use resonarm_dynamics::structure::{Assembly, Dof, Linear};
 use resonarm_numeric::linear_solve::solve_complex;
+use resonarm_numeric::number::short;
 
-use super::unknowns::load_at_rest;
-use crate::frf::{FrfError, Quantity};
+use super::unknowns::{direction_at_rest, load_at_rest};
+use crate::Quantity;
+
+/// Error of a frequency response that does not exist.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum FrfError {
+    /// The frequency is not zero or a positive number.
+    #[error("frequency {got_hz} Hz: it must be zero or a positive number", got_hz = short(.got_hz))]
+    Frequency {
+        /// The given value, Hz.
+        got_hz: f64,
+    },
+    /// The response is infinite: a structure without damping at a natural frequency.
+    #[error(
+        "the response at {frequency_hz} Hz is infinite, since nothing damps this mode; give the structure damping, or choose another frequency", frequency_hz = short(.frequency_hz))]
+    Unbounded {
+        /// Frequency at which it is infinite, Hz.
+        frequency_hz: f64,
+    },
+    /// Nothing holds the structure at 0 Hz.
+    #[error("the response at 0 Hz is infinite: mode {mode} is rigid, so nothing holds the structure; start above 0 Hz")]
+    Rigid {
+        /// The mode, from 1.
+        mode: usize,
+    },
+}
 
 /// The linear part of a structure, with the slopes at rest of its smooth elements.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,21 +80,14 @@ impl LinearResponse {
         let mut coordinates =
             load_at_rest(&self.assembly, drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
         dynamic_stiffness_solve(&self.linear, omega, &mut coordinates).ok_or(FrfError::Unbounded { frequency_hz })?;
-        let displacement: Complex<f64> = coordinates.iter().zip(self.direction(response)).map(|(q, w)| q * w).sum();
+        let displacement: Complex<f64> =
+            coordinates.iter().zip(direction_at_rest(&self.assembly, response)).map(|(q, w)| q * w).sum();
         if !(displacement.re.is_finite() && displacement.im.is_finite()) {
             return Err(FrfError::Unbounded { frequency_hz });
         }
         // Accelerations are absolute; displacements and velocities count from the base.
         let carried = if quantity == Quantity::Accelerance { self.assembly.carried(response, drive) } else { 0.0 };
         Ok(displacement * quantity.factor(omega) + carried)
-    }
-
-    /// Returns the derivative of a displacement by the coordinates at rest, ∂x/∂q.
-    fn direction(&self, dof: Dof) -> Vec<f64> {
-        let n = self.assembly.coordinates();
-        let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
-        self.assembly.direction(dof, &rest, &mut direction);
-        direction
     }
 }
 
