@@ -16,7 +16,8 @@ mod deflation;
 mod fold_curves;
 
 use alloc::vec::Vec;
-use core::fmt;
+
+use thiserror::Error;
 
 use super::balance::Balance;
 use super::continuation::{Continuation, Cut, Point, Slices, Work};
@@ -63,15 +64,19 @@ impl SearchOptions {
 }
 
 /// The reason for which responses with the period of the drive were not searched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NotSearched {
     /// `coordinate`: the branch does not vary the frequency.
+    #[error("responses beside the branch were not searched: they are searched only where the frequency varies")]
     Coordinate,
     /// `early`: the branch ended early.
+    #[error("responses beside the branch were not searched, since the branch ended early")]
     Early,
     /// `linear`: a linear structure has one response to each load.
+    #[error("the structure is linear: no other responses exist")]
     Linear,
     /// `no-load`: the load is zero.
+    #[error("responses beside the branch were not searched, since the load is zero")]
     NoLoad,
 }
 
@@ -95,19 +100,6 @@ impl NotSearched {
             BranchEnd::Early => Some(NotSearched::Early),
             _ => None,
         }
-    }
-}
-
-impl fmt::Display for NotSearched {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            NotSearched::Coordinate => {
-                "responses beside the branch were not searched: they are searched only where the frequency varies"
-            }
-            NotSearched::Early => "responses beside the branch were not searched, since the branch ended early",
-            NotSearched::Linear => "the structure is linear: no other responses exist",
-            NotSearched::NoLoad => "responses beside the branch were not searched, since the load is zero",
-        })
     }
 }
 

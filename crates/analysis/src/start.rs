@@ -4,6 +4,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
 
+use thiserror::Error;
+
 use super::adapt::adapt;
 use super::balance::{Balance, Homotopy, unit_deflection};
 use super::orbit::TraceOptions;
@@ -48,31 +50,25 @@ impl fmt::Display for StartStructure {
 }
 
 /// Reason for which a homotopy ended before it found a response.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum StartEnd {
     /// A step was rejected.
+    #[error("{0}")]
     Step(StepRefusal),
     /// The curve returned to the linear structure.
+    #[error("the curve returned to zero")]
     Returned,
     /// The curve had too many points.
+    #[error("the curve has more than {} points", MOST_POINTS)]
     TooLong,
     /// The response could not be solved for with all the harmonics that it needs.
+    #[error("the response was not found with more harmonics")]
     Harmonics,
 }
 
-impl fmt::Display for StartEnd {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            StartEnd::Step(refusal) => refusal.fmt(f),
-            StartEnd::Returned => f.write_str("the curve returned to zero"),
-            StartEnd::TooLong => write!(f, "the curve has more than {MOST_POINTS} points"),
-            StartEnd::Harmonics => f.write_str("the response was not found with more harmonics"),
-        }
-    }
-}
-
 /// A homotopy that found no response.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("from {from} with {harmonics} harmonics, up to {:.0} % of the forces ({end})", 100.0 * share)]
 pub struct StartAttempt {
     /// The structure at its start.
     pub from: StartStructure,
@@ -82,13 +78,6 @@ pub struct StartAttempt {
     pub share: f64,
     /// The reason of its end.
     pub end: StartEnd,
-}
-
-impl fmt::Display for StartAttempt {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let StartAttempt { from, harmonics, share, end } = self;
-        write!(f, "from {from} with {harmonics} harmonics, up to {:.0} % of the forces ({end})", 100.0 * share)
-    }
 }
 
 /// Starts at `options.branch.from`, with as many harmonics as the response needs; near a state if one is given, see

@@ -10,7 +10,8 @@
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use core::fmt;
+
+use thiserror::Error;
 
 use super::balance::Balance;
 use super::branch::{Tracer, check, not_there};
@@ -89,24 +90,17 @@ pub struct OtherBranch {
 }
 
 /// The reason for which a branch was not followed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum NotFollowed {
     /// Its period is longer than 8 periods of the drive.
+    #[error("a cascade of doublings beyond {} periods of the load", LONGEST_PERIOD)]
     Cascade,
     /// 64 branches were followed before.
+    #[error("{} branches are followed at most", MOST_BRANCHES)]
     TooMany,
     /// No response was found on it.
+    #[error("{0}")]
     Failed(AnalysisError),
-}
-
-impl fmt::Display for NotFollowed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            NotFollowed::Cascade => write!(f, "a cascade of doublings beyond {LONGEST_PERIOD} periods of the load"),
-            NotFollowed::TooMany => write!(f, "{MOST_BRANCHES} branches are followed at most"),
-            NotFollowed::Failed(error) => error.fmt(f),
-        }
-    }
 }
 
 /// Where sub-harmonic responses were sought.
@@ -338,10 +332,7 @@ impl OtherBranches {
 impl OtherBranch {
     /// Returns the branch, whole or not.
     pub fn branch(&self) -> &Branch {
-        match &self.traced {
-            Ok(branch) => branch,
-            Err(early) => &early.so_far,
-        }
+        self.traced.as_ref().unwrap_or_else(|early| &early.so_far)
     }
 }
 

@@ -28,6 +28,8 @@ mod slices;
 use alloc::vec::Vec;
 use core::ops::AddAssign;
 
+use thiserror::Error;
+
 pub use predictor_corrector::Continuation;
 pub(super) use slices::{Cut, Slices, at_parameter};
 
@@ -145,30 +147,23 @@ impl AddAssign for Work {
 }
 
 /// Reason for which the continuation rejected a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum StepRefusal {
     /// Newton's method did not converge.
+    #[error("Newton's method did not converge")]
     Newton,
     /// The correction was too large a fraction of the step.
+    #[error("the solution found was too far from the prediction")]
     Correction,
     /// The tangent turned too far.
+    #[error("the branch turned too sharply")]
     Turn,
     /// A matrix had no inverse, or something was not a number.
+    #[error("the equations were singular or not finite")]
     Singular,
     /// The system does not exist there.
+    #[error("no such system exists there")]
     OutOfRange,
-}
-
-impl core::fmt::Display for StepRefusal {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
-            StepRefusal::Newton => "Newton's method did not converge",
-            StepRefusal::Correction => "the solution found was too far from the prediction",
-            StepRefusal::Turn => "the branch turned too sharply",
-            StepRefusal::Singular => "the equations were singular or not finite",
-            StepRefusal::OutOfRange => "no such system exists there",
-        })
-    }
 }
 
 impl ContinuationSettings {
