@@ -32,7 +32,7 @@ use super::balance::Balance;
 use super::singular::{DIFFERENCE, MORE_HARMONICS, NULL_VECTOR_ERROR};
 use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, System};
-use crate::dense::{Lu, dot, norm};
+use crate::dense::{Lu, dot, norm, normalise};
 
 /// Branches that pass each other within this, β relative to the size of the response, count as crossing: it is rounding
 /// where a symmetry makes them cross, and leaves branches apart by its square root.
@@ -166,8 +166,7 @@ impl CrossingEquations {
         let n = x.len();
         let mut tangent = vec![direction[n] / lambda_scale];
         tangent.extend_from_slice(&direction[..n]);
-        let length = norm(&tangent);
-        tangent.iter_mut().for_each(|value| *value /= length);
+        normalise(&mut tangent);
         let matrix = crossing.bordered.zeroed(n + 1);
         crossing.matrices[0].chunks_exact(n).zip(1..).for_each(|(from, to)| {
             let to = if to > n { 0 } else { to };
@@ -210,10 +209,8 @@ impl CrossingEquations {
         for (to, from) in matrix.chunks_exact_mut(stride).zip(columns) {
             to[..n].copy_from_slice(from);
         }
-        for (to, [first, second]) in
-            matrix.chunks_exact_mut(stride).zip(self.rows[0].iter().zip(&self.rows[1]).map(|(a, b)| [*a, *b]))
-        {
-            (to[n], to[n + 1]) = (first, second);
+        for ((to, first), second) in matrix.chunks_exact_mut(stride).zip(&self.rows[0]).zip(&self.rows[1]) {
+            (to[n], to[n + 1]) = (*first, *second);
         }
         if self.bordered.factor().is_err() {
             return [f64::NAN; 2];
@@ -304,8 +301,7 @@ impl CrossingEquations {
                 .zip(&self.kernel[1])
                 .map(|(first, second)| alpha * first + gamma * second)
                 .collect();
-            let length = norm(&along);
-            along.iter_mut().for_each(|value| *value /= length);
+            normalise(&mut along);
             along[0] *= self.lambda_scale;
             along.rotate_left(1);
             along

@@ -45,35 +45,13 @@ pub(super) struct Plane<'a> {
 }
 
 impl Solver {
-    /// Newton's method from `plane.through` to the branch; the result is left in `self.z`, and the factors of the
-    /// bordered matrix near it in `self.lu`. Returns the first correction, relative to `size`, which must not be above
-    /// `largest`.
+    /// Newton's method from `plane.through` to the branch, in at most `limit` iterations; beyond [`NEWTON_LIMIT`] a correction
+    /// may also grow once. The result is left in `self.z`, and the factors of the bordered matrix near it in `self.lu`. Returns
+    /// the first correction, relative to `size`, which must not be above `largest`.
     pub fn correct(
         &mut self,
-        system: &mut impl System,
-        plane: &Plane,
-        size: f64,
-        largest: f64,
-    ) -> Result<f64, StepRefusal> {
-        self.correct_at_most(largest, NEWTON_LIMIT, system, plane, size)
-    }
-
-    /// Works like [`Solver::correct`] with another limit and any first correction; beyond [`NEWTON_LIMIT`] a correction may
-    /// also grow once.
-    pub fn correct_within(
-        &mut self,
         limit: usize,
-        system: &mut impl System,
-        plane: &Plane,
-        size: f64,
-    ) -> Result<f64, StepRefusal> {
-        self.correct_at_most(f64::INFINITY, limit, system, plane, size)
-    }
-
-    fn correct_at_most(
-        &mut self,
         largest: f64,
-        limit: usize,
         system: &mut impl System,
         plane: &Plane,
         size: f64,

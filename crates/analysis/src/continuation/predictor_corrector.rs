@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use super::newton::{NEWTON_LIMIT, Plane, Solver};
 use super::{ContinuationSettings, Point, StepRefusal, System, Work};
 use crate::AnalysisError;
-use crate::dense::{Determinant, dot, norm};
+use crate::dense::{Determinant, dot, norm, normalise};
 
 /// The largest correction, as a fraction of the step.
 const CORRECTION_SHARE: f64 = 0.3;
@@ -67,7 +67,7 @@ impl Continuation {
             sigma = size / settings.lambda_scale(lambda);
             through[n] = sigma * lambda;
             solver
-                .correct_within(limit, system, &Plane { normal: &normal, through: &through, sigma }, size)
+                .correct(limit, f64::INFINITY, system, &Plane { normal: &normal, through: &through, sigma }, size)
                 .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
             through[..n].copy_from_slice(&solver.z[..n]);
         }
@@ -99,8 +99,7 @@ impl Continuation {
         let sigma = size / settings.lambda_scale(lambda);
         let mut tangent = direction.to_vec();
         tangent[n] *= sigma;
-        let length = norm(&tangent);
-        tangent.iter_mut().for_each(|value| *value /= length);
+        normalise(&mut tangent);
         let point = Point { x: x.to_vec(), lambda, arclength: 0.0, determinant: Determinant::default(), tangent };
         let mut continuation = Continuation::at(settings, point, sigma, step, Solver::default());
         continuation
@@ -171,7 +170,7 @@ impl Continuation {
         }
         let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
         // A correction that is large against the step may lead to a neighbouring branch.
-        let error = self.solver.correct(system, &plane, size, CORRECTION_SHARE * step)?;
+        let error = self.solver.correct(NEWTON_LIMIT, CORRECTION_SHARE * step, system, &plane, size)?;
         self.solver.tangent(system, &plane, size, &mut self.tangent)?;
         // Rounding can bring the product of two unit vectors beyond 1, where the arc cosine is not a number.
         let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
@@ -254,7 +253,7 @@ impl Continuation {
         let normal = if is_first { &along_lambda } else { &self.point.tangent };
         let plane = Plane { normal, through: &self.through, sigma: self.sigma };
         self.solver
-            .correct_within(NEWTON_LIMIT, system, &plane, size)
+            .correct(NEWTON_LIMIT, f64::INFINITY, system, &plane, size)
             .and_then(|_| self.solver.tangent(system, &plane, size, &mut self.tangent))
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         self.take(n, 0.0);

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use super::newton::{PATIENT_LIMIT, Plane, Solver};
 use super::{ContinuationSettings, Point, System};
 use crate::AnalysisError;
-use crate::dense::{dot, norm};
+use crate::dense::{dot, norm, normalise};
 
 /// The surfaces that cut a branch between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +38,7 @@ impl Slices {
             // With λ alone left in the normal the planes are those of constant λ.
             slices.normal[..n].fill(0.0);
         }
-        let length = norm(&slices.normal);
-        slices.normal.iter_mut().for_each(|value| *value /= length);
+        normalise(&mut slices.normal);
         slices
     }
 
@@ -93,7 +92,7 @@ impl Slices {
         let plane = Plane { normal: &self.normal, through: &through, sigma };
         let mut tangent = Vec::new();
         self.solver
-            .correct_within(PATIENT_LIMIT, system, &plane, self.size)
+            .correct(PATIENT_LIMIT, f64::INFINITY, system, &plane, self.size)
             .and_then(|_| self.solver.tangent(system, &plane, self.size, &mut tangent))
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(through[n] / sigma), refusal })?;
         Ok(Point {
