@@ -118,52 +118,55 @@ impl Task for AddProducts<'_> {
     }
 }
 
-/// Products of a force's harmonics and of the derivative by the unknowns of what it is in proportion to: parts of
-/// ∂Q̂/∂X, each of rank one.
+/// Products of a column of weights and a row, each of rank one, that wait to be added to a block.
+///
+/// Of ∂Q̂/∂X, which is stored by columns, the row is a force's harmonics, and the weights are the derivatives by the unknowns
+/// of what the force is in proportion to.
 struct Products {
-    forces: [Vec<f64>; TOGETHER],
-    changes: Vec<[f64; TOGETHER]>,
+    rows: [Vec<f64>; TOGETHER],
+    weights: Vec<[f64; TOGETHER]>,
     /// How many wait to be added.
     waiting: usize,
 }
 
 impl Products {
-    fn new(size: usize) -> Products {
-        let forces = core::array::from_fn(|_| vec![0.0; size]);
-        Products { forces, changes: vec![[0.0; TOGETHER]; size], waiting: 0 }
+    /// Products for a block with as many rows and columns.
+    fn new(rows: usize, columns: usize) -> Products {
+        let zeros = core::array::from_fn(|_| vec![0.0; columns]);
+        Products { rows: zeros, weights: vec![[0.0; TOGETHER]; rows], waiting: 0 }
     }
 
     /// Begins a product, of zeros.
     fn begin(&mut self) {
-        self.forces[self.waiting].fill(0.0);
-        self.changes.iter_mut().for_each(|of| of[self.waiting] = 0.0);
+        self.rows[self.waiting].fill(0.0);
+        self.weights.iter_mut().for_each(|of| of[self.waiting] = 0.0);
     }
 
     /// Adds to a harmonic of the force.
     fn force(&mut self, row: usize, value: f64) {
-        self.forces[self.waiting][row] += value;
+        self.rows[self.waiting][row] += value;
     }
 
     /// Adds to a derivative.
     fn change(&mut self, column: usize, value: f64) {
-        self.changes[column][self.waiting] += value;
+        self.weights[column][self.waiting] += value;
     }
 
-    /// Ends a product and adds it to the operator as soon as there are enough.
-    fn end(&mut self, operator: &mut [f64]) {
+    /// Ends a product and adds all that wait to the block as soon as there are enough.
+    fn end(&mut self, block: &mut [f64]) {
         self.waiting += 1;
         if self.waiting == TOGETHER {
-            widest(AddProducts { block: operator, weights: &self.changes, rows: &self.forces });
+            widest(AddProducts { block, weights: &self.weights, rows: &self.rows });
             self.waiting = 0;
         }
     }
 
     /// Adds the products that wait.
-    fn finish(mut self, operator: &mut [f64]) {
+    fn finish(mut self, block: &mut [f64]) {
         if self.waiting > 0 {
             // They are too few for a whole set: the others are zero.
-            self.forces[self.waiting..].iter_mut().for_each(|row| row.fill(0.0));
-            widest(AddProducts { block: operator, weights: &self.changes, rows: &self.forces });
+            self.rows[self.waiting..].iter_mut().for_each(|row| row.fill(0.0));
+            widest(AddProducts { block, weights: &self.weights, rows: &self.rows });
         }
     }
 }
@@ -176,7 +179,7 @@ pub(super) fn unit_deflection(forced: &Forced) -> f64 {
 
 /// Returns the size of the unknowns under a static unit drive.
 pub(super) fn unit_state(forced: &Forced) -> f64 {
-    unit_size(forced, &Unknowns::new(forced))
+    unit_size(forced, &Unknowns::with_period(forced, 1))
 }
 
 fn unit_size(forced: &Forced, unknowns: &Unknowns) -> f64 {
@@ -573,7 +576,7 @@ impl Balance {
         self.samples.set_functions();
         let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
         let (rows, count) = (size / m, self.samples.count());
-        let mut products = Products::new(size);
+        let mut products = Products::new(size, size);
         for (number, derivative) in frictions {
             let element = self.samples.histories[*number].element;
             let Law::Friction { stiffness, .. } = self.forced.assembly.elements()[element].law else { continue };
@@ -614,7 +617,7 @@ impl Balance {
             return;
         }
         let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
-        let mut products = Products::new(size);
+        let mut products = Products::new(size, size);
         for Jump { phase_rad, load, change, by_frequency } in &self.samples.jumps {
             products.begin();
             let by_frequency = by_frequency / self.frequency_hz;
@@ -678,34 +681,24 @@ impl Balance {
             // Row by row of the element's own unknowns, all columns beside each other.
             let columns = rows * active + 1;
             let mut block = vec![0.0; rows * active * columns];
-            let mut weights = vec![[0.0; TOGETHER]; rows * active];
-            let mut changes: [Vec<f64>; TOGETHER] = core::array::from_fn(|_| vec![0.0; columns]);
-            let mut waiting = 0;
+            let mut products = Products::new(rows * active, columns);
             let add = |j: usize, by: &[f64]| {
                 let by_state = match element.law {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };
-                let functions = samples.functions(j, rows);
-                for (r, of_function) in weights.chunks_exact_mut(active).enumerate() {
+                let (functions, waiting) = (samples.functions(j, rows), products.waiting);
+                for (r, of_function) in products.weights.chunks_exact_mut(active).enumerate() {
                     let scale = by_state * functions[r] * if r == 0 { 1.0 } else { 2.0 } / count as f64;
                     for (i, weight) in of_function.iter_mut().enumerate() {
                         weight[waiting] = scale * direction(j, i);
                     }
                 }
-                changes[waiting].copy_from_slice(by);
-                waiting += 1;
-                if waiting == TOGETHER {
-                    widest(AddProducts { block: &mut block, weights: &weights, rows: &changes });
-                    waiting = 0;
-                }
+                products.rows[waiting].copy_from_slice(by);
+                products.end(&mut block);
             };
             history.derivative(direction, active, basis, self.frequency_hz, add);
-            // Products that are too few for a whole set: the others are zero.
-            if waiting > 0 {
-                changes[waiting..].iter_mut().for_each(|row| row.fill(0.0));
-                widest(AddProducts { block: &mut block, weights: &weights, rows: &changes });
-            }
+            products.finish(&mut block);
             for (r, sums) in block.chunks_exact(columns).enumerate() {
                 for (i, weight) in &spread[r % active] {
                     let row = r / active * m + i;
@@ -942,27 +935,22 @@ impl Balance {
     /// Returns the displacement at a degree of freedom, as a series, for the response last evaluated.
     pub fn displacement(&self, dof: Dof) -> Vec<f64> {
         let (m, count) = (self.unknowns.count(), self.samples.count());
-        let Body::Condensed(condensed) = &self.unknowns.body else {
-            let at = |j: usize| self.forced.assembly.displacement(dof, &self.samples.motion[0][j * m..(j + 1) * m]);
-            let signal: Vec<f64> = (0..count).map(at).collect();
-            let orders = 2 * self.harmonics + 1;
-            let mut series = vec![0.0; 2 * orders + 1];
-            project(&self.samples, &signal, orders, |row, value| series[row] = value);
-            return series;
-        };
-        self.along(condensed, &direction_at_rest(&self.forced.assembly, dof))
+        match &self.unknowns.body {
+            Body::Chain => {
+                let at = |j: usize| self.forced.assembly.displacement(dof, &self.samples.motion[0][j * m..(j + 1) * m]);
+                self.series((0..count).map(at), 2 * self.harmonics + 1)
+            }
+            Body::Condensed(condensed) => self.along(condensed, &direction_at_rest(&self.forced.assembly, dof)),
+        }
     }
 
     /// Returns a coordinate of the structure, as a series, for the response last evaluated.
     pub fn coordinate_series(&self, coordinate: usize) -> Vec<f64> {
-        let m = self.unknowns.count();
+        let (m, count) = (self.unknowns.count(), self.samples.count());
         match &self.unknowns.body {
             Body::Chain => {
-                let mut series = vec![0.0; 2 * self.harmonics + 1];
-                let count = self.samples.count();
-                let signal: Vec<f64> = (0..count).map(|j| self.samples.motion[0][j * m + coordinate]).collect();
-                project(&self.samples, &signal, self.harmonics, |row, value| series[row] = value);
-                series
+                let at = |j: usize| self.samples.motion[0][j * m + coordinate];
+                self.series((0..count).map(at), self.harmonics)
             }
             Body::Condensed(condensed) => {
                 let mut direction = vec![0.0; condensed.modes.len()];
@@ -970,6 +958,13 @@ impl Balance {
                 self.along(condensed, &direction)
             }
         }
+    }
+
+    /// Returns the series of a signal at the samples, up to an order.
+    fn series(&self, signal: impl Iterator<Item = f64>, orders: usize) -> Vec<f64> {
+        let mut series = vec![0.0; 2 * orders + 1];
+        project(&self.samples, &signal.collect::<Vec<_>>(), orders, |row, value| series[row] = value);
+        series
     }
 
     /// Returns the series of a displacement Σ `direction` q of modes.

@@ -12,7 +12,7 @@
 //! modes are places, too: φ is 1 for one mode each, and an element's displacement is a sum of several places.
 //!
 //! A rigid mode, ω = 0, has no compliance at rest. As long as no element sees it, nothing drives its mean, which is 0;
-//! a structure with such an element is rejected ([`Condensed::held_by_element`]).
+//! a structure with such an element is rejected ([`Unknowns::check_held`]).
 //!
 //! At the natural frequency of a mode without damping H has a pole. A backbone begins there, and so has the first
 //! harmonic of its mode as an unknown of its own ([`Kept`]), which H₁ then leaves out.
@@ -23,7 +23,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Element, Polynomial};
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Polynomial};
 
 use super::Forced;
 use crate::AnalysisError;
@@ -91,11 +91,6 @@ pub(super) struct Compliance {
 }
 
 impl Unknowns {
-    /// The unknowns of responses with the period of the drive.
-    pub fn new(forced: &Forced) -> Unknowns {
-        Unknowns::with_period(forced, 1)
-    }
-
     /// The unknowns of responses with `period` periods of the drive.
     pub fn with_period(forced: &Forced, period: usize) -> Unknowns {
         let by_places = Unknowns::by_places(forced, period);
@@ -127,8 +122,18 @@ impl Unknowns {
     /// Rejects a structure with a rigid mode that an element alone holds.
     pub fn check_held(&self, assembly: &Assembly) -> Result<(), AnalysisError> {
         let Body::Condensed(condensed) = &self.body else { return Ok(()) };
-        match condensed.held_by_element(assembly) {
-            Some([mode, element]) => Err(AnalysisError::HeldByElement { mode: mode + 1, element }),
+        let rigid = condensed.modes.iter().enumerate().filter(|(_, mode)| mode[0] == 0.0).map(|(mode, _)| mode);
+        let elements = assembly.elements().iter().map(|element| element.number).zip(&condensed.of_element);
+        let polynomials = assembly.polynomials().iter().map(Polynomial::number).zip(&condensed.of_polynomial);
+        let elements = elements.map(|(number, weights)| (number, core::slice::from_ref(weights)));
+        let all: Vec<(usize, &[Weights])> =
+            elements.chain(polynomials.map(|(number, displacements)| (number, &displacements[..]))).collect();
+        let sees = |displacements: &[Weights], mode: usize| {
+            displacements.iter().flatten().any(|(place, _)| condensed.places[*place][mode] != 0.0)
+        };
+        let by = |mode: usize| all.iter().find(|(_, displacements)| sees(displacements, mode));
+        match rigid.into_iter().find_map(|mode| Some((mode, by(mode)?.0))) {
+            Some((mode, element)) => Err(AnalysisError::HeldByElement { mode: mode + 1, element }),
             None => Ok(()),
         }
     }
@@ -233,21 +238,6 @@ impl Condensed {
         let unit = |place: usize| (0..modes.len()).map(|mode| f64::from(u8::from(mode == place))).collect();
         let places = (0..modes.len()).map(unit).collect();
         Condensed { of_element, of_polynomial, coupled, is_by_modes: true, places, drive, modes }
-    }
-
-    /// Returns the rigid mode that an element of the structure alone holds, from 0, with the element's number, from 1.
-    pub fn held_by_element(&self, assembly: &Assembly) -> Option<[usize; 2]> {
-        let rigid = self.modes.iter().enumerate().filter(|(_, mode)| mode[0] == 0.0).map(|(mode, _)| mode);
-        let elements = assembly.elements().iter().map(Element::number).zip(&self.of_element);
-        let polynomials = assembly.polynomials().iter().map(Polynomial::number).zip(&self.of_polynomial);
-        let elements = elements.map(|(number, weights)| (number, core::slice::from_ref(weights)));
-        let all: Vec<(usize, &[Weights])> =
-            elements.chain(polynomials.map(|(number, displacements)| (number, &displacements[..]))).collect();
-        let sees = |displacements: &[Weights], mode: usize| {
-            displacements.iter().flatten().any(|(place, _)| self.places[*place][mode] != 0.0)
-        };
-        let by = |mode: usize| all.iter().find(|(_, displacements)| sees(displacements, mode));
-        rigid.into_iter().find_map(|mode| by(mode).map(|(number, _)| [mode, *number]))
     }
 
     /// Returns each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate; zeros for the mode left

@@ -30,19 +30,12 @@ const UNDAMPED: f64 = 1e-3;
 /// Damping ratio that the artificial damper gives a mode whose natural frequency is the drive's.
 const ARTIFICIAL: f64 = 0.02;
 
-/// Forces that are linear in the unknowns: matrices by rows.
-struct LinearForces {
-    mass: Vec<f64>,
-    damping: Vec<f64>,
-    stiffness: Vec<f64>,
-}
-
 /// The balance with the share s of the element forces as its coordinate.
 pub(in super::super) struct Homotopy {
     balance: Balance,
     /// The forces of the linear structure. Those of modes and of the drive are in the balance's compliance, except for a
     /// chain.
-    start: LinearForces,
+    start: Linear,
     /// For a chain, the direction of the drive at rest.
     drive: Vec<f64>,
     /// C over the mass, 1/s.
@@ -91,13 +84,10 @@ impl Homotopy {
             StartStructure::Closed { share } => share,
         };
         let mut start = match balance.unknowns.body {
-            Body::Chain => {
-                let Linear { mass, damping, stiffness, .. } = balance.linear.clone();
-                LinearForces { mass, damping, stiffness }
-            }
+            Body::Chain => balance.linear.clone(),
             Body::Condensed(_) => {
                 let zero = || vec![0.0; m * m];
-                LinearForces { mass: zero(), damping: zero(), stiffness: zero() }
+                Linear { coordinates: m, mass: zero(), damping: zero(), stiffness: zero() }
             }
         };
         let mut any = false;
