@@ -16,10 +16,14 @@ pub(super) trait Spectral: System {
     fn others(&self) -> usize;
 
     /// Returns the number of harmonics H of the series.
-    fn harmonics(&self) -> usize;
+    fn harmonics(&self) -> usize {
+        self.balance().harmonics()
+    }
 
     /// Returns ν, the period of the series in periods of the drive.
-    fn period(&self) -> usize;
+    fn period(&self) -> usize {
+        self.balance().period()
+    }
 
     /// Changes the number of harmonics H of the series.
     fn set_harmonics(&mut self, harmonics: usize);
@@ -36,14 +40,6 @@ impl Spectral for Balance {
 
     fn others(&self) -> usize {
         0
-    }
-
-    fn harmonics(&self) -> usize {
-        Balance::harmonics(self)
-    }
-
-    fn period(&self) -> usize {
-        Balance::period(self)
     }
 
     fn set_harmonics(&mut self, harmonics: usize) {

@@ -18,7 +18,6 @@
 //! internal resonances (G. Kerschen, M. Peeters, J. C. Golinval, A. F. Vakakis, "Nonlinear normal modes, Part I", Mech.
 //! Syst. Signal Process. 23 (2009)).
 
-use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -43,6 +42,10 @@ const BISECTIONS: usize = 52;
 const SMALLEST_PART: f64 = 1.0 / 300.0;
 /// If that is too large to solve for, it begins with smaller vibrations, down to this fraction of it.
 const SMALLEST_START: f64 = 1e-6;
+
+/// The forced response around a backbone is computed this far beyond it, as a fraction of the change of frequency along
+/// it, and at least this fraction of the frequency.
+const MARGIN: [f64; 2] = [0.5, 0.002];
 
 /// A periodic response on a backbone.
 #[derive(Clone, Debug, PartialEq)]
@@ -225,14 +228,6 @@ impl Reversible {
 }
 
 impl Quadrature {
-    /// Changes the number of harmonics H.
-    fn resize(&mut self, harmonics: usize) {
-        self.balance.set_harmonics(harmonics);
-        if self.free.is_some() {
-            self.free = Some(Reversible::new(self.balance.unknowns.count(), harmonics, self.of_modes()));
-        }
-    }
-
     /// Returns the number of harmonics of a solution.
     fn harmonics_of(&self, z: &[f64]) -> usize {
         let series = (z.len() - self.others()) / self.balance.unknowns.count();
@@ -357,16 +352,11 @@ impl Spectral for Quadrature {
         self.before_series() - usize::from(self.free.is_some())
     }
 
-    fn harmonics(&self) -> usize {
-        self.balance.harmonics()
-    }
-
-    fn period(&self) -> usize {
-        self.balance.period()
-    }
-
     fn set_harmonics(&mut self, harmonics: usize) {
-        self.resize(harmonics);
+        self.balance.set_harmonics(harmonics);
+        if self.free.is_some() {
+            self.free = Some(Reversible::new(self.balance.unknowns.count(), harmonics, self.of_modes()));
+        }
     }
 
     fn evaluate_orbit(&mut self, z: &[f64], lambda: f64) -> bool {
@@ -387,12 +377,9 @@ impl Spectral for Quadrature {
 pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, EndedEarly<Backbone>> {
     let (mut system, mut continuation, options) = leave_rest(forced, options)?;
     let mut curve = Backbone::default();
-    let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
+    let end = follow(&mut system, &mut continuation, &options, &mut curve.points);
     curve.work = continuation.work();
-    match reason {
-        None => Ok(curve),
-        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
-    }
+    EndedEarly::at_end(end, curve)
 }
 
 /// Returns the equations of a backbone, a continuation at its first response, and the options with the scale of that.
@@ -574,7 +561,7 @@ impl Quadrature {
         // The number of harmonics may have changed since the point was solved for.
         let (current, needed) = (self.balance.harmonics(), self.harmonics_of(&point.x));
         if needed != current {
-            self.resize(needed);
+            self.set_harmonics(needed);
         }
         // The frequency was valid when the point was solved for.
         let _ = Spectral::evaluate_orbit(self, &point.x, point.lambda);
@@ -589,7 +576,7 @@ impl Quadrature {
             harmonics: needed,
         };
         if needed != current {
-            self.resize(current);
+            self.set_harmonics(current);
         }
         orbit
     }
@@ -654,7 +641,10 @@ fn follow(
 impl Backbone {
     /// Returns the band, Hz, in which the forced response around the curve is of interest.
     pub fn window_hz(&self) -> [f64; 2] {
-        crate::bending::window_hz(self.points.iter().map(|point| point.frequency_hz))
+        let frequencies_hz = self.points.iter().map(|point| point.frequency_hz);
+        let (low, high) = frequencies_hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
+        let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
+        [low - margin, high + margin]
     }
 
     /// Returns the frequency of the last point minus that of the first, Hz.

@@ -19,9 +19,6 @@ pub enum Bending {
 
 /// Relative changes of frequency below this are none.
 const STILL: f64 = 1e-9;
-/// The forced response around a backbone is computed this far beyond it, as a fraction of the change of frequency along
-/// it, and at least this fraction of the frequency.
-const MARGIN: [f64; 2] = [0.5, 0.002];
 
 impl Bending {
     /// The name of the kind in results.
@@ -56,13 +53,6 @@ impl Bending {
             _ => Bending::Mixed,
         })
     }
-}
-
-/// Returns the band, Hz, in which the forced response around a curve with these frequencies is of interest.
-pub(crate) fn window_hz(frequencies_hz: impl Iterator<Item = f64>) -> [f64; 2] {
-    let (low, high) = frequencies_hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
-    let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
-    [low - margin, high + margin]
 }
 
 /// df/ds at s = 0 of a curve with points (s, f), s the square of an amplitude.

@@ -10,7 +10,7 @@ use resonarm_dynamics::structure::Dof;
 use super::adapt::adapt;
 use super::balance::Balance;
 use super::floquet::Floquet;
-use super::orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions};
+use super::orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, TraceOptions};
 use super::spectral::largest;
 use super::start::start;
 use super::walk::Walk;
@@ -258,11 +258,6 @@ impl<'a> Tracer<'a> {
         self.branch.orbits.push(orbit);
     }
 
-    /// Returns the stability of the response last evaluated, if it was requested.
-    fn stability(&mut self, x: &[f64]) -> Option<Stability> {
-        if self.options.assess == Assess::Multipliers { self.floquet.stability(&self.balance, x) } else { None }
-    }
-
     /// Evaluates the response at a point, with the harmonics of the point, and reads it.
     pub fn at<T>(&mut self, point: &Point, read: impl FnOnce(&mut Self) -> T) -> T {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
@@ -283,7 +278,9 @@ impl<'a> Tracer<'a> {
     pub fn orbit(&mut self, point: &Point) -> Orbit {
         self.at(point, |tracer| {
             let orbit = orbit_of(&tracer.balance, tracer.options, &point.x, point.lambda, point.arclength);
-            Orbit { stability: tracer.stability(&point.x), ..orbit }
+            let is_assessed = tracer.options.assess == Assess::Multipliers;
+            let stability = if is_assessed { tracer.floquet.stability(&tracer.balance, &point.x) } else { None };
+            Orbit { stability, ..orbit }
         })
     }
 

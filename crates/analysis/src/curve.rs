@@ -1,6 +1,5 @@
 //! Curves of folds and of period doublings of a structure's periodic responses in two coordinates.
 
-use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::{Spectral, adapt};
@@ -72,12 +71,9 @@ pub fn trace_singular(
 ) -> Result<SingularCurve, EndedEarly<SingularCurve>> {
     let (mut singular, mut continuation, options) = begin(forced, bifurcation, [lambda, mu], options)?;
     let mut curve = SingularCurve::default();
-    let reason = follow(&mut singular, &mut continuation, &options, &mut curve).err();
+    let end = follow(&mut singular, &mut continuation, &options, &mut curve);
     curve.work = continuation.work();
-    match reason {
-        None => Ok(curve),
-        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
-    }
+    EndedEarly::at_end(end, curve)
 }
 
 /// Follows each fold and each period doubling of a branch in `lambda` as `mu` goes from its value there to

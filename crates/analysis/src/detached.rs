@@ -135,10 +135,7 @@ pub(super) struct Found {
 
 impl Found {
     fn branch(&self) -> &Branch {
-        match &self.traced {
-            Ok(branch) => branch,
-            Err(early) => &early.so_far,
-        }
+        self.traced.as_ref().unwrap_or_else(|early| &early.so_far)
     }
 }
 
@@ -210,16 +207,14 @@ impl Searcher<'_> {
             let n = a.x.len().max(b.x.len()).max(response.x.len());
             let mut slices = Slices::new(n, settings, [&a, &b], Cut::Chord);
             let fraction = slices.fraction([&a, &b], response);
-            let reach = slices.distance(&a, &b);
-            if !(0.0..=1.0).contains(&fraction) || slices.distance(&slices.mix([&a, &b], fraction), response) > reach {
+            let (reach, between) = (slices.distance(&a, &b), slices.mix([&a, &b], fraction));
+            if !(0.0..=1.0).contains(&fraction) || slices.distance(&between, response) > reach {
                 return false;
             }
             let mut balance = self.balance(a.lambda, n / m / 2);
-            match slices.solve(&mut balance, [&a, &b], fraction) {
-                Ok(point) => slices.distance(&point, response) < SAME,
-                // A branch point, where the equations are singular.
-                Err(_) => slices.distance(&slices.mix([&a, &b], fraction), response) < SAME,
-            }
+            // At a branch point the equations are singular, and the point between the two is near enough.
+            let point = slices.solve(&mut balance, [&a, &b], fraction).unwrap_or(between);
+            slices.distance(&point, response) < SAME
         })
     }
 
@@ -233,7 +228,10 @@ impl Searcher<'_> {
             return false;
         }
         // A branch that could be followed in part may be part of this one.
-        let holds = |part: &Found| part.traced.is_err() && self.holds_middle(found.branch(), part.branch());
+        let middle = |part: &Found| part.branch().orbits.get(part.branch().orbits.len() / 2).map(point_of);
+        let holds = |part: &Found| {
+            part.traced.is_err() && middle(part).is_some_and(|point| self.lies_on(found.branch(), &point))
+        };
         let parts: Vec<bool> = self.found.iter().map(holds).collect();
         let mut parts = parts.into_iter();
         self.found.retain(|_| parts.next() != Some(true));
@@ -246,10 +244,5 @@ impl Searcher<'_> {
         found.is_attached = found.branch().bifurcations.iter().any(meets);
         self.found.push(found);
         true
-    }
-
-    /// Says whether the middle response of a branch lies on another one.
-    fn holds_middle(&self, branch: &Branch, part: &Branch) -> bool {
-        part.orbits.get(part.orbits.len() / 2).is_some_and(|middle| self.lies_on(branch, &point_of(middle)))
     }
 }

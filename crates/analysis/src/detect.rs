@@ -48,7 +48,9 @@ const DESCENT_LEAST: usize = 3;
 const PROMISE: f64 = 0.2;
 /// The secant rule on the distance of a pair from the unit circle: its first step and its last one, as fractions of a
 /// segment, and the most steps.
-const SECANT: Secant = Secant { first: 1e-3, last: 1e-13, limit: 12 };
+const FIRST_SECANT: f64 = 1e-3;
+const LAST_SECANT: f64 = 1e-13;
+const SECANT_LIMIT: usize = 12;
 /// A pair is on the unit circle if |μ|² is 1 within this.
 const CIRCLE: f64 = 1e-13;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
@@ -65,23 +67,10 @@ struct Crossed {
     turns_back: bool,
 }
 
-impl Crossed {
-    fn uncertain(point: Point) -> Crossed {
-        Crossed { point, is_exact: false, turns_back: false }
-    }
-}
-
 /// Returns the direction from a to b, dX and last dλ, with n components of X.
 pub(super) fn chord(a: &Point, b: &Point, n: usize) -> Vec<f64> {
     let component = |of: &Point, i: usize| of.x.get(i).copied().unwrap_or(0.0);
     (0..n).map(|i| component(b, i) - component(a, i)).chain([b.lambda - a.lambda]).collect()
-}
-
-/// Steps of the secant rule.
-struct Secant {
-    first: f64,
-    last: f64,
-    limit: usize,
 }
 
 /// The sign of a product of real factors times the magnitude of its least, of those that have a sign; zero if none has
@@ -290,7 +279,7 @@ impl Tracer<'_> {
             let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
             let fraction = (lowest.at - s[half]) / (s[half + 1] - s[half]);
             let Ok(point) = slices.solve_beside(&mut self.balance, ends, fraction) else { return };
-            let new = sign * self.test(kind, &point, point.determinant);
+            let new = sign * test(&mut self.floquet, &mut self.balance, kind, &point, point.determinant);
             if new < 0.0 {
                 let (before, after) = (points[half].clone(), points[half + 1].clone());
                 self.find(kind, [&before, &point], [sign * f[half], sign * new], marginal);
@@ -308,17 +297,14 @@ impl Tracer<'_> {
         }
     }
 
-    /// Returns the test function of a kind at a point of the branch.
-    fn test(&mut self, kind: BifurcationKind, point: &Point, reference: Determinant) -> f64 {
-        test(&mut self.floquet, &mut self.balance, kind, point, reference)
-    }
-
     /// Locates the bifurcation between two points at which the test function of its kind has these values, of opposite
     /// signs; records it if it can't be located.
     fn find(&mut self, kind: BifurcationKind, ends: [&Point; 2], values: [f64; 2], marginal: Marginal) {
         let located = match kind {
             BranchPoint => self.crossing(ends, values),
-            _ => self.locate(kind, ends, values, FRACTION).map(|point| point.map(Crossed::uncertain)),
+            _ => self
+                .locate(kind, ends, values, FRACTION)
+                .map(|found| found.map(|point| Crossed { point, is_exact: false, turns_back: false })),
         };
         let Crossed { point, is_exact, turns_back } = match located {
             Ok(Some(located)) => located,
@@ -330,8 +316,8 @@ impl Tracer<'_> {
             }
         };
         let point = match kind {
-            PeriodDoubling => self.doubling(ends, point),
-            NeimarkSacker => self.on_the_circle(ends, point, marginal),
+            PeriodDoubling => self.doubling(ends, &point).unwrap_or(point),
+            NeimarkSacker => self.on_the_circle(ends, &point, marginal).unwrap_or(point),
             _ => point,
         };
         // Where a branch meets responses of fewer periods, or with the symmetry that it has lost, it turns back: to its own
@@ -346,16 +332,12 @@ impl Tracer<'_> {
 
     /// Returns the Neimark–Sacker point near a point that the test function has led to, where the pair of multipliers
     /// nearest to the unit circle is on it but for rounding: |μ|² − 1 of that pair has a slope there along the branch,
-    /// so that the secant rule finds its zero in a few responses. Returns the point itself if that leads elsewhere, or
-    /// if the multipliers jump, as those of forces that aren't smooth.
-    fn on_the_circle(&mut self, ends: [&Point; 2], point: Point, marginal: Marginal) -> Point {
+    /// so that the secant rule finds its zero in a few responses. `None` if that leads elsewhere, or if the multipliers
+    /// jump, as those of forces that aren't smooth.
+    fn on_the_circle(&mut self, ends: [&Point; 2], point: &Point, marginal: Marginal) -> Option<Point> {
         if !self.balance.forced.assembly().is_smooth() {
-            return point;
+            return None;
         }
-        self.secant(ends, &point, marginal).unwrap_or(point)
-    }
-
-    fn secant(&mut self, ends: [&Point; 2], point: &Point, marginal: Marginal) -> Option<Point> {
         let settings = &self.options.branch.continuation;
         let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
         let multipliers = self.multipliers_at(point)?;
@@ -364,15 +346,15 @@ impl Tracer<'_> {
         // Beyond those that are on the circle all along the branch.
         let (mut mu, mut off) = *by_distance.get(marginal.pairs).filter(|(mu, _)| is_complex(*mu))?;
         let mut at = (point.arclength - ends[0].arclength) / (ends[1].arclength - ends[0].arclength);
-        let mut next = at + if at < 0.5 { SECANT.first } else { -SECANT.first };
-        for _ in 0..SECANT.limit {
+        let mut next = at + if at < 0.5 { FIRST_SECANT } else { -FIRST_SECANT };
+        for _ in 0..SECANT_LIMIT {
             let found = slices.solve(&mut self.balance, ends, next).ok()?;
             let multipliers = self.multipliers_at(&found)?;
             let conjugates = multipliers.iter().filter(|mu| mu.im > REAL);
             // The pair is the one nearest to where it was before: others may be as near to the circle.
             mu = *conjugates.min_by(|a, b| (*a - mu).norm_sqr().total_cmp(&(*b - mu).norm_sqr()))?;
             let (moved, new) = (next - at, mu.norm_sqr() - 1.0);
-            if moved.abs() < SECANT.last || new.abs() < CIRCLE {
+            if moved.abs() < LAST_SECANT || new.abs() < CIRCLE {
                 return (0.0..=1.0).contains(&next).then_some(found);
             }
             let slope = (new - off) / moved;
@@ -392,33 +374,19 @@ impl Tracer<'_> {
         found.map(|stability| stability.multipliers)
     }
 
-    /// Returns the stability of the response at a point, whatever its number of harmonics.
-    fn stability_at(&mut self, point: &Point) -> Option<Stability> {
-        self.at(point, |tracer| tracer.floquet.stability(&tracer.balance, &point.x))
-    }
-
-    /// Returns the period doubling near a point that the multipliers have led to, by its extended system; the point
-    /// itself if that leads elsewhere, or the forces aren't smooth.
-    fn doubling(&self, ends: [&Point; 2], point: Point) -> Point {
-        let settings = &self.options.branch.continuation;
-        if !self.balance.forced.assembly().is_smooth() {
-            return point;
+    /// Returns the period doubling near a point that the multipliers have led to, by its extended system; `None` if that
+    /// leads elsewhere, or the forces aren't smooth.
+    fn doubling(&self, ends: [&Point; 2], point: &Point) -> Option<Point> {
+        let (settings, mut balance) = (&self.options.branch.continuation, self.balance.clone());
+        balance.set_harmonics((point.x.len() / balance.unknowns.count() - 1) / 2);
+        if !(balance.forced.assembly().is_smooth() && balance.set_value(point.lambda)) {
+            return None;
         }
-        let Some(located) = self.doubling_of(&self.balance, &point, &point.x) else { return point };
-        let size = self.balance.dimension().max(located.x.len());
-        if Slices::new(size, settings, ends, Cut::Chord).hold(ends, &located) { located } else { point }
-    }
-
-    /// Returns the period doubling near a response `x` with the coordinate of a point, if there is one.
-    fn doubling_of(&self, balance: &Balance, point: &Point, x: &[f64]) -> Option<Point> {
-        let mut balance = balance.clone();
-        balance.set_harmonics((x.len() / balance.unknowns.count() - 1) / 2);
-        let exists = balance.set_value(point.lambda);
-        let settings = &self.options.branch.continuation;
-        let (singular, z, _) =
-            exists.then(|| Singular::solved(&balance, Singularity::PeriodDoubling, settings, x).ok()).flatten()?;
+        let (singular, z, _) = Singular::solved(&balance, Singularity::PeriodDoubling, settings, &point.x).ok()?;
         let (lambda, x) = singular.split(&z);
-        Some(Point { x: x.to_vec(), lambda, ..point.clone() })
+        let located = Point { x: x.to_vec(), lambda, ..point.clone() };
+        let size = self.balance.dimension().max(located.x.len());
+        Slices::new(size, settings, ends, Cut::Chord).hold(ends, &located).then_some(located)
     }
 
     /// Says whether the branch has a branch point between two points.
@@ -426,7 +394,8 @@ impl Tracer<'_> {
         let values = [a, b].map(|point| value(BranchPoint, point, None, a.determinant));
         let found = if crosses(values) { self.crossing([a, b], values).ok().flatten() } else { None };
         let Some(Crossed { point, is_exact, .. }) = found else { return false };
-        is_exact || confirmed(BranchPoint, self.stability_at(&point).as_ref(), Marginal::default())
+        let stability = |tracer: &mut Self| tracer.floquet.stability(&tracer.balance, &point.x);
+        is_exact || confirmed(BranchPoint, self.at(&point, stability).as_ref(), Marginal::default())
     }
 
     /// Returns the branch point between two points at which the determinant has these values, of opposite signs; `None`

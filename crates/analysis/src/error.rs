@@ -296,6 +296,16 @@ pub struct EndedEarly<T: fmt::Debug> {
     pub so_far: Box<T>,
 }
 
+impl<T: fmt::Debug> EndedEarly<T> {
+    /// Returns the results of a continuation that came to this end.
+    pub(crate) fn at_end(end: Result<(), AnalysisError>, so_far: T) -> Result<T, EndedEarly<T>> {
+        match end {
+            Ok(()) => Ok(so_far),
+            Err(reason) => Err(EndedEarly { reason, so_far: Box::new(so_far) }),
+        }
+    }
+}
+
 impl<T: Default + fmt::Debug> From<AnalysisError> for EndedEarly<T> {
     fn from(reason: AnalysisError) -> EndedEarly<T> {
         EndedEarly { reason, so_far: Box::default() }

@@ -162,7 +162,7 @@ impl Singular {
         for _ in 0..MORE_HARMONICS.1 {
             // The series of a law that isn't smooth hardly ends: there are as many harmonics as the response has.
             let smooth = singular.balance.forced.assembly.is_smooth();
-            if !smooth || singular.null_vector_error() < NULL_VECTOR_ERROR {
+            if !smooth || singular.balance.variation_error(&singular.null_vector()) < NULL_VECTOR_ERROR {
                 return Ok((singular, continuation.point().x.clone(), continuation.work()));
             }
             let harmonics = singular.harmonics() + MORE_HARMONICS.0;
@@ -195,11 +195,6 @@ impl Singular {
         let mut full = vec![0.0; self.balance.dimension()];
         self.variation.iter().zip(&self.v).for_each(|(place, v)| full[*place] = *v);
         full
-    }
-
-    /// Returns the distance of the null vector from one that includes the harmonics left out, relative to its size.
-    fn null_vector_error(&self) -> f64 {
-        self.balance.variation_error(&self.null_vector())
     }
 
     /// Returns X among the unknowns of the balance.

@@ -154,11 +154,8 @@ fn start(sizes: &[f64], dimension: usize, noise: &mut Noise) -> Vec<f64> {
 
 /// Says whether two responses with the same number of harmonics are one.
 fn same(a: &[f64], b: &[f64]) -> bool {
-    distance(a, b) < SAME * norm(a).max(norm(b))
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    libm::sqrt(a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum())
+    let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+    libm::sqrt(square) < SAME * norm(a).max(norm(b))
 }
 
 /// Storage of Newton's method, with counts of its work.

@@ -79,10 +79,8 @@ impl Searcher<'_> {
         let forced = self.forced.with_amplitude(load);
         let mut options = TraceOptions { assess: Assess::Nothing, near: None, ..self.options.clone() };
         options.branch.truncation = options.branch.truncation.max(TRUNCATION);
-        let branch = match trace(&forced, options.branch.from, Coordinate::FrequencyHz, &options) {
-            Ok(branch) => branch,
-            Err(early) => *early.so_far,
-        };
+        let traced = trace(&forced, options.branch.from, Coordinate::FrequencyHz, &options);
+        let branch = traced.unwrap_or_else(|early| *early.so_far);
         self.work += branch.work;
         folds(&branch).map(Fold::of).collect()
     }

@@ -291,7 +291,7 @@ fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance)
         return compared(multipliers(finest)?, &multipliers(middle)?);
     }
     let coarsest = flow(8)?;
-    let (whole, coarse) = if log_determinant(&finest) > LEAST_LOG {
+    let (whole, coarse) = if libm::log(finest.determinant().abs()) > LEAST_LOG {
         let [fourth, eighth] = [middle, coarsest].map(|other| distance(&other, &finest));
         let (fourth, eighth) = (fourth?, eighth?);
         (moved(&finest, &((eighth - &fourth * 20.0) / 45.0))?, moved(&finest, &(fourth / -3.0))?)
@@ -313,11 +313,6 @@ fn distance(other: &DMatrix<f64>, flow: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 fn moved(flow: &DMatrix<f64>, by: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let (one, half) = (DMatrix::identity(flow.nrows(), flow.nrows()), by * 0.5);
     (&one - &half).lu().solve(&((one + half) * flow))
-}
-
-/// Returns the logarithm of the magnitude of the flow's determinant, ln |det Φ|.
-fn log_determinant(flow: &DMatrix<f64>) -> f64 {
-    libm::log(flow.determinant().abs())
 }
 
 /// Adds friction that doesn't slip as a spring.
