@@ -24,6 +24,13 @@ const STRIP: usize = 4;
 const ROWS: usize = 3;
 const COLUMNS: usize = 4;
 
+/// Returns the values of some lines in lanes, filled up with zeros.
+pub(crate) fn lanes(lines: usize, value: impl Fn(usize) -> f64) -> Vec<Lane> {
+    let mut lanes = vec![[0.0; LANES]; lines.div_ceil(LANES)];
+    (0..lines).for_each(|k| lanes[k / LANES][k % LANES] = value(k));
+    lanes
+}
+
 /// Several columns of the same number of lines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Columns {

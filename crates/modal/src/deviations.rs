@@ -202,7 +202,7 @@ impl<'a> Weighted<'a> {
                 columns
             })
             .collect();
-        let gains = gains(found);
+        let gains = gains(run, found);
         let mut common = vec![Columns::zeros(lines, size); run.inputs()];
         let mut pole_coefficients = Vec::new();
         let mut error = Columns::zeros(lines, 1);

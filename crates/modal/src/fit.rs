@@ -25,7 +25,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 
 use crate::cholesky::Cholesky;
-use crate::columns::{Columns, Lane, Residual, combine, gram, products, residuals, square};
+use crate::columns::{Columns, LANES, Lane, Residual, combine, gram, products, residuals, square};
 use crate::complex::magnitude;
 use crate::model::{Layout, ResidueKind};
 use crate::run::Run;
@@ -91,8 +91,8 @@ pub(crate) struct Output {
     pub square: f64,
     /// The slopes Bᵀ e of half the squared error e.
     slopes: Vec<f64>,
-    /// Residual of each line, without weights.
-    pub residual: Vec<Lane>,
+    /// Residual of each line, without weights: real parts, then imaginary ones.
+    residual: Vec<Lane>,
 }
 
 /// The fit of a run.
@@ -119,6 +119,14 @@ pub(crate) struct Fit {
     pub information: Vec<f64>,
     /// Jᵀ e over the variances.
     gradient: Vec<f64>,
+}
+
+impl Output {
+    /// Complex residual at a line, without weights.
+    pub fn residual_at(&self, line: usize) -> Complex<f64> {
+        let (re, im) = self.residual.split_at(self.residual.len() / 2);
+        Complex::new(re[line / LANES][line % LANES], im[line / LANES][line % LANES])
+    }
 }
 
 impl RunFit {

@@ -23,7 +23,6 @@
 //!
 //! So one matrix of products of all these columns serves every output, whatever its coefficients.
 
-use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 use core::ops::Range;
@@ -31,7 +30,7 @@ use core::ops::Range;
 use nalgebra::Complex;
 use resonarm_numeric::registers::{Task, four_wide};
 
-use crate::columns::{Columns, LANES, Lane};
+use crate::columns::{Columns, LANES, Lane, lanes};
 use crate::complex::exp;
 
 /// Number of Chebyshev polynomials of a transient, degrees 0 to 3.
@@ -207,16 +206,11 @@ impl Grid {
             let next = (0..lines).map(|k| now[k] * (2.0 * place(omega[k])) - before[k]).collect();
             before = core::mem::replace(&mut now, next);
         }
-        let lanes = |value: &dyn Fn(usize) -> f64| {
-            let mut lanes = vec![[0.0; LANES]; lines.div_ceil(LANES)];
-            (0..lines).for_each(|k| lanes[k / LANES][k % LANES] = value(k));
-            lanes
-        };
         Grid {
             rate_hz,
-            omega: lanes(&|k| omega[k]),
+            omega: lanes(lines, |k| omega[k]),
             factors: Columns::of_values(lines, factors.iter().map(Vec::as_slice)),
-            mask: lanes(&|_| 1.0),
+            mask: lanes(lines, |_| 1.0),
             residual: Columns::of_values(lines, residual.iter().map(Vec::as_slice)),
             residual_scales,
             polynomial,

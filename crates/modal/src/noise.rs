@@ -22,7 +22,7 @@ use resonarm_numeric::linear_solve::solve_complex;
 
 use crate::cholesky::Cholesky;
 use crate::columns::Columns;
-use crate::fit::{Fit, Problem, ROUNDING, RunFit};
+use crate::fit::{Fit, Output, Problem, ROUNDING, RunFit};
 use crate::run::Run;
 
 /// Rounds of the regression, each with the weights of the one before.
@@ -43,9 +43,9 @@ pub(crate) struct Variances {
 }
 
 /// Gains of all outputs over all references: output o and reference i in column o · references + i.
-pub(crate) fn gains(found: &RunFit) -> Columns {
+pub(crate) fn gains(run: &Run, found: &RunFit) -> Columns {
     let (gain, layout) = (&found.gain[0], &found.layout);
-    let mut all = Columns::zeros_like(gain, found.outputs.len() * layout.references);
+    let mut all = Columns::zeros(run.grid.lines(), found.outputs.len() * layout.references);
     for (index, output) in found.outputs.iter().enumerate() {
         for reference in 0..layout.references {
             let start = reference * layout.gain();
@@ -77,13 +77,7 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     }
 }
 
-/// Estimates the variances of a run from the residuals of a fit: the most likely ones, were the residuals of the outputs
-/// independent.
-pub(crate) fn variances(run: &Run, found: &RunFit, gains: &Columns) -> Variances {
-    Regression::new(run, found, gains).variances(run.inputs())
-}
-
-/// Regression of |e|² on σₒ² + Σᵢ |Gₒᵢ|² σᵢ².
+/// Regression of |e|² on σₒ² + Σᵢ |Gₒᵢ|² σᵢ², as if the residuals of the outputs were independent.
 struct Regression {
     /// |e|² of each output and line.
     residuals: Vec<Vec<f64>>,
@@ -98,10 +92,7 @@ struct Regression {
 impl Regression {
     fn new(run: &Run, found: &RunFit, gains: &Columns) -> Regression {
         let lines = run.grid.lines();
-        let power_of = |output: &crate::fit::Output| {
-            let (re, im) = output.residual.split_at(output.residual.len() / 2);
-            re.as_flattened().iter().zip(im.as_flattened()).take(lines).map(|(re, im)| re * re + im * im).collect()
-        };
+        let power_of = |output: &Output| (0..lines).map(|line| output.residual_at(line).norm_sqr()).collect();
         let least = (0..run.outputs()).map(|output| {
             let power: f64 = powers(&run.measured_responses, output, lines).iter().sum();
             (ROUNDING * power / lines as f64).max(f64::MIN_POSITIVE)
@@ -248,13 +239,6 @@ fn non_negative(matrix: &[f64], right: &[f64]) -> Vec<f64> {
     }
 }
 
-impl Columns {
-    /// Returns columns of zeros over the lines of others.
-    fn zeros_like(other: &Columns, count: usize) -> Columns {
-        Columns::zeros(crate::columns::LANES * other.column(0).len() / 2, count)
-    }
-}
-
 /// Sets the weights of a run: 1/(σₒ² + Σᵢ |Gₒᵢ|² σᵢ²) for each output, or for many outputs the same for all, 1/⟨1 + Σᵢ |Gₒᵢ|²
 /// σᵢ²/σₒ²⟩ with the mean over the outputs. One matrix of sums then serves all outputs, where each would need its own. The
 /// covariance holds for any weights.
@@ -291,7 +275,6 @@ fn correct_run(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Varia
     let (lines, inputs, outputs) = (run.grid.lines(), run.inputs(), run.outputs());
     let mut references = vec![Vec::with_capacity(lines); inputs];
     let mut responses = vec![Vec::with_capacity(lines); outputs];
-    let residuals = Residuals { found };
     for line in 0..lines {
         let gain = |output: usize, input: usize| gains.value(output * inputs + input, line);
         let mut matrix = vec![Complex::new(0.0, 0.0); inputs * inputs];
@@ -300,7 +283,7 @@ fn correct_run(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Varia
             let by_variance = 1.0 / variances.responses[output];
             for i in 0..inputs {
                 let scaled = gain(output, i).conj() * by_variance;
-                shift[i] += scaled * residuals.value(output, line);
+                shift[i] += scaled * found.outputs[output].residual_at(line);
                 for j in 0..inputs {
                     matrix[i * inputs + j] += scaled * gain(output, j) * variances.references[j];
                 }
@@ -324,25 +307,11 @@ fn correct_run(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Varia
     responses.iter().enumerate().for_each(|(output, values)| run.responses.set(output, values));
 }
 
-/// Complex values of the residuals of a run.
-pub(crate) struct Residuals<'a> {
-    pub found: &'a RunFit,
-}
-
-impl Residuals<'_> {
-    pub fn value(&self, output: usize, line: usize) -> Complex<f64> {
-        let residual = &self.found.outputs[output].residual;
-        let (re, im) = residual.split_at(residual.len() / 2);
-        let (lane, at) = (line / crate::columns::LANES, line % crate::columns::LANES);
-        Complex::new(re[lane][at], im[lane][at])
-    }
-}
-
 /// Sets the weights of all runs from the residuals of a fit to the measured references.
 pub(crate) fn weigh(problem: &mut Problem, fit: &Fit) {
     for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
-        let gains = gains(found);
-        let variances = variances(run, found, &gains);
+        let gains = gains(run, found);
+        let variances = Regression::new(run, found, &gains).variances(run.inputs());
         set_weights(run, &gains, &variances);
         run.noise = Some(variances);
     }
@@ -353,7 +322,8 @@ pub(crate) fn weigh(problem: &mut Problem, fit: &Fit) {
 pub(crate) fn correct(problem: &mut Problem, fit: &Fit) {
     for (run, found) in problem.runs.iter_mut().zip(&fit.runs) {
         if let Some(variances) = run.noise.clone() {
-            correct_run(run, found, &gains(found), &variances);
+            let gains = gains(run, found);
+            correct_run(run, found, &gains, &variances);
         }
     }
 }
@@ -370,7 +340,7 @@ pub(crate) struct Normalised {
 /// |Cₒₚ|²/(Cₒₒ Cₚₚ), that of complex Gaussian noise.
 pub(crate) fn normalised(run: &Run, found: &RunFit) -> Normalised {
     let (outputs, inputs) = (run.outputs(), run.inputs());
-    let (gains, residuals) = (gains(found), Residuals { found });
+    let gains = gains(run, found);
     let variances = run.noise.clone().unwrap_or_else(|| Variances {
         // The real and the imaginary part have this variance each.
         responses: (0..outputs).map(|output| 2.0 * found.variance(run, output)).collect(),
@@ -385,7 +355,8 @@ pub(crate) fn normalised(run: &Run, found: &RunFit) -> Normalised {
         let own =
             |output: usize| variances.responses[output] + of_output(output).iter().map(Complex::norm_sqr).sum::<f64>();
         let totals: Vec<f64> = (0..outputs).map(own).collect();
-        let powers = totals.iter().enumerate().map(|(output, total)| residuals.value(output, line).norm_sqr() / total);
+        let power = |output: &Output| output.residual_at(line).norm_sqr();
+        let powers = totals.iter().zip(&found.outputs).map(|(total, output)| power(output) / total);
         let mut variance = outputs as f64;
         for a in 0..if noisy { outputs } else { 0 } {
             for b in 0..a {
@@ -402,7 +373,7 @@ pub(crate) fn normalised(run: &Run, found: &RunFit) -> Normalised {
 /// Returns −2 ln L of a fit with the variances that follow from its own residuals: Σ 2 (ln v + |e|²/v).
 pub(crate) fn likelihood(problem: &Problem, fit: &Fit) -> f64 {
     let of_run = |(run, found): (&Run, &RunFit)| {
-        let regression = Regression::new(run, found, &gains(found));
+        let regression = Regression::new(run, found, &gains(run, found));
         2.0 * regression.likelihood(&regression.variances(run.inputs()))
     };
     problem.runs.iter().zip(&fit.runs).map(of_run).sum()

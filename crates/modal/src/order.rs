@@ -178,8 +178,7 @@ fn leave_out(problem: &Problem, mut poles: Vec<Complex<f64>>, band: Band) -> Opt
 pub(crate) fn excess(problem: &Problem, fit: &Fit) -> Option<Excess> {
     struct Sums<'a> {
         frequency_hz: &'a [f64],
-        power: Vec<f64>,
-        variance: Vec<f64>,
+        normalised: Normalised,
         outputs: usize,
     }
     let mut all: Vec<Sums<'_>> = Vec::new();
@@ -187,18 +186,18 @@ pub(crate) fn excess(problem: &Problem, fit: &Fit) -> Option<Excess> {
         let frequency_hz = run.grid.frequency_hz.as_slice();
         let normalised = normalised(run, found);
         if let Some(sums) = all.iter_mut().find(|sums| sums.frequency_hz == frequency_hz) {
-            sums.power.iter_mut().zip(normalised.power).for_each(|(sum, power)| *sum += power);
-            sums.variance.iter_mut().zip(normalised.variance).for_each(|(sum, variance)| *sum += variance);
+            let Normalised { power, variance } = &mut sums.normalised;
+            power.iter_mut().zip(normalised.power).for_each(|(sum, power)| *sum += power);
+            variance.iter_mut().zip(normalised.variance).for_each(|(sum, variance)| *sum += variance);
             sums.outputs += run.outputs();
         } else {
-            let Normalised { power, variance } = normalised;
-            all.push(Sums { frequency_hz, power, variance, outputs: run.outputs() });
+            all.push(Sums { frequency_hz, normalised, outputs: run.outputs() });
         }
     }
     let mut worst: Option<(f64, Excess)> = None;
-    for Sums { frequency_hz, power, variance, outputs } in all {
-        let width = smoothed(frequency_hz.len());
-        let (power, variance) = (moving_average(&power, width), moving_average(&variance, width));
+    for Sums { frequency_hz, normalised, outputs } in all {
+        let width = LEAST_SMOOTHED.max(frequency_hz.len() / SMOOTHED_PART);
+        let [power, variance] = [&normalised.power, &normalised.variance].map(|of| moving_average(of, width));
         let middle = median(&mut power.clone()).max(f64::MIN_POSITIVE);
         let trials = (frequency_hz.len() / width).max(1) as f64;
         for (line, frequency_hz) in frequency_hz.iter().enumerate() {
@@ -218,10 +217,6 @@ pub(crate) fn excess(problem: &Problem, fit: &Fit) -> Option<Excess> {
         }
     }
     worst.map(|(_, excess)| excess)
-}
-
-fn smoothed(lines: usize) -> usize {
-    LEAST_SMOOTHED.max(lines / SMOOTHED_PART)
 }
 
 /// Means over `width` values around each one; values beyond the ends are zero.

@@ -10,7 +10,7 @@ use crate::columns::{Columns, Lane};
 use crate::error::ModalError;
 use crate::model::{Grid, Quantity};
 use crate::noise::Variances;
-use crate::spectra::SpectraError;
+use crate::spectra::{SpectraError, check_finite, check_rate};
 
 /// A record is at rest where the standard deviation is below this part of the peak.
 const REST: f64 = 1e-3;
@@ -165,24 +165,18 @@ impl Run {
         let frequency_hz = (first..=last).map(|line| line as f64 * spacing_hz).collect();
         let dofs = |channels: &[Channel<'_>]| channels.iter().map(|channel| channel.dof).collect();
         let noise = |channels: &[Channel<'_>]| channels.iter().map(|channel| channel.noise).collect();
+        let grid = Grid::new(frequency_hz, record.rate_hz, quantity);
+        let pairs = Pairs::All { references: dofs(&record.references), responses: dofs(&record.responses) };
         let run = Run {
-            grid: Grid::new(frequency_hz, record.rate_hz, quantity),
-            measured_references: references.clone(),
-            measured_responses: responses.clone(),
-            references,
-            responses,
-            noise: None,
-            weights: Columns::default(),
             transient: match transient {
                 TransientModel::Automatic => !rests(record),
                 TransientModel::Present => true,
                 TransientModel::Absent => false,
             },
-            pairs: Pairs::All { references: dofs(&record.references), responses: dofs(&record.responses) },
             reference_noise: noise(&record.references),
             response_noise: noise(&record.responses),
-            spacing_hz,
             noisy_references: true,
+            ..Run::measured(grid, references, responses, pairs, spacing_hz)
         };
         run.check_power(index)?;
         Ok(run)
@@ -221,24 +215,31 @@ impl Run {
         let references = Columns::of_values(lines.len(), [ones.as_slice()].into_iter());
         let values = functions.iter().map(|function| &function.values[lines.clone()]);
         let responses = Columns::of_values(lines.len(), values.collect::<Vec<_>>().into_iter());
-        let run = Run {
-            // Without a transient the sample rate has no meaning.
-            grid: Grid::new(frequency_hz[lines.clone()].to_vec(), 2.0 * frequency_hz[lines.end - 1], quantity),
+        // Without a transient the sample rate has no meaning.
+        let grid = Grid::new(frequency_hz[lines.clone()].to_vec(), 2.0 * frequency_hz[lines.end - 1], quantity);
+        let pairs = Pairs::Each(functions.iter().map(|function| [function.reference, function.response]).collect());
+        let run = Run::measured(grid, references, responses, pairs, spacing_hz);
+        run.check_power(0)?;
+        Ok(run)
+    }
+
+    /// A run with these spectra, without a transient, weights and known noise.
+    fn measured(grid: Grid, references: Columns, responses: Columns, pairs: Pairs, spacing_hz: f64) -> Run {
+        Run {
+            grid,
+            noise: None,
+            weights: Columns::default(),
+            transient: false,
+            pairs,
+            reference_noise: vec![None; references.count()],
+            response_noise: vec![None; responses.count()],
+            spacing_hz,
+            noisy_references: false,
             measured_references: references.clone(),
             measured_responses: responses.clone(),
             references,
             responses,
-            noise: None,
-            weights: Columns::default(),
-            transient: false,
-            pairs: Pairs::Each(functions.iter().map(|function| [function.reference, function.response]).collect()),
-            reference_noise: vec![None],
-            response_noise: vec![None; functions.len()],
-            spacing_hz,
-            noisy_references: false,
-        };
-        run.check_power(0)?;
-        Ok(run)
+        }
     }
 
     pub fn outputs(&self) -> usize {
@@ -282,9 +283,7 @@ impl Run {
 
 fn check_record(index: usize, record: &Record<'_>) -> Result<(), ModalError> {
     let Record { rate_hz, references, responses } = record;
-    if !(*rate_hz > 0.0 && rate_hz.is_finite()) {
-        return Err(SpectraError::Rate { rate_hz: *rate_hz }.into());
-    }
+    check_rate(*rate_hz)?;
     let (inputs, outputs) = (references.len(), responses.len());
     if inputs == 0 || outputs == 0 {
         return Err(ModalError::NoData);
@@ -294,9 +293,7 @@ fn check_record(index: usize, record: &Record<'_>) -> Result<(), ModalError> {
         if channel.samples.len() != samples {
             return Err(SpectraError::Channels { record: index, inputs, outputs }.into());
         }
-        if let Some(sample) = channel.samples.iter().position(|sample| !sample.is_finite()) {
-            return Err(SpectraError::NotFinite { record: index, sample }.into());
-        }
+        check_finite(index, channel.samples)?;
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ use nalgebra::Complex;
 use resonarm_numeric::eigenvalues::eigenvalues;
 
 use crate::cholesky::Cholesky;
-use crate::columns::{LANES, Lane, gram, products};
+use crate::columns::{LANES, Lane, gram, lanes, products};
 use crate::complex::{log, magnitude};
 use crate::noise::median;
 use crate::pole::{damping_ratio, pole};
@@ -186,11 +186,7 @@ fn reduced_matrix(
 ) -> Vec<f64> {
     let inputs = responses.first().map_or(0, Vec::len);
     let (powers, size) = (order + 1, (order + 1) * inputs);
-    let lanes = |value: &dyn Fn(usize) -> f64| {
-        let mut lanes: Vec<Lane> = vec![[0.0; LANES]; frequency_hz.len().div_ceil(LANES)];
-        (0..frequency_hz.len()).for_each(|k| lanes[k / LANES][k % LANES] = value(k));
-        lanes
-    };
+    let lanes = |value: &dyn Fn(usize) -> f64| lanes(frequency_hz.len(), value);
     let angle = |power: usize, k: usize| TAU * frequency_hz[k] * circle.period_s * power as f64;
     let cosines: Vec<Vec<Lane>> = (0..powers).map(|power| lanes(&|k| libm::cos(angle(power, k)))).collect();
     let sines: Vec<Vec<Lane>> = (0..powers).map(|power| lanes(&|k| libm::sin(angle(power, k)))).collect();

@@ -260,10 +260,21 @@ fn samples(record: &Signals<'_>) -> usize {
     record.inputs.iter().chain(record.outputs).next().map_or(0, |channel| channel.len())
 }
 
-fn check_records(rate_hz: f64, records: &[Signals<'_>], segments: &Segments) -> Result<(), SpectraError> {
-    if !(rate_hz > 0.0 && rate_hz.is_finite()) {
-        return Err(SpectraError::Rate { rate_hz });
+/// Checks that a sample rate is possible.
+pub(crate) fn check_rate(rate_hz: f64) -> Result<(), SpectraError> {
+    if rate_hz > 0.0 && rate_hz.is_finite() { Ok(()) } else { Err(SpectraError::Rate { rate_hz }) }
+}
+
+/// Checks that all samples of a channel of a record are numbers.
+pub(crate) fn check_finite(record: usize, samples: &[f64]) -> Result<(), SpectraError> {
+    match samples.iter().position(|sample| !sample.is_finite()) {
+        Some(sample) => Err(SpectraError::NotFinite { record, sample }),
+        None => Ok(()),
     }
+}
+
+fn check_records(rate_hz: f64, records: &[Signals<'_>], segments: &Segments) -> Result<(), SpectraError> {
+    check_rate(rate_hz)?;
     let first = records.first().ok_or(SpectraError::NoRecord)?;
     let (inputs, outputs) = (first.inputs.len(), first.outputs.len());
     for (index, record) in records.iter().enumerate() {
@@ -273,11 +284,7 @@ fn check_records(rate_hz: f64, records: &[Signals<'_>], segments: &Segments) -> 
             return Err(SpectraError::Channels { record: index, inputs, outputs });
         }
         segments.check(length)?;
-        for channel in record.inputs.iter().chain(record.outputs) {
-            if let Some(sample) = channel.iter().position(|sample| !sample.is_finite()) {
-                return Err(SpectraError::NotFinite { record: index, sample });
-            }
-        }
+        record.inputs.iter().chain(record.outputs).try_for_each(|channel| check_finite(index, channel))?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use super::SpectraError;
+use super::{SpectraError, check_finite, check_rate};
 
 /// The shock response spectra of a record: the largest absolute accelerations of oscillators, in the unit of the record.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,18 +41,14 @@ impl ShockResponse {
         quality: f64,
         frequency_hz: &[f64],
     ) -> Result<ShockResponse, SpectraError> {
-        if !(rate_hz > 0.0 && rate_hz.is_finite()) {
-            return Err(SpectraError::Rate { rate_hz });
-        }
+        check_rate(rate_hz)?;
         if !(quality > 0.5 && quality.is_finite()) {
             return Err(SpectraError::Quality { quality });
         }
         if let Some(&frequency_hz) = frequency_hz.iter().find(|f| !(**f > 0.0 && **f <= 0.5 * rate_hz)) {
             return Err(SpectraError::Frequency { frequency_hz, most_hz: 0.5 * rate_hz });
         }
-        if let Some(sample) = acceleration.iter().position(|sample| !sample.is_finite()) {
-            return Err(SpectraError::NotFinite { record: 0, sample });
-        }
+        check_finite(0, acceleration)?;
         let extremes = frequency_hz.iter().map(|f| extremes(TAU * f / rate_hz, 0.5 / quality, acceleration));
         let (negative, positive) = extremes.map(|[lowest, highest]| (-lowest, highest)).unzip();
         Ok(ShockResponse { frequency_hz: frequency_hz.to_vec(), positive, negative })
