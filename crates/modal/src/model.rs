@@ -128,22 +128,23 @@ impl Layout {
         (0..layout.references + usize::from(layout.transient)).map(move |block| {
             let place = 2 * (layout.modes * block + mode);
             let range = if block < layout.references { layout.residue(block, mode) } else { layout.transient_of(mode) };
-            let coefficients = match &unknowns[range] {
-                [x, y] => [*x, *y],
-                [y] => [0.0, *y],
-                _ => [0.0; 2],
-            };
-            (place, coefficients)
+            (place, real_and_imaginary(&unknowns[range]))
         })
     }
 
     /// Returns a residue from the unknowns.
     pub fn residue_value(&self, reference: usize, mode: usize, unknowns: &[f64]) -> Complex<f64> {
-        match &unknowns[self.residue(reference, mode)] {
-            [x, y] => Complex::new(*x, *y),
-            [y] => Complex::new(0.0, *y),
-            _ => Complex::new(0.0, 0.0),
-        }
+        let [re, im] = real_and_imaginary(&unknowns[self.residue(reference, mode)]);
+        Complex::new(re, im)
+    }
+}
+
+/// The parts of a residue or of a transient; an imaginary residue has one unknown.
+fn real_and_imaginary(unknowns: &[f64]) -> [f64; 2] {
+    match unknowns {
+        [x, y] => [*x, *y],
+        [y] => [0.0, *y],
+        _ => [0.0; 2],
     }
 }
 

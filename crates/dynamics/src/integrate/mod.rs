@@ -47,14 +47,11 @@ enum Method<const N: usize> {
 }
 
 impl<const N: usize> Method<N> {
-    fn explicit(step_s: f64, kind: Explicit) -> Method<N> {
-        Method::Explicit(ExplicitMethod { step_s, kind })
-    }
-
     fn new(scheme: Scheme, of: &impl Dynamics<N>, step_s: f64) -> Method<N> {
+        let explicit = |kind: Explicit| Method::Explicit(ExplicitMethod { step_s, kind });
         match scheme {
-            Scheme::Rk4 => Method::explicit(step_s, Explicit::Rk4(Rk4Step::new(step_s))),
-            Scheme::Dop853 => Method::explicit(step_s, Explicit::Dop853),
+            Scheme::Rk4 => explicit(Explicit::Rk4(Rk4Step::new(step_s))),
+            Scheme::Dop853 => explicit(Explicit::Dop853),
             Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(of, step_s))),
             Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(of, step_s))),
             Scheme::Exponential => {
