@@ -77,6 +77,7 @@ impl Decimator {
     /// Makes a decimator that returns the rows, of `width` numbers each, whose index is a multiple of `every`; none for
     /// 0, and for 1 all unchanged.
     pub fn new(every: u64, width: usize) -> Decimator {
+        // A single tap of 1 for the two decimations without a filter, so that the windows need no special case.
         let taps = if every < 2 { vec![1.0] } else { taps(every) };
         let windows = vec![VecDeque::with_capacity(taps.len() + 1); width.div_ceil(LANES)];
         let flags = VecDeque::with_capacity(taps.len() + 1);
@@ -108,6 +109,7 @@ impl Decimator {
     /// Ends the series, and appends its remaining rows to `ready`.
     pub fn end(&mut self, ready: &mut Vec<Decimated>) {
         let (Some((_, next)), Some(last)) = (self.series, self.last()) else { return };
+        // The last row is taken to go on behind the series, until the middle of the windows has passed over all of it.
         for index in 0..self.half_length() {
             self.take(&last.values, last.flags);
             self.give(next.wrapping_add(index), ready);
@@ -192,10 +194,13 @@ fn taps(every: u64) -> Vec<f64> {
     let half = HALF_LENGTH * every as usize;
     let weight = |place: usize| {
         let i = place.abs_diff(half) as f64;
+        // Exactly 0 at both ends, since i is then `half` itself, so that the root below never sees a negative number.
         let inside = 1.0 - (i / half as f64) * (i / half as f64);
         bessel_i0(BETA * libm::sqrt(inside)) * sinc(CUT_OFF * i / every as f64)
     };
     let weights: Vec<f64> = (0..=2 * half).map(weight).collect();
+    // Divided by their sum, so that the gain at 0 Hz is 1: the sum of a windowed sinc is only near to that of the ideal
+    // filter.
     let sum: f64 = weights.iter().sum();
     weights.into_iter().map(|weight| weight / sum).collect()
 }
@@ -237,6 +242,7 @@ mod tests {
     fn passes_what_the_lower_rate_can_tell_and_stops_the_rest() {
         // Away from the ends, where the sine is taken to stand still.
         let inner = 26..500 - 26;
+        // Steps of 1e-4 of the rate find the peaks of the ripple, which are some 1/521 apart with as many taps.
         for hundredth in 0..=400 {
             let frequency = f64::from(hundredth) * 1e-4; // to 0.04 = 0.8 · 0.5/10
             let values = decimated(frequency);

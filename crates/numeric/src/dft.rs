@@ -48,6 +48,8 @@ impl Fft {
             for block in values.chunks_exact_mut(2 * half) {
                 let (even, odd) = block.split_at_mut(half);
                 for (k, (e, o)) in even.iter_mut().zip(odd).enumerate() {
+                    // A block of 2 · half values turns by e^(−2πi k/(2 half)), which is every `stride`th entry of the
+                    // table for N.
                     let turned = *o * self.turns[k * stride];
                     (*e, *o) = (*e + turned, *e - turned);
                 }
@@ -86,15 +88,18 @@ impl Lines {
     /// `inputs` values are given and the others zero.
     pub fn new(period: usize, inputs: usize, first: usize, lines: usize) -> Lines {
         let (period, first) = (period as u64, first as u64);
+        // The convolution of the transform is cyclic. With room for inputs and lines no sum that is kept wraps around.
         let fft = Fft::at_least(inputs + lines);
         let length = fft.length();
         let mut chirp = alloc::vec![Complex::new(0.0, 0.0); length];
+        // The 1/N of the inverse transform goes into the chirp, where it costs nothing in each transform.
         let scale = 1.0 / length as f64;
         for j in 0..inputs.max(lines) {
             let value = square_turn(j as u64, period).conj() * scale;
             if j < lines {
                 chirp[j] = value;
             }
+            // The chirp is even in j, and its negative half is at the end of the cycle.
             if j > 0 && j < inputs {
                 chirp[length - j] = value;
             }
@@ -108,6 +113,8 @@ impl Lines {
         let mut work = alloc::vec![Complex::new(0.0, 0.0); self.fft.length()];
         for ((n, value), slot) in values.into_iter().take(self.inputs).enumerate().zip(&mut work) {
             let n = n as u64;
+            // The turns n·first/N are reduced to less than one before they become an angle: an argument of many turns
+            // would lose digits.
             *slot = value * turn(2 * (n * self.first % self.period), self.period) * square_turn(n, self.period);
         }
         self.fft.forward(&mut work);

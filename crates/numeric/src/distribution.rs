@@ -13,6 +13,7 @@ const STEPS: usize = 200;
 pub fn chi_square_quantile(probability: f64, freedom: f64) -> f64 {
     let below = |x: f64| incomplete_gamma(0.5 * freedom, 0.5 * x)[0] < probability;
     let (mut low, mut high) = (0.0, freedom.max(1.0));
+    // Bounded, so that the search ends even if rounding keeps P below the probability at every x.
     while below(high) && high < f64::MAX / 4.0 {
         high *= 2.0;
     }
@@ -46,6 +47,7 @@ fn incomplete_gamma(a: f64, x: f64) -> [f64; 2] {
     if x <= 0.0 {
         return [0.0, 1.0];
     }
+    // xᵃ e⁻ˣ/Γ(a) by its logarithm: Γ(a) alone overflows from 344 degrees of freedom on.
     let scale = libm::exp(a * libm::log(x) - x - libm::lgamma(a));
     if x < a + 1.0 {
         let (mut term, mut sum) = (1.0 / a, 1.0 / a);
@@ -60,6 +62,7 @@ fn incomplete_gamma(a: f64, x: f64) -> [f64; 2] {
     }
     // Γ(a, x) = xᵃ e⁻ˣ / (b₀ + c₁/(b₁ + c₂/(b₂ + …))) with bₙ = x + 1 − a + 2n, cₙ = −n (n − a).
     let mut b = x + 1.0 - a;
+    // Lentz starts with c = ∞, for which the largest number does: the first quotient by it vanishes.
     let (mut c, mut d) = (f64::MAX, 1.0 / b);
     let mut fraction = d;
     for n in 1..TERMS {
@@ -89,6 +92,7 @@ pub fn binomial_survival(count: usize, trials: usize, probability: f64) -> f64 {
     if probability >= 1.0 {
         return 1.0;
     }
+    // `log1p` keeps the digits of a small probability, which 1 − p would round away.
     let (happens, fails) = (libm::log(probability), libm::log1p(-probability));
     let factorial = |k: usize| libm::lgamma(k as f64 + 1.0);
     let term = |k: usize| {
@@ -124,6 +128,8 @@ mod tests {
     #[test]
     fn quantiles_are_those_of_scipy() {
         for (probability, freedom, expected) in [
+            // From one degree of freedom, where the density is infinite at 0, to thousands, where factors of the series
+            // overflow alone.
             (0.025, 1.0, 9.820_691_171_752_555e-4),
             (0.5, 2.0, 1.386_294_361_119_891),
             (0.975, 7.4, 16.625_954_522_300_542),

@@ -209,6 +209,7 @@ impl Matrix<'_> {
                 if !(ratio.is_finite() && ratio > 0.0) {
                     continue;
                 }
+                // A power of two scales without rounding, so that balancing leaves the eigenvalues as they are.
                 let factor = libm::exp2(libm::round(0.5 * libm::log2(ratio)));
                 if column * factor + row / factor >= BALANCED * (column + row) {
                     continue;
@@ -227,6 +228,8 @@ impl Matrix<'_> {
         for m in 1..n.saturating_sub(1) {
             let to = self.to(m, n);
             let size = |row: usize| self.at(row, m - 1).abs();
+            // The largest element as pivot keeps every factor y at 1 or below, so that elimination does not amplify
+            // rounding.
             let pivot = (m..n).fold(m, |best, row| if size(row) > size(best) { row } else { best });
             if self.at(pivot, m - 1) == 0.0 {
                 continue;
@@ -234,6 +237,8 @@ impl Matrix<'_> {
             if pivot != m {
                 let (a, b) = self.two(m, pivot);
                 a.swap_with_slice(b);
+                // A similarity exchanges the columns along with the rows; exchanging rows alone would change the
+                // eigenvalues.
                 self.a.chunks_exact_mut(self.stride).for_each(|row| row.swap(m, pivot));
             }
             (m + 1..n).for_each(|i| y[i] = self.at(i, m - 1) / self.at(m, m - 1));
@@ -350,6 +355,7 @@ impl Matrix<'_> {
                 }
             }
             let [p, q, r] = column;
+            // With the sign of p the sum p + size below has no cancellation.
             let size = libm::sqrt(p * p + q * q + r * r).copysign(p);
             if size == 0.0 {
                 continue;
@@ -360,6 +366,7 @@ impl Matrix<'_> {
                 self.a[k * n + k - 1] = -self.a[k * n + k - 1];
             }
             let p = p + size;
+            // Two reciprocals in place of five divisions, which take several times as long as products.
             let [by_size, by_p] = [size, p].map(f64::recip);
             let (w, u) = ([p * by_size, q * by_size, r * by_size], [q * by_p, r * by_p]);
             self.reflect([start, end], Reflection { k, three, w, u });

@@ -62,6 +62,7 @@ pub fn solve_complex(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) ->
         let sizes = (column..n).map(|row| libm::hypot(matrix[row * n + column].re, matrix[row * n + column].im));
         let (pivot, largest) =
             sizes.enumerate().fold((0, 0.0), |best, (i, size)| if size > best.1 { (i, size) } else { best });
+        // Written so that NaN is refused as well: no comparison with it holds.
         if !(largest > 0.0 && largest.is_finite()) {
             return None;
         }
@@ -120,6 +121,7 @@ mod tests {
     #[test]
     fn complex_systems_are_solved_or_refused() {
         let i = Complex::new(0.0, 1.0);
+        // The first pivot is 0, so that the solution needs an exchange of rows.
         let matrix = [Complex::new(0.0, 0.0), i, Complex::new(2.0, 0.0), Complex::new(1.0, 1.0)];
         let expected = [Complex::new(1.0, -2.0), Complex::new(3.0, 0.5)];
         let mut x = [matrix[1] * expected[1], matrix[2] * expected[0] + matrix[3] * expected[1]];

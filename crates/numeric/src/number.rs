@@ -52,6 +52,7 @@ impl fmt::Display for Significant {
             size => {
                 // 1 of a number from 10 to 99, −1 of one from 0.1 to 0.99.
                 let exponent = libm::floor(libm::log10(size)) as i32;
+                // A number that rounds up to the next power of ten, as 9.9996 with four digits, shows one digit more.
                 let places = usize::try_from(others as i32 - exponent).unwrap_or(0);
                 write!(f, "{value:.places$}")
             }
