@@ -79,6 +79,8 @@ fn generator<const N: usize>(linear: &LinearPart<N>, unit_rad_s: f64) -> Blocks<
             blocks[1][1][row][column] = DoubleDouble::new(linear[1][row][column] / unit_rad_s);
         }
     }
+    // The first unit block is x' = v and the second adds N to v'. Each further one makes of a power of time the next,
+    // so that one exponential holds all φ.
     for row in 0..BLOCKS - 1 {
         blocks[row][row + 1] = unit();
     }
@@ -123,6 +125,8 @@ fn add_product<const N: usize>(c: &mut [[DoubleDouble; N]; N], a: &[[DoubleDoubl
 
 /// exp(τ W) for τ, τ/2, τ/4 … of all levels.
 fn powers<const N: usize>(generator: &Blocks<N>, tau: DoubleDouble) -> Vec<Blocks<N>> {
+    // The largest sum of magnitudes in a row bounds every product with the matrix, which is all that the series asks
+    // for.
     let row_norm = |blocks: &[[[DoubleDouble; N]; N]; BLOCKS], row: usize| -> f64 {
         blocks.iter().flat_map(|block| &block[row]).map(|entry| libm::fabs(entry.high)).sum()
     };
@@ -236,6 +240,7 @@ fn lagrange<const S: usize>(c: &[DoubleDouble; S], j: usize) -> [DoubleDouble; S
     let (mut coefficients, mut divisor) = ([zero; S], one);
     coefficients[0] = one;
     for k in (1..S).map(|n| (j + n) % S) {
+        // From the highest power down, so that the coefficient below is still that of the polynomial before.
         for m in (0..S).rev() {
             let below = if m == 0 { zero } else { coefficients[m - 1] };
             coefficients[m] = below - c[k] * coefficients[m];

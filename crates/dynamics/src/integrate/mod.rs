@@ -81,6 +81,7 @@ impl<const N: usize> Integrator<N> {
             return Err(IntegrateError::Rate { got_hz: rate_hz });
         }
         let fastest_rad_s = dynamics.fastest_rad_s();
+        // Whole hertz, so that a message states a rate that is accepted.
         let needed_hz = libm::ceil(fastest_rad_s / scheme.phase_limit_rad());
         if rate_hz < needed_hz {
             return Err(IntegrateError::RateTooLow { scheme, got_hz: rate_hz, needed_hz });

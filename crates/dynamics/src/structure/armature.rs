@@ -213,6 +213,8 @@ impl Armature {
     /// The energy of the armature, its spring and the field of its coil at a current, J.
     pub fn energy_j(&self, motion: &ArmatureMotion, current_a: f64) -> f64 {
         let ArmatureMotion { displacement_m: s, velocity_m_s: rate, .. } = *motion;
+        // A current that the amplifier holds is no state: the field's energy is the amplifier's, and does not belong to
+        // the motion.
         let inductance_h = match self.coil {
             Coil::Current { .. } => 0.0,
             Coil::Voltage { inductance_h, .. } => inductance_h,

@@ -353,6 +353,7 @@ impl Assembly {
         let n = self.coordinates();
         let (rest, mut at) = (vec![0.0; n], Linearised::new(n));
         let position = self.at(&rest);
+        // At rest and without a load the derivatives of the unbalance are K, D and M themselves.
         position.linearise(&rest, &rest, &rest, &mut at);
         let mut direction = vec![0.0; n];
         for element in &self.elements {

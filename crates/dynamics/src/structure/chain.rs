@@ -224,6 +224,8 @@ impl Chain {
         }
         for _ in 0..MAX_ITERATIONS {
             let sagged = summed(&sag[..n]);
+            // The residual is the gradient of the potential energy of springs and weight, and the tangent its second
+            // derivative, which is positive definite where the equilibrium is stable.
             let (mut residual, mut tangent) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS * MOST_LINKS]);
             for i in 0..n {
                 let (sine, cosine) = libm::sincos(relaxed_rad[i] + sagged[i] + self.moment_turn_rad[i]);
@@ -415,6 +417,8 @@ impl Chain {
     pub fn displacement_m(&self, turned: &Turned, links: usize, axis: Axis) -> f64 {
         let along = |i: usize| {
             let Angle { sine, cosine } = self.rest[i];
+            // cos(θ₀ + φ) − cos θ₀ = −sin θ₀ sin φ + cos θ₀ (cos φ − 1), and likewise the sine: no difference of nearly
+            // equal numbers, so that a small vibration keeps its digits.
             let (p, q) = if axis == Axis::X { (-sine, cosine) } else { (cosine, sine) };
             self.length_m[i] * turned.turn[i].weighed(p, q)
         };
@@ -451,6 +455,8 @@ fn per_link(links: &[Link], of: impl Fn(&Link) -> f64) -> PerLink {
 /// Refuses a chain in which values count that its source does not state.
 fn check_stated(spec: &ChainSpec) -> Result<(), StructureError> {
     for (i, link) in (1..).zip(&spec.links) {
+        // Without gravity, and with the centre of mass at the joint, the values that a source may leave out do not
+        // count.
         let is_at_joint = link.centre_of_mass_m == 0.0 && link.centre_of_mass_off_m == 0.0;
         let missing = spec.unstated.iter().filter(|parameter| parameter.part == Part::Link(i));
         let missing: Vec<&Parameter> = missing.collect();

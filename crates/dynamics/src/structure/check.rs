@@ -93,6 +93,7 @@ pub(super) fn check_values(element: usize, law: &Law) -> Result<(), StructureErr
         }
         Law::Friction { stiffness, slip } => &[("stiffness", stiffness, Positive), ("slip", slip, Positive)],
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, breakaway, stribeck } => {
+            // Otherwise g(v) would be below the Coulomb force, by which the steepest decay of the bristles is bounded.
             if breakaway < coulomb {
                 return refuse("breakaway", breakaway, "at least `coulomb`");
             }

@@ -1,4 +1,4 @@
-//! Point elements: their force, its derivatives, their energy and loss, and the branches that they are smooth on.
+//! Point elements: their force, its derivatives, their energy, and the branches that they are smooth on.
 //!
 //! A law with a preload is that without at another displacement, less the force at rest; see [`Law::seat`].
 //!
@@ -125,6 +125,7 @@ impl Law {
     pub fn seat(&self) -> Option<[f64; 2]> {
         match *self {
             Law::Gap { stiffness, gap, preload } if preload != 0.0 => {
+                // Pressed beyond the gap by |F|/k, on the side towards which F points.
                 Some([libm::copysign(gap + preload.abs() / stiffness, preload), preload])
             }
             Law::KelvinVoigt { stiffness, side, preload, .. } if preload != 0.0 => {
@@ -200,6 +201,7 @@ impl Law {
             (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, Inner) => {
                 let [pressed, pushing] = self.contact(position, velocity);
                 // The contact closes where both are positive, that is, where the smaller one is.
+                // For Hunt–Crossley one is a length and the other a number: only the sign of the smaller one counts.
                 [moving(-pressed.min(pushing), -side.sign() * velocity, Upper), None]
             }
             (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, _) => {

@@ -511,6 +511,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
             }
             rows
         };
+        // The levers of forces change with the position of the links and not with their velocity, so the second matrix
+        // has no share of `turning`.
         Jacobian { acceleration, by_position: rows(&by_position, &turning), by_velocity: rows(&by_velocity, &[0.0; N]) }
     }
 

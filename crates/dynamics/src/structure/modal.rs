@@ -82,6 +82,7 @@ impl Modal {
         if let Some((mass_kg, w)) = added {
             let square: f64 = w.iter().map(|w| w * w).sum();
             let along: f64 = w.iter().zip(&*out).map(|(w, out)| w * out).sum();
+            // M is the identity, so that wᵀM⁻¹w of the formula is the square of w.
             let taken = mass_kg * along / (1.0 + mass_kg * square);
             out.iter_mut().zip(w).for_each(|(out, w)| *out -= w * taken);
         }

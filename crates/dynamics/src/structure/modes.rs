@@ -195,6 +195,7 @@ fn with_damping(of: &Linear, mut modes: Vec<StructureMode>) -> Vec<StructureMode
 fn damped_ratio(omega: &[f64], damping: &[f64], k: usize) -> Option<f64> {
     let n = omega.len();
     let mut u = vec![Complex::new(0.0, 0.0); n];
+    // Without damping the mode is its own eigenvector, with the eigenvalue iω.
     u[k] = Complex::new(1.0, 0.0);
     let mut lambda = Complex::new(0.0, omega[k]);
     for _ in 0..MOST_ITERATIONS {

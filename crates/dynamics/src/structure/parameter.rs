@@ -178,6 +178,7 @@ impl fmt::Display for Parameter {
 impl Assembly {
     /// All parameters: those of the links or modes, gravity of a chain, those of the elements.
     pub fn parameters(&self) -> Vec<Parameter> {
+        // One walk over a specification serves reading and writing; whoever only reads gives it a copy.
         values(&mut self.spec().clone()).into_iter().map(|(parameter, _)| parameter).collect()
     }
 

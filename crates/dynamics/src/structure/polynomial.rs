@@ -148,6 +148,8 @@ impl Polynomial {
         let (powers, size) = (powers(x), self.at.len());
         stiffness[..size * size].fill(0.0);
         for term in &self.terms {
+            // With magnitudes in place of displacements every term counts as positive, so that terms of opposite signs
+            // can't cancel in a bound.
             let sign = if is_bound && term.energy < 0.0 { -1.0 } else { 1.0 };
             for (k, row) in term.factors.iter().enumerate() {
                 for (l, column) in term.factors.iter().enumerate() {
@@ -224,10 +226,12 @@ pub fn falls_along(terms: &[Term]) -> Option<Vec<i8>> {
         return None;
     }
     let direction = |number: usize| -> Vec<i8> {
+        // The digits of the number in base 3 are the components: all 3⁸ − 1 directions but zero are few enough to try.
         (0..size as u32).map(|digit| [0, 1, -1][number / 3_usize.pow(digit) % 3]).collect()
     };
     let along = |direction: &[i8], term: &Term| {
         let factors = term.powers.iter().zip(direction).filter(|(power, _)| **power > 0);
+        // xᵖ of −1, 0 or 1 is x² for an even power and x for an odd one.
         let sign: i8 = factors.map(|(power, x)| if power % 2 == 0 { x * x } else { *x }).product();
         f64::from(sign) * term.energy
     };

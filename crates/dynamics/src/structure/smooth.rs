@@ -135,6 +135,7 @@ impl<const N: usize> SmoothElement<N> {
         let [w, drift] = self.place.slopes(reaction.force, at, turning);
         for row in 0..N {
             for column in 0..N {
+                // The velocity v = wᵀq̇ changes with the position as well, since w turns with the links.
                 let slope = reaction.by_position * w[column] + reaction.by_velocity * drift[column];
                 by_position[row * N + column] += w[row] * slope;
                 by_velocity[row * N + column] += reaction.by_velocity * w[row] * w[column];

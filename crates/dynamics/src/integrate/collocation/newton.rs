@@ -24,6 +24,7 @@ pub(super) fn solve<D: Dynamics<N>, const S: usize, const N: usize>(
     stages: &Stages<D, S, N>,
     t_s: f64,
 ) -> Result<Solution<S, N>, IntegrateError> {
+    // From the start of the step, not from where the fixed-point iteration has failed, which may be far away.
     let mut slopes = [stages.first_slope(); S];
     let mut correction = f64::INFINITY;
     for _ in 0..MOST_ITERATIONS {
