@@ -586,6 +586,7 @@ impl Balance {
                     let scale = 2.0 * stiffness * part / count as f64;
                     force.iter_mut().zip(self.samples.functions(j, rows)).for_each(|(sum, f)| *sum += scale * f);
                 }
+                // The mean has the factor 1/N where harmonics have 2/N.
                 force[0] *= 0.5;
                 for &(j, [by_position, by_velocity]) in constant {
                     let functions = self.samples.functions(j, rows);
@@ -627,6 +628,7 @@ impl Balance {
             };
             let waves: Vec<_> = (1..=self.harmonics).map(|k| libm::sincos(k as f64 * phase_rad)).collect();
             for &(i, part) in load {
+                // The constant gets half of what each harmonic gets, as the mean of a signal does.
                 force(i, 0.5 * part);
                 for (row, (sine, cosine)) in (1..).step_by(2).zip(&waves) {
                     force(row * m + i, part * cosine);
@@ -742,6 +744,7 @@ impl Balance {
                         let driven = self.driven(k);
                         if driven != [0.0; 2] {
                             let [h, _] = self.compliances[k].drive[i];
+                            // The rows take off the displacement that the drive causes.
                             Pair::of(k, m).put(out, i, times(h, driven).map(|driven| -driven));
                         }
                     }
@@ -786,6 +789,7 @@ impl Balance {
         let value = here.value(parameter).unwrap_or(f64::NAN);
         let scale = if value == 0.0 || parameter.unit() == "°" { value.abs().max(1.0) } else { value.abs() };
         let step = PARAMETER_STEP * scale;
+        // Central where the structure exists on both sides, or else to one side: above, then below.
         let stencils: [(f64, &[(f64, f64)]); 3] = [(step, &CENTRAL), (step, &ONE_SIDED), (-step, &ONE_SIDED)];
         let mut row = vec![0.0; x.len()];
         'stencils: for (step, stencil) in stencils {

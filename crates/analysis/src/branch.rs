@@ -115,6 +115,7 @@ impl<'a> Tracer<'a> {
         self.locate_peaks();
         let mut branch = self.branch;
         branch.work = walk.work();
+        // A pair between earlier points is found after the bifurcations of later ones.
         branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
         if self.rejoined {
             // What was found beyond the branch point is on responses that the branch has already.
@@ -247,6 +248,7 @@ impl<'a> Tracer<'a> {
         let is_prime = |p: usize| (2..p).all(|divisor| !p.is_multiple_of(divisor));
         let rows = || response.x.chunks_exact(m).enumerate();
         (2..=period).filter(|p| period.is_multiple_of(*p) && is_prime(*p)).any(|p| {
+            // Rows 2k − 1 and 2k are those of harmonic k.
             let others = rows().filter(|(row, _)| !row.div_ceil(2).is_multiple_of(p));
             let others: f64 = others.map(|(_, row)| dot(row, row)).sum();
             libm::sqrt(others) < SIMPLER * norm(&response.x)

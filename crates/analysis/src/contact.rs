@@ -137,6 +137,7 @@ impl Acting {
         let acts_first = part.conditions.iter().flatten().all(|condition| condition.at(depth(0)) > 0.0);
         let mut start = depth(0);
         for j in 0..count {
+            // The last interval ends at the first sample, a period later.
             let end = depth((j + 1) % count);
             let mut met = [true; 2];
             self.changes.clear();
@@ -183,6 +184,7 @@ impl Acting {
             self.lines[0].re += sign * phase_rad / TAU;
             let (sine, cosine) = libm::sincos(*phase_rad);
             let turn = Complex::new(cosine, -sine);
+            // A closing takes from the integral what an opening adds, whichever of them comes first in the period.
             // i exp(−inφ)/2πn.
             let mut line = Complex::new(0.0, sign / TAU);
             for n in 1..count.div_ceil(2) {

@@ -169,6 +169,7 @@ impl CrossingEquations {
         normalise(&mut tangent);
         let matrix = crossing.bordered.zeroed(n + 1);
         crossing.matrices[0].chunks_exact(n).zip(1..).for_each(|(from, to)| {
+            // The balance has λ as the last column, the equations here as the first.
             let to = if to > n { 0 } else { to };
             matrix[to * (n + 1)..][..n].copy_from_slice(from);
         });
@@ -246,6 +247,7 @@ impl CrossingEquations {
             let moved: Vec<f64> = x.iter().zip(&phi[1..]).map(|(x, v)| x + h * v).collect();
             self.differentiate(&moved, which);
         }
+        // The differences have overwritten R of the response itself.
         self.residual = residual;
         exists &= self.set(lambda);
         let [_, above, below] = &self.matrices;

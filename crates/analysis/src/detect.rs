@@ -132,6 +132,7 @@ fn test(
     point: &Point,
     reference: Determinant,
 ) -> f64 {
+    // The tangent and the determinant of the point tell of these, so that no multipliers are computed.
     let known = matches!(kind, Fold | BranchPoint);
     let found = if known || !balance.set_value(point.lambda) { None } else { floquet.stability(balance, &point.x) };
     value(kind, point, found.as_ref(), reference)
@@ -172,6 +173,7 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Margi
         NeimarkSacker => {
             let mut by_distance: Vec<_> = pairs(multipliers).collect();
             by_distance.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            // Beside the pairs that have the product 1 all along, one more must have come to it.
             let near = by_distance.iter().take(before.pairs + 1).filter(|(_, factor)| factor.abs() < NEAR);
             near.filter(|(mu, _)| is_complex(*mu)).count() > before.conjugates
         }

@@ -116,6 +116,8 @@ impl History {
         let mut z = self.position[0].clamp(-reach, reach);
         for pass in 0..2 {
             self.forgets = false;
+            // The first pass begins at the first sample. The second comes to it from the last one, as the period goes
+            // round.
             for j in usize::from(pass == 0)..samples {
                 let before = (j + samples - 1) % samples;
                 let velocity = [self.velocity[before], self.velocity[j]];
@@ -159,6 +161,7 @@ impl History {
         } else {
             None
         };
+        // The largest displacement that is out of reach leaves the state just at its limit there.
         let shift = self.anchor.map_or(0.0, |at| x[at] - reach.copysign(x[at]));
         self.state.iter_mut().zip(x).for_each(|(z, x)| *z = x - shift);
         self.mean.copy_from_slice(&self.state);

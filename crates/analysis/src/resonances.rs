@@ -49,6 +49,7 @@ fn falls<'a>(top: (f64, f64), way: impl Iterator<Item = &'a (f64, f64)>, level: 
             return None;
         }
         let below = point.1 < level;
+        // Where the straight line between two points crosses the level.
         let part = if below { (last.1 - level) / (last.1 - point.1) } else { 1.0 };
         let hz = last.0 + part * (point.0 - last.0);
         (low, high) = (low.min(hz), high.max(hz));

@@ -570,6 +570,7 @@ impl Samples {
             forced.add_curvature(&at, -forced.amplitude * wave, &mut self.linearised.by_position);
             for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
                 self.load[i * samples + j] = *unbalance;
+                // A load is taken off the unbalance, hence the sign.
                 self.by_drive[i * samples + j] = -along * wave;
             }
             let of = &self.linearised;

@@ -86,6 +86,7 @@ fn places(unknowns: usize, harmonics: usize, first: usize, step: usize) -> Vec<u
 
 /// Returns a response as one of twice the period: its harmonics become the even ones.
 pub(super) fn doubled(x: &[f64], unknowns: usize) -> Vec<f64> {
+    // 2H + 1 rows are H harmonics, which become 2H of twice the period.
     let harmonics = x.len() / unknowns - 1;
     let mut series = vec![0.0; unknowns * (2 * harmonics + 1)];
     for (place, value) in places(unknowns, harmonics, 0, 2).into_iter().zip(x) {
@@ -249,6 +250,7 @@ impl Singular {
             let moved: Vec<f64> = full.iter().zip(&v).map(|(x, v)| x + h * v).collect();
             self.differentiate(&moved, which);
         }
+        // The differences have overwritten R of the response itself.
         self.residual = residual;
         let [_, above, below] = &self.matrices;
         let along = |column: usize| -> f64 {

@@ -130,6 +130,7 @@ fn integrated(forced: &Forced, frequency_hz: f64, state: &[f64], steps: f64) -> 
     let mut stepper = Stepper::new(forced.assembly(), &dofs, Scheme::Dop853, rate_hz)?;
     stepper.restore(state)?;
     let weighted = |position: &[f64], velocity: &[f64]| -> Vec<f64> {
+        // A velocity over ω has the unit and the order of a displacement, so that both count in the distance.
         position.iter().copied().chain(velocity.iter().map(|v| v / omega_rad_s)).collect()
     };
     let start = weighted(&state[..n], &state[n..2 * n]);

@@ -244,11 +244,13 @@ impl Condensed {
     /// out.
     fn poles(&self, rate_rad_s: f64, without: Option<usize>) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
         self.modes.iter().enumerate().map(move |(mode, &[omega, zeta])| {
+            // Nothing drives the mean of a rigid mode, and its compliance at rest would be infinite.
             let is_rigid_at_rest = omega == 0.0 && rate_rad_s == 0.0;
             if without == Some(mode) || is_rigid_at_rest {
                 return [Complex::new(0.0, 0.0); 2];
             }
             let value = Complex::new(omega * omega - rate_rad_s * rate_rad_s, 2.0 * zeta * omega * rate_rad_s).inv();
+            // d(1/D) = −dD/D² with D = ω² − r² + 2iζωr.
             let slope = -value * value * Complex::new(-2.0 * rate_rad_s, 2.0 * zeta * omega);
             [value, slope]
         })

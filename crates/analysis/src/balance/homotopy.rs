@@ -148,6 +148,7 @@ impl Homotopy {
         let damper = share * self.damper;
         if let Body::Condensed(condensed) = &mut self.balance.unknowns.body {
             let modes = condensed.modes.iter_mut().zip(&self.damping_ratios).filter(|([omega, _], _)| *omega > 0.0);
+            // A damper c in proportion to the mass adds c/2ω to the damping ratio of each mode.
             modes.for_each(|([omega, zeta], own)| *zeta = own + 0.5 * damper / *omega);
         }
     }

@@ -166,6 +166,7 @@ impl Continuation {
         let length = step * size;
         self.begin_at_point();
         for ((z, t), k) in self.through.iter_mut().zip(&self.point.tangent).zip(&self.curvature) {
+            // Along a parabola: with the tangent here, and the curvature of the step before.
             *z += length * (t + 0.5 * length * k);
         }
         let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };

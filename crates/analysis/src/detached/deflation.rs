@@ -142,6 +142,7 @@ impl Searcher<'_> {
 /// Returns a random start: a first harmonic, with a size and a phase of its own for each unknown.
 fn start(sizes: &[f64], dimension: usize, noise: &mut Noise) -> Vec<f64> {
     let (m, mut x) = (sizes.len(), vec![0.0; dimension]);
+    // Even on a logarithmic scale, so that small responses are tried as often as large ones.
     let ratio = libm::log(SHARES[1] / SHARES[0]);
     for (i, size) in sizes.iter().enumerate() {
         let amplitude = size * SHARES[0] * libm::exp(ratio * noise.uniform());
@@ -195,6 +196,8 @@ impl Newton {
             }
             // From rest the first step leads to the linear response.
             let shortened = if size > 0.0 { (LONGEST_STEP * size / length).min(1.0) } else { 1.0 };
+            // Deflation changes the length of Newton's step, and its sense where the divisor is negative, but not its
+            // line.
             let factor = shortened / (1.0 - gradient);
             x.iter_mut().zip(&self.step).for_each(|(x, step)| *x += factor * step);
             if length < CORRECTION * size {

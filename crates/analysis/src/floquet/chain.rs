@@ -55,6 +55,7 @@ impl Rest {
 /// Returns e^A by its series.
 fn exponential(a: &DMatrix<f64>) -> DMatrix<f64> {
     let one = DMatrix::identity(a.nrows(), a.nrows());
+    // Horner's rule, from the smallest term on.
     (1..=TERMS).rev().fold(one.clone(), |sum, term| &one + a * sum / term as f64)
 }
 
