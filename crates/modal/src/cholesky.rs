@@ -36,6 +36,7 @@ impl Cholesky {
                 let element = if scale > 0.0 { a[i * stride + j] / scale } else { 0.0 };
                 row[j] = (element - dot(&row[..j], &above[j * n..j * n + j])) * factor.inverses[j];
             }
+            // The diagonal is scaled to 1: the pivot is the part of a column that those before it don't explain.
             let pivot = 1.0 - dot(&row[..i], &row[..i]);
             if factor.scales[i] > 0.0 && pivot > DEPENDENT {
                 factor.inverses[i] = 1.0 / libm::sqrt(pivot);

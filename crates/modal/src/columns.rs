@@ -186,6 +186,8 @@ impl Task for Gram<'_> {
             let block = start..(start + BLOCK).min(lanes);
             let length = block.len();
             if let Some(weights) = self.weights {
+                // Every column gets the root of the weight, so that each product has the weight itself, and is formed
+                // once.
                 for (root, weight) in roots.iter_mut().zip(&weights[block.clone()]) {
                     (0..LANES).for_each(|lane| root[lane] = libm::sqrt(weight[lane]));
                 }
@@ -292,6 +294,7 @@ fn subtract<const I: usize>(
             }
         }
         for i in 0..I {
+            // The weight goes to one of the two factors alone, since the residual itself is returned without it.
             let weighted = &mut weighted[i][..length];
             if let Some(weights) = weights {
                 for (value, weight) in weighted.iter_mut().zip(&weights[block.clone()]) {

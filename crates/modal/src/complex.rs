@@ -21,6 +21,8 @@ pub(crate) fn magnitude(z: Complex<f64>) -> f64 {
 /// Returns the square root whose real part is not negative.
 pub(crate) fn root(z: Complex<f64>) -> Complex<f64> {
     let size = magnitude(z);
+    // |z| and |Re z| are added, never subtracted. The part that would need their difference follows from 2 · Re · Im =
+    // Im z.
     let re = libm::sqrt(0.5 * (size + z.re.abs()));
     if re == 0.0 {
         return Complex::new(0.0, 0.0);

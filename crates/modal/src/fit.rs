@@ -430,6 +430,8 @@ impl Fit {
         let mut damped = self.information.clone();
         for k in 0..size {
             let diagonal = self.information[k * size + k];
+            // In proportion to the diagonal, so that the poles of narrow modes, which the data determine far better,
+            // are damped as much as those of wide ones.
             damped[k * size + k] += damping * if diagonal > 0.0 { diagonal } else { 1.0 };
         }
         let mut step = self.gradient.clone();

@@ -156,6 +156,7 @@ fn identify(
     let poles = match &options.start {
         Start::Chosen(poles) => poles.clone(),
         Start::Automatic => {
+            // Clusters come by falling share, so that the surest ones are kept.
             let most = options.most_clusters.min(most_modes(&problem));
             let clusters = stabilisation.clusters.iter().take(most);
             let mut start: Vec<Complex<f64>> = clusters.map(|cluster| cluster.pole).collect();

@@ -448,6 +448,7 @@ fn shape(
                 turned(own, covariance.of(*place, mode), own),
                 turned(other, covariance.of(*drive, mode), other),
                 joint,
+                // The covariance of two different errors counts both ways round, the second time transposed.
                 [[joint[0][0], joint[1][0]], [joint[0][1], joint[1][1]]],
             ];
             (sum_of_blocks(&parts), sum_of_blocks(&[with_own, with_other]))
@@ -506,6 +507,8 @@ fn warnings(shape: &Shape) -> Vec<Warning> {
     // φ_d = √a_d: twice its phase is that of a_d.
     let driving = shape.components.iter().find(|component| component.dof == shape.driving_point);
     if let Some(component) = driving {
+        // Beyond 90° the modal constant is nearer to a negative number than to a positive one, which that of a normal
+        // mode is.
         let phase = 2.0 * log(component.value).im;
         if phase.abs() > 0.5 * core::f64::consts::PI {
             found.push(Warning::DrivingPoint { dof: shape.driving_point, phase_deg: phase.to_degrees() });

@@ -206,6 +206,8 @@ impl Regression {
         }
         let mut references = vec![0.0; inputs];
         if self.noisy {
+            // A gain that is the same at all lines can't be told from the noise of the response: the matrix is then
+            // singular but for this.
             (0..inputs).for_each(|i| shared[i * inputs + i] += 1e-12 * sizes[i]);
             references = non_negative(&shared, &right);
         }

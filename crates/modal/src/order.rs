@@ -240,6 +240,7 @@ fn add(problem: &Problem, fit: &Fit, band: Band) -> Option<Fit> {
     let near = (0..fit.poles.len()).min_by(|a, b| distance(&fit.poles[*a]).total_cmp(&distance(&fit.poles[*b])))?;
     let split = {
         let (mut poles, centre) = (fit.poles.clone(), fit.poles[near]);
+        // Two modes that were taken for one begin |Re λ| apart, half of its half-power bandwidth.
         let half = Complex::new(0.0, 0.5 * centre.re.abs());
         poles[near] = centre + half;
         poles.push(centre - half);

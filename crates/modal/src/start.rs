@@ -163,6 +163,7 @@ fn poles_of_orders(
         let found = eigenvalues(unknowns, &mut companion).unwrap_or_default();
         let mut poles: Vec<Complex<f64>> = found
             .into_iter()
+            // One of each pair: real eigenvalues are no vibration.
             .filter(|w| w.im > 0.0)
             .map(|w| circle.pole(w.inv()))
             .filter(|pole| is_physical(*pole, band))
@@ -270,6 +271,7 @@ fn clusters(orders: &[OrderPoles]) -> Vec<Cluster> {
                 median(&mut members.map(|((_, pole), _)| part(*pole)).collect::<Vec<_>>())
             };
             let [re, im] = [around(|pole| pole.re), around(|pole| pole.im)];
+            // The median of nothing is 0: no pole around the centre is free any more.
             if im == 0.0 {
                 break;
             }

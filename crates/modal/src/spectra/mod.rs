@@ -228,6 +228,8 @@ enum Transform {
 impl Transform {
     fn new(length: usize) -> Transform {
         if length.is_power_of_two() {
+            // Bluestein's transform of any length takes two of these, each over more than one and a half times as many
+            // values.
             return Transform::PowerOfTwo(Fft::at_least(length));
         }
         Transform::AnyLength(Lines::new(length, length, 0, length / 2 + 1))

@@ -131,6 +131,7 @@ impl CrossSpectra {
         }
         let scaled = DMatrix::from_fn(inputs, inputs, |i, j| self.between_inputs[i][j][line] * (scale[i] * scale[j]));
         let factor = scaled.cholesky()?;
+        // Only the diagonal is read: `l_dirty` leaves what was above it.
         if factor.l_dirty().diagonal().iter().any(|own| own.norm_sqr() < LEAST_OWN_PART) {
             return None;
         }

@@ -59,6 +59,7 @@ impl Window {
         let value = |n: usize| {
             let mut sum = 0.0;
             for (j, coefficient) in self.coefficients().iter().enumerate() {
+                // Whole turns are taken off as integers, so that the argument of the cosine keeps its digits.
                 let turns = (j * n % length) as f64 / length as f64;
                 let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
                 sum += sign * coefficient * libm::cos(TAU * turns);
@@ -105,6 +106,7 @@ impl Detrend {
             Detrend::Constant => 0.0,
             Detrend::Linear => {
                 let moment: f64 = samples.iter().enumerate().map(|(n, x)| (n as f64 - middle) * x).sum();
+                // Σ (n − middle)² = N (N² − 1)/12, which is 0 for a single sample.
                 moment / (count * (count * count - 1.0) / 12.0).max(f64::MIN_POSITIVE)
             }
         };
