@@ -58,6 +58,7 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
         let forced = forced(case);
         let (up, down) = (traced(&forced, [from, to]), traced(&forced, [to, from]));
         let (found, mut back) = (folds(&up), folds(&down));
+        // On the way down the same folds come in the other order.
         back.reverse();
         assert_eq!(found.len(), back.len(), "{case}");
         for (a, b) in found.iter().zip(&back) {
@@ -79,6 +80,7 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
             }
         }
         let peak = pair(&case["peak_harmonic1_rad"])[0];
+        // No point need lie on the peak itself, but none may exceed it.
         let highest = up.orbits.iter().fold(0.0_f64, |highest, orbit| highest.max(harmonic1(&orbit.readings[0])));
         assert!(highest < peak * (1.0 + 1e-5) && highest > 0.9 * peak, "{highest} {peak}");
     }

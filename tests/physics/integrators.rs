@@ -74,6 +74,7 @@ fn exponential_schemes_are_exact_for_the_linear_arm() {
         let omega = core::f64::consts::TAU * mode.frequency_hz;
         let (zeta, damped) = (mode.damping_ratio, omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio));
         let decay = libm::exp(-zeta * omega);
+        // The free motion 1 s after a deflection at rest.
         let part = decay * (libm::cos(damped) + zeta * omega / damped * libm::sin(damped));
         for i in 0..2 {
             let expected = amplitude * mode.shape[i] * part;

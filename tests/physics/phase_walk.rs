@@ -99,6 +99,7 @@ impl Case {
             (low.min(point.frequency_hz), high.max(point.frequency_hz))
         });
         let forced = self.forced(&self.amplitude);
+        // Beyond the points on both sides, so that the nearest response is not an end of the branch.
         let ends = [0.98 * low, 1.02 * high];
         let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.dof]);
         options.branch.continuation.largest_turn_rad = 0.01;
@@ -304,6 +305,7 @@ fn the_backbone_is_walked_at_quadrature() {
     options.branch.continuation.largest_step = 0.02;
     let computed = backbone(&forced, &options).unwrap().points;
     let read = |readings: &[Reading]| size(readings[0].harmonic1);
+    // In equal steps from a tenth of the load to the whole of it.
     for (point, load) in points.iter().zip((0..9).map(|k| 2.0 + 2.25 * f64::from(k))) {
         assert!(point.settled && (point.load / load - 1.0).abs() < 1.5e-3, "{load}: {point:?}");
         let a = amplitude_m(point, &at);

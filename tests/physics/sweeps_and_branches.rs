@@ -69,6 +69,7 @@ impl Case {
     /// difference.
     fn compare(&self, direction: Direction) -> (f64, f64) {
         let points = self.swept(direction);
+        // The branch begins beside the first point: to its own start it would have no interval.
         let (from_hz, to_hz) = (points[0].0 - 0.1 * direction_sign(direction), points[points.len() - 1].0);
         let fold = self.folds(from_hz, to_hz)[0];
         let mut largest = 0.0_f64;
@@ -88,6 +89,7 @@ impl Case {
         }
         let beyond = |frequency_hz: f64| (frequency_hz - fold) * direction_sign(direction) > 0.0;
         let at = points.windows(2).find(|pair| !beyond(pair[0].0) && beyond(pair[1].0)).unwrap();
+        // Around the folds the sweep has steps of 2 mHz, so that the jump lies between two such neighbours.
         let ratio = at[1].1.readings[0].largest / at[0].1.readings[0].largest;
         assert!((at[1].0 - at[0].0).abs() < 2.1e-3 && !(0.7..1.4).contains(&ratio), "{fold} Hz: {ratio}");
         (fold, largest)

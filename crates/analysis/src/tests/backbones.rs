@@ -27,6 +27,7 @@ fn followed(forced: &Forced, largest: f64, largest_drive: f64) -> Backbone {
 
 /// The mean of a and b of C. F. Gauss.
 fn arithmetic_geometric_mean(mut a: f64, mut b: f64) -> f64 {
+    // The number of digits doubles in each round.
     for _ in 0..20 {
         (a, b) = (0.5 * (a + b), libm::sqrt(a * b));
     }
@@ -41,6 +42,7 @@ fn a_cubic_spring_has_the_frequency_of_an_elliptic_function() {
     let exact_hz = |a: f64| {
         let (square, bend) = (omega * omega, stiffness3 * libm::pow(PHI, 4.0) * a * a);
         let m = 0.5 * bend / (square + bend);
+        // K(m) = π/2M with the mean M of 1 and √(1 − m).
         libm::sqrt(square + bend) * arithmetic_geometric_mean(1.0, libm::sqrt(1.0 - m)) / TAU
     };
     let law = Law::Cubic { stiffness3, stiffness5: 0.0 };

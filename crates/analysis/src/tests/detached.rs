@@ -122,6 +122,7 @@ fn each_search_finds_an_isola_alone() {
     let (.., found) = searched(&case, ends(&case), &SearchOptions { load_factor: 1.0, ..SearchOptions::default() });
     let expected = numbers(&case["isolas"][0]["folds_rad_s"]);
     assert_near(&frequencies(only(&found), BifurcationKind::Fold), &expected, 1e-6);
+    // With the factor 1 no fold is followed to another load.
     assert_eq!(covered(&found).loads, Some([0.15, 0.15]));
 }
 

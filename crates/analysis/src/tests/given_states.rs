@@ -80,6 +80,7 @@ fn states_of_elements_and_of_chains_are_taken_up() {
     options.assess = Assess::Nothing;
     let branch = crate::trace(&forced, 21.0, Coordinate::FrequencyHz, &options).unwrap();
     let state = phase_zero_state(&forced, Coordinate::FrequencyHz, &branch.orbits[0]).unwrap();
+    // Two deflections, two rates and the state of the bristles, which is 0 where it is not given.
     assert_eq!(state.len(), 5);
     for given in [&state[..], &state[..4]] {
         let found = first_near(&forced, 21.0, given).unwrap();

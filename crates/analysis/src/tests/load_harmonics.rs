@@ -19,6 +19,7 @@ fn a_linear_response_is_the_sum_of_its_harmonics() {
     let branch = crate::trace(&forced, 0.05, Coordinate::FrequencyHz, &options).unwrap();
     assert!(branch.orbits.iter().all(|orbit| orbit.harmonics >= 5));
     for orbit in &branch.orbits {
+        // The third harmonic, which the load has not, must be absent from the response, too.
         for (order, ratio, phase) in [(1_u32, 1.0, 0.0), (2, 0.5, 0.0), (3, 0.0, 0.0), (5, -3.0, 0.8)] {
             let w = f64::from(order) * TAU * orbit.frequency_hz;
             // Im of H p e^{iφ} e^{ikΩt} with H = 1/(1 − w² + 2iζw): the cosine has its imaginary part, the sine its real

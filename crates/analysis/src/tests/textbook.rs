@@ -86,11 +86,13 @@ fn duffing_folds_are_those_of_the_closed_form() {
     let forced = duffing(zeta, gamma, force);
     let tip = forced.drives()[0].0;
     let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [0.1, 0.4], vec![tip]);
+    // One harmonic, as in the closed form, whatever that leaves out.
     options.branch = BranchOptions { truncation: f64::INFINITY, least_harmonics: 1, ..options.branch };
     let branch = super::super::trace(&forced, 0.1, Coordinate::FrequencyHz, &options).unwrap();
     assert_eq!(branch.bifurcations.len(), 2);
     for found in &branch.bifurcations {
         let y = found.orbit.readings[0].harmonic1.norm_sqr();
+        // From beside the fold, so that the closed form has to find it by itself.
         let exact = closed(1.01 * y, 1.01 * (TAU * found.orbit.value).powi(2));
         near(found.orbit.value, exact, 1e-10);
     }

@@ -97,6 +97,7 @@ fn row_under_a_held_force<const N: usize>(row: &Row<N>, force_n: &[f64; N], t_s:
                 let damped = libm::sqrt(omega * omega - decay * decay);
                 let (sine, cosine) = libm::sincos(damped * t_s);
                 let step = 1.0 - libm::exp(-decay * t_s) * (cosine + decay / damped * sine);
+                // The squares of a mode's sines sum to (N + 1)/2.
                 let modal_n: f64 = (0..N).map(|n| shape(n, mode) * force_n[n]).sum::<f64>() * 2.0 / (N + 1) as f64;
                 shape(n, mode) * modal_n / (omega * omega) * step
             })

@@ -23,6 +23,7 @@ fn identify(rms: f64, cubic: f64, noise_level: f64, seed: u64) -> Vec<Mode> {
     let [first, last] = [5.0, 200.0].map(|f| (f / spacing_hz) as usize);
     let mut spectrum = vec![Complex::new(0.0, 0.0); fft.length()];
     for line in &mut spectrum[first..last] {
+        // Twice the real part of L lines, each part of which has the variance σ², has the variance 4Lσ².
         *line = Complex::new(noise.normal(), noise.normal()) * (rms / (4.0 * (last - first) as f64).sqrt());
     }
     fft.backward(&mut spectrum);
@@ -36,6 +37,7 @@ fn identify(rms: f64, cubic: f64, noise_level: f64, seed: u64) -> Vec<Mode> {
             modes[k].shape[0] * total - 2.0 * modes[k].damping_ratio * omega * v[k] - omega * omega * q[k]
         })
     };
+    // A step takes the force at its start, in its middle and at its end.
     let step_s = 2.0 / (RATE_HZ * FINE as f64);
     let (mut q, mut v) = ([0.0; 3], [0.0; 3]);
     let mut readings = [const { Vec::new() }; 3];

@@ -133,6 +133,7 @@ fn noise_in_both_channels_averages_out_in_hv() {
         lines.iter().sum::<Complex<f64>>().re / lines.len() as f64
     };
     let [h1, h2, hv] = [Estimator::H1, Estimator::H2, Estimator::Hv { noise_ratio: 4.0 }].map(mean);
+    // A quarter of noise in the input's power makes H1 too small, and a ninth in the output's makes H2 too large.
     assert!((h1 - 3.0 / 1.25).abs() < 0.02, "{h1}");
     assert!((h2 - 3.0 * (1.0 + 1.0 / 9.0)).abs() < 0.02, "{h2}");
     assert!((hv - 3.0).abs() < 0.02, "{hv}");
@@ -164,6 +165,7 @@ fn intervals_contain_the_truth_as_often_as_they_state() {
             let power = spectra.between_inputs[0][0][line].re;
             density += usize::from((low * power..high * power).contains(&2.0));
             response += usize::from((found.responses[0][0][line] - 2.0).norm_sqr() < radius[line] * radius[line]);
+            // y holds −z, and z holds `other` once: the response to that alone is −1.
             let miss = alone.responses[0][0][line] + 1.0;
             single += usize::from(miss.norm_sqr() < alone_radius[line] * alone_radius[line]);
             count += 1;

@@ -66,6 +66,7 @@ fn free_vibration_is_that_of_independent_code() {
         for scheme in [Scheme::Dop853, Scheme::Gl6, Scheme::Exponential8] {
             let mut stepper = Stepper::new(&assembly, &[], scheme, 16_000.0).unwrap();
             stepper.restore(&numbers(&case["initial"])).unwrap();
+            // 0.2 s, as long as the oracle has integrated.
             for k in 0..3200 {
                 stepper.advance(f64::from(k) / 16_000.0, &[]).unwrap();
             }
@@ -112,6 +113,7 @@ fn hard_chain() -> Assembly {
         },
         polynomial(
             &[along("tip", Axis::Y), along("joint3", Axis::X), along("tip", Axis::X)],
+            // Terms of each degree, over one, two and three displacements.
             &[(&[2, 2, 0], 3e6), (&[0, 1, 3], -2e6), (&[1, 1, 1], 4e5), (&[5, 0, 0], 1e6)],
         ),
         polynomial(&[Place::Joint(1), Place::Joint(4)], &[(&[2, 1], 5e5), (&[0, 4], 8e5)]),
@@ -134,6 +136,7 @@ fn differences(at: [f64; 4], of: impl Fn(&[f64; 4]) -> Vec<f64>) -> Vec<Vec<f64>
             let (ahead, behind) = (moved(h), moved(-h));
             ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * h)).collect::<Vec<_>>()
         };
+        // Differences over twice the step have four times the error of second order: weighed so, it cancels.
         let (wide, narrow) = (central(2e-4), central(1e-4));
         narrow.iter().zip(&wide).map(|(narrow, wide)| (4.0 * narrow - wide) / 3.0).collect()
     };
@@ -218,6 +221,7 @@ fn points_move_as_they_say() {
         let dof = assembly.dof(&name).unwrap();
         let x = |t: f64| assembly.displacement(dof, &at(t));
         let h = 1e-4;
+        // Central differences of fourth order. The second one is divided by h², and loses more digits to rounding.
         let velocity = (8.0 * (x(h) - x(-h)) - (x(2.0 * h) - x(-2.0 * h))) / (12.0 * h);
         assert!((velocity - assembly.velocity(dof, &X, &V)).abs() < 1e-8, "{name}");
         let acceleration = (16.0 * (x(h) + x(-h)) - (x(2.0 * h) + x(-2.0 * h)) - 30.0 * x(0.0)) / (12.0 * h * h);
@@ -255,6 +259,7 @@ fn energy_of_a_chain_with_smooth_elements_is_balanced() {
         lost += h_s / 3.0 * (first_w + 4.0 * middle_w + loss(&stepper));
         work += force * (assembly.displacement(tip, stepper.position()) - start_m);
     }
+    // A loss that hardly counts would not test the dampers.
     let (after, scale) = (energy(&stepper), before + work.abs() + lost);
     assert!(
         lost > 0.01 * scale && (after - before - work + lost).abs() < 1e-7 * scale,

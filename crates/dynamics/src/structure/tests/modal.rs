@@ -217,6 +217,7 @@ fn two_decays(omega: f64, zeta: f64, t: f64) -> [f64; 2] {
     if s == 0.0 {
         return [libm::exp(-sigma * t), t * libm::exp(-sigma * t)];
     }
+    // The slower rate as ω² over the faster one: their difference would cancel for large ζ.
     let ends = [omega * omega / (sigma + s), sigma + s].map(|rate| libm::exp(-rate * t));
     [0.5 * (ends[0] + ends[1]), (ends[0] - ends[1]) / (2.0 * s)]
 }

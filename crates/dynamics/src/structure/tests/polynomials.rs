@@ -91,6 +91,7 @@ fn a_polynomial_of_one_displacement_is_a_spring() {
     let spring = grounded(along("tip", Axis::Y), Law::Cubic { stiffness3: 4e7, stiffness5: 6e9 });
     let polynomial = polynomial(&[along("tip", Axis::Y)], &[(&[4], 1e7)]);
     let fifth = grounded(along("tip", Axis::Y), Law::Cubic { stiffness3: 0.0, stiffness5: 6e9 });
+    // A gap that never closes, with which the chain is stepped as one that switches.
     let far = grounded(Place::Joint(1), Law::Gap { stiffness: 1e3, gap: 1.0, preload: 0.0 });
     for others in [vec![], vec![far]] {
         let [one, two] = [vec![spring.clone()], vec![fifth.clone(), polynomial.clone()]];

@@ -42,6 +42,7 @@ fn a_contact_with_a_preload_lets_go_and_returns_as_in_closed_form() {
         let [x, v] = after_period(law, sign * speed, period_s(stiffness, preload, speed));
         assert!(x.abs() < 1e-13 && (v - sign * speed).abs() < 1e-11, "{x:e} {v}");
         // It stays closed below this speed, and is a spring.
+        // Just below the speed at which the closed contact would come to −F/k, where it lets go.
         let slow = 0.99 * preload / stiffness * (OMEGA * OMEGA + stiffness).sqrt();
         let [x, v] = after_period(law, sign * slow, TAU / (OMEGA * OMEGA + stiffness).sqrt());
         assert!(x.abs() < 1e-13 && (v - sign * slow).abs() < 1e-11, "{x:e} {v}");
@@ -61,6 +62,7 @@ fn a_gap_with_a_preload_is_pressed_on_one_flank() {
     // On the other flank: y = x + g + F/k is below −g, and the force is k (y + g) − F.
     let assembly = one_mode(Law::Gap { stiffness, gap: 0.001, preload: 12.0 });
     let force = |x: f64| assembly.elements()[0].force(x, 0.0, 0.0);
+    // From −0.4 mm to −2.4 mm it is in its play, and 0.6 mm beyond it is pressed by 18 N on the other flank.
     for (x, expected) in [(0.0, 0.0), (0.001, 30.0), (-0.0004, -12.0), (-0.002, -12.0), (-0.003, -12.0 - 18.0)] {
         assert!((force(x).force - expected).abs() < 1e-9, "{x}: {:?}", force(x));
     }

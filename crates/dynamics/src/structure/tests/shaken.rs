@@ -7,6 +7,7 @@ use nalgebra::Complex;
 
 const FORCE_FACTOR_N_A: f64 = 20.0;
 const RESISTANCE_OHM: f64 = 2.0;
+// A current that follows at once, and time constants L/R of 0.15 ms and 5 ms.
 const INDUCTANCES_H: [f64; 3] = [0.0, 3e-4, 1e-2];
 
 fn voltage(inductance_h: f64) -> Coil {
@@ -66,6 +67,7 @@ fn the_exact_flow_is_that_of_the_explicit_steps() {
         let mut both = [of(&exact), of(&explicit)];
         let mut scale = [0.0_f64; 5];
         for step in 0..600 {
+            // A command that varies, with a mean from the middle on.
             let blocked_n = 30.0 * libm::sin(0.11 * f64::from(step)) + if step > 300 { 10.0 } else { 0.0 };
             both.iter_mut().for_each(|stepper| stepper.advance(f64::from(step) / 2000.0, &[blocked_n]).unwrap());
             let states = both.each_ref().map(saved);
@@ -154,6 +156,8 @@ fn a_shaken_mode_responds_as_the_closed_form_says() {
 #[test]
 fn energy_is_kept() {
     let gap = Law::Gap { stiffness: 2e5, gap: 2e-4, preload: 0.0 };
+    // The first is stepped by the scheme unless its coil is too slow, the second by explicit steps between switches,
+    // the third by the exact flow.
     for of in [chain(), two_modes(vec![grounded(along("mid", Axis::X), gap)]), two_modes(Vec::new())] {
         for inductance_h in INDUCTANCES_H {
             let armature = armature(&of, [0.6, 0.8], voltage(inductance_h));

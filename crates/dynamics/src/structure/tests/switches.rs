@@ -330,6 +330,7 @@ fn too_many_switches_are_counted() {
     let before = energy(&stepper);
     stepper.advance(0.0, &[0.0]).unwrap();
     assert_eq!(stepper.fallbacks(), 1);
+    // The step of 40 ms holds 12 periods, in each of which both stops are met and left on both sides.
     assert!(stepper.events() > 64, "{}", stepper.events());
     assert!((energy(&stepper) / before - 1.0).abs() < 0.05, "{before} {}", energy(&stepper));
     // Enough steps locate them all.
@@ -351,5 +352,6 @@ fn touches_between_samples_are_found() {
     for _ in 0..200 {
         stepper.advance(0.0, &[0.0]).unwrap();
     }
+    // Four periods, with a touch on either side, each of which begins and ends.
     assert_eq!(stepper.events(), 16);
 }
