@@ -29,7 +29,7 @@ use super::linear::dynamic_stiffness_solve;
 use super::samples::{Contacts, Jump, Samples};
 use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, Weights, direction_at_rest};
-use super::{Coordinate, Forced};
+use super::{Coordinate, Forced, Orbit};
 use crate::continuation::System;
 use crate::forced::Component;
 
@@ -271,6 +271,12 @@ impl Balance {
         let mut balance = Balance::of_unknowns(forced, unknowns, frequency_hz, coordinate);
         balance.set_harmonics(harmonics);
         balance
+    }
+
+    /// A balance at a response of a branch in a coordinate, with as many harmonics; `None` if no such structure exists.
+    pub fn at_orbit(forced: &Forced, coordinate: Coordinate, orbit: &Orbit) -> Option<Balance> {
+        let mut balance = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, coordinate);
+        (balance.set(Coordinate::Amplitude, orbit.drive) && balance.set_value(orbit.value)).then_some(balance)
     }
 
     /// A balance of these unknowns, before its number of harmonics is set.

@@ -126,10 +126,9 @@ impl<'a> Tracer<'a> {
             let at = bifurcation.orbit.arclength;
             bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
         }
-        match end {
-            Ok(end) => Ok(Branch { end, ..branch }),
-            Err(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
-        }
+        // A branch that could not be followed further keeps the end that it has from the start, an early one.
+        let end = end.map(|end| branch.end = end);
+        EndedEarly::at_end(end, branch)
     }
 
     fn follow(&mut self, walk: &mut Walk) -> Result<BranchEnd, AnalysisError> {

@@ -88,7 +88,8 @@ pub fn trace_singular_curves(
     let mut curves: Vec<TracedCurve> = Vec::new();
     let followed = [BifurcationKind::Fold, BifurcationKind::PeriodDoubling];
     for bifurcation in branch.bifurcations.iter().filter(|found| followed.contains(&found.kind)) {
-        let from = balance_at(forced, bifurcation, coordinates[0]).map_or(f64::NAN, |at| at.value(coordinates[1]));
+        let from = Balance::at_orbit(forced, coordinates[0], &bifurcation.orbit)
+            .map_or(f64::NAN, |at| at.value(coordinates[1]));
         let ends_here = |(kind, curve): &TracedCurve| {
             let last = curve.as_ref().ok().and_then(|curve| curve.points.last());
             *kind == bifurcation.kind
@@ -99,13 +100,6 @@ pub fn trace_singular_curves(
         }
     }
     curves
-}
-
-/// Returns the balance at a bifurcation of a branch in `lambda`; `None` if no such structure exists.
-fn balance_at(forced: &Forced, bifurcation: &Bifurcation, lambda: Coordinate) -> Option<Balance> {
-    let orbit = &bifurcation.orbit;
-    let mut balance = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, lambda);
-    (balance.set(Coordinate::Amplitude, orbit.drive) && balance.set_value(orbit.value)).then_some(balance)
 }
 
 /// Returns the equations, and a continuation that begins at the bifurcation, with options for the interval from there.
@@ -123,7 +117,7 @@ fn begin(
     let x = &bifurcation.orbit.coefficients;
     let (to, domain) = (options.branch.to, "the range of the second coordinate");
     let refused = |from: f64, unit: &'static str| AnalysisError::Interval { from, to, unit, domain };
-    let mut balance = balance_at(forced, bifurcation, lambda).ok_or_else(|| refused(f64::NAN, ""))?;
+    let mut balance = Balance::at_orbit(forced, lambda, &bifurcation.orbit).ok_or_else(|| refused(f64::NAN, ""))?;
     let (from, unit) = (balance.value(mu), balance.unit_of(mu));
     // The far end is tried first, so that the balance is left at the near one.
     let exists = from.is_finite() && to.is_finite() && from != to && balance.set(mu, to);

@@ -36,13 +36,9 @@ pub(super) fn phase_zero_states(
 /// Returns the state of a response on a branch in a coordinate, at phase 0 of the drive: coordinates, rates, and the states
 /// of elements. `None` if the structure does not exist at its value of the coordinate.
 pub fn phase_zero_state(forced: &Forced, coordinate: Coordinate, orbit: &Orbit) -> Option<Vec<f64>> {
-    let orders = [orbit.period, orbit.harmonics];
-    let mut balance = Balance::of_period(forced, orders, orbit.frequency_hz, coordinate);
-    let exists = balance.set(Coordinate::Amplitude, orbit.drive) && balance.set_value(orbit.value);
-    exists.then(|| {
-        balance.evaluate_orbit(&orbit.coefficients);
-        at_phase_zero(&balance)
-    })
+    let mut balance = Balance::at_orbit(forced, coordinate, orbit)?;
+    balance.evaluate_orbit(&orbit.coefficients);
+    Some(at_phase_zero(&balance))
 }
 
 /// Returns the state of the response last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
