@@ -68,7 +68,7 @@ pub enum StartEnd {
 
 /// A homotopy that found no response.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("from {from} with {harmonics} harmonics, up to {:.0} % of the forces ({end})", 100.0 * share)]
+#[error("from {from} with {harmonics} harmonics, up to {:.0} % of the forces ({end})", 100.0 * .share)]
 pub struct StartAttempt {
     /// The structure at its start.
     pub from: StartStructure,
