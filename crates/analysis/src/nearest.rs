@@ -82,6 +82,8 @@ pub fn nearest(
     let [Some(from), Some(to)] = harmonic1 else { return None };
     let there = from + (to - from) * share;
     let there_hz = first.frequency_hz + share * (second.frequency_hz - first.frequency_hz);
+    // The phase is that of the chord between the two phasors, but the amplitude that between their lengths: where the
+    // phases differ, the chord comes nearer to zero than the response does.
     Some(Nearest {
         frequency_deviation: frequency_hz / there_hz - 1.0,
         amplitude_deviation: amplitude / (size(first) + share * (size(second) - size(first))) - 1.0,

@@ -36,6 +36,7 @@ pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f
     let level = maxima(curve).first()?.amplitude_rad * core::f64::consts::FRAC_1_SQRT_2;
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut take = |hz: f64| (low, high) = (low.min(hz), high.max(hz));
+    // All points above the level are inside the width; the crossings then take both ends outwards to the level itself.
     all.iter().filter(|point| point.1 >= level).for_each(|point| take(point.0));
     for (i, pair) in curve.windows(2).enumerate() {
         if (pair[0].1 < level) != (pair[1].1 < level) {
@@ -65,6 +66,8 @@ fn vertex([before, middle, after]: [(f64, f64); 3]) -> [f64; 2] {
         (centre, (high - low) / 2.0, (high - 2.0 * centre + low) / 2.0)
     };
     let (hz, rad) = (quadratic(|point| point.0), quadratic(|point| point.1));
+    // A summit has a negative second difference unless rounding cancels it, and then the middle point is as good as
+    // any.
     let t = if rad.2 < 0.0 { -rad.1 / (2.0 * rad.2) } else { 0.0 };
     [hz, rad].map(|(value, slope, half_curvature)| value + t * (slope + t * half_curvature))
 }

@@ -37,6 +37,8 @@ pub(crate) fn search<S: System>(
         let fraction = if step < FALSI_LIMIT { fa / (fa - fb) } else { 0.5 };
         let point = match slices.solve(system, [&a, &b], fraction) {
             Ok(point) => point,
+            // Interpolation is only exact enough in a narrow bracket. In a wide one a plane beside this one may still
+            // have a solution.
             Err(_) if b.arclength - a.arclength < NARROW * whole => return Ok(slices.mix([&a, &b], fraction)),
             Err(_) => slices.solve_beside(system, [&a, &b], fraction)?,
         };
@@ -44,6 +46,8 @@ pub(crate) fn search<S: System>(
         if value.is_nan() {
             break;
         }
+        // The step counts as well as the bracket, since in regula falsi one end may stay far away while the other
+        // converges.
         let moved = (point.arclength - before).abs();
         before = point.arclength;
         if value == 0.0 || moved <= tolerance || b.arclength - a.arclength <= tolerance {
@@ -51,6 +55,8 @@ pub(crate) fn search<S: System>(
         }
         if (value < 0.0) == (fb < 0.0) {
             (b, fb) = (point, value);
+            // The second time in a row on this side the value at the other end is halved, which draws the next point
+            // towards that end.
             fa *= if side == 1 { 0.5 } else { 1.0 };
             side = 1;
         } else {

@@ -102,6 +102,8 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
     let smooth = balance.forced.assembly().is_smooth();
     let mut attempts: Vec<StartAttempt> = Vec::new();
     for harmonics in HARMONICS[usize::from(!smooth)] {
+        // The limits of the branch hold for the homotopy too. Where they make two entries of the list equal, the second
+        // is skipped below.
         let harmonics = harmonics.max(branch.least_harmonics).min(branch.most_harmonics);
         for from in STRUCTURES {
             if attempts.iter().any(|tried| tried.from == from && tried.harmonics == harmonics) {
@@ -136,9 +138,12 @@ fn approach(
     options: &TraceOptions,
     from: StartStructure,
 ) -> Result<Option<Vec<f64>>, (f64, StartEnd)> {
+    // The static deflection under the drive. Only a contact by Hunt and Crossley needs it, whose slope is zero without
+    // a deflection.
     let deflection = unit_deflection(&balance.forced) * balance.forced.amplitude().abs();
     let Some(mut homotopy) = Homotopy::new(balance, from, deflection) else { return Ok(None) };
     let settings = ContinuationSettings {
+        // The share has one scale from 0 to 1, whatever its value.
         parameter_fraction: 0.0,
         parameter_floor: SHARE_SCALE,
         largest_step: LARGEST_STEP,
@@ -159,6 +164,7 @@ fn approach(
             let end = at_parameter(&mut homotopy, &settings, [&before, &after], 1.0);
             return end.map(|point| Some(point.x)).map_err(|error| (1.0, refusal(error)));
         }
+        // A negative share means nothing: the curve has come back to the linear structure and has passed through it.
         if after.lambda < 0.0 {
             return Err((furthest, StartEnd::Returned));
         }

@@ -38,6 +38,8 @@ impl Cholesky {
             }
             // The diagonal is scaled to 1: the pivot is the part of a column that those before it don't explain.
             let pivot = 1.0 - dot(&row[..i], &row[..i]);
+            // An inverse that stays 0 makes the column of L and the unknown 0 wherever they are used, without a further
+            // test.
             if factor.scales[i] > 0.0 && pivot > DEPENDENT {
                 factor.inverses[i] = 1.0 / libm::sqrt(pivot);
             }

@@ -101,6 +101,7 @@ pub(crate) fn covariance(problem: &Problem, fit: &Fit) -> Covariance {
     let inverse = fit.covariance();
     let mut found = Covariance { poles: inverse.clone(), residues: Vec::new() };
     if problem.runs.iter().any(|run| run.noise.is_some()) {
+        // With weights the covariance of the poles is the sum of what the noise of each run contributes, below.
         found.poles.fill(0.0);
     }
     for (run, fit) in problem.runs.iter().zip(&fit.runs) {
@@ -126,6 +127,8 @@ fn uniform(run: &Run, found: &RunFit) -> Vec<Vec<Vec<Spread>>> {
             let of_mode = |mode: usize| {
                 let unknowns = layout.residue(reference, mode);
                 let mut own = [[0.0; 2]; 2];
+                // A residue without a real part has its one unknown in the second row; the first stays zero, since what
+                // is no unknown does not scatter.
                 let skipped = 2 - unknowns.len();
                 for (j, column) in unknowns.clone().enumerate() {
                     let mut unit = vec![0.0; layout.unknowns()];
@@ -207,6 +210,7 @@ impl<'a> Weighted<'a> {
         let mut pole_coefficients = Vec::new();
         let mut error = Columns::zeros(lines, 1);
         for (output, fit) in found.outputs.iter().enumerate() {
+            // Without noise, as in computed data, the variance is zero; the bound keeps its inverse finite.
             let by_variance = 1.0 / found.variance(run, output).max(f64::MIN_POSITIVE);
             let part: Vec<&[Lane]> = perpendicular[found.group(output)].iter().collect();
             let mut of_output = Vec::new();
@@ -320,6 +324,7 @@ impl<'a> Weighted<'a> {
         let size = 2 * self.found.layout.modes;
         let (mut own, mut with_drive) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
         let all: Vec<&[Lane]> = errors.columns.iter().collect();
+        // σ² is the variance of a complex number, of which the real and the imaginary part have half each.
         let half = 0.5 * self.variances.responses[output];
         add_block(&mut own, &products(&all, &all), half);
         let slopes = self.found.layout.slopes();

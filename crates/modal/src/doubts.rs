@@ -74,6 +74,7 @@ fn noisy_references(problem: &Problem, frequency_hz: f64, bandwidth_hz: f64) -> 
         let distance = |line: &usize| (lines[*line] - frequency_hz).abs();
         let mut near: Vec<usize> = (0..lines.len()).filter(|line| distance(line) <= 0.5 * bandwidth_hz).collect();
         if near.is_empty() {
+            // A sharp resonance may lie between two lines, so that none is within its bandwidth.
             near.extend((0..lines.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))));
         }
         for (reference, variance) in variances.references.iter().enumerate() {
@@ -141,6 +142,7 @@ pub fn compare_levels(first: &[Mode], second: &[Mode]) -> Vec<ModeShift> {
             }
         }
     }
+    // The nearest pair is taken first and neither mode again, so that of two close modes each finds its own.
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut found: Vec<ModeShift> = Vec::new();
     for (_, i, j) in pairs {
@@ -148,6 +150,8 @@ pub fn compare_levels(first: &[Mode], second: &[Mode]) -> Vec<ModeShift> {
             continue;
         }
         let (a, b) = (&first[i], &second[j]);
+        // The two identifications have independent noise: their variances add. Without noise both are zero, and the
+        // bound keeps the quotient finite.
         let z = |difference: f64, a: f64, b: f64| difference / libm::hypot(a, b).max(f64::MIN_POSITIVE);
         let (frequency, damping) = (b.frequency_hz - a.frequency_hz, b.damping_ratio - a.damping_ratio);
         let shift = ModeShift {

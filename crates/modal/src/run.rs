@@ -211,6 +211,8 @@ impl Run {
         if lines.is_empty() {
             return Err(ModalError::TooFewLines { lines: 0, least: 1 });
         }
+        // With a unit spectrum as the force a measured frequency response is the spectrum of a response: one
+        // identification serves both.
         let ones = vec![Complex::new(1.0, 0.0); lines.len()];
         let references = Columns::of_values(lines.len(), [ones.as_slice()].into_iter());
         let values = functions.iter().map(|function| &function.values[lines.clone()]);
@@ -324,6 +326,7 @@ fn check_frequencies(frequency_hz: &[f64]) -> Result<f64, ModalError> {
 fn rests(record: &Record<'_>) -> bool {
     let samples = record.references[0].samples.len();
     let peak = |values: &[f64]| values.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+    // The tail is long enough for a standard deviation to mean something, also of a short record.
     let end = (samples / END_PART).max(LEAST_END).min(samples);
     let onsets = record.references.iter().map(|channel| {
         let least = ONSET * peak(channel.samples);
@@ -335,6 +338,8 @@ fn rests(record: &Record<'_>) -> bool {
         let (quiet, tail) = (&channel.samples[..onset], &channel.samples[samples - end..]);
         let noise = channel.noise.unwrap_or(0.0);
         let still = (REST * peak).max(NOISY_REST * noise);
+        // Of so few samples a standard deviation says little. The first one alone is judged then, by a wider limit,
+        // since the response begins with the force.
         let begins = if onset < LEAST_QUIET {
             let least = (FIRST_REST * peak).max(FIRST_NOISY_REST * noise);
             channel.samples.first().is_some_and(|first| first.abs() < least)

@@ -46,6 +46,8 @@ impl Rows {
     /// Replaces the first rows by their product with a square matrix, given by rows.
     pub fn multiply(&mut self, matrix: &[f64]) {
         let (width, n) = (self.width, matrix.len().isqrt());
+        // The storage is kept between the many products of a period; emptied, it is filled with the zeros from which
+        // the sums start.
         self.product.clear();
         self.product.resize(n * width, 0.0);
         for (product, factors) in self.product.chunks_exact_mut(width).zip(matrix.chunks_exact(n)) {

@@ -45,11 +45,15 @@ impl Varied {
         let (step, length) = if repeats { (2, half) } else { (1, count) };
         let resonance = |(phi, [omega, zeta]): (&f64, &[f64; 2])| phi * phi / (2.0 * zeta * omega * omega);
         let (cosines, sines) = of.samples.basis.tables(0);
+        // A plain sum for each order, and not a fast transform: the loop below ends as soon as the coefficients are
+        // negligible.
         let coefficient = |order: usize| {
             signals.map(|signal| {
                 let (mut sum, mut turn) = (Complex::new(0.0, 0.0), 0);
                 for value in &signal[..length] {
                     sum += Complex::new(cosines[turn], -sines[turn]) * *value;
+                    // The angle at sample m is 2π m·order·step/count, so that its place in the tables advances by the
+                    // same number each time.
                     turn = (turn + order * step) % count;
                 }
                 sum / length as f64
@@ -153,6 +157,8 @@ impl<F: Fn(&mut [[f64; 4]; 4], usize, [f64; 2], [f64; 2])> Task for OverModes<'_
         for ((weight, square), damping) in fours[0].1.iter().zip(fours[1].1).zip(fours[2].1) {
             add(&mut lanes, 0, [*weight, *damping], parts(*damping, *square));
         }
+        // There are four lanes on every processor, and they are added in a fixed order: the bits do not depend on the
+        // width of its registers.
         let [a, b, c, d] = lanes.map(|lane| (lane[0] + lane[1]) + (lane[2] + lane[3]));
         [Complex::new(a, b), Complex::new(c, d)]
     }

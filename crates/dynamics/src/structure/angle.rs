@@ -79,6 +79,8 @@ impl<T: Real> Turn<T> {
         let z = alpha_rad * alpha_rad;
         let z2 = z * z;
         let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
+        // The leading terms stand outside of the polynomials, so that their rounding errors are those of a small
+        // correction.
         let near = (alpha_rad + (z * alpha_rad) * p, z * q);
         let (sine, versed) = if FAR { T::where_within(alpha_rad, LIMIT_RAD, near, far) } else { near };
         Turn { sine, versed }

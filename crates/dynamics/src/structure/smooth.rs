@@ -42,6 +42,7 @@ impl<const N: usize> SmoothPlace<N> {
                     link[along] += sign * length_m;
                 }
             }
+            // A chain has no shapes, and its displacements count from the base.
             At::Shape(_) | At::Base(_) => {}
         }
     }
@@ -76,6 +77,8 @@ impl<const N: usize> SmoothPlace<N> {
         for i in (0..N).rev() {
             let [a, b] = self.links_m[i];
             let curvature = -(a * at.cosine[i] + b * at.sine[i]);
+            // A joint turns its own link and all beyond it, so that the derivative by a joint is the sum over the turns
+            // from there outwards.
             outer += b * at.cosine[i] - a * at.sine[i];
             outer_drift += curvature * at.rate[i];
             (w[i], drift[i]) = (self.joints[i] + outer, outer_drift);
@@ -294,6 +297,7 @@ impl<const N: usize> SmoothMass<N> {
         turning: &mut [f64; N],
     ) {
         let own = self.at(at);
+        // The turn of a link is the sum of the joints up to it, and so is its acceleration.
         let mut turned = *acceleration;
         for i in 1..N {
             turned[i] += turned[i - 1];

@@ -129,6 +129,7 @@ impl CrossSpectra {
         if scale.iter().any(|scale| !scale.is_finite()) {
             return None;
         }
+        // Inputs may have different units, a force and a torque. Scaled, one threshold for dependence serves all.
         let scaled = DMatrix::from_fn(inputs, inputs, |i, j| self.between_inputs[i][j][line] * (scale[i] * scale[j]));
         let factor = scaled.cholesky()?;
         // Only the diagonal is read: `l_dirty` leaves what was above it.
@@ -149,6 +150,7 @@ impl CrossSpectra {
             (0..inputs).map(|i| (0..inputs).map(|j| inverse[(i, j)] * cross(j)).sum()).collect();
         let explained: f64 = h1.iter().enumerate().map(|(i, h)| (h * cross(i).conj()).re).sum();
         found.coherence[output][line] = explained / power;
+        // Rounding may make the explained part the larger one where the coherence is 1.
         let unexplained = (power - explained).max(0.0);
         for i in 0..inputs {
             found.scatter[output][i][line] = unexplained * inverse[(i, i)].re;

@@ -71,6 +71,7 @@ fn extremes(turn_rad: f64, damping_ratio: f64, acceleration: &[f64]) -> [f64; 2]
     let ([mut x1, mut x2], [mut y1, mut y2]) = ([0.0; 2], [0.0; 2]);
     let mut found = [0.0_f64; 2];
     for &x in acceleration {
+        // The base is at rest before the record: the values before the first sample are zeros.
         let y = b0 * x + b1 * x1 + b2 * x2 + 2.0 * c * y1 - e * e * y2;
         (x2, x1, y2, y1) = (x1, x, y1, y);
         found = [found[0].min(y), found[1].max(y)];
