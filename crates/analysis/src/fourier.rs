@@ -39,9 +39,9 @@ impl Basis {
         self.sines.clear();
         self.turns.clear();
         for phase in phases_rad {
-            self.turns.push(libm::sincos(phase));
+            let (sine, cosine) = libm::sincos(phase);
+            self.turns.push((sine, cosine));
             if harmonics > 0 {
-                let (sine, cosine) = libm::sincos(phase);
                 self.cosines.push(cosine);
                 self.sines.push(sine);
             }
