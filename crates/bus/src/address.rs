@@ -1,9 +1,5 @@
 //! Bus addresses, as the command line takes them.
 
-use alloc::borrow::ToOwned;
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
 use core::fmt;
 use core::str::FromStr;
 
@@ -130,7 +126,6 @@ fn did_you_mean(backend: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use alloc::string::ToString;
 
     use insta::assert_snapshot;
     use proptest::prelude::*;

@@ -1,8 +1,5 @@
 //! Errors of a bus, each with its fix.
 
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
 use std::io;
 
 use thiserror::Error;
@@ -165,7 +162,6 @@ fn enable_fd(interface: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use alloc::string::ToString;
 
     use insta::assert_snapshot;
 

@@ -1,7 +1,5 @@
 //! CAN buses behind one trait. Every backend passes the same contract test.
 
-extern crate alloc;
-
 mod address;
 mod controller;
 pub mod deadline;
@@ -11,8 +9,6 @@ pub mod memory;
 pub mod socketcan;
 pub mod timed;
 
-use alloc::boxed::Box;
-use alloc::string::String;
 use core::time::Duration;
 
 use resonarm_protocol::{Frame, Id, MessageKind, Network};

@@ -9,11 +9,9 @@
 //! There is no bus time: a frame can be received as soon as it was sent, and has no timestamp. On the bus of
 //! [`timed`](super::timed) frames take their time.
 
-use alloc::string::String;
-use alloc::sync::Arc;
-use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 use core::time::Duration;
+use std::sync::Arc;
 
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer, RingBuffer};

@@ -1,7 +1,5 @@
 //! The tester as a plant: it sends samples, and follows requests.
 
-use alloc::vec::Vec;
-
 use super::source::{ACCELERATION_END_M_S2, FORCE_END_N, Samples};
 use super::stop::Stop;
 use super::tester::Tester;
@@ -115,7 +113,7 @@ impl Tester<'_> {
 
 /// The message of two samples at rest.
 fn pair(sample: u16) -> Vec<Message> {
-    alloc::vec![Message::SensorPair(SensorPair { values: [SensorValues::default(); 2], sample })]
+    vec![Message::SensorPair(SensorPair { values: [SensorValues::default(); 2], sample })]
 }
 
 /// The messages of a sample at rest, or with all readings at the end of their range.
@@ -143,11 +141,9 @@ fn sample(profile: Profile, sample: u16, samples: Samples) -> Vec<Message> {
         acceleration_c_m_s2: measured(acceleration_m_s2),
     };
     match profile {
-        Profile::Classic => alloc::vec![
-            Message::Head(head),
-            Message::AccelerometerB(acceleration),
-            Message::AccelerometerC(acceleration)
-        ],
-        Profile::Fd => alloc::vec![Message::Sensors(Sensors { values, sample })],
+        Profile::Classic => {
+            vec![Message::Head(head), Message::AccelerometerB(acceleration), Message::AccelerometerC(acceleration)]
+        }
+        Profile::Fd => vec![Message::Sensors(Sensors { values, sample })],
     }
 }

@@ -1,8 +1,5 @@
 //! A node whose CAN controller is bus-off for a while.
 
-use alloc::format;
-use alloc::string::String;
-
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;
 use super::stop::{Stop, failed};

@@ -1,9 +1,5 @@
 //! Cases for both nodes: heartbeats, hellos.
 
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
-
 use super::counters::sample;
 use super::load::BusLoad;
 use super::stop::{Stop, failed, inconclusive, late, skipped, wrong};

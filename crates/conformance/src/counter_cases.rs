@@ -1,7 +1,5 @@
 //! Each message of a node has its own counter, which steps by 1.
 
-use alloc::format;
-
 use super::exciter_role;
 use super::plant_role::meet;
 use super::stop::{Stop, wrong};

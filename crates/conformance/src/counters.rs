@@ -1,8 +1,5 @@
 //! The counters of a node's messages: each message has its own, from 0 at the boot, which steps by 1.
 
-use alloc::format;
-use alloc::string::String;
-
 use resonarm_protocol::e2e::Protection;
 use resonarm_protocol::{DecodeError, Frame, Message, MessageKind, Network, NodeState};
 

@@ -1,8 +1,5 @@
 //! Cases for an exciter: answers to samples, faults. The tester plays the plant.
 
-use alloc::format;
-use alloc::vec::Vec;
-
 use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands, commands_of, exchange_hellos, is_arm};
 use super::plant_role::period_ns;
@@ -172,7 +169,7 @@ impl Answered {
     /// Finds those of the `sent` samples from `first` on that these commands answer. Answers to earlier samples don't
     /// count.
     pub fn new(commands: &[u16], first: u16, sent: u16) -> Answered {
-        let mut is_answered = alloc::vec![false; usize::from(sent)];
+        let mut is_answered = vec![false; usize::from(sent)];
         for sample in commands {
             // Answers to earlier samples wrap around to numbers beyond the series.
             if let Some(sample) = is_answered.get_mut(usize::from(sample.wrapping_sub(first))) {

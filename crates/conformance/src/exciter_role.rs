@@ -1,8 +1,5 @@
 //! Steps shared by the cases for an exciter: exchange hellos, let it begin, read its commands.
 
-use alloc::format;
-use alloc::vec::Vec;
-
 use super::source::Samples;
 use super::stop::{Stop, inconclusive};
 use super::tester::{Heard, Tester, is_state};

@@ -13,8 +13,6 @@
 //! node that faults too late fails at the third time. No case passes beside a frame of the node that the tester
 //! rejected.
 
-extern crate alloc;
-
 mod as_plant;
 mod bus_off_cases;
 mod cases;
@@ -46,9 +44,6 @@ mod traffic;
 mod tries;
 mod user_wire;
 mod wire;
-
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
 
 pub use cases::{Case, Script, cases};
 pub use evidence::{Evidence, configuration};

@@ -1,7 +1,5 @@
 //! Cases for lockstep, where the plant waits for the answer to each sample.
 
-use alloc::format;
-
 use super::exciter_role::{begin_with, commands, commands_of};
 use super::plant_cases::{becomes_fault, ramps};
 use super::plant_role::{arm, forces, hold, meet, run_samples};

@@ -1,8 +1,5 @@
 //! Two samples per frame, in the FD profile, if both nodes state that they can.
 
-use alloc::format;
-use alloc::vec::Vec;
-
 use super::exciter_cases::Answered;
 use super::exciter_role::{begin_with, commands, exchange_hellos};
 use super::plant_role::{arm, forces, hold, meet};

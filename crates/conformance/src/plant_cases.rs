@@ -1,8 +1,5 @@
 //! Cases for a plant: samples, state table, times, commands that act.
 
-use alloc::format;
-use alloc::vec::Vec;
-
 use super::damage::Damage;
 use super::plant_role::{arm, drive, exchange_hellos, forces, hold, instead, meet, run_samples, samples, timeout_ns};
 use super::refusal_cases;

@@ -1,7 +1,5 @@
 //! Steps shared by the cases for a plant: exchange hellos, arm it, read its force.
 
-use alloc::format;
-
 use super::source::Answers;
 use super::stop::{Stop, failed, inconclusive};
 use super::tester::{Heard, Tester, emergency};

@@ -1,9 +1,5 @@
 //! Commands that a plant must reject: they neither act nor keep it operational.
 
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
-
 use super::damage::{Damage, needs_fd};
 use super::plant_role::{arm, drive, forces, instead, meet, run_samples, samples, timeout_ns};
 use super::source::Answers;

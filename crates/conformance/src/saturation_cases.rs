@@ -1,9 +1,5 @@
 //! Clipped readings: a plant marks them, and an exciter accepts samples that have them.
 
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
-
 use super::exciter_cases::Answered;
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;

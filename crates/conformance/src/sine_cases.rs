@@ -1,8 +1,5 @@
 //! The size of an exciter's commands: within its own limits, and as set.
 
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
 

@@ -1,7 +1,5 @@
 //! The random choices of a soak: good and bad frames.
 
-use alloc::vec::Vec;
-
 use super::damage::{Damage, needs_fd};
 use super::source::{Answers, FRAMES, Samples};
 use resonarm_numeric::noise::Noise;

@@ -1,8 +1,5 @@
 //! Good and bad frames at random, for a time set: nothing bad acts, and nothing good is rejected.
 
-use alloc::format;
-use alloc::string::String;
-
 use super::exciter_role::{begin, commands};
 use super::plant_role::{drive, forces, period_ns};
 use super::soak::Soak;

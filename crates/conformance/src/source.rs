@@ -1,6 +1,6 @@
 //! Frames that the tester sends by itself: samples as a plant, answers as an exciter.
 
-use alloc::collections::BTreeSet;
+use std::collections::BTreeSet;
 
 use super::damage::Damage;
 

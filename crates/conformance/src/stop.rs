@@ -1,8 +1,5 @@
 //! The ends of a case before its script is over.
 
-use alloc::format;
-use alloc::string::String;
-
 use super::times::ms;
 use resonarm_bus::BusError;
 

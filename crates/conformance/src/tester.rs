@@ -1,9 +1,5 @@
 //! The tester: the other side of the node under test, one case at a time.
 
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
-
 use super::counters::Counters;
 use super::damage::{Damage, Ends};
 use super::load::BusLoad;

@@ -1,8 +1,5 @@
 //! Times by the clock, and how reports write them.
 
-use alloc::format;
-use alloc::string::String;
-
 /// One millisecond, in ns.
 pub(super) const MS: u64 = 1_000_000;
 

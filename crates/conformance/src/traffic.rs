@@ -1,11 +1,8 @@
 //! The frames received during a case: messages accepted, frames rejected and why, frames of others, commands.
 
-use alloc::collections::BTreeMap;
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
 use core::fmt;
 use core::mem::discriminant;
+use std::collections::BTreeMap;
 
 use super::damage::protect;
 use resonarm_files::decoder::Fault;

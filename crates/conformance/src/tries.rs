@@ -1,9 +1,5 @@
 //! A case is tried until it has a result: hold-ups of the tester and of the node under test decide nothing.
 
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
-
 use super::stop::Stop;
 use super::times::ms;
 use super::traffic::Traffic;

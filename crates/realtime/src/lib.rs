@@ -23,8 +23,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-extern crate alloc;
-
 mod bare;
 mod clock;
 mod core_share;

@@ -3,8 +3,6 @@
 //! Every key has a default, so that a scenario states only the values that differ. An unknown key is an error that
 //! suggests the closest known one. A recording holds the whole scenario with its defaults written out.
 
-extern crate alloc;
-
 mod abort_limits;
 mod configuration;
 pub mod dbc;

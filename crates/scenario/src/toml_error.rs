@@ -1,8 +1,5 @@
 //! Errors of TOML texts, with suggestions for unknown keys.
 
-use alloc::format;
-use alloc::string::{String, ToString};
-
 use thiserror::Error;
 
 use crate::nearest::nearest;

@@ -1,9 +1,8 @@
 //! One direction of a faulty end: frames go in, and come out later, changed, twice or never. Time is an argument.
 
-use alloc::collections::BinaryHeap;
-use alloc::vec::Vec;
 use core::cmp::{Ordering, Reverse};
 use core::ops::Range;
+use std::collections::BinaryHeap;
 
 use resonarm_protocol::{Frame, Id};
 

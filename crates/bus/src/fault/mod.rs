@@ -7,8 +7,6 @@
 mod line;
 mod spec;
 
-use alloc::string::String;
-use alloc::vec::Vec;
 use core::ops::Range;
 use core::time::Duration;
 

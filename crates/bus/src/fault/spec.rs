@@ -1,7 +1,5 @@
 //! Faults of the network as a scenario states them.
 
-use alloc::vec::Vec;
-
 use resonarm_protocol::{Id, Node};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

@@ -1,7 +1,3 @@
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
-
 use super::*;
 use crate::memory::{self, MemoryBus};
 use resonarm_realtime::VirtualClock;

@@ -1,6 +1,5 @@
 //! Frames received with one call and not yet handed out.
 
-use alloc::boxed::Box;
 use std::io;
 use std::os::fd::BorrowedFd;
 

@@ -1,9 +1,5 @@
 //! The CAN interfaces that this process can reach.
 
-use alloc::borrow::ToOwned;
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
 use std::{fs, io};
 
 use socketcan::{CanAddr, CanFdSocket, Socket};

@@ -23,9 +23,6 @@ mod frame;
 mod incoming;
 mod interface;
 
-use alloc::borrow::ToOwned;
-use alloc::string::String;
-use alloc::vec::Vec;
 use core::time::Duration;
 use std::io;
 use std::os::fd::AsFd;

@@ -1,7 +1,6 @@
 //! One node's controller on the wire: mailboxes, inbox and error counters.
 
-use alloc::collections::VecDeque;
-use alloc::vec::Vec;
+use std::collections::VecDeque;
 
 use resonarm_protocol::Frame;
 

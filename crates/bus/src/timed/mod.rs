@@ -19,10 +19,8 @@
 mod controller;
 mod wire;
 
-use alloc::string::String;
-use alloc::sync::Arc;
-use alloc::vec::Vec;
 use core::time::Duration;
+use std::sync::Arc;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use resonarm_protocol::Frame;

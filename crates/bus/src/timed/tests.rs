@@ -1,5 +1,3 @@
-use alloc::vec::Vec;
-
 use resonarm_protocol::bits::of;
 use resonarm_protocol::{FrameFormat, Id};
 

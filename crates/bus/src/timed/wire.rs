@@ -1,7 +1,5 @@
 //! The wire between the controllers: arbitration, frames that take their bits, error frames. Time is an argument.
 
-use alloc::vec::Vec;
-
 use resonarm_protocol::bits::{self, BitRates, Bits, INTERMISSION, Level};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 

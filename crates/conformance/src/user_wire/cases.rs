@@ -1,7 +1,5 @@
 //! The table of cases for users' own protocols.
 
-use alloc::vec::Vec;
-
 use super::craft::Damage;
 use super::tester::Tester;
 use super::{Kind, UserWire, controller_cases, drive_cases, lockstep_cases, plant_cases, refusal_cases};

@@ -1,9 +1,6 @@
 //! Cases for a controller on its own protocol, in real time and in lockstep: the tester is the scenario's plant.
 
-use alloc::collections::BTreeMap;
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
+use std::collections::BTreeMap;
 
 use super::Kind;
 use super::end::End;

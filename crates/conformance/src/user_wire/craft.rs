@@ -1,8 +1,6 @@
 //! Frames of the tester's end as they are damaged on their way to the bus, and frames that no node of ours sends.
 
-use alloc::collections::BTreeMap;
-use alloc::vec;
-use alloc::vec::Vec;
+use std::collections::BTreeMap;
 
 use super::UserWire;
 use resonarm_bench::node::WireSpec;

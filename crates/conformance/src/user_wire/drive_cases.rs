@@ -1,8 +1,5 @@
 //! Cases for CANopen drives (CiA 301, CiA 402-2), by their objects.
 
-use alloc::format;
-use alloc::vec::Vec;
-
 use super::COMMAND_BASE;
 use super::monitor::Heard;
 use super::plant_cases::{arm, drive, judged_fault, load_of};

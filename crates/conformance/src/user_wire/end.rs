@@ -1,11 +1,7 @@
 //! The tester's own end of the bus: the scenario's plant, or the emulated exciter with a constant load.
 
-use alloc::boxed::Box;
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::sync::Arc;
-use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
 
 use super::UserWire;
 use super::monitor::Heard;

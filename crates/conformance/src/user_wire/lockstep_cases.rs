@@ -1,8 +1,6 @@
 //! Cases for both nodes in lockstep on a user protocol.
 
-use alloc::collections::BTreeMap;
-use alloc::format;
-use alloc::vec::Vec;
+use std::collections::BTreeMap;
 
 use super::controller_cases::{begin, fault, why};
 use super::plant_cases::{arm, drive, judged_fault};

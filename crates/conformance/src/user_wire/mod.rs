@@ -18,11 +18,6 @@ mod refusal_cases;
 mod requirements;
 mod tester;
 
-use alloc::boxed::Box;
-use alloc::format;
-use alloc::string::{String, ToString};
-use alloc::vec::Vec;
-
 use thiserror::Error;
 
 pub use cases::{WireCase, WireScript, wire_cases};
@@ -232,9 +227,9 @@ impl UserWire {
     /// Returns how long the loads of each message are valid, ns.
     fn timeouts_ns(&self) -> Vec<u64> {
         match &self.spec {
-            _ if self.mode == Mode::Lockstep => alloc::vec![self.timing.command_timeout_ns],
+            _ if self.mode == Mode::Lockstep => vec![self.timing.command_timeout_ns],
             WireSpec::Mapped(_) => self.commands().map(|message| message.timeout_ns).collect(),
-            WireSpec::Cia402(spec) => alloc::vec![spec.timeout_ns],
+            WireSpec::Cia402(spec) => vec![spec.timeout_ns],
         }
     }
 

@@ -1,9 +1,6 @@
 //! Monitor of the node under test: every frame explained, checked and counted.
 
-use alloc::collections::BTreeMap;
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
+use std::collections::BTreeMap;
 
 use super::{Kind, UserWire};
 use crate::traffic::Traffic;

@@ -1,9 +1,6 @@
 //! Cases for a plant on a user protocol: the tester is the emulated exciter with a constant load.
 
-use alloc::collections::BTreeMap;
-use alloc::format;
-use alloc::string::String;
-use alloc::vec::Vec;
+use std::collections::BTreeMap;
 
 use super::UserWire;
 use super::controller_cases::counted;

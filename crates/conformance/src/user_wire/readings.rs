@@ -3,8 +3,6 @@
 //! A plant says what it is in readings that come from time to time: whatever a case waits for is awaited for as long as
 //! that takes at the most.
 
-use alloc::vec::Vec;
-
 use super::UserWire;
 use super::monitor::Heard;
 use super::tester::Tester;

@@ -1,7 +1,5 @@
 //! Frames that a plant must reject: what is wrong with them neither acts nor restarts the timeout.
 
-use alloc::format;
-
 use super::craft::Damage;
 use super::plant_cases::{drive, in_words, judged_fault, load_of};
 use super::readings::{fault_within_ns, load_readings, load_within_ns, loads, says_state};

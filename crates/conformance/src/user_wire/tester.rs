@@ -1,11 +1,7 @@
 //! The tester on a user protocol: its own end, what is altered of that end's frames, and what is heard.
 
-use alloc::boxed::Box;
-use alloc::format;
-use alloc::string::String;
-use alloc::sync::Arc;
-use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
 
 use super::UserWire;
 use super::craft::{Damage, Sent};
