@@ -61,9 +61,7 @@ impl FromStr for Frame {
         } else {
             return classical(id, rest);
         };
-        let mut bytes = [0; 64];
-        let length = data(digits, &mut bytes).ok_or(FrameTextError::Data)?;
-        Frame::new(id, format, bytes.get(..length).unwrap_or(&bytes)).map_err(FrameTextError::Frame)
+        with_data(id, format, digits)
     }
 }
 
@@ -78,13 +76,10 @@ fn classical(id: Id, text: &str) -> Result<Frame, FrameTextError> {
             [digit @ b'0'..=b'8'] => usize::from(digit - b'0'),
             _ => return Err(FrameTextError::RemoteLength),
         };
-        Frame::new(id, FrameFormat::Remote, &[0; 8][..length])
+        Frame::new(id, FrameFormat::Remote, &[0; 8][..length]).map_err(FrameTextError::Frame)?
     } else {
-        let mut bytes = [0; 64];
-        let length = data(text, &mut bytes).ok_or(FrameTextError::Data)?;
-        Frame::new(id, FrameFormat::Classic, bytes.get(..length).unwrap_or(&bytes))
+        with_data(id, FrameFormat::Classic, text)?
     };
-    let frame = frame.map_err(FrameTextError::Frame)?;
     // In a classical frame the DLC 9 to 15 mean 8 bytes as well, so only a frame of 8 bytes can have one of them.
     match raw_dlc.map(str::as_bytes) {
         None | Some([b'9' | b'A'..=b'F' | b'a'..=b'f']) if raw_dlc.is_none() || frame.len() == 8 => Ok(frame),
@@ -102,16 +97,17 @@ fn identifier(text: &str) -> Option<Id> {
     }
 }
 
-/// Fills `bytes` from pairs of digits, which dots may separate, and returns how many there are.
-fn data(text: &str, bytes: &mut [u8; 64]) -> Option<usize> {
-    let mut length = 0;
-    let mut digits = text.chars().filter(|c| *c != '.');
+/// The data frame with the data in `text`: pairs of digits, which dots may separate.
+fn with_data(id: Id, format: FrameFormat, text: &str) -> Result<Frame, FrameTextError> {
+    let (mut bytes, mut length) = ([0; 64], 0);
+    let mut digits = text.chars().filter(|c| *c != '.').map(|c| c.to_digit(16));
     while let Some(high) = digits.next() {
-        let (high, low) = (high.to_digit(16)?, digits.next()?.to_digit(16)?);
-        *bytes.get_mut(length)? = (high << 4 | low) as u8;
+        let pair = high.zip(digits.next().flatten()).zip(bytes.get_mut(length));
+        let ((high, low), byte) = pair.ok_or(FrameTextError::Data)?;
+        *byte = (high << 4 | low) as u8;
         length += 1;
     }
-    Some(length)
+    Frame::new(id, format, &bytes[..length]).map_err(FrameTextError::Frame)
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ pub use message::{
 };
 pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile, UnknownProfile};
 pub use receiver::Receiver;
-pub use state::{NodeState, StateEvent, next};
+pub use state::{NodeState, StateEvent};
 pub use transmitter::Transmitter;
 
 /// The text of the specification, `SPEC.md`.

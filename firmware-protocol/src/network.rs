@@ -211,12 +211,8 @@ impl Node {
     }
 
     /// The node with this number, if there is one.
-    pub const fn from_number(number: u8) -> Option<Node> {
-        match number {
-            1 => Some(Node::Plant),
-            2 => Some(Node::Exciter),
-            _ => None,
-        }
+    pub fn from_number(number: u8) -> Option<Node> {
+        Node::ALL.into_iter().find(|node| node.number() == number)
     }
 
     /// Returns the other node of the network.

@@ -2,17 +2,17 @@
 
 use core::fmt;
 
-/// The state of a node, as in its heartbeat.
+/// The state of a node. The discriminant is its byte in a heartbeat (CiA 301).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NodeState {
     /// The node has just started; it reports this once.
-    BootUp,
+    BootUp = 0x00,
     /// The node runs, exchanges hellos and measures; the force is zero.
-    PreOperational,
+    PreOperational = 0x7F,
     /// Armed: commands reach the arm.
-    Operational,
+    Operational = 0x05,
     /// A fault has latched; the force ramps to zero and stays there. CANopen's "stopped".
-    Fault,
+    Fault = 0x04,
 }
 
 /// An event that changes a node's state.
@@ -41,20 +41,6 @@ const TRANSITIONS: [(NodeState, StateEvent, NodeState); 7] = [
     (NodeState::Fault, StateEvent::Reset, NodeState::PreOperational),
 ];
 
-/// The state after `event` in `state`, or `None` if `event` is not accepted there.
-pub const fn next(state: NodeState, event: StateEvent) -> Option<NodeState> {
-    // A const fn has neither `for` nor `==` of enums: hence the index and the numbers.
-    let mut i = 0;
-    while i < TRANSITIONS.len() {
-        let (from, on, to) = TRANSITIONS[i];
-        if from as u8 == state as u8 && on as u8 == event as u8 {
-            return Some(to);
-        }
-        i += 1;
-    }
-    None
-}
-
 impl NodeState {
     /// All states a node can have.
     pub const ALL: [NodeState; 4] =
@@ -62,28 +48,17 @@ impl NodeState {
 
     /// The byte of the state in a heartbeat (CiA 301).
     pub const fn heartbeat_byte(self) -> u8 {
-        match self {
-            NodeState::BootUp => 0x00,
-            NodeState::Fault => 0x04,
-            NodeState::Operational => 0x05,
-            NodeState::PreOperational => 0x7F,
-        }
+        self as u8
     }
 
     /// The state of a heartbeat's byte, if there is one.
-    pub const fn from_heartbeat_byte(byte: u8) -> Option<NodeState> {
-        match byte {
-            0x00 => Some(NodeState::BootUp),
-            0x04 => Some(NodeState::Fault),
-            0x05 => Some(NodeState::Operational),
-            0x7F => Some(NodeState::PreOperational),
-            _ => None,
-        }
+    pub fn from_heartbeat_byte(byte: u8) -> Option<NodeState> {
+        NodeState::ALL.into_iter().find(|state| state.heartbeat_byte() == byte)
     }
 
-    /// The state after `event`, or `None` if `event` is not accepted: [`next`] as a method.
-    pub const fn next(self, event: StateEvent) -> Option<NodeState> {
-        next(self, event)
+    /// The state after `event`, or `None` if `event` is not accepted in this one.
+    pub fn next(self, event: StateEvent) -> Option<NodeState> {
+        TRANSITIONS.into_iter().find(|(from, on, _)| (*from, *on) == (self, event)).map(|(_, _, to)| to)
     }
 }
 
@@ -122,7 +97,7 @@ mod tests {
     fn only_a_reset_leaves_a_fault() {
         for event in StateEvent::ALL {
             let expected = (event == StateEvent::Reset).then_some(NodeState::PreOperational);
-            assert_eq!(next(NodeState::Fault, event), expected, "{event:?}");
+            assert_eq!(NodeState::Fault.next(event), expected, "{event:?}");
         }
     }
 
@@ -131,7 +106,7 @@ mod tests {
         for state in NodeState::ALL {
             for event in StateEvent::ALL {
                 let arms = state == NodeState::PreOperational && event == StateEvent::Arm;
-                assert_eq!(next(state, event) == Some(NodeState::Operational), arms, "{state:?} {event:?}");
+                assert_eq!(state.next(event) == Some(NodeState::Operational), arms, "{state:?} {event:?}");
             }
         }
     }
@@ -140,7 +115,7 @@ mod tests {
     fn a_fault_is_possible_in_every_other_state() {
         for state in NodeState::ALL {
             let expected = (state != NodeState::Fault).then_some(NodeState::Fault);
-            assert_eq!(next(state, StateEvent::Fault), expected, "{state:?}");
+            assert_eq!(state.next(StateEvent::Fault), expected, "{state:?}");
         }
     }
 

@@ -1,7 +1,6 @@
 //! The accelerometers at points B and C.
 
-use super::payload::Measured;
-use super::{MessageKind, Payload};
+use super::{Measured, MessageKind, Payload};
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::ACCELERATION;
 
@@ -23,18 +22,26 @@ pub struct Acceleration {
 impl Acceleration {
     const SIGNALS: [&'static str; 2] = ["acceleration_x_m_s2", "acceleration_y_m_s2"];
 
+    /// The readings along x and y.
+    pub const fn axes(&self) -> [Measured; 2] {
+        [
+            Measured { value: self.acceleration_x_m_s2, saturated: self.x_saturated },
+            Measured { value: self.acceleration_y_m_s2, saturated: self.y_saturated },
+        ]
+    }
+
     pub(crate) fn encode(&self, kind: MessageKind) -> Result<Payload, EncodeError> {
-        let measured = Measured {
-            values: [self.acceleration_x_m_s2, self.acceleration_y_m_s2],
-            saturated: [self.x_saturated, self.y_saturated],
-            sample: self.sample,
-        };
-        Payload::from_measured(kind, ACCELERATION, Self::SIGNALS, measured)
+        Payload::from_measured(kind, ACCELERATION, Self::SIGNALS, self.axes(), self.sample)
     }
 
     pub(crate) fn decode(kind: MessageKind, payload: &Payload) -> Result<Acceleration, DecodeError> {
-        let Measured { values, saturated, sample } = payload.to_measured(kind, ACCELERATION, Self::SIGNALS)?;
-        let ([acceleration_x_m_s2, acceleration_y_m_s2], [x_saturated, y_saturated]) = (values, saturated);
-        Ok(Acceleration { acceleration_x_m_s2, acceleration_y_m_s2, x_saturated, y_saturated, sample })
+        let ([x, y], sample) = payload.to_measured(kind, ACCELERATION, Self::SIGNALS)?;
+        Ok(Acceleration {
+            acceleration_x_m_s2: x.value,
+            acceleration_y_m_s2: y.value,
+            x_saturated: x.saturated,
+            y_saturated: y.saturated,
+            sample,
+        })
     }
 }

@@ -21,12 +21,8 @@ impl SamplesPerFrame {
     pub const ALL: [SamplesPerFrame; 2] = [SamplesPerFrame::One, SamplesPerFrame::Two];
 
     /// The variant for a number, if it is 1 or 2.
-    pub const fn from_number(number: u8) -> Option<SamplesPerFrame> {
-        match number {
-            1 => Some(SamplesPerFrame::One),
-            2 => Some(SamplesPerFrame::Two),
-            _ => None,
-        }
+    pub fn from_number(number: u8) -> Option<SamplesPerFrame> {
+        SamplesPerFrame::ALL.into_iter().find(|known| *known as u8 == number)
     }
 }
 

@@ -1,7 +1,6 @@
 //! The impedance head at the tip: the force that acts there.
 
-use super::payload::Measured;
-use super::{MessageKind, Payload};
+use super::{Measured, MessageKind, Payload};
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::FORCE;
 
@@ -25,18 +24,21 @@ pub struct ImpedanceHead {
 impl ImpedanceHead {
     const SIGNALS: [&'static str; 2] = ["force_x_n", "force_y_n"];
 
+    /// The readings along x and y.
+    pub const fn axes(&self) -> [Measured; 2] {
+        [
+            Measured { value: self.force_x_n, saturated: self.x_saturated },
+            Measured { value: self.force_y_n, saturated: self.y_saturated },
+        ]
+    }
+
     pub(crate) fn encode(&self) -> Result<Payload, EncodeError> {
-        let measured = Measured {
-            values: [self.force_x_n, self.force_y_n],
-            saturated: [self.x_saturated, self.y_saturated],
-            sample: self.sample,
-        };
-        Payload::from_measured(MessageKind::Head, FORCE, Self::SIGNALS, measured)
+        Payload::from_measured(MessageKind::Head, FORCE, Self::SIGNALS, self.axes(), self.sample)
     }
 
     pub(crate) fn decode(payload: &Payload) -> Result<ImpedanceHead, DecodeError> {
-        let Measured { values, saturated, sample } = payload.to_measured(MessageKind::Head, FORCE, Self::SIGNALS)?;
-        let ([force_x_n, force_y_n], [x_saturated, y_saturated]) = (values, saturated);
-        Ok(ImpedanceHead { force_x_n, force_y_n, x_saturated, y_saturated, sample })
+        let ([x, y], sample) = payload.to_measured(MessageKind::Head, FORCE, Self::SIGNALS)?;
+        let (x_saturated, y_saturated) = (x.saturated, y.saturated);
+        Ok(ImpedanceHead { force_x_n: x.value, force_y_n: y.value, x_saturated, y_saturated, sample })
     }
 }

@@ -57,15 +57,6 @@ pub struct Form {
 }
 
 impl Form {
-    const HEARTBEAT: Form = Form { format: FrameFormat::Classic, length: 1, protection: None };
-    const CLASSIC: Form = Form { format: FrameFormat::Classic, length: 8, protection: Some(Protection::Profile11) };
-
-    const fn fd(length: usize) -> Form {
-        // ESI is set by the CAN controller, when it is error passive; no message asks for it.
-        let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
-        Form { format, length, protection: Some(Protection::Profile5) }
-    }
-
     /// Whether a frame of this format may hold the message.
     pub const fn takes(&self, format: FrameFormat) -> bool {
         matches!(
@@ -114,43 +105,11 @@ impl MessageKind {
         MessageKind::ExciterCapabilities,
     ];
 
-    /// The messages at the base and the identifiers after it.
-    const BLOCK: [MessageKind; 12] = [
-        MessageKind::Operator,
-        MessageKind::Force,
-        MessageKind::Torque,
-        MessageKind::Head,
-        MessageKind::AccelerometerB,
-        MessageKind::AccelerometerC,
-        MessageKind::PlantHello,
-        MessageKind::ExciterHello,
-        MessageKind::Sensors,
-        MessageKind::SensorPair,
-        MessageKind::PlantCapabilities,
-        MessageKind::ExciterCapabilities,
-    ];
-
-    /// The messages whose identifiers contain a node id.
-    const OF_NODES: [MessageKind; 4] = [
-        MessageKind::PlantHeartbeat,
-        MessageKind::ExciterHeartbeat,
-        MessageKind::PlantEmergency,
-        MessageKind::ExciterEmergency,
-    ];
-
     /// The 11-bit identifier of its frames.
     pub const fn id(self, network: Network) -> u16 {
-        let of_node = network.node_id(self.sender()) as u16;
-        match self {
-            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => 0x700 + of_node,
-            MessageKind::PlantEmergency | MessageKind::ExciterEmergency => 0x080 + of_node,
-            // The messages of nodes have the discriminants 8 to 11 and no place in the block, so these four lie four
-            // lower in it.
-            MessageKind::Sensors => network.base() + 8,
-            MessageKind::SensorPair => network.base() + 9,
-            MessageKind::PlantCapabilities => network.base() + 10,
-            MessageKind::ExciterCapabilities => network.base() + 11,
-            _ => network.base() + self as u16,
+        match self.row().identifier {
+            AfterBase(offset) => network.base() + offset,
+            WithNodeId(first) => first + network.node_id(self.sender()) as u16,
         }
     }
 
@@ -158,9 +117,13 @@ impl MessageKind {
     pub fn from_id(network: Network, id: Id) -> Option<MessageKind> {
         // A frame with a 29-bit identifier is never a message (SPEC.md, section 1).
         let Id::Standard(id) = id else { return None };
-        // The block first: it has the messages of every sample, and costs a subtraction and a look-up.
-        let in_block = id.checked_sub(network.base()).and_then(|offset| MessageKind::BLOCK.get(usize::from(offset)));
-        in_block.or_else(|| MessageKind::OF_NODES.iter().find(|kind| kind.id(network) == id)).copied()
+        // The block first: it has the messages of every sample, and costs a subtraction and a look-up. The messages
+        // with node ids have the discriminants 8 to 11 and no place in it, so that the last four lie four lower.
+        match id.checked_sub(network.base()) {
+            Some(offset @ 0..=7) => Some(MessageKind::ALL[usize::from(offset)]),
+            Some(offset @ 8..=11) => Some(MessageKind::ALL[usize::from(offset) + 4]),
+            _ => MessageKind::ALL[8..12].iter().find(|kind| kind.id(network) == id).copied(),
+        }
     }
 
     /// The E2E data id, or `None` for a heartbeat, which CANopen leaves unprotected.
@@ -169,113 +132,104 @@ impl MessageKind {
     /// under the identifier of another, and the same message of another network, differ in one byte, and the CRC is
     /// always wrong. The data ids don't depend on the base identifier.
     pub const fn data_id(self, network: Network) -> Option<u16> {
-        let number = match self {
-            MessageKind::Operator => 0x01,
-            MessageKind::Force => 0x02,
-            MessageKind::Torque => 0x03,
-            MessageKind::Head => 0x04,
-            MessageKind::AccelerometerB => 0x05,
-            MessageKind::AccelerometerC => 0x06,
-            MessageKind::PlantHello => 0x07,
-            MessageKind::ExciterHello => 0x08,
-            MessageKind::PlantEmergency => 0x09,
-            MessageKind::ExciterEmergency => 0x0A,
-            MessageKind::Sensors => 0x0B,
-            MessageKind::SensorPair => 0x0C,
-            MessageKind::PlantCapabilities => 0x0D,
-            MessageKind::ExciterCapabilities => 0x0E,
-            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => return None,
-        };
-        // At most 0x51 + 127 = 0xD0, so the sum fits the high byte.
-        Some((0x51 + network.node_id(Node::Plant) as u16) << 8 | number)
+        match self.row().data_id {
+            // At most 0x51 + 127 = 0xD0, so the sum fits the high byte.
+            Some(low) => Some((0x51 + network.node_id(Node::Plant) as u16) << 8 | low as u16),
+            None => None,
+        }
     }
 
     /// The form of its frames in a profile, or `None` if the profile has no such message.
     pub const fn form(self, profile: Profile) -> Option<Form> {
-        Some(match (self, profile) {
-            (MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat, _) => Form::HEARTBEAT,
-            (MessageKind::Operator, _)
-            | (MessageKind::PlantHello | MessageKind::ExciterHello, _)
-            | (MessageKind::PlantEmergency | MessageKind::ExciterEmergency, _)
-            | (MessageKind::Force | MessageKind::Torque, Profile::Classic)
-            | (MessageKind::Head | MessageKind::AccelerometerB | MessageKind::AccelerometerC, Profile::Classic) => {
-                Form::CLASSIC
-            }
-            (MessageKind::Force | MessageKind::Torque, Profile::Fd)
-            | (MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities, Profile::Fd) => Form::fd(16),
-            (MessageKind::Sensors, Profile::Fd) => Form::fd(32),
-            (MessageKind::SensorPair, Profile::Fd) => Form::fd(64),
-            (MessageKind::Head | MessageKind::AccelerometerB | MessageKind::AccelerometerC, Profile::Fd)
-            | (MessageKind::Sensors | MessageKind::SensorPair, Profile::Classic)
-            | (MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities, Profile::Classic) => return None,
-        })
+        self.row().forms[profile as usize]
     }
 
     /// The node that sends it. Operator commands come from the exciter's side of the network.
     pub const fn sender(self) -> Node {
-        match self {
-            MessageKind::Head
-            | MessageKind::AccelerometerB
-            | MessageKind::AccelerometerC
-            | MessageKind::PlantHello
-            | MessageKind::PlantHeartbeat
-            | MessageKind::PlantEmergency
-            | MessageKind::Sensors
-            | MessageKind::SensorPair
-            | MessageKind::PlantCapabilities => Node::Plant,
-            MessageKind::Operator
-            | MessageKind::Force
-            | MessageKind::Torque
-            | MessageKind::ExciterHello
-            | MessageKind::ExciterHeartbeat
-            | MessageKind::ExciterEmergency
-            | MessageKind::ExciterCapabilities => Node::Exciter,
-        }
+        self.row().sender
     }
 
     /// Returns when the message is sent.
     pub const fn cycle(self) -> Cycle {
-        match self {
-            MessageKind::Force
-            | MessageKind::Torque
-            | MessageKind::Head
-            | MessageKind::AccelerometerB
-            | MessageKind::AccelerometerC
-            | MessageKind::Sensors
-            | MessageKind::SensorPair => Cycle::Sample,
-            MessageKind::PlantHello
-            | MessageKind::ExciterHello
-            | MessageKind::PlantCapabilities
-            | MessageKind::ExciterCapabilities => Cycle::Period { period_ns: HELLO_PERIOD_NS },
-            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => {
-                Cycle::Period { period_ns: HEARTBEAT_PERIOD_NS }
-            }
-            MessageKind::Operator | MessageKind::PlantEmergency | MessageKind::ExciterEmergency => Cycle::Event,
-        }
+        self.row().cycle
     }
 
     /// The name of its message in the DBC.
     pub const fn name(self) -> &'static str {
-        match self {
-            MessageKind::Operator => "OperatorCommand",
-            MessageKind::Force => "ForceCommand",
-            MessageKind::Torque => "TorqueCommand",
-            MessageKind::Head => "ImpedanceHead",
-            MessageKind::AccelerometerB => "AccelerometerB",
-            MessageKind::AccelerometerC => "AccelerometerC",
-            MessageKind::PlantHello => "PlantHello",
-            MessageKind::ExciterHello => "ExciterHello",
-            MessageKind::PlantHeartbeat => "PlantHeartbeat",
-            MessageKind::ExciterHeartbeat => "ExciterHeartbeat",
-            MessageKind::PlantEmergency => "PlantEmergency",
-            MessageKind::ExciterEmergency => "ExciterEmergency",
-            MessageKind::Sensors => "Sensors",
-            MessageKind::SensorPair => "SensorPair",
-            MessageKind::PlantCapabilities => "PlantCapabilities",
-            MessageKind::ExciterCapabilities => "ExciterCapabilities",
-        }
+        self.row().name
+    }
+
+    const fn row(self) -> &'static Row {
+        &TABLE[self as usize]
     }
 }
+
+/// A row of the table of messages.
+struct Row {
+    name: &'static str,
+    sender: Node,
+    identifier: Identifier,
+    cycle: Cycle,
+    /// The forms in both profiles, by their numbers.
+    forms: [Option<Form>; 2],
+    /// The low byte of the data id.
+    data_id: Option<u8>,
+}
+
+/// How the identifier of a message follows from the network.
+enum Identifier {
+    /// It is so many after the base.
+    AfterBase(u16),
+    /// It is this one plus the node id of the sender, as in CANopen.
+    WithNodeId(u16),
+}
+
+use Cycle::{Event, Sample};
+use Identifier::{AfterBase, WithNodeId};
+use Node::{Exciter, Plant};
+
+const AS_HELLO: Cycle = Cycle::Period { period_ns: HELLO_PERIOD_NS };
+const AS_HEARTBEAT: Cycle = Cycle::Period { period_ns: HEARTBEAT_PERIOD_NS };
+const ONE_BYTE: Option<Form> = Some(Form { format: FrameFormat::Classic, length: 1, protection: None });
+const CLASSIC: Option<Form> =
+    Some(Form { format: FrameFormat::Classic, length: 8, protection: Some(Protection::Profile11) });
+
+const fn fd(length: usize) -> Option<Form> {
+    // ESI is set by the CAN controller, when it is error passive; no message asks for it.
+    let format = FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false };
+    Some(Form { format, length, protection: Some(Protection::Profile5) })
+}
+
+const fn row(
+    name: &'static str,
+    sender: Node,
+    identifier: Identifier,
+    cycle: Cycle,
+    forms: [Option<Form>; 2],
+    data_id: Option<u8>,
+) -> Row {
+    Row { name, sender, identifier, cycle, forms, data_id }
+}
+
+/// The table of SPEC.md, section 1, in the order of the discriminants.
+static TABLE: [Row; MessageKind::COUNT] = [
+    row("OperatorCommand", Exciter, AfterBase(0), Event, [CLASSIC, CLASSIC], Some(0x01)),
+    row("ForceCommand", Exciter, AfterBase(1), Sample, [CLASSIC, fd(16)], Some(0x02)),
+    row("TorqueCommand", Exciter, AfterBase(2), Sample, [CLASSIC, fd(16)], Some(0x03)),
+    row("ImpedanceHead", Plant, AfterBase(3), Sample, [CLASSIC, None], Some(0x04)),
+    row("AccelerometerB", Plant, AfterBase(4), Sample, [CLASSIC, None], Some(0x05)),
+    row("AccelerometerC", Plant, AfterBase(5), Sample, [CLASSIC, None], Some(0x06)),
+    row("PlantHello", Plant, AfterBase(6), AS_HELLO, [CLASSIC, CLASSIC], Some(0x07)),
+    row("ExciterHello", Exciter, AfterBase(7), AS_HELLO, [CLASSIC, CLASSIC], Some(0x08)),
+    row("PlantHeartbeat", Plant, WithNodeId(0x700), AS_HEARTBEAT, [ONE_BYTE, ONE_BYTE], None),
+    row("ExciterHeartbeat", Exciter, WithNodeId(0x700), AS_HEARTBEAT, [ONE_BYTE, ONE_BYTE], None),
+    row("PlantEmergency", Plant, WithNodeId(0x080), Event, [CLASSIC, CLASSIC], Some(0x09)),
+    row("ExciterEmergency", Exciter, WithNodeId(0x080), Event, [CLASSIC, CLASSIC], Some(0x0A)),
+    row("Sensors", Plant, AfterBase(8), Sample, [None, fd(32)], Some(0x0B)),
+    row("SensorPair", Plant, AfterBase(9), Sample, [None, fd(64)], Some(0x0C)),
+    row("PlantCapabilities", Plant, AfterBase(10), AS_HELLO, [None, fd(16)], Some(0x0D)),
+    row("ExciterCapabilities", Exciter, AfterBase(11), AS_HELLO, [None, fd(16)], Some(0x0E)),
+];
 
 impl fmt::Display for MessageKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -21,6 +21,11 @@ impl OperatorRequest {
     /// All requests, in the order of their numbers.
     pub const ALL: [OperatorRequest; 3] = [OperatorRequest::Arm, OperatorRequest::Disarm, OperatorRequest::Reset];
 
+    /// The request for a number, if there is one.
+    pub fn from_number(number: u8) -> Option<OperatorRequest> {
+        OperatorRequest::ALL.into_iter().find(|known| *known as u8 == number)
+    }
+
     /// The event that the request causes at its target.
     pub const fn event(self) -> StateEvent {
         match self {
@@ -53,10 +58,7 @@ impl OperatorCommand {
         let [request, target, ..] = payload.bytes;
         let unknown = |signal, got: u8| DecodeError::UnknownValue { kind, signal, got: got.into() };
         Ok(OperatorCommand {
-            request: OperatorRequest::ALL
-                .into_iter()
-                .find(|known| *known as u8 == request)
-                .ok_or(unknown("request", request))?,
+            request: OperatorRequest::from_number(request).ok_or(unknown("request", request))?,
             target: Node::from_number(target).ok_or(unknown("target", target))?,
         })
     }

@@ -1,6 +1,6 @@
 //! The common layout of protected messages: four flag bits and six bytes besides CRC and counter.
 
-use super::MessageKind;
+use super::{Measured, MessageKind};
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::{Count, RAW_NOT_AVAILABLE, Scale};
 
@@ -16,19 +16,8 @@ pub(crate) struct Payload {
 /// The first byte of `Payload::bytes` within the frame.
 pub(crate) const OFFSET: usize = 2;
 
-/// Flag bit of messages with two axes: the first is saturated.
-const X_SATURATED: u8 = 1;
-
-/// Flag bit of messages with two axes: the second is saturated.
-const Y_SATURATED: u8 = 2;
-
-/// Two measured values with a saturation mark each, and their sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Measured {
-    pub(crate) values: [f64; 2],
-    pub(crate) saturated: [bool; 2],
-    pub(crate) sample: u16,
-}
+/// Flag bits of messages with two axes: x is saturated, y is saturated.
+const SATURATED: [u8; 2] = [1, 2];
 
 impl Payload {
     /// Packs three words, each with its low byte first.
@@ -96,26 +85,22 @@ impl Payload {
         kind: MessageKind,
         scale: Scale,
         signals: [&'static str; 2],
-        measured: Measured,
+        axes: [Measured; 2],
+        sample: u16,
     ) -> Result<Payload, EncodeError> {
-        let mut words = [0, 0, measured.sample];
-        let mut saturated = measured.saturated;
-        for axis in 0..2 {
-            let (signal, got) = (signals[axis], measured.values[axis]);
-            let raw = match scale.count(got) {
-                Count::InRange(raw) => raw,
-                Count::Beyond(end) => {
-                    // The flag of a sensor that clipped: without it a reader knows the true value to half a count
-                    // (SPEC.md, section 3).
-                    saturated[axis] = true;
-                    end
-                }
-                Count::NotFinite => return Err(EncodeError::NotFinite { kind, signal, got }),
+        let (mut flags, mut words) = (0, [0, 0, sample]);
+        for (axis, Measured { value: got, saturated }) in axes.into_iter().enumerate() {
+            let (raw, is_beyond) = match scale.count(got) {
+                Count::InRange(raw) => (raw, false),
+                // The flag of a sensor that clipped: without it a reader knows the true value to half a count
+                // (SPEC.md, section 3).
+                Count::Beyond(end) => (end, true),
+                Count::NotFinite => return Err(EncodeError::NotFinite { kind, signal: signals[axis], got }),
             };
+            flags |= if saturated || is_beyond { SATURATED[axis] } else { 0 };
             words[axis] = raw.cast_unsigned();
         }
-        let flag = |set: bool, bit: u8| if set { bit } else { 0 };
-        Ok(Payload::from_words(flag(saturated[0], X_SATURATED) | flag(saturated[1], Y_SATURATED), words))
+        Ok(Payload::from_words(flags, words))
     }
 
     /// The two measured values, whether each is saturated, and the sample index.
@@ -124,11 +109,12 @@ impl Payload {
         kind: MessageKind,
         scale: Scale,
         signals: [&'static str; 2],
-    ) -> Result<Measured, DecodeError> {
-        self.check_flags(kind, X_SATURATED | Y_SATURATED)?;
+    ) -> Result<([Measured; 2], u16), DecodeError> {
+        let [x, y] = SATURATED;
+        self.check_flags(kind, x | y)?;
         let (values, sample) = self.values(kind, scale, signals)?;
-        let saturated = [self.flags & X_SATURATED != 0, self.flags & Y_SATURATED != 0];
-        Ok(Measured { values, saturated, sample })
+        let measured = |axis: usize| Measured { value: values[axis], saturated: self.flags & SATURATED[axis] != 0 };
+        Ok(([0, 1].map(measured), sample))
     }
 
     fn values(

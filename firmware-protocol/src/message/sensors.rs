@@ -56,14 +56,7 @@ impl SensorValues {
 
     /// The readings in the three messages of a sample in the classic profile.
     pub fn from_classic(head: &ImpedanceHead, b: &Acceleration, c: &Acceleration) -> SensorValues {
-        let pair = |[x, y]: [(f64, bool); 2]| [x, y].map(|(value, saturated)| Measured { value, saturated });
-        let axes =
-            |a: &Acceleration| pair([(a.acceleration_x_m_s2, a.x_saturated), (a.acceleration_y_m_s2, a.y_saturated)]);
-        SensorValues {
-            force_n: pair([(head.force_x_n, head.x_saturated), (head.force_y_n, head.y_saturated)]),
-            acceleration_b_m_s2: axes(b),
-            acceleration_c_m_s2: axes(c),
-        }
+        SensorValues { force_n: head.axes(), acceleration_b_m_s2: b.axes(), acceleration_c_m_s2: c.axes() }
     }
 
     pub(super) fn all(&self) -> [Measured; 6] {

@@ -144,9 +144,8 @@ impl Message {
         let mut get = Getter { kind, get };
         Ok(match kind {
             MessageKind::Operator => Message::Operator(OperatorCommand {
-                request: get
-                    .one_of("request", |n| OperatorRequest::ALL.into_iter().find(|known| *known as u16 == n))?,
-                target: get.one_of("target", |n| Node::ALL.into_iter().find(|node| u16::from(node.number()) == n))?,
+                request: get.one_of("request", |n| OperatorRequest::from_number(n.try_into().ok()?))?,
+                target: get.one_of("target", |n| Node::from_number(n.try_into().ok()?))?,
             }),
             MessageKind::Force => Message::Force(ForceCommand {
                 force_x_n: get.real("force_x_n")?,
@@ -169,10 +168,10 @@ impl Message {
             MessageKind::AccelerometerC => Message::AccelerometerC(get.acceleration()?),
             MessageKind::PlantHello => Message::PlantHello(get.hello()?),
             MessageKind::ExciterHello => Message::ExciterHello(get.hello()?),
-            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => {
-                let state = |n| NodeState::ALL.into_iter().find(|state| u16::from(state.heartbeat_byte()) == n);
-                Message::Heartbeat(Heartbeat { node: kind.sender(), state: get.one_of("state", state)? })
-            }
+            MessageKind::PlantHeartbeat | MessageKind::ExciterHeartbeat => Message::Heartbeat(Heartbeat {
+                node: kind.sender(),
+                state: get.one_of("state", |n| NodeState::from_heartbeat_byte(n.try_into().ok()?))?,
+            }),
             MessageKind::PlantEmergency | MessageKind::ExciterEmergency => Message::Emergency(Emergency {
                 node: kind.sender(),
                 code: get.one_of("code", EmergencyCode::from_code)?,
@@ -186,7 +185,8 @@ impl Message {
             }
             MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities => Message::Capabilities(Capabilities {
                 node: kind.sender(),
-                samples_per_frame: get.one_of("samples_per_frame", samples_per_frame)?,
+                samples_per_frame: get
+                    .one_of("samples_per_frame", |n| SamplesPerFrame::from_number(n.try_into().ok()?))?,
                 force_limit_n: get.real("force_limit_n")?,
                 torque_limit_nm: get.real("torque_limit_nm")?,
             }),
@@ -207,10 +207,6 @@ impl SensorValues {
             visit(names.saturated[k], measured.saturated.into());
         }
     }
-}
-
-fn samples_per_frame(number: u16) -> Option<SamplesPerFrame> {
-    SamplesPerFrame::ALL.into_iter().find(|known| *known as u16 == number)
 }
 
 /// Takes signals by name.
