@@ -171,19 +171,9 @@ impl Layout {
         })
     }
 
-    /// Returns the start bit: the least significant bit for Intel, the most significant one for Motorola.
-    pub const fn start_bit(&self) -> u16 {
-        self.start_bit
-    }
-
     /// Returns the width, 1 to 64 bits.
     pub const fn bits(&self) -> u8 {
         self.bits
-    }
-
-    /// Returns the byte order.
-    pub const fn byte_order(&self) -> ByteOrder {
-        self.byte_order
     }
 
     /// Returns the number format.

@@ -10,25 +10,25 @@
 //! | | | operation enabled | quick stop active |
 //! | bit 7 rises | fault reset | fault | switch on disabled |
 
-/// State of a drive (CiA 402).
+/// State of a drive (CiA 402). The discriminant has the bits that code it in a statusword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
     /// The drive initialises itself.
-    NotReady,
+    NotReady = 0x00,
     /// Parameters may be set; the power stage has no voltage.
-    SwitchOnDisabled,
+    SwitchOnDisabled = 0x40,
     /// Voltage may be switched on.
-    ReadyToSwitchOn,
+    ReadyToSwitchOn = 0x21,
     /// The power stage has voltage but exerts no torque.
-    SwitchedOn,
+    SwitchedOn = 0x23,
     /// Targets act on the motor.
-    OperationEnabled,
+    OperationEnabled = 0x27,
     /// The drive has stopped and stays so until it is disabled or enabled.
-    QuickStopActive,
+    QuickStopActive = 0x07,
     /// A fault has occurred, and the torque goes to zero.
-    FaultReactionActive,
+    FaultReactionActive = 0x0F,
     /// A fault is latched until it is reset.
-    Fault,
+    Fault = 0x08,
 }
 
 /// Command of a controlword.
@@ -133,16 +133,7 @@ impl DriveState {
 
     /// Returns the bits of the statusword that code the state: 0 to 3, 5 and 6.
     pub const fn bits(self) -> u16 {
-        match self {
-            DriveState::NotReady => 0x00,
-            DriveState::SwitchOnDisabled => 0x40,
-            DriveState::ReadyToSwitchOn => 0x21,
-            DriveState::SwitchedOn => 0x23,
-            DriveState::OperationEnabled => 0x27,
-            DriveState::QuickStopActive => 0x07,
-            DriveState::FaultReactionActive => 0x0F,
-            DriveState::Fault => 0x08,
-        }
+        self as u16
     }
 
     /// Decodes the state of a statusword; `None` if the bits code no state. Bit 5 distinguishes quick stop

@@ -5,17 +5,12 @@ use super::errors::{CONSUMER_HEARTBEAT, CONSUMERS, consumer};
 
 /// Time of the last heartbeat of each monitored node, ns of time listened. `None` before the first one, with
 /// which monitoring begins.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Consumers {
     heard_ns: [Option<u64>; CONSUMERS as usize],
 }
 
 impl Consumers {
-    /// Returns a state in which no heartbeat has been heard.
-    pub const fn new() -> Consumers {
-        Consumers { heard_ns: [None; CONSUMERS as usize] }
-    }
-
     /// Returns the index of the entry that monitors a node.
     pub fn place_of(&self, dictionary: &Dictionary, node_id: u8) -> Option<usize> {
         (0..self.heard_ns.len()).find(|place| {

@@ -1,38 +1,28 @@
 //! Network management (NMT): commands, and states of a node's communication.
 
-/// The state of a node's communication (CiA 301, section 7.3.2).
+/// The state of a node's communication (CiA 301, section 7.3.2). The discriminant is its byte in a heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NmtState {
     /// The node has not sent its boot-up message yet.
-    Initialising,
+    Initialising = 0,
     /// SDOs are served, PDOs are not.
-    PreOperational,
+    PreOperational = 127,
     /// SDOs are served, and PDOs are sent and received.
-    Operational,
+    Operational = 5,
     /// Only network management and heartbeat are active.
-    Stopped,
+    Stopped = 4,
 }
 
 impl NmtState {
     /// Returns the byte of the state in a heartbeat.
     pub const fn byte(self) -> u8 {
-        match self {
-            NmtState::Initialising => 0,
-            NmtState::Stopped => 4,
-            NmtState::Operational => 5,
-            NmtState::PreOperational => 127,
-        }
+        self as u8
     }
 
     /// Decodes the state of a heartbeat; `None` for an unknown byte.
-    pub(super) const fn of(byte: u8) -> Option<NmtState> {
-        match byte {
-            0 => Some(NmtState::Initialising),
-            4 => Some(NmtState::Stopped),
-            5 => Some(NmtState::Operational),
-            127 => Some(NmtState::PreOperational),
-            _ => None,
-        }
+    pub(super) fn of(byte: u8) -> Option<NmtState> {
+        use NmtState::{Initialising, Operational, PreOperational, Stopped};
+        [Initialising, PreOperational, Operational, Stopped].into_iter().find(|state| state.byte() == byte)
     }
 
     /// Returns the name of the state.
@@ -46,42 +36,31 @@ impl NmtState {
     }
 }
 
-/// A command of network management.
+/// A command of network management. The discriminant is its byte on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NmtCommand {
     /// Enters the state operational.
-    Start,
+    Start = 0x01,
     /// Enters the state stopped.
-    Stop,
+    Stop = 0x02,
     /// Enters the state pre-operational.
-    PreOperational,
+    PreOperational = 0x80,
     /// Restores all values as after power-on, and boots.
-    ResetNode,
+    ResetNode = 0x81,
     /// Restores the communication parameters as after power-on, and boots.
-    ResetCommunication,
+    ResetCommunication = 0x82,
 }
 
 impl NmtCommand {
-    pub(super) const fn of(byte: u8) -> Option<NmtCommand> {
-        match byte {
-            0x01 => Some(NmtCommand::Start),
-            0x02 => Some(NmtCommand::Stop),
-            0x80 => Some(NmtCommand::PreOperational),
-            0x81 => Some(NmtCommand::ResetNode),
-            0x82 => Some(NmtCommand::ResetCommunication),
-            _ => None,
-        }
+    pub(super) fn of(byte: u8) -> Option<NmtCommand> {
+        use NmtCommand::{PreOperational, ResetCommunication, ResetNode, Start, Stop};
+        let all = [Start, Stop, PreOperational, ResetNode, ResetCommunication];
+        all.into_iter().find(|command| command.byte() == byte)
     }
 
     /// Returns the byte of the command on the bus.
     pub const fn byte(self) -> u8 {
-        match self {
-            NmtCommand::Start => 0x01,
-            NmtCommand::Stop => 0x02,
-            NmtCommand::PreOperational => 0x80,
-            NmtCommand::ResetNode => 0x81,
-            NmtCommand::ResetCommunication => 0x82,
-        }
+        self as u8
     }
 
     /// Returns the name of the command.

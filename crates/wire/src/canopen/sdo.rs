@@ -8,25 +8,14 @@ use super::errors;
 pub const SDO_BYTES: usize = 8;
 
 /// State of a segmented transfer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 enum Transfer {
+    #[default]
     None,
     /// Download to the node: the bytes so far, and the announced length.
-    Down {
-        address: Address,
-        bytes: [u8; TEXT_MAX_BYTES],
-        len: usize,
-        announced: Option<usize>,
-        toggle: bool,
-    },
+    Down { address: Address, bytes: [u8; TEXT_MAX_BYTES], len: usize, announced: Option<usize>, toggle: bool },
     /// Upload to the master: the bytes, and how many have been sent.
-    Up {
-        address: Address,
-        bytes: [u8; TEXT_MAX_BYTES],
-        len: usize,
-        sent: usize,
-        toggle: bool,
-    },
+    Up { address: Address, bytes: [u8; TEXT_MAX_BYTES], len: usize, sent: usize, toggle: bool },
 }
 
 /// Outcome of a request.
@@ -41,16 +30,12 @@ pub(super) enum Step {
 }
 
 /// SDO server of one node.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct SdoServer {
     transfer: Transfer,
 }
 
 impl SdoServer {
-    pub fn new() -> SdoServer {
-        SdoServer { transfer: Transfer::None }
-    }
-
     /// Handles a request of the master.
     pub fn handle(&mut self, request: &[u8; SDO_BYTES], dictionary: &Dictionary) -> Step {
         let address = at(u16::from_le_bytes([request[1], request[2]]), request[3]);

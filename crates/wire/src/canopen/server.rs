@@ -17,6 +17,10 @@ use resonarm_protocol::{Frame, FrameFormat, Id};
 const WAITING: usize = 16;
 /// Address of the heartbeat period, ms.
 const HEARTBEAT_PERIOD: Address = at(0x1017, 0);
+/// Emergency error code of a received PDO that is shorter than its mapping, and is ignored (CiA 301, table 26).
+const TOO_SHORT: u16 = 0x8210;
+/// Emergency error code of a received PDO that is longer than its mapping: its first bytes are used.
+const TOO_LONG: u16 = 0x8220;
 /// Bits of the error register for a PDO of the wrong length: generic error and communication error.
 const LENGTH_ERROR_REGISTER: u8 = 0x11;
 
@@ -87,25 +91,6 @@ struct Waiting {
     epoch: u32,
 }
 
-/// Difference between the length of a received PDO and its mapping.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum LengthError {
-    /// Too short: the PDO is ignored.
-    Short,
-    /// Too long: the PDO's first bytes are used.
-    Long,
-}
-
-impl LengthError {
-    /// Returns the emergency error code (CiA 301, table 26).
-    const fn code(self) -> u16 {
-        match self {
-            LengthError::Short => 0x8210,
-            LengthError::Long => 0x8220,
-        }
-    }
-}
-
 /// A CANopen node with its object dictionary.
 #[derive(Clone, Debug)]
 pub struct Server {
@@ -119,8 +104,8 @@ pub struct Server {
     wait_limit_ns: u64,
     /// Number of PDOs dropped because they were too old, or their parameters were written.
     dropped: u64,
-    /// Last length error of each received PDO, until one of the right length comes.
-    length_errors: [Option<LengthError>; PDOS as usize],
+    /// Error code of the last wrong length of each received PDO, until one of the right length comes.
+    length_errors: [Option<u16>; PDOS as usize],
     /// Bits of the error register that the device has set.
     device_register: u8,
     consumers: Consumers,
@@ -141,13 +126,13 @@ impl Server {
             node_id,
             dictionary,
             state: NmtState::Initialising,
-            sdo: SdoServer::new(),
+            sdo: SdoServer::default(),
             received: [None; PDOS as usize],
             wait_limit_ns,
             dropped: 0,
             length_errors: [None; PDOS as usize],
             device_register: 0,
-            consumers: Consumers::new(),
+            consumers: Consumers::default(),
             transmit: [Transmit::default(); PDOS as usize],
             waiting: Vec::with_capacity(WAITING),
             heartbeat_due_ns: 0,
@@ -229,7 +214,7 @@ impl Server {
         self.push(HEARTBEAT_BASE, &[NmtState::Initialising.byte()]);
         self.state = NmtState::Initialising;
         self.length_errors = [None; PDOS as usize];
-        self.consumers = Consumers::new();
+        self.consumers = Consumers::default();
         self.set_register(self.device_register);
         self.enter(NmtState::PreOperational);
         self.heartbeat_due_ns = now_ns.saturating_add(self.heartbeat_ns());
@@ -305,7 +290,7 @@ impl Server {
                 // restores those of the manufacturer and of the device profile (CiA 301).
                 let is_all = command == NmtCommand::ResetNode;
                 self.dictionary.reset(0x1000..=if is_all { u16::MAX } else { 0x1FFF });
-                self.sdo = SdoServer::new();
+                self.sdo = SdoServer::default();
                 self.boot(now_ns);
             }
         }
@@ -407,8 +392,8 @@ impl Server {
         let whole =
             data.get(..length).and_then(|used| bytes.get_mut(..length).map(|place| place.copy_from_slice(used)));
         let error = match whole {
-            None => Some(LengthError::Short),
-            Some(()) => (data.len() > length).then_some(LengthError::Long),
+            None => Some(TOO_SHORT),
+            Some(()) => (data.len() > length).then_some(TOO_LONG),
         };
         self.note_length(number, error, [data.len(), length]);
         if whole.is_none() {
@@ -425,7 +410,7 @@ impl Server {
 
     /// Reports to the master, once, that the length of a PDO differs from its mapping (CiA 301, section
     /// 7.5.2.36), and once that all lengths are right again.
-    fn note_length(&mut self, number: u16, error: Option<LengthError>, [got, mapped]: [usize; 2]) {
+    fn note_length(&mut self, number: u16, error: Option<u16>, [got, mapped]: [usize; 2]) {
         let Some(last) = self.length_errors.get_mut(usize::from(number)) else { return };
         if core::mem::replace(last, error) == error {
             return;
@@ -433,9 +418,7 @@ impl Server {
         self.set_register(self.device_register);
         let byte = |length: usize| u8::try_from(length).unwrap_or(u8::MAX);
         match error {
-            Some(error) => {
-                self.emergency(error.code(), self.register(), [number as u8 + 1, byte(got), byte(mapped), 0, 0]);
-            }
+            Some(code) => self.emergency(code, self.register(), [number as u8 + 1, byte(got), byte(mapped), 0, 0]),
             // Code 0000h says that no error is left (CiA 301), so it is not sent while another one stays.
             None if self.register() == 0 => self.emergency(0, 0, [0; 5]),
             None => {}

@@ -264,11 +264,6 @@ impl Checksum {
         &self.place
     }
 
-    /// Returns the fields that are written and checked with the checksum.
-    pub fn fields(&self) -> &[Field] {
-        &self.fields
-    }
-
     /// Returns the least length of a payload, bytes, that holds the checksum, its fields and the counters of
     /// its tables.
     pub fn needed_bytes(&self) -> usize {

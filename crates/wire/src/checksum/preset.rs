@@ -17,8 +17,8 @@
 //! | `crc8-j1850`, `crc8-2f`, `sum`, `xor` | 8 bits | any | |
 //!
 //! Profiles 4, 6 and 7 have all their numbers in Motorola byte order, profile 5 in Intel byte order. The length
-//! is that of the whole payload. Length and data id are written and checked with the checksum
-//! ([`Checksum::fields`]); the counter is not, see [`crate::counter`].
+//! is that of the whole payload. Length and data id are written and checked with the checksum;
+//! the counter is not, see [`crate::counter`].
 
 use alloc::string::{String, ToString};
 use alloc::vec;
