@@ -126,7 +126,6 @@ fn did_you_mean(backend: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-
     use insta::assert_snapshot;
     use proptest::prelude::*;
 

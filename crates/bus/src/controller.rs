@@ -53,10 +53,3 @@ pub struct ControllerErrors {
     /// Error frames of unknown kind: most adapters of python-can have a content that differs from maker to maker.
     pub other: u64,
 }
-
-impl ControllerErrors {
-    /// Whether it has reported no error.
-    pub fn is_none(&self) -> bool {
-        *self == ControllerErrors::default()
-    }
-}

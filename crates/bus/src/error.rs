@@ -162,7 +162,6 @@ fn enable_fd(interface: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-
     use insta::assert_snapshot;
 
     use super::*;

@@ -45,11 +45,6 @@ impl LatencyHistogram {
         self.within.len() + self.beyond
     }
 
-    /// Returns how many latencies were longer than [`HISTOGRAM_BOUND_NS`].
-    pub fn beyond_bound(&self) -> u64 {
-        self.beyond
-    }
-
     /// The latencies counted, each with how often, in ns: exact to three digits. Of those longer than
     /// [`HISTOGRAM_BOUND_NS`] all count as the longest.
     pub fn counts(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
@@ -144,10 +139,10 @@ mod tests {
     fn values_beyond_the_bound_are_counted_and_the_longest_is_exact() {
         let mut histogram = LatencyHistogram::new().unwrap();
         histogram.record(HISTOGRAM_BOUND_NS);
-        assert_eq!(histogram.beyond_bound(), 0);
+        assert_eq!(histogram.beyond, 0);
         histogram.record(HISTOGRAM_BOUND_NS + 1);
         histogram.record(12_345_678_901_234);
-        assert_eq!((histogram.count(), histogram.beyond_bound()), (3, 2));
+        assert_eq!((histogram.count(), histogram.beyond), (3, 2));
         let p = histogram.percentiles().unwrap();
         assert_eq!((p.p50, p.max), (12_345_678_901.234, 12_345_678_901.234));
     }

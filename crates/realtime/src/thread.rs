@@ -81,9 +81,7 @@ impl ThreadSetup {
         report.cores_awake = awake.is_some();
         (report, awake)
     }
-}
 
-impl ThreadSetup {
     /// Leaves the core of the loop to it, if it has one: takes it from the calling thread, and so from all threads that
     /// this one starts from now on, unless there is no other core for them. The kernel does
     /// some of their work, above all of the network, on their core, and no real-time thread runs there meanwhile.

@@ -72,11 +72,6 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         }
     }
 
-    /// Returns the bus on which the faults are injected.
-    pub fn beneath(&self) -> &B {
-        &self.bus
-    }
-
     /// The time since it was opened, ns. Without faults it is not needed, and no clock is read.
     fn now_ns(&self) -> u64 {
         if self.is_sound { 0 } else { self.clock.now_ns().saturating_sub(self.start_ns) }

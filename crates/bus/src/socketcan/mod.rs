@@ -136,11 +136,6 @@ impl SocketCan {
         self.buffers
     }
 
-    /// The name of the interface.
-    pub fn interface(&self) -> &str {
-        &self.interface
-    }
-
     fn socket(&self) -> Result<&CanFdSocket, BusError> {
         self.socket.as_ref().ok_or(BusError::Closed)
     }

@@ -34,6 +34,8 @@ use resonarm_realtime::Clock;
 
 /// Mailboxes of the common small controllers (bxCAN).
 pub const MAILBOXES: usize = 3;
+/// Name of the bus.
+const NAME: &str = "timed";
 /// Longest sleep between two looks at the inbox in [`Bus::wait`], ns: another thread may send.
 const LOOK_NS: u64 = 100_000;
 
@@ -131,17 +133,13 @@ impl<C: Clock> TimedBus<C> {
     }
 
     fn bus_off(&self) -> BusError {
-        BusError::BusOff { interface: self.name_of() }
-    }
-
-    fn name_of(&self) -> String {
-        String::from("timed")
+        BusError::BusOff { interface: String::from(NAME) }
     }
 }
 
 impl<C: Clock + Send> Bus for TimedBus<C> {
     fn name(&self) -> String {
-        self.name_of()
+        String::from(NAME)
     }
 
     fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
