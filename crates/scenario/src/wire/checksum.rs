@@ -116,10 +116,9 @@ impl ChecksumSpec {
     /// Parses the preset, if the section names one.
     ///
     /// # Errors
-    /// [`WireError::Preset`] for an unknown one.
+    /// [`WireError::Protection`] for an unknown one.
     pub(super) fn known(&self, place: &Place) -> Result<Option<Preset>, WireError> {
-        let parse =
-            |name: &String| name.parse().map_err(|source| WireError::Preset { place: place.of(&self.signal), source });
+        let parse = |name: &String| name.parse().map_err(|error| WireError::protection(&place.of(&self.signal), error));
         self.preset.as_ref().map(parse).transpose()
     }
 
@@ -146,7 +145,7 @@ impl ChecksumSpec {
                     Some(DataIdSpec::ByCounter(ids)) => DataId::ByCounter(*ids),
                 };
                 let checksum = preset.checksum(layout, counter, &data_id, message.length());
-                checksum.map_err(|source| WireError::Checksum { place, source })
+                checksum.map_err(|error| WireError::protection(&place, error))
             }
             (Some(_), _) => {
                 Err(problem("a `preset` has only a `data_id` beside it: leave out the parameters of an algorithm"))
@@ -161,7 +160,7 @@ impl ChecksumSpec {
                     return Err(problem("`by_counter` needs the message's `counter`"));
                 };
                 let checksum = self.parametric(algorithm, layout, before, after);
-                checksum.map_err(|source| WireError::Algorithm { place, source })
+                checksum.map_err(|error| WireError::protection(&place, error))
             }
             (None, None) => Err(problem("give its `preset`, or its `algorithm`")),
         }

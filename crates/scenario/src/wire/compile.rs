@@ -269,8 +269,9 @@ impl Compiler<'_> {
                 self.incoming.entry(empty.id).or_insert(empty).is_sync = true;
                 Ok(())
             }
-            (None, true) => Err(WireError::Sync { problem: "name the message that synchronises" }),
-            (Some(_), false) => Err(WireError::Sync {
+            (None, true) => Err(WireError::Section { key: "wire.sync", problem: "name the message that synchronises" }),
+            (Some(_), false) => Err(WireError::Section {
+                key: "wire.sync",
                 problem: "nothing waits for it: give `lockstep = \"sync\"`, or readings with `on = \"sync\"`, or leave it out",
             }),
             (None, false) => Ok(()),

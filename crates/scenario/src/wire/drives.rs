@@ -81,12 +81,11 @@ impl WireSection {
     /// Rejects keys of a preset where there is none.
     ///
     /// # Errors
-    /// [`WireError::Drives`], [`WireError::NeitherDbcNorPreset`].
+    /// [`WireError::Section`], [`WireError::NeitherDbcNorPreset`].
     pub(super) fn check_no_preset(&self) -> Result<(), WireError> {
         if !self.drives.is_empty() || self.timeout_s.is_some() {
-            return Err(WireError::Drives {
-                problem: "`drives` and `timeout_s` belong to a `preset`: give one, as \"odrive\"",
-            });
+            let problem = "`drives` and `timeout_s` belong to a `preset`: give one, as \"odrive\"";
+            return Err(WireError::Section { key: "[wire]", problem });
         }
         let is_nothing = self.dbc.as_os_str().is_empty() && self.text.is_none();
         if is_nothing { Err(WireError::NeitherDbcNorPreset) } else { Ok(()) }
@@ -95,7 +94,7 @@ impl WireSection {
     /// Checks what all presets require: no keys of a DBC, and valid drives.
     ///
     /// # Errors
-    /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`].
+    /// [`WireError::Section`], [`WireError::Drive`], [`WireError::DriveWith`].
     pub(super) fn check_preset(&self, scenario: &Scenario, preset: PresetSpec) -> Result<(), WireError> {
         let own = [
             self.dbc != std::path::PathBuf::new(),
@@ -107,7 +106,8 @@ impl WireSection {
             !self.readings.is_empty(),
         ];
         if own.contains(&true) {
-            return Err(WireError::Drives {
+            return Err(WireError::Section {
+                key: "[wire]",
                 problem: "with a `preset` the messages are given: leave out `dbc`, `node`, `arm`, `sync`, `commands`, \
                           `events` and `readings`",
             });
@@ -118,12 +118,11 @@ impl WireSection {
     fn check_drives(&self, scenario: &Scenario, preset: PresetSpec) -> Result<(), WireError> {
         if self.drives.is_empty() {
             let problem = "a preset needs at least one drive: drives = [{ node_id = 0, joint = 1 }]";
-            return Err(WireError::Drives { problem });
+            return Err(WireError::Section { key: "[wire]", problem });
         }
         if scenario.rig.shaker.is_some() {
-            return Err(WireError::Drives {
-                problem: "a drive exerts a torque, but a shaker can't: leave out [rig.shaker]",
-            });
+            let problem = "a drive exerts a torque, but a shaker can't: leave out [rig.shaker]";
+            return Err(WireError::Section { key: "[wire]", problem });
         }
         let loads = Quantities::of_scenario(scenario)?.loads();
         let has_joint = |joint: u8| (1..=MOST_JOINTS).contains(&joint.into()) && loads.has(usize::from(joint) - 1);

@@ -9,8 +9,6 @@ use thiserror::Error;
 use crate::dbc::DbcError;
 use resonarm_bench::structure::ChannelName;
 use resonarm_numeric::number::{rounded, short};
-use resonarm_wire::checksum::{ChecksumError, PresetError, UnknownPreset};
-use resonarm_wire::counter::CounterError;
 
 /// Place of an error: a key of `[wire]`, with the message and the signal that it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -195,24 +193,12 @@ pub enum WireError {
         /// Value of the signal closest to the number; `None` if it is not a number.
         nearest: Option<f64>,
     },
-    /// The program has no quantity of this name.
-    #[error("{place}: there is no quantity {got:?}{}; there are {known}", nearest(.suggestion))]
-    Quantity {
-        /// Signal that the error is about.
-        place: Place,
-        /// Name that was given.
-        got: String,
-        /// Existing name closest to it.
-        suggestion: Option<String>,
-        /// All known names, separated by commas.
-        known: String,
-    },
-    /// The program has no state or fault of this name.
+    /// The program has no quantity, state or fault of this name.
     #[error("{place}: there is no {what} {got:?}{}; there are {known}", nearest(.suggestion))]
     Name {
         /// Signal that the error is about.
         place: Place,
-        /// Kind of name, `state` or `fault`.
+        /// Kind of name: `quantity`, `state` or `fault`.
         what: &'static str,
         /// Name that was given.
         got: String,
@@ -254,37 +240,13 @@ pub enum WireError {
         /// Number of such keys that were given.
         got: usize,
     },
-    /// The counter is not possible.
+    /// The counter or the checksum is not possible, or the program has no checksum preset of this name.
     #[error("{place}: {source}")]
-    Counter {
+    Protection {
         /// Signal that the error is about.
         place: Place,
         /// Reason for the rejection.
-        source: CounterError,
-    },
-    /// The checksum of a preset is not possible.
-    #[error("{place}: {source}")]
-    Checksum {
-        /// Signal that the error is about.
-        place: Place,
-        /// Reason for the rejection.
-        source: PresetError,
-    },
-    /// The checksum of an algorithm is not possible.
-    #[error("{place}: {source}")]
-    Algorithm {
-        /// Signal that the error is about.
-        place: Place,
-        /// Reason for the rejection.
-        source: ChecksumError,
-    },
-    /// The program has no checksum preset of this name.
-    #[error("{place}: {source}")]
-    Preset {
-        /// Signal that the error is about.
-        place: Place,
-        /// The unknown name, with the known ones.
-        source: UnknownPreset,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The cycle time is not an integer number of samples.
     #[error(
@@ -314,9 +276,11 @@ pub enum WireError {
         /// Cycle time in the DBC, s.
         period_s: f64,
     },
-    /// Drives without a preset, a preset without drives, or keys of a DBC beside them.
-    #[error("[wire]: {problem}")]
-    Drives {
+    /// Keys of the section contradict each other, such as drives without a preset, or `sync` that nothing uses.
+    #[error("{key}: {problem}")]
+    Section {
+        /// The section, or its key.
+        key: &'static str,
         /// Contradiction and remedy, in words.
         problem: &'static str,
     },
@@ -341,12 +305,6 @@ pub enum WireError {
     /// The mapping has no commands.
     #[error("[wire] has no commands, so no load can act on the plant: add [[wire.commands]]")]
     NoCommands,
-    /// The key `sync` is missing, or nothing uses it.
-    #[error("wire.sync: {problem}")]
-    Sync {
-        /// Reason and remedy, in words.
-        problem: &'static str,
-    },
     /// The run is in lockstep, and the mapping does not say what answers a sample.
     #[error(
         "[wire] does not define lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
@@ -387,24 +345,26 @@ pub enum WireError {
         /// Timeout that was given, s.
         got: f64,
     },
-    /// The bus can't carry the messages.
+    /// The bus can't carry the frames.
     #[error(
-        "the messages of [wire] take up to {percent:.1} % of network.bit_rate_hz, more than the limit of 80 % for a bus with control; \
-         send readings less often, or raise the bit rate"
+        "{frames} take up to {percent:.1} % of network.bit_rate_hz, more than the limit of 80 % for a bus with control; {fix}, or \
+         raise the bit rate"
     )]
     Overload {
-        /// Share of the bus that the messages take, %.
-        percent: f64,
-    },
-    /// The bus can't carry the frames of CANopen drives.
-    #[error(
-        "the frames of the drives, with a SYNC and a target for each drive once a sample, take up to {percent:.1} % of \
-         network.bit_rate_hz, more than the limit of 80 % for a bus with control; lower simulation.rate_hz, or raise the bit rate"
-    )]
-    OverloadByDrives {
+        /// Frames that are too many, in words.
+        frames: &'static str,
         /// Share of the bus that the frames take, %.
         percent: f64,
+        /// Remedy besides a higher bit rate, in words.
+        fix: &'static str,
     },
+}
+
+impl WireError {
+    /// Rejects the counter or the checksum of a message.
+    pub(super) fn protection(place: &Place, error: impl std::error::Error + Send + Sync + 'static) -> WireError {
+        WireError::Protection { place: place.clone(), source: Box::new(error) }
+    }
 }
 
 fn nearest(suggestion: &Option<String>) -> String {

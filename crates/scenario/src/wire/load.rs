@@ -40,8 +40,11 @@ pub(super) fn check(scenario: &Scenario, section: &WireSection, mapping: &Mappin
         bounds(kind, format, length, Stuffing::Worst).times(libm::ceil(per_second) as u64)
     };
     let bits = sent.chain(received).map(of_message).fold(Bits::default(), Bits::plus);
-    let load = share(bits, spec.rates);
-    if load <= MOST { Ok(()) } else { Err(WireError::Overload { percent: 100.0 * load }.into()) }
+    check_share(share(bits, spec.rates), "the messages of [wire]", "send readings less often")
+}
+
+fn check_share(share: f64, frames: &'static str, fix: &'static str) -> Result<(), ScenarioError> {
+    if share <= MOST { Ok(()) } else { Err(WireError::Overload { frames, percent: 100.0 * share, fix }.into()) }
 }
 
 fn received_per_second(database: &Database, id: Id, rate_hz: f64) -> f64 {
@@ -75,6 +78,6 @@ pub(super) fn check_drives(scenario: &Scenario, spec: &Cia402Spec) -> Result<(),
             bits = bits.plus(frames(pdo.bytes, per_second));
         }
     }
-    let load = share(bits, bus.rates);
-    if load <= MOST { Ok(()) } else { Err(WireError::OverloadByDrives { percent: 100.0 * load }.into()) }
+    let frames = "the frames of the drives, with a SYNC and a target for each drive once a sample,";
+    check_share(share(bits, bus.rates), frames, "lower simulation.rate_hz")
 }

@@ -170,7 +170,7 @@ impl CommandSpec {
 }
 
 /// A signal that commands a load of `scale · value + offset`, in N or N·m.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputSpec {
     /// Name of the signal in the DBC.
@@ -191,7 +191,7 @@ pub struct InputSpec {
 }
 
 /// A message that carries a request.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EventSpec {
     /// Name of the message in the DBC.
@@ -246,7 +246,7 @@ pub enum RequestSpec {
 }
 
 /// A message that carries readings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReadingSpec {
     /// Name of the message in the DBC.
@@ -357,7 +357,7 @@ impl WireSection {
     /// Returns the section with the messages of its preset written out, if it has one.
     ///
     /// # Errors
-    /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`], [`WireError::NeitherDbcNorPreset`].
+    /// [`WireError::Section`], [`WireError::Drive`], [`WireError::DriveWith`], [`WireError::NeitherDbcNorPreset`].
     fn expanded(&self, scenario: &Scenario) -> Result<Option<WireSection>, WireError> {
         match self.preset {
             None => self.check_no_preset().map(|()| None),

@@ -135,10 +135,8 @@ impl Axis<'_> {
     fn command(&self) -> CommandSpec {
         let torque = InputSpec {
             signal: String::from("Input_Torque"),
-            scale: None,
-            offset: None,
-            constant_per_a: None,
             gear_ratio: Some(self.drive.gear_ratio),
+            ..InputSpec::default()
         };
         let mut command = CommandSpec {
             message: self.name("Set_Input_Torque"),
@@ -153,20 +151,7 @@ impl Axis<'_> {
     }
 
     fn event(&self, message: &str) -> EventSpec {
-        EventSpec {
-            message: self.name(message),
-            signal: None,
-            arm: vec![],
-            disarm: vec![],
-            reset: vec![],
-            stop: vec![],
-            require: vec![],
-            on_frame: None,
-            every_frame: true,
-            counter: None,
-            checksum: None,
-            drive: self.number,
-        }
+        EventSpec { message: self.name(message), every_frame: true, drive: self.number, ..EventSpec::default() }
     }
 
     fn events(&self) -> [EventSpec; 5] {
@@ -189,14 +174,10 @@ impl Axis<'_> {
     fn reading(&self, message: &str, signals: &[(&str, SourceSpec)]) -> ReadingSpec {
         ReadingSpec {
             message: self.name(message),
-            every: None,
-            period_s: None,
-            on: None,
             on_request: true,
-            counter: None,
-            checksum: None,
             drive: self.number,
             signals: signals.iter().map(|(name, source)| ((*name).to_string(), source.clone())).collect(),
+            ..ReadingSpec::default()
         }
     }
 

@@ -56,7 +56,7 @@ pub(super) fn counter(
     let all = 1_u64.checked_shl(layout.bits().into()).unwrap_or(u64::MAX);
     // What the scenario states wins; a profile such as AUTOSAR 1 leaves out the value 15 of its 4 bits.
     let values = spec.values.or(preset.and_then(Preset::counter_values)).unwrap_or(all);
-    Counter::new(layout, values).map_err(|source| WireError::Counter { place, source })
+    Counter::new(layout, values).map_err(|error| WireError::protection(&place, error))
 }
 
 /// Returns a source with one number for each state.

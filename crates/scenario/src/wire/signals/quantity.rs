@@ -120,7 +120,8 @@ impl Quantities {
 fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> WireError {
     let names: Vec<String> = known.map(|channel| channel.name.to_string()).collect();
     let suggestion = nearest(name, names.iter().map(String::as_str));
-    WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
+    let (place, got, known) = (place.clone(), name.to_string(), names.join(", "));
+    WireError::Name { place, what: "quantity", got, suggestion, known }
 }
 
 /// Returns the units of the signal for one unit of the quantity.
