@@ -23,6 +23,7 @@ use resonarm::replay::ReplayError;
 use resonarm::responses::ResponsesError;
 use resonarm::run::RunError;
 use resonarm::scenario::specification::SpecificationFileError;
+use resonarm::scenario::structure::StructureFileError;
 use resonarm::scenario::{ScenarioError, StructureSectionError};
 use resonarm::structure::StepError;
 use resonarm::study::{JournalError, StudyError};
@@ -342,9 +343,10 @@ fn run(error: &RunError) -> Exit {
 /// doesn't give.
 fn scenario(error: &ScenarioError) -> Exit {
     match error {
-        ScenarioError::Structure(StructureSectionError::Fmu { fault, .. }) if fault.is_of_the_system() => {
-            Exit::Environment
-        }
+        ScenarioError::Structure(StructureSectionError::File { fault, .. }) => match &**fault {
+            StructureFileError::Fmu(fault) if fault.is_of_the_system() => Exit::Environment,
+            _ => Exit::Usage,
+        },
         _ => Exit::Usage,
     }
 }

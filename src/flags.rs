@@ -200,8 +200,7 @@ impl StructureFlags {
             let kind = scenario.structure.kind;
             if kind != StructureKind::Preset {
                 return Err(Failure::usage(format!(
-                    "--preset {preset} is a structure of its own, but the scenario's [structure] is of the kind {}: leave --preset out",
-                    kind.name()
+                    "--preset {preset} is a structure of its own, but the scenario's [structure] is of the kind {kind}: leave --preset out"
                 )));
             }
             scenario.structure.preset = Some(preset.to_owned());
@@ -228,7 +227,7 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
         StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
             return Err(Failure::usage(format!(
                 "--angles-deg turns the links of a chain, but the scenario's [structure] is of the kind {}: leave --angles-deg out",
-                section.kind.name()
+                section.kind
             )));
         }
     };

@@ -243,7 +243,7 @@ fn elements(scenario: &Scenario) -> String {
             1 => String::from(", 1 term"),
             count => format!(", {count} terms"),
         };
-        format!("element {number}: {} {}{}{terms}\n", element.kind.name(), element.place(), values.collect::<String>())
+        format!("element {number}: {} {}{}{terms}\n", element.kind, element.place(), values.collect::<String>())
     };
     elements.zip(1..).map(line).collect()
 }

@@ -1,6 +1,7 @@
 //! Nonlinear and linear point elements of a structure, as a scenario states them.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -30,19 +31,10 @@ pub enum ElementKind {
     Polynomial,
 }
 
-impl ElementKind {
-    /// Returns the name of the law in a scenario.
-    pub const fn name(self) -> &'static str {
-        match self {
-            ElementKind::Cubic => "cubic",
-            ElementKind::Gap => "gap",
-            ElementKind::Contact => "contact",
-            ElementKind::Friction => "friction",
-            ElementKind::Lugre => "lugre",
-            ElementKind::Linear => "linear",
-            ElementKind::Tanh => "tanh",
-            ElementKind::Polynomial => "polynomial",
-        }
+/// The name of the law in a scenario.
+impl fmt::Display for ElementKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -162,7 +154,7 @@ impl ElementSection {
             return self.polynomial(number);
         }
         if !self.terms.is_empty() {
-            return Err(StructureSectionError::TermsIdle { element: number, kind: self.kind.name() });
+            return Err(StructureSectionError::TermsIdle { element: number, kind: self.kind });
         }
         let (at, to) = self.ends(number)?;
         let is_joint = matches!(at, Place::Joint(_));
@@ -216,8 +208,7 @@ impl ElementSection {
         match (&self.at, self.joint, &self.between) {
             (Some(At::One(at)), None, None) => Ok((place(at)?, None)),
             (Some(At::Several(at)), None, None) => {
-                let (got, kind) = (at.len(), self.kind.name());
-                Err(StructureSectionError::SeveralPlaces { element: number, got, kind })
+                Err(StructureSectionError::SeveralPlaces { element: number, got: at.len(), kind: self.kind })
             }
             (None, Some(joint), None) => Ok((Place::Joint(joint), None)),
             (None, None, Some([at, to])) => Ok((place(at)?, Some(place(to)?))),

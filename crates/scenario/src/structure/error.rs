@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use resonarm_bench::rig::MOST_CHANNELS;
 
-use super::ImportError;
 use super::source::StructureFileError;
+use super::{ElementKind, StructureKind};
 use resonarm_bench::plant::ShakerAcross;
 use resonarm_dynamics::structure::StructureError;
 use resonarm_numeric::number::short;
@@ -39,7 +39,7 @@ pub enum StructureSectionError {
     )]
     NotOwn {
         /// Kind of structure that the scenario states.
-        kind: &'static str,
+        kind: StructureKind,
     },
     /// The key has no meaning for this kind of structure.
     #[error("structure: `{key}` does not apply to a structure of kind `{kind}`: leave it out")]
@@ -47,7 +47,7 @@ pub enum StructureSectionError {
         /// Key that has no meaning there.
         key: &'static str,
         /// Kind of the structure.
-        kind: &'static str,
+        kind: StructureKind,
     },
     /// A preset is combined with another kind of structure.
     #[error("structure: `preset` is {preset}, a structure of its own, and `kind` is {kind}: leave one of them out")]
@@ -55,7 +55,7 @@ pub enum StructureSectionError {
         /// Name of the preset.
         preset: String,
         /// Kind of structure that is stated beside it.
-        kind: &'static str,
+        kind: StructureKind,
     },
     /// Links or modes are given, but the kind that uses them is not.
     #[error("structure: `{key}` is given without the kind of structure: add `kind = \"{kind}\"`")]
@@ -63,7 +63,7 @@ pub enum StructureSectionError {
         /// Key that is given.
         key: &'static str,
         /// Kind of structure that has the key.
-        kind: &'static str,
+        kind: StructureKind,
     },
     /// The number of angles differs from the number of links.
     #[error("structure.angles_deg has {got} numbers: give {expected}, one for each link of {preset}")]
@@ -137,7 +137,7 @@ pub enum StructureSectionError {
         /// Number of places that the element states.
         got: usize,
         /// Kind of the element.
-        kind: &'static str,
+        kind: ElementKind,
     },
     /// A polynomial without `at`, or with another place.
     #[error("structure.elements, number {element}: a polynomial needs `at` alone, as in at = [\"tip.x\", \"mid.x\"]")]
@@ -151,7 +151,7 @@ pub enum StructureSectionError {
         /// The number of the element, from 1.
         element: usize,
         /// Kind of the element.
-        kind: &'static str,
+        kind: ElementKind,
     },
     /// `side` is given for an element that is not a contact.
     #[error("structure.elements, number {element}: `side` applies only to contacts: leave it out")]
@@ -306,14 +306,6 @@ pub enum StructureSectionError {
         "structure: `kind` is fmu: an FMU is third-party code whose steps can take any time, so it does not run in real time: use the mode free or lockstep"
     )]
     FmuInRealTime,
-    /// The FMU can't be the structure under test.
-    #[error("{}: {fault}", path.display())]
-    Fmu {
-        /// Path of the FMU.
-        path: PathBuf,
-        /// Reason that the import gives.
-        fault: Box<ImportError>,
-    },
     /// The scenario is from a recording, and its FMU has not been allowed: loading it would run code.
     #[error(
         "the recording was made with the FMU {}, {}: it is not loaded from the path in the recording, since an FMU is code that runs \

@@ -3,8 +3,8 @@
 use std::path::{Path, absolute};
 use std::sync::Arc;
 
-use super::source::unreadable;
-use super::{ImportError, StructureSection, StructureSectionError};
+use super::source::{of_file, unreadable};
+use super::{StructureSection, StructureSectionError};
 use crate::text_file;
 use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError};
 use resonarm_bench::rig::{Converter, PlaceName, RigSpec};
@@ -61,23 +61,19 @@ impl StructureSection {
         if let Some(expected) = self.sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&got)) {
             return Err(StructureSectionError::FmuHash { path, got, expected: expected.clone() });
         }
-        let of = |fault: ImportError| StructureSectionError::Fmu { path: path.clone(), fault: Box::new(fault) };
         let wanted = Spec {
             sample_s: 1.0 / spec.sample_rate_hz,
             steps_per_sample: spec.steps_per_sample,
             ..self.fmu_spec(&spec.rig)
         };
-        let source = Source::read(bytes, &wanted).map_err(of)?;
-        Arc::new(source).plant(spec).map_err(of)
+        let source = Source::read(bytes, &wanted).map_err(of_file(&path))?;
+        Arc::new(source).plant(spec).map_err(of_file(&path))
     }
 
     /// Returns the channels of the FMU, as the section and the rig name them; the FMU is not read.
     pub(crate) fn fmu_channels(&self, rig: &RigSpec) -> Result<NamedChannels, StructureSectionError> {
-        let of = |fault: ImportError| StructureSectionError::Fmu {
-            path: self.file.clone().unwrap_or_default(),
-            fault: Box::new(fault),
-        };
-        NamedChannels::new(&self.fmu_spec(rig)).map_err(of)
+        let path = self.file.clone().unwrap_or_default();
+        NamedChannels::new(&self.fmu_spec(rig)).map_err(of_file(&path))
     }
 
     /// Returns the rig's requirements for the FMU, without its steps.

@@ -10,6 +10,7 @@ mod source;
 mod tests;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -47,21 +48,17 @@ pub enum StructureKind {
 }
 
 impl StructureKind {
-    /// Returns the name of the kind in a scenario.
-    pub const fn name(self) -> &'static str {
-        match self {
-            StructureKind::Preset => "preset",
-            StructureKind::Chain => "chain",
-            StructureKind::Modal => "modal",
-            StructureKind::Own => "own",
-            StructureKind::Fmu => "fmu",
-        }
-    }
-
     /// Returns whether the equations are external: the structure can be stepped and read, but has no modes or
     /// branches to compute.
     pub const fn is_foreign(self) -> bool {
         matches!(self, StructureKind::Own | StructureKind::Fmu)
+    }
+}
+
+/// The name of the kind in a scenario.
+impl fmt::Display for StructureKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -279,7 +276,7 @@ impl StructureSection {
     /// [`StructureSectionError`] if it states another structure, has keys of others, or the rig has places or a shaker.
     pub fn check_own(&self, rig: &RigSpec) -> Result<(), StructureSectionError> {
         if self.kind != StructureKind::Own {
-            return Err(StructureSectionError::NotOwn { kind: self.kind.name() });
+            return Err(StructureSectionError::NotOwn { kind: self.kind });
         }
         self.check_keys()?;
         if rig.shaker.is_some() {
@@ -311,7 +308,7 @@ impl StructureSection {
         let set = ("set", !self.set.is_empty());
         let angles = ("angles_deg", !self.angles_deg.is_empty());
         if let (Some(preset), true) = (&self.preset, self.kind != StructureKind::Preset) {
-            return Err(StructureSectionError::PresetKind { preset: preset.clone(), kind: self.kind.name() });
+            return Err(StructureSectionError::PresetKind { preset: preset.clone(), kind: self.kind });
         }
         // One row per kind: the keys that mean nothing for it, and a key that it needs and that is missing.
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
@@ -322,10 +319,10 @@ impl StructureSection {
                 (&[angles, links, modes, gravity, points, lines, elements, initial, set], missing)
             }
             StructureKind::Preset if links.1 => {
-                return Err(StructureSectionError::KindMissing { key: links.0, kind: StructureKind::Chain.name() });
+                return Err(StructureSectionError::KindMissing { key: links.0, kind: StructureKind::Chain });
             }
             StructureKind::Preset if modes.1 => {
-                return Err(StructureSectionError::KindMissing { key: modes.0, kind: StructureKind::Modal.name() });
+                return Err(StructureSectionError::KindMissing { key: modes.0, kind: StructureKind::Modal });
             }
             StructureKind::Preset => (&[points, lines], None),
             StructureKind::Chain => {
@@ -341,7 +338,7 @@ impl StructureSection {
             return Err(StructureSectionError::Missing { missing, fix });
         }
         match idle.iter().find(|(_, is_given)| *is_given) {
-            Some((key, _)) => Err(StructureSectionError::Idle { key, kind: self.kind.name() }),
+            Some((key, _)) => Err(StructureSectionError::Idle { key, kind: self.kind }),
             None => self.check_lines(),
         }
     }

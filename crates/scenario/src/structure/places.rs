@@ -87,19 +87,15 @@ fn placed_sensor(
 /// them, or one degree of freedom as x.
 fn placed(assembly: &Assembly, instrument: &str, at: &str) -> Result<Placed, StructureSectionError> {
     let points = assembly.points();
+    let refused = |reason| StructureSectionError::Rig { instrument: instrument.to_owned(), reason };
     if at.contains('.') {
-        let unknown = |error| StructureSectionError::Rig {
-            instrument: instrument.to_owned(),
-            reason: format!("is `{at}`: {error}"),
-        };
-        let dof = assembly.dof(at).map_err(unknown)?;
+        let dof = assembly.dof(at).map_err(|error| refused(format!("is `{at}`: {error}")))?;
         if dof.is_base() {
-            let reason = format!(
+            return Err(refused(format!(
                 "is `{at}`, the moving base: it is driven by an acceleration, but a rig commands forces. To move the base, use frf, \
                  continue, simulate, sweep or basins; for a run, describe the free structure, with the mass of the table and modes \
                  at 0 Hz, and place the exciter at the table"
-            );
-            return Err(StructureSectionError::Rig { instrument: instrument.to_owned(), reason });
+            )));
         }
         return Ok(Placed { along: [Some(dof), None] });
     }
@@ -108,9 +104,8 @@ fn placed(assembly: &Assembly, instrument: &str, at: &str) -> Result<Placed, Str
     if is_known && found.along.iter().any(Option::is_some) {
         return Ok(found);
     }
-    let reason = match is_known {
+    Err(refused(match is_known {
         true => format!("is `{at}`, which moves along z alone: write \"{at}.z\""),
         false => format!("is `{at}`: the points are {}", points.join(", ")),
-    };
-    Err(StructureSectionError::Rig { instrument: instrument.to_owned(), reason })
+    }))
 }

@@ -9,7 +9,7 @@ use thiserror::Error;
 use crate::run::RunError;
 use resonarm_files::recording::RecordingError;
 use resonarm_numeric::number::short;
-use resonarm_scenario::ScenarioError;
+use resonarm_scenario::{ScenarioError, StructureKind};
 
 /// Error of a survey.
 #[derive(Debug, Error)]
@@ -31,7 +31,7 @@ pub enum SurveyError {
     )]
     NoEquations {
         /// Kind of the structure.
-        kind: &'static str,
+        kind: StructureKind,
     },
     /// A place is not on the structure.
     #[error("{flag} {got}: the structure has no such point or degree of freedom; there are {known}")]

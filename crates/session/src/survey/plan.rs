@@ -184,7 +184,7 @@ impl SurveyPlan {
     /// [`SurveyError`] with what the structure or the instruments do not allow.
     pub fn new(base: &Scenario, request: &SurveyRequest) -> Result<SurveyPlan, SurveyError> {
         if base.foreign_structure().is_some() {
-            return Err(SurveyError::NoEquations { kind: base.structure.kind.name() });
+            return Err(SurveyError::NoEquations { kind: base.structure.kind });
         }
         // Without the rig: places that the plan replaces don't matter.
         let assembly = base.structure.assembly().map_err(ScenarioError::from)?;

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use resonarm_fmu_import::ImportError;
 use resonarm_numeric::number::short;
 
 /// Reason why a file makes no structure.
@@ -17,6 +18,9 @@ pub enum StructureFileError {
     /// The matrix can't be used.
     #[error(transparent)]
     Matrix(#[from] MatrixError),
+    /// The FMU can't be the structure under test.
+    #[error(transparent)]
+    Fmu(#[from] ImportError),
 }
 
 /// Reason why a URDF file makes no chain.
@@ -426,23 +430,17 @@ pub enum UffFault {
         /// Real and imaginary part, rad/s.
         got: [f64; 2],
     },
-    /// The dataset is of another type of analysis.
-    #[error(
-        "dataset {dataset} has analysis type {got}: it must be 2 (normal mode) or 3 (complex eigenvalue of first order)"
-    )]
-    Analysis {
+    /// The dataset is of another type of analysis, or its values at the nodes are not displacements.
+    #[error("dataset {dataset} has {what} {got}: it must be {expected}")]
+    Type {
         /// Number of the dataset, as the file has it.
         dataset: u32,
-        /// Type of analysis in the file.
+        /// Which of the types of the dataset is meant.
+        what: &'static str,
+        /// Code of the type in the file.
         got: i64,
-    },
-    /// The values at the nodes are not displacements.
-    #[error("dataset {dataset} has specific data type {got}: it must be 8 (displacement)")]
-    Quantity {
-        /// Number of the dataset, as the file has it.
-        dataset: u32,
-        /// Specific data type in the file.
-        got: i64,
+        /// Codes that are read, with their meaning.
+        expected: &'static str,
     },
     /// The number of values at a node is not that of a vector.
     #[error("dataset {dataset} has {got} values at a node: it must have 3, or 6 with rotations")]

@@ -147,10 +147,10 @@ impl StructureSection {
             && (self.file.is_some() || self.matrices.is_some())
         {
             let key = if self.file.is_some() { "file" } else { "matrices" };
-            return Err(StructureSectionError::Idle { key, kind: self.kind.name() });
+            return Err(StructureSectionError::Idle { key, kind: self.kind });
         }
         if matches!(self.kind, StructureKind::Chain | StructureKind::Fmu) && self.matrices.is_some() {
-            return Err(StructureSectionError::Idle { key: "matrices", kind: self.kind.name() });
+            return Err(StructureSectionError::Idle { key: "matrices", kind: self.kind });
         }
         let keys = [
             ("joints", !self.joints.is_empty(), is_chain, "a chain with the `file` of a robot, URDF"),
@@ -182,7 +182,7 @@ pub(super) fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> Structur
     move |source| StructureSectionError::Read { path, kind: source.kind(), reason: source.to_string() }
 }
 
-fn of_file<E: Into<StructureFileError>>(path: &Path) -> impl FnOnce(E) -> StructureSectionError {
+pub(super) fn of_file<E: Into<StructureFileError>>(path: &Path) -> impl FnOnce(E) -> StructureSectionError {
     let path = PathBuf::from(path);
     move |fault| StructureSectionError::File { path, fault: Box::new(fault.into()) }
 }

@@ -69,15 +69,21 @@ impl Default for Units {
 /// Header of a mode's dataset, before the values at the nodes.
 struct ModeHead {
     number: i64,
-    frequency_hz: f64,
-    damping_ratio: f64,
-    mass: HeadMass,
+    dynamics: Dynamics,
     /// Whether each value at a node is two numbers, real and imaginary part.
     is_complex: bool,
     /// Number of values at a node.
     values: usize,
     /// Names of a node's record and of the values' record, for messages.
     names: [&'static str; 2],
+}
+
+/// What a header states about the motion of its mode.
+#[derive(Clone, Copy)]
+struct Dynamics {
+    frequency_hz: f64,
+    damping_ratio: f64,
+    mass: HeadMass,
 }
 
 /// Modal mass in a header, in the units of the file; 0 if it is not known.
@@ -360,54 +366,45 @@ fn head_of_55(records: &mut Records<'_>) -> Result<ModeHead, UffError> {
     }
     let kind = kind(records, what)?;
     if !matches!(kind[1], NORMAL_MODE | COMPLEX_EIGENVALUE) {
-        return records.refuse(UffFault::Analysis { dataset: 55, got: kind[1] });
+        let expected = "2 (normal mode) or 3 (complex eigenvalue of first order)";
+        return records.refuse(UffFault::Type { dataset: 55, what: "analysis type", got: kind[1], expected });
     }
     let values = values_at_a_node(records, 55, &kind)?;
     let counts = records.numbers("dataset 55, the numbers of load case and mode", 4)?;
     let number = records.whole(what, counts[3])?;
     let names = ["dataset 55, a node", "dataset 55, the values at a node"];
-    if kind[1] == COMPLEX_EIGENVALUE {
+    let dynamics = if kind[1] == COMPLEX_EIGENVALUE {
         let numbers = records.numbers("dataset 55, eigenvalue and modal A", 4)?;
-        return complex_head(records, number, &numbers, &kind, values, names);
-    }
-    let numbers = records.numbers("dataset 55, frequency, modal mass and damping ratios", 4)?;
-    let [frequency_hz, modal_mass, viscous, hysteretic] = [0, 1, 2, 3].map(|index| numbers[index]);
-    let damping_ratio = viscous_ratio(records, number, viscous, hysteretic)?;
-    let (mass, is_complex) = (HeadMass::Modal(modal_mass), has_complex_values(&kind));
-    Ok(ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names })
+        complex(records, number, &numbers)?
+    } else {
+        let numbers = records.numbers("dataset 55, frequency, modal mass and damping ratios", 4)?;
+        normal(records, number, [0, 1, 2, 3].map(|index| numbers[index]))?
+    };
+    Ok(ModeHead { number, dynamics, is_complex: has_complex_values(&kind), values, names })
 }
 
-/// Reads the header of a mode with a complex eigenvalue, from the numbers of the eigenvalue and of modal A.
-fn complex_head(
-    records: &Records<'_>,
-    number: i64,
-    numbers: &[f64],
-    kind: &[i64; 6],
-    values: usize,
-    names: [&'static str; 2],
-) -> Result<ModeHead, UffError> {
+/// Returns the dynamics of a mode with a complex eigenvalue, from the numbers of the eigenvalue and of modal A.
+fn complex(records: &Records<'_>, mode: i64, numbers: &[f64]) -> Result<Dynamics, UffError> {
     let (sigma, omega) = (numbers[0], numbers[1]);
     if omega <= 0.0 {
-        return records.refuse(UffFault::Eigenvalue { mode: number, got: [sigma, omega] });
+        return records.refuse(UffFault::Eigenvalue { mode, got: [sigma, omega] });
     }
     let magnitude = libm::hypot(sigma, omega);
-    Ok(ModeHead {
-        number,
+    Ok(Dynamics {
         frequency_hz: magnitude / core::f64::consts::TAU,
         damping_ratio: -sigma / magnitude,
         mass: HeadMass::ModalA([numbers[2], numbers[3]], omega),
-        is_complex: has_complex_values(kind),
-        values,
-        names,
     })
 }
 
-/// Returns the viscous damping ratio. Hysteretic damping alone is rejected.
-fn viscous_ratio(records: &Records<'_>, mode: i64, viscous: f64, hysteretic: f64) -> Result<f64, UffError> {
-    if viscous == 0.0 && hysteretic != 0.0 {
+/// Returns the dynamics of a normal mode, from its frequency, modal mass, viscous and hysteretic damping ratio.
+/// Hysteretic damping alone is rejected.
+fn normal(records: &Records<'_>, mode: i64, numbers: [f64; 4]) -> Result<Dynamics, UffError> {
+    let [frequency_hz, modal_mass, damping_ratio, hysteretic] = numbers;
+    if damping_ratio == 0.0 && hysteretic != 0.0 {
         return records.refuse(UffFault::Hysteretic { mode, got: hysteretic });
     }
-    Ok(viscous)
+    Ok(Dynamics { frequency_hz, damping_ratio, mass: HeadMass::Modal(modal_mass) })
 }
 
 /// Reads the head of dataset 2414: its label, a name, where the data are, five lines of text; a line as in dataset 55;
@@ -437,15 +434,14 @@ fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError>
     records.next();
     let numbers = records.numbers("dataset 2414, frequency, modal mass and damping ratios", 6)?;
     let names = ["dataset 2414, a node", "dataset 2414, the values at a node"];
-    if kind[1] == COMPLEX_EIGENVALUE {
+    let dynamics = if kind[1] == COMPLEX_EIGENVALUE {
         let numbers = records.numbers("dataset 2414, eigenvalue and modal A", 4)?;
-        return complex_head(records, number, &numbers, &kind, values, names).map(Some);
-    }
-    let [frequency_hz, modal_mass, viscous, hysteretic] = [1, 3, 4, 5].map(|index| numbers[index]);
-    records.next();
-    let damping_ratio = viscous_ratio(records, number, viscous, hysteretic)?;
-    let (mass, is_complex) = (HeadMass::Modal(modal_mass), has_complex_values(&kind));
-    Ok(Some(ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names }))
+        complex(records, number, &numbers)?
+    } else {
+        records.next();
+        normal(records, number, [1, 3, 4, 5].map(|index| numbers[index]))?
+    };
+    Ok(Some(ModeHead { number, dynamics, is_complex: has_complex_values(&kind), values, names }))
 }
 
 /// Code of an analysis: a normal mode.
@@ -475,7 +471,8 @@ const fn has_complex_values(kind: &[i64; 6]) -> bool {
 /// Returns the number of values at a node, which must be displacements.
 fn values_at_a_node(records: &Records<'_>, dataset: u32, kind: &[i64; 6]) -> Result<usize, UffError> {
     if !matches!(kind[3], UNKNOWN | GENERAL | DISPLACEMENT) {
-        return records.refuse(UffFault::Quantity { dataset, got: kind[3] });
+        let (what, expected) = ("specific data type", "8 (displacement)");
+        return records.refuse(UffFault::Type { dataset, what, got: kind[3], expected });
     }
     match kind[5] {
         count @ (3 | 6) => Ok(count as usize),
@@ -490,7 +487,8 @@ fn mode(
     units: Units,
     modal_mass_kg: Option<f64>,
 ) -> Result<Mode, UffError> {
-    let ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names } = *head;
+    let ModeHead { number, dynamics: Dynamics { frequency_hz, damping_ratio, mass }, is_complex, values, names } =
+        *head;
     let line = records.line;
     let mut shape: BTreeMap<u32, [[f64; 2]; 3]> = BTreeMap::new();
     while !records.is_at_end() {
