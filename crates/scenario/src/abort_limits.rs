@@ -66,7 +66,7 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
 fn check_sensors(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), ScenarioError> {
     let rig = &scenario.rig;
     for (&sensor, &got) in &limits.sensors {
-        let wrong = |expected| Err(ScenarioError::SensorLimit { sensor, got, expected });
+        let wrong = |expected| Err(ScenarioError::value(format!("limits.sensors.{sensor}"), got, expected));
         if sensor == InstrumentName::HEAD {
             return wrong("left out: the impedance head has `limits.force_n`");
         }
@@ -88,12 +88,12 @@ fn check_sensors(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Scenari
         }
         // The loop of a free run hands over the readings of one sample at a time.
         if !is_on_protocol && scenario.wire.is_none() && scenario.network.samples_per_frame != 1 {
-            return Err(ScenarioError::Value {
-                name: "network.samples_per_frame",
-                got: scenario.network.samples_per_frame.into(),
-                expected: "1 with a limit in [limits.sensors] on a sensor other than b and c: their readings go beside \
-                           the frames, one sample at a time",
-            });
+            return Err(ScenarioError::value(
+                "network.samples_per_frame",
+                scenario.network.samples_per_frame,
+                "1 with a limit in [limits.sensors] on a sensor other than b and c: their readings go beside the frames, \
+                 one sample at a time",
+            ));
         }
     }
     Ok(())
@@ -126,7 +126,7 @@ fn refuse_unless(
     fits: impl Fn(f64) -> bool,
 ) -> Result<(), ScenarioError> {
     match value.filter(|got| !fits(*got)) {
-        Some(got) => Err(ScenarioError::Value { name, got, expected }),
+        Some(got) => Err(ScenarioError::value(name, got, expected)),
         None => Ok(()),
     }
 }

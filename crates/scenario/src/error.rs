@@ -165,18 +165,8 @@ pub enum ScenarioError {
     #[error("{name} is {got}: it must be {expected}", got = short(.got))]
     Value {
         /// Key of the number.
-        name: &'static str,
+        name: String,
         /// Value that was given.
-        got: f64,
-        /// Valid values, in words.
-        expected: &'static str,
-    },
-    /// The limit of a sensor is outside its valid range.
-    #[error("limits.sensors.{sensor} is {got}: it must be {expected}", got = short(.got))]
-    SensorLimit {
-        /// Name of the sensor.
-        sensor: InstrumentName,
-        /// Limit that was given, in the unit of the sensor.
         got: f64,
         /// Valid values, in words.
         expected: &'static str,
@@ -210,6 +200,13 @@ pub enum ScenarioError {
     /// The recording's configuration has no scenario.
     #[error("the recording has no scenario in its configuration: it was not made by a run of the plant")]
     NotInRecording,
+}
+
+impl ScenarioError {
+    /// The number of a key is outside its valid range.
+    pub(crate) fn value(name: impl Into<String>, got: impl Into<f64>, expected: &'static str) -> ScenarioError {
+        ScenarioError::Value { name: name.into(), got: got.into(), expected }
+    }
 }
 
 fn carried(BitRates { nominal_hz, data_hz }: BitRates) -> String {

@@ -266,17 +266,17 @@ impl Scenario {
             (Some(spec), None) => limit::check("excitation", &spec.amplitude, &self.rig.drive(), self.network.profile),
             // The controller answers each sample with a command. With two samples in a frame, the first one
             // would be answered a sample late.
-            (None, Some(_)) if self.network.samples_per_frame != 1 => Err(ScenarioError::Value {
-                name: "network.samples_per_frame",
-                got: self.network.samples_per_frame.into(),
-                expected: "1 with [control]: a loop that is closed answers every sample",
-            }),
-            (None, Some(spec)) if spec.amplitude().force_n.z != 0.0 => Err(ScenarioError::Value {
-                name: "control.amplitude.exciter_z",
-                got: spec.amplitude().force_n.z,
-                expected: "left out: a control law reads the impedance head, which has the axes x and y; excite along z by \
-                           [excitation]",
-            }),
+            (None, Some(_)) if self.network.samples_per_frame != 1 => Err(ScenarioError::value(
+                "network.samples_per_frame",
+                self.network.samples_per_frame,
+                "1 with [control]: a loop that is closed answers every sample",
+            )),
+            (None, Some(spec)) if spec.amplitude().force_n.z != 0.0 => Err(ScenarioError::value(
+                "control.amplitude.exciter_z",
+                spec.amplitude().force_n.z,
+                "left out: a control law reads the impedance head, which has the axes x and y; excite along z by \
+                 [excitation]",
+            )),
             (None, Some(spec)) => limit::check("control", spec.amplitude(), &self.rig.drive(), self.network.profile),
             (None, None) => Ok(()),
         }
@@ -502,11 +502,7 @@ impl Scenario {
 }
 
 fn positive(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
-    if got.is_finite() && got > 0.0 {
-        Ok(got)
-    } else {
-        Err(ScenarioError::Value { name, got, expected: "a positive number" })
-    }
+    if got.is_finite() && got > 0.0 { Ok(got) } else { Err(ScenarioError::value(name, got, "a positive number")) }
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ impl Scenario {
 
 /// Returns the bit rates, if the scenario states them.
 fn bit_rates(network: &NetworkSection) -> Result<Option<BitRates>, ScenarioError> {
-    let refused = |name, got: u32, expected| Err(ScenarioError::Value { name, got: f64::from(got), expected });
+    let refused = |name, got: u32, expected| Err(ScenarioError::value(name, got, expected));
     match (network.bit_rate_hz, network.data_bit_rate_hz) {
         (None, None) => Ok(None),
         (Some(got), _) if !BIT_RATE_HZ.contains(&got) => refused(
@@ -67,10 +67,10 @@ fn bit_error_rate(network: &NetworkSection) -> Result<f64, ScenarioError> {
         (None, _) => Ok(0.0),
         (Some(got), None) => {
             let expected = "left out, or stated with `network.bit_rate_hz`: without it frames have no bits";
-            Err(ScenarioError::Value { name, got, expected })
+            Err(ScenarioError::value(name, got, expected))
         }
         (Some(got), Some(_)) if !(0.0..=BIT_ERROR_RATE_MAX).contains(&got) => {
-            Err(ScenarioError::Value { name, got, expected: "a probability from 0 to 0.01" })
+            Err(ScenarioError::value(name, got, "a probability from 0 to 0.01"))
         }
         (Some(got), Some(_)) => Ok(got),
     }

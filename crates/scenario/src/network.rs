@@ -83,11 +83,9 @@ impl NetworkSection {
     pub fn samples_per_frame(&self) -> Result<SamplesPerFrame, ScenarioError> {
         let known = SamplesPerFrame::from_number(self.samples_per_frame);
         let fits = |samples: &SamplesPerFrame| *samples == SamplesPerFrame::One || self.profile == Profile::Fd;
-        known.filter(fits).ok_or(ScenarioError::Value {
-            name: "network.samples_per_frame",
-            got: self.samples_per_frame.into(),
-            expected: "1, or with `network.profile = \"fd\"` 2",
-        })
+        let expected = "1, or with `network.profile = \"fd\"` 2";
+        let refused = || ScenarioError::value("network.samples_per_frame", self.samples_per_frame, expected);
+        known.filter(fits).ok_or_else(refused)
     }
 
     /// Rejects timeouts, faults and frame settings that no run can use.
@@ -132,7 +130,7 @@ impl Scenario {
         // A timeout of less than two sample periods would trip on the normal jitter of one late command.
         if command_timeout_s * self.simulation.rate_hz < 2.0 * samples {
             let expected = "at least two samples long (2 / simulation.rate_hz), or four with two samples a frame";
-            return Err(ScenarioError::Value { name: "network.command_timeout_s", got: command_timeout_s, expected });
+            return Err(ScenarioError::value("network.command_timeout_s", command_timeout_s, expected));
         }
         let partner_timeout_s = timeout("network.partner_timeout_s", self.network.partner_timeout_s)?;
         Ok(Timing {
@@ -175,7 +173,7 @@ fn timeout(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
     if got > 0.0 && got <= TIMEOUT_MAX_S {
         Ok(got)
     } else {
-        Err(ScenarioError::Value { name, got, expected: "a positive number of seconds, at most 3600" })
+        Err(ScenarioError::value(name, got, "a positive number of seconds, at most 3600"))
     }
 }
 

@@ -40,16 +40,11 @@ pub(super) fn database(text: &str, origin: &str) -> Result<Database, DbcError> {
     // with that error.
     refuse_twins(&mut messages, &statements.messages);
     restrict_names(&mut messages);
-    let mut nodes: Vec<String> = Vec::new();
     let listed = statements.nodes.iter();
     // Many files leave out nodes that their messages name.
     let senders = statements.messages.iter().flat_map(|message| &message.sender);
     let further = statements.senders.iter().flat_map(|(_, nodes)| nodes);
-    for node in listed.chain(senders).chain(further).map(|node| file.attributes.node_name(node)) {
-        if !nodes.contains(&node) {
-            nodes.push(node);
-        }
-    }
+    let nodes = file.distinct_nodes(listed.chain(senders).chain(further));
     Ok(Database { strays: strays(&statements), origin, nodes, messages })
 }
 
@@ -131,12 +126,6 @@ impl<'a> File<'a> {
         let format = if is_possible { stated } else { self.attributes.fd(statement.id) };
         let restriction = unknown.or((!is_possible).then_some(too_long));
         let further = self.senders.get(&statement.id).copied().unwrap_or_default();
-        let mut senders: Vec<String> = Vec::new();
-        for sender in statement.sender.iter().chain(further).map(|sender| self.attributes.node_name(sender)) {
-            if !senders.contains(&sender) {
-                senders.push(sender);
-            }
-        }
         let message = Message {
             origin: self.origin.clone(),
             line: statement.line,
@@ -144,11 +133,22 @@ impl<'a> File<'a> {
             format,
             length,
             cycle_time_ms: self.attributes.cycle_time_ms(statement.id),
-            senders,
+            senders: self.distinct_nodes(statement.sender.iter().chain(further)),
             signals: self.signals(statement, length),
             name: name.to_string(),
         };
         Ok((message, restriction))
+    }
+
+    /// Returns the long names of nodes, each once, in the order of their first mention.
+    fn distinct_nodes<'n>(&self, symbols: impl Iterator<Item = &'n String>) -> Vec<String> {
+        let mut nodes = Vec::new();
+        for node in symbols.map(|symbol| self.attributes.node_name(symbol)) {
+            if !nodes.contains(&node) {
+                nodes.push(node);
+            }
+        }
+        nodes
     }
 
     fn signals(&self, message: &MessageStatement, length: usize) -> Vec<Named<Signal>> {

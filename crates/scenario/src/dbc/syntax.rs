@@ -337,8 +337,7 @@ impl<'a> Parser<'a> {
         if !is_of_signal {
             return self.skip_statement();
         }
-        let message = self.lexer.unsigned("an identifier as a decimal number")?;
-        let signal = self.lexer.word("the name of the signal")?.to_string();
+        let (message, signal) = self.signal_reference()?;
         let mut value = Vec::new();
         while self.lexer.peek_number().is_some() {
             let number = self.lexer.integer("an integer")?;
