@@ -6,7 +6,7 @@ use super::tester::Tester;
 use resonarm_protocol::timing::sample_period_ns;
 use resonarm_protocol::{
     Acceleration, Frame, ImpedanceHead, Measured, Message, Node, NodeState, OperatorRequest, Profile, SensorPair,
-    SensorValues, Sensors, StateEvent, Transmitter,
+    SensorValues, Sensors, Transmitter,
 };
 
 impl Tester<'_> {
@@ -93,18 +93,12 @@ impl Tester<'_> {
 
     /// Follows a request as a plant does.
     pub(super) fn follow(&mut self, request: OperatorRequest) -> Result<(), Stop> {
-        let event = match request {
-            OperatorRequest::Arm if self.source.arms => {
-                if self.source.samples == Samples::Awaited {
-                    self.source.due_ns = 0;
-                }
-                StateEvent::Arm
-            }
-            OperatorRequest::Disarm => StateEvent::Disarm,
-            OperatorRequest::Reset => StateEvent::Reset,
-            OperatorRequest::Arm => return Ok(()),
-        };
-        match self.state.next(event) {
+        match (request, self.source.arms) {
+            (OperatorRequest::Arm, false) => return Ok(()),
+            (OperatorRequest::Arm, true) if self.source.samples == Samples::Awaited => self.source.due_ns = 0,
+            _ => {}
+        }
+        match self.state.next(request.event()) {
             Some(state) if self.tested == Node::Exciter && state != NodeState::BootUp => self.send_state(state),
             _ => Ok(()),
         }

@@ -2,7 +2,7 @@
 
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;
-use super::stop::{Stop, failed};
+use super::stop::{Stop, failed, skipped};
 use super::tester::{Tester, is_state};
 use super::times::{MARGIN_NS, MS};
 use super::wire::BusOff;
@@ -31,8 +31,7 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
 /// the log.
 fn lose(t: &mut Tester) -> Result<usize, Stop> {
     if t.take_off(OFF_NS) == BusOff::Impossible {
-        let why = "only its own controller can go bus-off: no frame on this bus can cause it";
-        return Err(Stop::Skipped(String::from(why)));
+        return skipped("only its own controller can go bus-off: no frame on this bus can cause it");
     }
     let from = t.heard.len();
     match t.wait_for_emergency(OFF_NS + 2 * MARGIN_NS)? {

@@ -3,7 +3,7 @@
 use super::counters::sample;
 use super::load::BusLoad;
 use super::stop::{Stop, failed, inconclusive, late, skipped, wrong};
-use super::tester::{Heard, Tester};
+use super::tester::{Heard, Tester, state_said};
 use super::times::{MARGIN_NS, MS, ms};
 use super::{exciter_role, plant_role};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
@@ -37,7 +37,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     let all: Vec<NodeState> = t.heard.iter().filter_map(|heard| state_said(&heard.message)).collect();
     let changes = all.windows(2).filter(|two| two[0] != two[1]).count() as u64;
     // What was sent while the tester was held up waits on the bus.
-    let watched_ns = t.now_ns() - start_ns + t.held_up_ns;
+    let watched_ns = t.now_ns() - start_ns + t.watch.held_up_ns;
     let most = (MOST_HEARTBEATS * watched_ns).div_ceil(WATCH_NS) + changes;
     if came > most {
         return wrong(format!(
@@ -57,14 +57,6 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     let text = format!("no heartbeat for {}, at most {} is allowed", ms(longest_ns), ms(HEARTBEAT_PERIOD_NS));
     // If most are missing, no single stop of the node explains it.
     if came < WATCH_NS / HEARTBEAT_PERIOD_NS / 2 { failed(text) } else { late(text) }
-}
-
-/// The state in a heartbeat.
-fn state_said(message: &Message) -> Option<NodeState> {
-    match message {
-        Message::Heartbeat(heartbeat) => Some(heartbeat.state),
-        _ => None,
-    }
 }
 
 /// Remote frames with the identifiers of the network are not answered: as many messages come with them as without, and
@@ -183,9 +175,7 @@ pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
 /// Runs a script while the bus is loaded.
 pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
     let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
-        return Err(Stop::Skipped(String::from(
-            "no bit rate is given (--bit-rate-hz), so a bus load of 70 % can't be made",
-        )));
+        return skipped("no bit rate is given (--bit-rate-hz), so a bus load of 70 % can't be made");
     };
     t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));
     let result = script(t);

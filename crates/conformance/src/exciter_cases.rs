@@ -1,5 +1,6 @@
 //! Cases for an exciter: answers to samples, faults. The tester plays the plant.
 
+use super::counters::sample;
 use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands, commands_of, exchange_hellos, is_arm};
 use super::plant_role::period_ns;
@@ -121,13 +122,9 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
 fn await_answers(t: &mut Tester) -> Result<(), Stop> {
     t.source.samples = Samples::Awaited;
     for _ in 0..AWAITED {
-        let sample = t.source.index;
+        let awaited = t.source.index;
         t.source.due_ns = t.source.sent_ns + period_ns(t);
-        t.wait_for(MARGIN_NS, |message| match message {
-            Message::Force(command) => command.sample == sample,
-            Message::Torque(command) => command.sample == sample,
-            _ => false,
-        })?;
+        t.wait_for(MARGIN_NS, |message| sample(message) == Some(awaited))?;
     }
     Ok(())
 }
@@ -234,12 +231,17 @@ pub(super) fn asks_to_arm(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
-/// The plant's emergency stops it, whatever the plant's heartbeat says.
-pub(super) fn plant_emergency(t: &mut Tester) -> Result<(), Stop> {
+/// Lets an exciter begin, then sends what must stop it, and arms no more. Returns the length of the log before that.
+fn stop(t: &mut Tester, send: impl FnOnce(&mut Tester) -> Result<(), Stop>) -> Result<usize, Stop> {
     begin(t)?;
     t.source.arms = false;
     let from = t.heard.len();
-    t.send_emergency(EmergencyCode::CommandTimeout, 0)?;
+    send(t).map(|()| from)
+}
+
+/// The plant's emergency stops it, whatever the plant's heartbeat says.
+pub(super) fn plant_emergency(t: &mut Tester) -> Result<(), Stop> {
+    let from = stop(t, |t| t.send_emergency(EmergencyCode::CommandTimeout, 0))?;
     ends(t, from, NodeState::Fault)
 }
 
@@ -336,7 +338,7 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
         return failed(format!("without samples it reports: {e}"));
     }
     // The last sample was sent up to a period, and the tester's hold-up, earlier.
-    if after_ns + 2 * period_ns + t.held_up_ns < HEARTBEAT_TIMEOUT_NS {
+    if after_ns + 2 * period_ns + t.watch.held_up_ns < HEARTBEAT_TIMEOUT_NS {
         return failed(format!(
             "it faults {} after the last sample, not after {}",
             ms(after_ns),
@@ -348,19 +350,8 @@ pub(super) fn sensor_timeout(t: &mut Tester) -> Result<(), Stop> {
 }
 
 /// A fault or a boot of the plant stops it.
-pub(super) fn plant_faults(t: &mut Tester) -> Result<(), Stop> {
-    stops_at(t, NodeState::Fault)
-}
-
-pub(super) fn plant_boots(t: &mut Tester) -> Result<(), Stop> {
-    stops_at(t, NodeState::BootUp)
-}
-
-fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
-    begin(t)?;
-    t.source.arms = false;
-    let from = t.heard.len();
-    t.send_state(state)?;
+pub(super) fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    let from = stop(t, |t| t.send_state(state))?;
     ends(t, from, NodeState::Fault)?;
     let at = |holds: &dyn Fn(&Message) -> bool| t.heard[from..].iter().find(|h| holds(&h.message)).map(|h| h.at_ns);
     let Some(emergency_ns) = at(&|message| emergency(message).is_some()) else { return Ok(()) };
@@ -405,20 +396,10 @@ pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The exciter says after its end that it leaves, before it boots again or is gone.
-pub(super) fn leaves(t: &mut Tester) -> Result<(), Stop> {
-    leaves_after(t, NodeState::PreOperational)
-}
-
-pub(super) fn leaves_faulted(t: &mut Tester) -> Result<(), Stop> {
-    leaves_after(t, NodeState::Fault)
-}
-
-fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
-    begin(t)?;
-    t.source.arms = false;
-    let from = t.heard.len();
-    t.send_state(state)?;
+/// The exciter says after its end, by a disarmed plant or by one in fault, that it leaves, before it boots again or is
+/// gone.
+pub(super) fn leaves(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+    let from = stop(t, |t| t.send_state(state))?;
     let give_up_ns = t.now_ns() + STAYS_NS;
     while t.now_ns() < give_up_ns {
         let word =
@@ -439,20 +420,16 @@ fn leaves_after(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
 
 /// The plant is disarmed.
 pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
-    begin(t)?;
-    t.source.arms = false;
-    let from = t.heard.len();
-    t.send_state(NodeState::PreOperational)?;
+    let from = stop(t, |t| t.send_state(NodeState::PreOperational))?;
     ends(t, from, NodeState::PreOperational)
 }
 
 /// The plant leaves: the exciter ends, and is not in fault.
 pub(super) fn plant_leaves(t: &mut Tester) -> Result<(), Stop> {
-    begin(t)?;
-    t.source.arms = false;
-    let from = t.heard.len();
-    t.is_alive = false;
-    t.send_emergency(EmergencyCode::Leaving, 0)?;
+    let from = stop(t, |t| {
+        t.is_alive = false;
+        t.send_emergency(EmergencyCode::Leaving, 0)
+    })?;
     ends(t, from, NodeState::PreOperational)
 }
 

@@ -1,5 +1,6 @@
 //! Steps shared by the cases for an exciter: exchange hellos, let it begin, read its commands.
 
+use super::counters::sample;
 use super::source::Samples;
 use super::stop::{Stop, inconclusive};
 use super::tester::{Heard, Tester, is_state};
@@ -62,11 +63,7 @@ pub(super) fn commands(t: &Tester, from: usize) -> Vec<u16> {
     commands_of(&heard[..boot]).collect()
 }
 
-/// The samples that were answered.
+/// The samples that an exciter has answered: of its messages only commands have one.
 pub(super) fn commands_of(heard: &[Heard]) -> impl Iterator<Item = u16> {
-    heard.iter().filter_map(|heard| match heard.message {
-        Message::Force(command) => Some(command.sample),
-        Message::Torque(command) => Some(command.sample),
-        _ => None,
-    })
+    heard.iter().filter_map(|heard| sample(&heard.message))
 }

@@ -56,12 +56,13 @@ pub use wire::{BusOff, BusWire, Stopped, Wire};
 
 use resonarm_bus::BusError;
 use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
-use resonarm_protocol::{EmergencyCode, Network, Node, OperatorRequest};
+use resonarm_protocol::{EmergencyCode, Network, Node, NodeState, OperatorRequest};
 use resonarm_session::run::Mode;
 use source::Answers;
 use stop::Stop;
-use tester::Tester;
-use tries::{Limits, Rejected, Subject, Try, conclude, tries};
+use tester::{Tester, is_state};
+use times::GONE_NS;
+use tries::{Limits, Rejected, Subject, Try, Watch, conclude, tries};
 
 /// The result of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -113,9 +114,9 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
     };
     tries(limits, wire, |wire| {
         let mut tester = Tester::new(wire, network, case.tested, settings);
-        let result = conclude(case.script.run(&mut tester), &mut tester, limits)?;
-        let Tester { held_up_ns, silent_ns, notes, traffic, .. } = tester;
-        Ok(Try { result, held_up_ns, silent_ns, measured: notes, traffic })
+        let result = conclude((case.script.0)(&mut tester), &mut tester, limits)?;
+        let Tester { watch, notes, traffic, .. } = tester;
+        Ok(Try { result, watch, measured: notes, traffic })
     })
 }
 
@@ -139,16 +140,13 @@ const fn silent_limit_ns(mode: Mode, tested: Node) -> u64 {
 }
 
 impl Subject for Tester<'_> {
-    fn held_up_ns(&self) -> u64 {
-        self.held_up_ns
-    }
-
-    fn silent_ns(&self) -> u64 {
-        self.silent_ns
+    fn watch(&self) -> Watch {
+        self.watch
     }
 
     fn resumes(&mut self) -> Result<bool, Stop> {
-        Tester::resumes(self)
+        let word = self.wait_for(GONE_NS, |_| true)?;
+        Ok(word.is_some_and(|heard| !is_state(&heard.message, NodeState::BootUp)))
     }
 
     /// The plant is disarmed, and the partner leaves.

@@ -12,12 +12,8 @@ use resonarm_protocol::{Message, SamplesPerFrame};
 
 /// Skips the case unless the last capabilities of the node under test state it.
 fn can(t: &Tester) -> Result<(), Stop> {
-    let stated = t.heard.iter().rev().find_map(|heard| match heard.message {
-        Message::Capabilities(capabilities) => Some(capabilities.samples_per_frame),
-        _ => None,
-    });
-    match stated {
-        Some(SamplesPerFrame::Two) => Ok(()),
+    match t.last_capabilities() {
+        Some(capabilities) if capabilities.samples_per_frame == SamplesPerFrame::Two => Ok(()),
         _ => skipped("its capabilities don't announce it"),
     }
 }

@@ -1,11 +1,12 @@
 //! Cases for a plant: samples, state table, times, commands that act.
 
+use super::counters::sample;
 use super::damage::Damage;
 use super::plant_role::{arm, drive, exchange_hellos, forces, hold, instead, meet, run_samples, samples, timeout_ns};
 use super::refusal_cases;
 use super::source::Answers;
 use super::stop::{Stop, failed, inconclusive, late, skipped};
-use super::tester::{Tester, emergency, is_state};
+use super::tester::{Tester, emergency, is_state, state_said};
 use super::times::{MARGIN_NS, MS, ms};
 use super::wire::Stopped;
 use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_PERIOD_NS, HEARTBEAT_TIMEOUT_NS};
@@ -27,8 +28,8 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(300 * MS)?;
     t.check_frames()?;
     let kinds = [MessageKind::Head, MessageKind::AccelerometerB, MessageKind::AccelerometerC];
-    let frames: Vec<(MessageKind, u16)> =
-        t.heard[from..].iter().filter_map(|heard| sample_frame(&heard.message)).collect();
+    let frame = |message: &Message| Some((message.kind(), sample(message)?));
+    let frames: Vec<(MessageKind, u16)> = t.heard[from..].iter().filter_map(|heard| frame(&heard.message)).collect();
     let wanted: &[MessageKind] = match t.network.profile() {
         Profile::Classic => &kinds,
         Profile::Fd => &[MessageKind::Sensors],
@@ -47,16 +48,6 @@ pub(super) fn frames(t: &mut Tester) -> Result<(), Stop> {
     }
     t.note(format!("{} frames", frames.len()));
     Ok(())
-}
-
-fn sample_frame(message: &Message) -> Option<(MessageKind, u16)> {
-    let sample = match message {
-        Message::Head(head) => head.sample,
-        Message::AccelerometerB(a) | Message::AccelerometerC(a) => a.sample,
-        Message::Sensors(sensors) => sensors.sample,
-        _ => return None,
-    };
-    Some((message.kind(), sample))
 }
 
 /// Without a hello that fits it does not arm, and states why.
@@ -175,12 +166,12 @@ fn at_once(t: &mut Tester, from: usize, what: &str, state: NodeState) -> Result<
     // While the tester is held up, samples come that the plant sent before it had the request: they can't be told from
     // those that it sent in place of the heartbeat.
     let text = format!("{what} comes {late} samples late, not at once");
-    if late > most + usize::from(samples(t, t.held_up_ns)) { failed(text) } else { undecided(t, &text) }
+    if late > most + usize::from(samples(t, t.watch.held_up_ns)) { failed(text) } else { undecided(t, &text) }
 }
 
 /// Returns inconclusive: what was seen may be due to a hold-up of the tester.
 fn undecided(t: &Tester, text: &str) -> Result<(), Stop> {
-    inconclusive(format!("{text}; but the tester was held up for {}", ms(t.held_up_ns)))
+    inconclusive(format!("{text}; but the tester was held up for {}", ms(t.watch.held_up_ns)))
 }
 
 fn is_sample(message: &Message) -> bool {
@@ -222,19 +213,15 @@ pub(super) fn stopped(t: &mut Tester) -> Result<(), Stop> {
 fn stays(t: &mut Tester, state: NodeState, requests: &[OperatorRequest]) -> Result<(), Stop> {
     for request in requests {
         t.request(*request)?;
-        let other = t.wait_for(
-            MARGIN_NS,
-            |message| matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state != state),
-        )?;
-        match other.map(|heard| heard.message) {
-            Some(Message::Heartbeat(Heartbeat { state: NodeState::Fault, .. })) if state == NodeState::Operational => {
+        let other = t.wait_for(MARGIN_NS, |message| state_said(message).is_some_and(|said| said != state))?;
+        match other.and_then(|heard| state_said(&heard.message)) {
+            Some(NodeState::Fault) if state == NodeState::Operational => {
                 return inconclusive(format!("{state} it faults, perhaps not by the request {}", named(*request)));
             }
-            Some(Message::Heartbeat(heartbeat)) => {
-                let (request, to) = (named(*request), heartbeat.state);
-                return failed(format!("in the state {state} the request {request} makes it {to}"));
+            Some(to) => {
+                return failed(format!("in the state {state} the request {} makes it {to}", named(*request)));
             }
-            _ => {}
+            None => {}
         }
     }
     Ok(())
@@ -292,7 +279,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     // A plant that catches up makes up to 3 samples at once; the last command may be late by the tester's hold-up.
     let most = wanted + 4;
     let text = format!("it faults {age} samples after the last command, not {wanted} to {most}");
-    if age + 1 < wanted || age > most + samples(t, t.held_up_ns) {
+    if age + 1 < wanted || age > most + samples(t, t.watch.held_up_ns) {
         return failed(text);
     }
     if age > most {

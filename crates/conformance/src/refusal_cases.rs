@@ -7,7 +7,7 @@ use super::stop::{Stop, failed, skipped, wrong};
 use super::tester::{Heard, Tester, emergency};
 use super::times::{MS, ms};
 use resonarm_protocol::timing::COMMAND_AGE_NS;
-use resonarm_protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
+use resonarm_protocol::{Emergency, EmergencyCode, Profile, Refusal, Trip};
 
 /// Size of a command beyond the limit that a plant states, as a multiple of it: a plant that accepts it all the same
 /// is driven hardly more than it can be.
@@ -80,10 +80,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
         return skipped(none);
     }
     drive(t)?;
-    let stated_n = t.heard.iter().rev().find_map(|heard| match heard.message {
-        Message::Capabilities(capabilities) => Some(BEYOND_STATED * capabilities.force_limit_n),
-        _ => None,
-    });
+    let stated_n = t.last_capabilities().map(|capabilities| BEYOND_STATED * capabilities.force_limit_n);
     let Some(beyond_n) = t.settings.beyond_n.or(stated_n).filter(|force_n| *force_n <= f64::from(f32::MAX)) else {
         return skipped(none);
     };

@@ -20,11 +20,11 @@ pub enum Check {
     Elsewhere(&'static str),
 }
 
-const fn tested(id: &'static str, text: &'static str) -> Requirement {
+pub(super) const fn tested(id: &'static str, text: &'static str) -> Requirement {
     Requirement { id, text, check: Check::Cases }
 }
 
-const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Requirement {
+pub(super) const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Requirement {
     Requirement { id, text, check: Check::Elsewhere(why) }
 }
 

@@ -4,10 +4,10 @@ use super::exciter_cases::Answered;
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;
 use super::source::{ACCELERATION_END_M_S2, FORCE_END_N, Samples};
-use super::stop::{Stop, failed, late};
+use super::stop::{Stop, failed, late, skipped};
 use super::tester::{Tester, emergency};
 use super::times::MARGIN_NS;
-use resonarm_protocol::{Message, OperatorCommand, OperatorRequest, SensorValues};
+use resonarm_protocol::{Measured, Message, OperatorCommand, OperatorRequest, SensorValues};
 
 /// The end of the range of the FD profile.
 const SINGLE_END: f64 = f32::MAX as f64;
@@ -29,7 +29,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
         }
     }
     match (marked, unmarked) {
-        (0, 0) => Err(Stop::Skipped(String::from("no reading was clipped"))),
+        (0, 0) => skipped("no reading was clipped"),
         (_, 0) => {
             t.note(format!("{marked} clipped readings"));
             Ok(())
@@ -39,15 +39,10 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
 }
 
 fn readings(message: &Message) -> Vec<Marked> {
-    let ends = |[x, y]: [(f64, bool); 2], end| [(x.0, end, x.1), (y.0, end, y.1)].to_vec();
+    let ends = |axes: [Measured; 2], end| axes.map(|axis| (axis.value, end, axis.saturated)).to_vec();
     match message {
-        Message::Head(head) => {
-            ends([(head.force_x_n, head.x_saturated), (head.force_y_n, head.y_saturated)], FORCE_END_N)
-        }
-        Message::AccelerometerB(a) | Message::AccelerometerC(a) => ends(
-            [(a.acceleration_x_m_s2, a.x_saturated), (a.acceleration_y_m_s2, a.y_saturated)],
-            ACCELERATION_END_M_S2,
-        ),
+        Message::Head(head) => ends(head.axes(), FORCE_END_N),
+        Message::AccelerometerB(a) | Message::AccelerometerC(a) => ends(a.axes(), ACCELERATION_END_M_S2),
         Message::Sensors(sensors) => singles(&sensors.values),
         Message::SensorPair(pair) => pair.values.iter().flat_map(singles).collect(),
         _ => Vec::new(),

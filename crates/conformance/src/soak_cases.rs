@@ -29,7 +29,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     while left_ns > 0 {
         drive(t)?;
         // A hold-up in an earlier round must not excuse a fault in this one.
-        t.held_up_ns = 0;
+        t.watch.held_up_ns = 0;
         // One sample more than the plant still accepts.
         let limit = i16::try_from(COMMAND_AGE_NS.div_ceil(period_ns(t)) + 1).unwrap_or(i16::MAX);
         t.answers = Answers::Soak(t.settings.force_n, limit);
@@ -58,7 +58,7 @@ fn soaked(t: &mut Tester, most_ns: u64) -> Result<u64, Stop> {
         match t.heard.iter().find_map(|heard| emergency(&heard.message)) {
             Some(e)
                 if e.code == EmergencyCode::CommandTimeout
-                    && t.held_up_ns > super::held_up_limit_ns(Mode::RealTime, t.tested) =>
+                    && t.watch.held_up_ns > super::held_up_limit_ns(Mode::RealTime, t.tested) =>
             {
                 return Ok(t.now_ns() - start_ns);
             }

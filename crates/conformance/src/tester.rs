@@ -7,9 +7,9 @@ use super::settings::Settings;
 use super::soak::Soak;
 use super::source::{Answers, Source};
 use super::stop::{Stop, failed, inconclusive, late, slow, wrong};
-use super::times::{GONE_NS, MS};
+use super::times::GONE_NS;
 use super::traffic::Traffic;
-use super::tries::Rejected;
+use super::tries::{LOOK_NS, Rejected, Watch};
 use super::wire::{BusOff, Stopped, Wire};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use resonarm_protocol::{
@@ -19,9 +19,6 @@ use resonarm_protocol::{
 
 /// Number of rejected frames of a kind after which the tester no longer waits for a valid one.
 const MOST_REFUSED: u64 = 3;
-
-/// The tester checks the bus at least this often, ns.
-const LOOK_NS: u64 = 5 * MS;
 
 /// A message of the node under test, with its time.
 #[derive(Clone, Copy, Debug)]
@@ -65,13 +62,7 @@ pub(super) struct Tester<'w> {
     /// The frames received and rejected.
     pub traffic: Traffic,
     pub counters: Counters,
-    looked_at_ns: u64,
-    /// The longest time between two checks beyond the planned one, ns.
-    pub held_up_ns: u64,
-    /// Time at which the node under test was last heard, ns.
-    heard_at_ns: Option<u64>,
-    /// The longest time between two frames of the node under test, ns.
-    pub silent_ns: u64,
+    pub watch: Watch,
     /// The tester as a plant: its samples.
     pub source: Source,
     pub notes: Vec<String>,
@@ -102,10 +93,7 @@ impl<'w> Tester<'w> {
             heard: Vec::new(),
             traffic: Traffic::default(),
             counters: Counters::default(),
-            looked_at_ns: now_ns,
-            held_up_ns: 0,
-            heard_at_ns: None,
-            silent_ns: 0,
+            watch: Watch::new(now_ns),
             source: Source::default(),
             notes: Vec::new(),
         }
@@ -275,9 +263,7 @@ impl<'w> Tester<'w> {
         let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.source.next_ns()).min(load_ns);
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
-        // What the planned wait does not explain is a hold-up of this process.
-        self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
-        self.looked_at_ns = now_ns;
+        self.watch.look(now_ns);
         match frame {
             Some(frame) => self.take(now_ns, &frame).map(|()| Looked::FrameCame),
             None => Ok(Looked::NothingCame),
@@ -297,8 +283,7 @@ impl<'w> Tester<'w> {
             Ok(Some(message)) if message.kind().sender() == self.tested => message,
             Ok(_) | Err(_) => return Ok(()),
         };
-        self.silent_ns = self.silent_ns.max(at_ns - self.heard_at_ns.unwrap_or(at_ns));
-        self.heard_at_ns = Some(at_ns);
+        self.watch.hear(at_ns);
         self.heard.push(Heard { at_ns, message });
         match message {
             Message::AccelerometerC(c) => self.answer(c.sample),
@@ -367,12 +352,6 @@ impl<'w> Tester<'w> {
         self.wire.stop_node(for_ns)
     }
 
-    /// Whether the node under test sends again without having booted: it was stopped.
-    pub fn resumes(&mut self) -> Result<bool, Stop> {
-        let word = self.wait_for(GONE_NS, |_| true)?;
-        Ok(word.is_some_and(|heard| !is_state(&heard.message, NodeState::BootUp)))
-    }
-
     /// A node that is not ready can't be judged. On a loaded bus, though, this is what the case tests.
     pub fn unready<T>(&self, text: impl Into<String>) -> Result<T, Stop> {
         if self.load.is_some() { late(text) } else { inconclusive(text) }
@@ -428,8 +407,13 @@ impl<'w> Tester<'w> {
 
     /// The state in the last heartbeat of the node under test.
     pub fn last_state(&self) -> Option<NodeState> {
+        self.heard.iter().rev().find_map(|heard| state_said(&heard.message))
+    }
+
+    /// The capabilities received last. A node may state others later: these count.
+    pub fn last_capabilities(&self) -> Option<Capabilities> {
         self.heard.iter().rev().find_map(|heard| match heard.message {
-            Message::Heartbeat(heartbeat) => Some(heartbeat.state),
+            Message::Capabilities(capabilities) => Some(capabilities),
             _ => None,
         })
     }
@@ -451,7 +435,15 @@ pub(super) fn emergency(message: &Message) -> Option<Emergency> {
     }
 }
 
+/// The state in a heartbeat.
+pub(super) fn state_said(message: &Message) -> Option<NodeState> {
+    match message {
+        Message::Heartbeat(heartbeat) => Some(heartbeat.state),
+        _ => None,
+    }
+}
+
 /// Whether a message is the heartbeat of a state.
 pub(super) fn is_state(message: &Message, state: NodeState) -> bool {
-    matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state == state)
+    state_said(message) == Some(state)
 }

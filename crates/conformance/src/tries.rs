@@ -1,7 +1,7 @@
 //! A case is tried until it has a result: hold-ups of the tester and of the node under test decide nothing.
 
 use super::stop::Stop;
-use super::times::ms;
+use super::times::{MS, ms};
 use super::traffic::Traffic;
 use super::wire::Wire;
 use super::{Finding, Verdict};
@@ -23,12 +23,43 @@ pub(super) struct Limits {
     pub silent_ns: u64,
 }
 
+/// A tester looks at the bus at least this often, ns.
+pub(super) const LOOK_NS: u64 = 5 * MS;
+
+/// Hold-ups of a tester, and silences of the node under test.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watch {
+    looked_at_ns: u64,
+    heard_at_ns: Option<u64>,
+    /// The longest time between two looks at the bus beyond the planned one, ns.
+    pub held_up_ns: u64,
+    /// The longest time between two frames of the node under test, ns.
+    pub silent_ns: u64,
+}
+
+impl Watch {
+    pub fn new(now_ns: u64) -> Watch {
+        Watch { looked_at_ns: now_ns, heard_at_ns: None, held_up_ns: 0, silent_ns: 0 }
+    }
+
+    /// The tester has looked at the bus.
+    pub fn look(&mut self, now_ns: u64) {
+        // What the planned wait does not explain is a hold-up of this process, and no fault of the node.
+        self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
+        self.looked_at_ns = now_ns;
+    }
+
+    /// A frame of the node under test has come.
+    pub fn hear(&mut self, at_ns: u64) {
+        self.silent_ns = self.silent_ns.max(at_ns - self.heard_at_ns.unwrap_or(at_ns));
+        self.heard_at_ns = Some(at_ns);
+    }
+}
+
 /// A tester in the middle of a case.
 pub(super) trait Subject {
-    /// The longest hold-up of the tester, ns.
-    fn held_up_ns(&self) -> u64;
-    /// The longest silence of the node under test, ns.
-    fn silent_ns(&self) -> u64;
+    /// Hold-ups and silences so far.
+    fn watch(&self) -> Watch;
     /// Whether the node under test sends again without having booted: it was stopped.
     fn resumes(&mut self) -> Result<bool, Stop>;
     /// Ends the case: the node under test is released.
@@ -58,8 +89,7 @@ pub(super) enum TryResult {
 /// One try, with what was measured.
 pub(super) struct Try {
     pub result: TryResult,
-    pub held_up_ns: u64,
-    pub silent_ns: u64,
+    pub watch: Watch,
     pub measured: Vec<String>,
     pub traffic: Traffic,
 }
@@ -78,7 +108,7 @@ pub(super) fn tries(
     let mut slow_text = String::new();
     loop {
         tries += 1;
-        let Try { result, held_up_ns, silent_ns, measured, traffic } = attempt(wire)?;
+        let Try { result, watch: Watch { held_up_ns, silent_ns, .. }, measured, traffic } = attempt(wire)?;
         let is_held_up = held_up_ns > limits.held_up_ns || silent_ns > limits.silent_ns;
         // The node must be slow in several tries to fail; and an undecided try counts for nothing if a hold-up
         // explains it.
@@ -131,7 +161,7 @@ pub(super) fn conclude(
 /// The verdict on a script that found nothing wrong. A case never passes beside a frame that the tester itself
 /// rejected: such a frame is lost to any partner of the node.
 fn beside_rejected(subject: &impl Subject, limits: Limits) -> Verdict {
-    let held_up_ns = subject.held_up_ns();
+    let held_up_ns = subject.watch().held_up_ns;
     match subject.rejected() {
         None => Verdict::Passed,
         Some(Rejected { text, may_be_lost: true }) if held_up_ns > limits.held_up_ns => {
@@ -147,7 +177,7 @@ fn beside_rejected(subject: &impl Subject, limits: Limits) -> Verdict {
 /// [`BusError`] if the bus is gone.
 fn judge(outcome: Result<(), Stop>, subject: &mut impl Subject, limits: Limits) -> Result<TryResult, BusError> {
     let Err(stop) = outcome else { return Ok(TryResult::Judged(Verdict::Passed)) };
-    let held_up_ns = subject.held_up_ns();
+    let Watch { held_up_ns, silent_ns, .. } = subject.watch();
     Ok(match stop {
         Stop::Bus(error) => return Err(error),
         Stop::Skipped(text) => TryResult::Judged(Verdict::Skipped(text)),
@@ -159,14 +189,14 @@ fn judge(outcome: Result<(), Stop>, subject: &mut impl Subject, limits: Limits) 
             TryResult::Judged(Verdict::Inconclusive(text))
         }
         Stop::Failed(text) => TryResult::Judged(Verdict::Failed(text)),
-        Stop::Slow(text) if subject.silent_ns() > limits.silent_ns => {
-            TryResult::Judged(Verdict::Inconclusive(as_if_stopped(&text, subject.silent_ns())))
+        Stop::Slow(text) if silent_ns > limits.silent_ns => {
+            TryResult::Judged(Verdict::Inconclusive(as_if_stopped(&text, silent_ns)))
         }
         Stop::Slow(text) => TryResult::Slow(text),
         Stop::Chance(text) => TryResult::Chance(text),
         Stop::Late(text) => {
             let has_resumed = unless_gone(subject.resumes())?.unwrap_or(false);
-            let silent_ns = subject.silent_ns();
+            let silent_ns = subject.watch().silent_ns;
             TryResult::Judged(match has_resumed && silent_ns > limits.silent_ns {
                 true => Verdict::Inconclusive(as_if_stopped(&text, silent_ns)),
                 false => Verdict::Failed(text),

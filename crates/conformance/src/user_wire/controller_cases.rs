@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use super::Kind;
 use super::end::End;
 use super::monitor::Heard;
 use super::readings::said_every_ns;
@@ -11,6 +10,7 @@ use crate::stop::{Stop, failed, inconclusive, skipped, wrong};
 use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::mapped::mapping::{Arming, Source};
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState, OperatorRequest, Refusal};
+use resonarm_scenario::wire::PresetSpec;
 
 /// Time for which commands are observed, ns, beyond the time for which they are valid.
 const WATCH_NS: u64 = 1000 * MS;
@@ -25,10 +25,7 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
         return Ok(());
     }
-    let came = t.monitor.in_words();
-    inconclusive(format!(
-        "no frame of a controller was received: check that it is on this bus and restarted after each case. Received instead: {came}"
-    ))
+    t.heard_nothing("controller", " and restarted after each case")
 }
 
 /// Waits until the controller has armed the plant; where only an operator does, the tester does it.
@@ -67,9 +64,9 @@ fn not_armed(t: &Tester) -> String {
     let asks = |action| t.heard().iter().filter(|heard| heard.asks(action)).count();
     let (arm, reset) = (asks("arm"), asks("reset"));
     let came = t.monitor.in_words();
-    let how = match (t.on.arming(), t.on.kind) {
+    let how = match (t.on.arming(), t.on.preset) {
         (Arming::ZeroCommand, _) => String::from("no command of all messages was nearly zero at first"),
-        (_, Kind::Cia402) => format!("the last controlword is {}", controlword(t)),
+        (_, Some(PresetSpec::Cia402)) => format!("the last controlword is {}", controlword(t)),
         _ => format!("{arm} requests to arm and {reset} to reset came"),
     };
     format!("it doesn't arm the plant within {}: {how}; heard: {came}", ms(t.settings.patience_ns))
@@ -176,8 +173,10 @@ fn gaps(heard: &[Heard], end_ns: u64) -> String {
 
 /// The controller commands no load before it arms the plant.
 pub(super) fn before_arming(t: &mut Tester) -> Result<(), Stop> {
-    match (t.on.kind, t.on.arming()) {
-        (Kind::Odrive, _) => return skipped("an ODrive may be given its torque before the loop is closed"),
+    match (t.on.preset, t.on.arming()) {
+        (Some(PresetSpec::Odrive), _) => {
+            return skipped("an ODrive may be given its torque before the loop is closed");
+        }
         (_, Arming::Operator) => return skipped("an operator arms the plant, and the controller need not know when"),
         _ => {}
     }
@@ -222,10 +221,10 @@ pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
         refusals.iter().filter(|(_, count)| *count > 0).map(|(refusal, count)| format!("{count} as {refusal}"));
     let refused = refused.collect::<Vec<_>>().join(", ");
     let refused = if refused.is_empty() { String::from("none was rejected") } else { format!("rejected: {refused}") };
-    let hint = match t.on.kind {
-        Kind::Dbc => "are the values that `require` names sent?",
-        Kind::Odrive => "is the controller mode that of torques, passed through?",
-        Kind::Cia402 => "is the mode of operation 10, and halt (bit 8 of the controlword) off?",
+    let hint = match t.on.preset {
+        None => "are the values that `require` names sent?",
+        Some(PresetSpec::Odrive) => "is the controller mode that of torques, passed through?",
+        Some(PresetSpec::Cia402) => "is the mode of operation 10, and halt (bit 8 of the controlword) off?",
     };
     failed(format!("{}, and none acts; {refused}; {hint}", commanded(&first)))
 }
@@ -250,17 +249,9 @@ pub(super) fn limits(t: &mut Tester) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The plant faults: the controller commands no more, or resets the fault by what the mapping says.
-pub(super) fn plant_faults(t: &mut Tester) -> Result<(), Stop> {
-    stops_once(t, NodeState::Fault)
-}
-
-/// The plant is disarmed by its operator: the controller commands no more, or arms it anew.
-pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
-    stops_once(t, NodeState::PreOperational)
-}
-
-fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
+/// The plant faults, or is disarmed by its operator: the controller commands no more, or resets the fault, or arms the
+/// plant anew, by what the mapping says.
+pub(super) fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     let Some(said_every_ns) = said_every(t, state) else {
         let state = in_words(state);
         return skipped(format!("no reading that is sent at least twice a second says that the plant is {state}"));
@@ -284,14 +275,14 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     }
     let from = t.mark();
     // Past the time from which a command is certain, below.
-    t.run_ns(WATCH_NS / 2 + 2 * t.held_up_ns)?;
+    t.run_ns(WATCH_NS / 2 + 2 * t.watch.held_up_ns)?;
     let still = || t.heard()[from..].iter().filter(|heard| heard.state == state && has_load(heard, limits));
     let text = |heard: &Heard| {
         let (what, since) = (commanded(heard), ms(heard.at_ns - now_ns));
         format!("{what}, and the plant is {} for {since}", in_words(state))
     };
     // A hold-up of the tester delays its state by as much, and the time at which it hears a command.
-    let certain_ns = now_ns + reacts_ns + 2 * t.held_up_ns;
+    let certain_ns = now_ns + reacts_ns + 2 * t.watch.held_up_ns;
     match (still().find(|heard| heard.at_ns > certain_ns), still().next()) {
         (Some(heard), _) => wrong(text(heard)),
         (None, Some(heard)) => failed(text(heard)),

@@ -39,10 +39,7 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
         return Ok(());
     }
-    inconclusive(format!(
-        "no frame of a drive was received: check that it is on this bus. Received instead: {}",
-        t.monitor.in_words()
-    ))
+    t.heard_nothing("drive", "")
 }
 
 /// The drives of the user protocol: none of a DBC, which has none of these cases.
@@ -237,7 +234,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
             first_ns.get_or_insert(t.now_ns());
         }
         // Three heartbeats are two periods apart; those that waited while the tester was held up come at once.
-        let took_ns = t.now_ns() - first_ns.unwrap_or(0) + t.held_up_ns;
+        let took_ns = t.now_ns() - first_ns.unwrap_or(0) + t.watch.held_up_ns;
         if took_ns < period_ns {
             return failed(format!(
                 "3 heartbeats of node {node_id} came within {}, and one is due every {} (1017)",

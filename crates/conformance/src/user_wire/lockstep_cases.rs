@@ -31,7 +31,8 @@ fn answers_more(t: &mut Tester, samples: u64) -> Result<(), Stop> {
         }
         Some(emergency) if emergency.code == EmergencyCode::CommandTimeout => {
             // The plant has waited since the answer that it rejected.
-            let since_ns = t.now_ns().saturating_sub(t.on.timing.command_timeout_ns + 2 * MARGIN_NS + t.held_up_ns);
+            let since_ns =
+                t.now_ns().saturating_sub(t.on.timing.command_timeout_ns + 2 * MARGIN_NS + t.watch.held_up_ns);
             failed(match t.monitor.refused_since(since_ns) {
                 Some(refused) => format!("the answer to sample {} is rejected: {refused}", emergency.sample),
                 None => format!("sample {} has no answer: {}", emergency.sample, why(&emergency)),

@@ -24,41 +24,32 @@ pub use cases::{WireCase, WireScript, wire_cases};
 pub use requirements::WIRE_REQUIREMENTS;
 
 use super::stop::{Stop, skipped};
-use super::times::{MARGIN_NS, MS, ms};
-use super::tries::{Limits, Rejected, Subject, Try, conclude, tries};
+use super::times::{GONE_NS, MARGIN_NS, MS, ms};
+use super::tries::{Limits, Rejected, Subject, Try, Watch, conclude, tries};
 use super::{Finding, Settings, Wire};
-use end::Constant;
+use end::{Constant, End};
 use resonarm_bench::node::mapped::mapping::{Arming, Incoming, LoadInput, Mapping, Outgoing, Trigger};
 use resonarm_bench::node::{TimeBase, Timing, WireSpec};
 use resonarm_bench::plant::Plant;
 use resonarm_bus::BusError;
 use resonarm_files::decoder::Decoder;
 use resonarm_files::recording::Configuration;
-use resonarm_protocol::{Frame, FrameFormat, Id, Node};
+use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Id, Node};
 use resonarm_scenario::wire::PresetSpec;
 use resonarm_scenario::{Scenario, ScenarioError};
 use resonarm_session::run::{Mode, Options, RunError, Session};
 use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_ANSWER_BASE, SYNC_ID};
-use tester::Tester;
+use tester::{Alter, Tester};
 
 /// The longest time for which loads are valid that a case waits for, ns.
 const LONGEST_WAIT_NS: u64 = 60_000 * MS;
 
 /// A message that comes at least so often can be waited for, ns.
 const FREQUENT_NS: u64 = 500 * MS;
+/// Time that a plant under test, or a controller, is given to come to rest after a case, ns.
+const RELEASE_NS: u64 = 300 * MS;
 /// Plus the node id: RPDO 1 of a drive.
 const COMMAND_BASE: u16 = 0x200;
-
-/// Kind of a user protocol.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// Messages of a DBC.
-    Dbc,
-    /// CANSimple, the protocol of ODrive.
-    Odrive,
-    /// CANopen drives of CiA 402.
-    Cia402,
-}
 
 /// Reason why no case can be run on a scenario's protocol.
 #[derive(Debug, Error)]
@@ -88,7 +79,8 @@ pub struct UserWire {
     scenario: Scenario,
     tested: Node,
     mode: Mode,
-    kind: Kind,
+    /// Protocol of drives that comes with the program; `None` for messages of a DBC.
+    preset: Option<PresetSpec>,
     spec: WireSpec,
     rate_hz: u16,
     timing: Timing,
@@ -110,11 +102,7 @@ impl UserWire {
         if !scenario.network.faults.is_empty() {
             return Err(UserWireError::Faults);
         }
-        let kind = match section.preset {
-            None => Kind::Dbc,
-            Some(PresetSpec::Odrive) => Kind::Odrive,
-            Some(PresetSpec::Cia402) => Kind::Cia402,
-        };
+        let preset = section.preset;
         let _checked = Session::new(scenario.clone(), mode, Options::default())?;
         let timing = match mode {
             Mode::Lockstep => scenario.lockstep_timing()?,
@@ -122,7 +110,7 @@ impl UserWire {
         };
         let (rate_hz, tested_structure) = (scenario.wire_rate_hz()?, scenario.under_test()?);
         let plant = Plant::new(&scenario.plant_spec(), &tested_structure).map_err(RunError::from)?;
-        let wire = UserWire { tested, mode, kind, spec, rate_hz, timing, plant, decoder, scenario };
+        let wire = UserWire { tested, mode, preset, spec, rate_hz, timing, plant, decoder, scenario };
         // If the emulated exciter can't play on this protocol, that is said now and not within a case.
         if tested == Node::Plant {
             let (constant, _load) = Constant::new(wire.input());
@@ -224,6 +212,11 @@ impl UserWire {
         first.unwrap_or(LoadInput::ForceX)
     }
 
+    /// Whether the load that the cases command is a torque.
+    fn commands_torque(&self) -> bool {
+        matches!(self.input(), LoadInput::Torque(_))
+    }
+
     /// Returns how long the loads of each message are valid, ns.
     fn timeouts_ns(&self) -> Vec<u64> {
         match &self.spec {
@@ -298,24 +291,37 @@ fn sender_on_canopen(frame: &Frame) -> Option<Node> {
 }
 
 impl Subject for Tester<'_> {
-    fn held_up_ns(&self) -> u64 {
-        self.held_up_ns
-    }
-
-    fn silent_ns(&self) -> u64 {
-        self.silent_ns
+    fn watch(&self) -> Watch {
+        self.watch
     }
 
     fn resumes(&mut self) -> Result<bool, Stop> {
-        Tester::resumes(self)
+        let from = self.mark();
+        Ok(self.wait_for(from, GONE_NS, |_| true)?.is_some())
     }
 
+    /// A controller hears of a fault of the plant, and a plant is disarmed.
     fn release(&mut self) -> Result<(), Stop> {
-        Tester::release(self)
+        self.alter = Alter::Nothing;
+        let now_ns = self.now_ns();
+        match &mut self.end {
+            End::Listener => return Ok(()),
+            End::Plant(plant) => {
+                plant.is_paused = false;
+                plant.node.fault(now_ns, EmergencyCode::Overrun, 1);
+            }
+            End::Exciter(node) => node.leave(now_ns),
+        }
+        self.run_ns(RELEASE_NS)
     }
 
+    /// The frames were rejected by their form, or by the tester's plant for a load beyond its limits.
     fn rejected(&self) -> Option<Rejected> {
-        Tester::rejected(self)
+        self.monitor.rejected().or_else(|| {
+            let End::Plant(plant) = &self.end else { return None };
+            let text = plant.loads_beyond_limits(&self.monitor.heard)?;
+            Some(Rejected { text, may_be_lost: false })
+        })
     }
 }
 
@@ -332,9 +338,9 @@ pub fn run_on_wire(
     let limits = user_wire.limits();
     tries(limits, wire, |wire| {
         let mut tester = Tester::new(wire, user_wire, settings);
-        let result = conclude(case.script.run(&mut tester), &mut tester, limits)?;
-        let Tester { held_up_ns, silent_ns, notes, monitor, .. } = tester;
-        Ok(Try { result, held_up_ns, silent_ns, measured: notes, traffic: monitor.traffic })
+        let result = conclude((case.script.0)(&mut tester), &mut tester, limits)?;
+        let Tester { watch, notes, monitor, .. } = tester;
+        Ok(Try { result, watch, measured: notes, traffic: monitor.traffic })
     })
 }
 

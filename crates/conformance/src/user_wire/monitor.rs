@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::{Kind, UserWire};
+use super::UserWire;
 use crate::traffic::Traffic;
 use crate::tries::Rejected;
 use resonarm_bench::node::mapped::mapping::ProtectionFault;
 use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Fault, Meaning, Outcome};
 use resonarm_protocol::{Frame, Id, Node, NodeState};
+use resonarm_scenario::wire::PresetSpec;
 use resonarm_wire::canopen::cia402::DriveState;
 use resonarm_wire::canopen::listen::Malformed;
 use resonarm_wire::counter::CounterFault;
@@ -19,7 +20,8 @@ pub(super) struct Heard {
     pub at_ns: u64,
     pub id: Id,
     pub message: DecodedMessage,
-    state_said: Option<&'static str>,
+    /// The state that it says of the plant, by its name in a mapping.
+    pub says_state: Option<&'static str>,
     /// The state of the tester's own end once it had taken it.
     pub state: NodeState,
 }
@@ -54,26 +56,21 @@ impl Heard {
         self.meanings().any(|meaning| *meaning == Meaning::Sync)
     }
 
-    /// The state that it says of the plant, by its name in a mapping.
-    pub fn says_state(&self) -> Option<&'static str> {
-        self.state_said
-    }
-
     /// Whether it says that the plant is in fault.
     pub fn is_fault(&self) -> bool {
-        self.state_said == Some("fault") || self.reason().is_some_and(|reason| reason != "none")
+        self.says_state == Some("fault") || self.reason().is_some_and(|reason| reason != "none")
     }
 
-    fn state_in_it(&self, kind: Kind) -> Option<&'static str> {
-        match kind {
+    fn state_in_it(&self, preset: Option<PresetSpec>) -> Option<&'static str> {
+        match preset {
             // CiA 402 has eight states. The tester needs to know only whether the drive follows targets, is in fault,
             // or neither.
-            Kind::Cia402 => Some(match DriveState::of(self.signal("Statusword")? as u16)? {
+            Some(PresetSpec::Cia402) => Some(match DriveState::of(self.signal("Statusword")? as u16)? {
                 DriveState::OperationEnabled => "operational",
                 state if state.is_fault() => "fault",
                 _ => "pre-operational",
             }),
-            Kind::Dbc | Kind::Odrive => self.meanings().find_map(|meaning| match meaning {
+            Some(PresetSpec::Odrive) | None => self.meanings().find_map(|meaning| match meaning {
                 Meaning::State { name } => *name,
                 _ => None,
             }),
@@ -188,8 +185,8 @@ impl Monitor {
             Node::Exciter => is_armed.then_some(self.runs),
         };
         self.count(frame, &message, run);
-        let mut heard = Heard { at_ns, id: frame.id(), message, state_said: None, state: NodeState::BootUp };
-        heard.state_said = heard.state_in_it(on.kind);
+        let mut heard = Heard { at_ns, id: frame.id(), message, says_state: None, state: NodeState::BootUp };
+        heard.says_state = heard.state_in_it(on.preset);
         self.heard.push(heard);
         Seen::Tested
     }
@@ -238,16 +235,10 @@ impl Monitor {
         }
     }
 
-    /// The state of the tester's end after the frame heard last.
-    pub fn note_state(&mut self, state: NodeState) {
-        if let Some(heard) = self.heard.last_mut() {
-            heard.state = state;
-        }
-    }
-
-    /// The parts of a load in a frame go into the ranges of the report.
-    pub fn note_loads(&mut self) {
-        let Some(heard) = self.heard.last() else { return };
+    /// Notes the state of the tester's end after the frame heard last, and its loads for the ranges of the report.
+    pub fn note_effect(&mut self, state: NodeState) {
+        let Some(heard) = self.heard.last_mut() else { return };
+        heard.state = state;
         for (name, value, _) in heard.loads() {
             self.traffic.commands.note_part(name, value);
         }

@@ -11,7 +11,7 @@ use super::tester::{Alter, Tester};
 use crate::stop::{Stop, failed, inconclusive, late, not_at_once, skipped, wrong};
 use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::WireSpec;
-use resonarm_bench::node::mapped::mapping::{Action, Incoming, LoadInput, Outgoing, Source, Trigger};
+use resonarm_bench::node::mapped::mapping::{Action, Incoming, Outgoing, Source, Trigger};
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Id};
 
 /// Time for which readings are counted, ns.
@@ -34,10 +34,7 @@ pub(super) fn meet(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
         return Ok(());
     }
-    inconclusive(format!(
-        "no frame of a plant was received: check that it is on this bus. Received instead: {}",
-        t.monitor.in_words()
-    ))
+    t.heard_nothing("plant", "")
 }
 
 /// Arms the plant, with zero load.
@@ -79,17 +76,11 @@ fn has_ended(t: &Tester) -> bool {
 
 /// The load of the cases, N or N·m.
 pub(super) fn load_of(t: &Tester) -> f64 {
-    match t.on.input() {
-        LoadInput::Torque(_) => t.settings.torque_nm,
-        LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ | LoadInput::Along(_) => t.settings.force_n,
-    }
+    if t.on.commands_torque() { t.settings.torque_nm } else { t.settings.force_n }
 }
 
 fn unit(t: &Tester) -> &'static str {
-    match t.on.input() {
-        LoadInput::Torque(_) => "N m",
-        LoadInput::ForceX | LoadInput::ForceY | LoadInput::ForceZ | LoadInput::Along(_) => "N",
-    }
+    if t.on.commands_torque() { "N m" } else { "N" }
 }
 
 /// Arms the plant and holds the load for a while.
@@ -110,7 +101,7 @@ pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
 
 /// Returns what the plant reported last of its state and of a fault.
 fn said(heard: &[Heard]) -> String {
-    let state = heard.iter().rev().find_map(Heard::says_state);
+    let state = heard.iter().rev().find_map(|heard| heard.says_state);
     let reason = heard.iter().rev().find_map(Heard::reason);
     match (state, reason) {
         (None, None) => String::new(),
@@ -233,10 +224,7 @@ pub(super) fn requests(t: &mut Tester) -> Result<(), Stop> {
         }
     }
     if t.heard().is_empty() {
-        return inconclusive(format!(
-            "no frame of a plant was received: check that it is on this bus. Received instead: {}",
-            t.monitor.in_words()
-        ));
+        return t.heard_nothing("plant", "");
     }
     match silent.is_empty() {
         true => Ok(()),
@@ -353,8 +341,10 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     }
     let within_ns = state_within_ns(t);
     t.run_ns(within_ns)?;
-    let last = t.heard()[from..].iter().rev().find(|heard| heard.says_state().is_some());
-    if let Some(state) = last.and_then(Heard::says_state).filter(|state| *state == "operational" || *state == "fault") {
+    let last = t.heard()[from..].iter().rev().find(|heard| heard.says_state.is_some());
+    if let Some(state) =
+        last.and_then(|heard| heard.says_state).filter(|state| *state == "operational" || *state == "fault")
+    {
         return failed(format!("{} after it was disarmed it says that it is {state}", ms(within_ns)));
     }
     rests(t)

@@ -6,7 +6,6 @@ use super::readings::{fault_within_ns, load_readings, load_within_ns, loads, say
 use super::tester::{Alter, Tester};
 use crate::stop::{Stop, late, not_at_once, skipped, wrong};
 use crate::times::{GONE_NS, ms};
-use resonarm_bench::node::mapped::mapping::LoadInput;
 
 /// A load that acts has at least this share of what was commanded.
 const ACTS: f64 = 0.5;
@@ -52,7 +51,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let Some(beyond_n) = t.settings.beyond_n else {
         return skipped("no load that it must reject is given (--beyond-n)");
     };
-    if matches!(t.on.input(), LoadInput::Torque(_)) {
+    if t.on.commands_torque() {
         return skipped("the protocol commands torques, and --beyond-n is a force");
     }
     let names = load_readings(t);

@@ -1,14 +1,6 @@
 //! Requirements of a user protocol on the nodes that speak it.
 
-use crate::requirements::{Check, Requirement};
-
-const fn tested(id: &'static str, text: &'static str) -> Requirement {
-    Requirement { id, text, check: Check::Cases }
-}
-
-const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Requirement {
-    Requirement { id, text, check: Check::Elsewhere(why) }
-}
+use crate::requirements::{Requirement, tested, untested};
 
 /// All of them: those of every protocol (W-1), of a controller (W-2), of a plant (W-3), of CANopen drives (W-4), of
 /// both in lockstep (W-5).

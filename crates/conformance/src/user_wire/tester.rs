@@ -9,15 +9,9 @@ use super::end::{Constant, End, PlantEnd};
 use super::monitor::{Heard, Monitor, Seen, name};
 use crate::settings::Settings;
 use crate::stop::{Stop, inconclusive};
-use crate::times::{GONE_NS, MS};
-use crate::tries::Rejected;
+use crate::tries::{LOOK_NS, Watch};
 use crate::wire::Wire;
-use resonarm_protocol::{EmergencyCode, Frame, Node, NodeState};
-
-/// The tester looks at the bus at least this often, ns.
-const LOOK_NS: u64 = 5 * MS;
-/// Time that a plant under test, or a controller, is given to come to rest after a case, ns.
-const RELEASE_NS: u64 = 300 * MS;
+use resonarm_protocol::{Frame, Node, NodeState};
 
 /// Alteration of the frames of the tester's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,12 +35,7 @@ pub(super) struct Tester<'w> {
     pub monitor: Monitor,
     /// Time at which a good frame with loads was sent last, ns.
     pub commanded_ns: u64,
-    looked_at_ns: u64,
-    /// The longest time between two looks beyond the planned one, ns.
-    pub held_up_ns: u64,
-    heard_at_ns: Option<u64>,
-    /// The longest time between two frames of the node under test, ns.
-    pub silent_ns: u64,
+    pub watch: Watch,
     pub notes: Vec<String>,
 }
 
@@ -68,10 +57,7 @@ impl<'w> Tester<'w> {
             load: Arc::new(AtomicU64::new(0)),
             monitor: Monitor::new(on),
             commanded_ns: now_ns,
-            looked_at_ns: now_ns,
-            held_up_ns: 0,
-            heard_at_ns: None,
-            silent_ns: 0,
+            watch: Watch::new(now_ns),
             notes: Vec::new(),
         }
     }
@@ -199,9 +185,7 @@ impl<'w> Tester<'w> {
         let next_ns = until_ns.min(now_ns + LOOK_NS).min(self.end.next_ns());
         let frame = self.wire.receive(next_ns)?;
         let now_ns = self.now_ns();
-        // What the planned wait does not explain is a hold-up of this process, and no fault of the node.
-        self.held_up_ns = self.held_up_ns.max(now_ns.saturating_sub(self.looked_at_ns.saturating_add(LOOK_NS)));
-        self.looked_at_ns = now_ns;
+        self.watch.look(now_ns);
         match frame {
             Some(frame) => self.take(now_ns, &frame).map(|()| true),
             None => Ok(false),
@@ -219,43 +203,18 @@ impl<'w> Tester<'w> {
             }
             Seen::Tested => {}
         }
-        self.silent_ns = self.silent_ns.max(at_ns - self.heard_at_ns.unwrap_or(at_ns));
-        self.heard_at_ns = Some(at_ns);
+        self.watch.hear(at_ns);
         self.end.handle_frame(at_ns, frame);
-        self.monitor.note_state(self.end.state());
-        self.monitor.note_loads();
+        self.monitor.note_effect(self.end.state());
         self.send_waiting()
     }
 
-    /// Whether the node under test sends again: it was stopped.
-    pub fn resumes(&mut self) -> Result<bool, Stop> {
-        let from = self.mark();
-        Ok(self.wait_for(from, GONE_NS, |_| true)?.is_some())
-    }
-
-    /// Releases the node after a case: a controller hears of a fault of the plant, and a plant is disarmed.
-    pub fn release(&mut self) -> Result<(), Stop> {
-        self.alter = Alter::Nothing;
-        let now_ns = self.now_ns();
-        match &mut self.end {
-            End::Listener => return Ok(()),
-            End::Plant(plant) => {
-                plant.is_paused = false;
-                plant.node.fault(now_ns, EmergencyCode::Overrun, 1);
-            }
-            End::Exciter(node) => node.leave(now_ns),
-        }
-        self.run_ns(RELEASE_NS)
-    }
-
-    /// The frames of the node under test that were rejected: by their form, or by the tester's plant for a load beyond
-    /// its limits.
-    pub fn rejected(&self) -> Option<Rejected> {
-        self.monitor.rejected().or_else(|| {
-            let End::Plant(plant) = &self.end else { return None };
-            let text = plant.loads_beyond_limits(&self.monitor.heard)?;
-            Some(Rejected { text, may_be_lost: false })
-        })
+    /// Ends a case that has heard nothing of the node under test, which is called `whom`.
+    pub fn heard_nothing<T>(&self, whom: &str, hint: &str) -> Result<T, Stop> {
+        let instead = self.monitor.in_words();
+        inconclusive(format!(
+            "no frame of a {whom} was received: check that it is on this bus{hint}. Received instead: {instead}"
+        ))
     }
 
     /// Whether the tester's end is armed.
