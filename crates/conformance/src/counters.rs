@@ -113,6 +113,11 @@ impl Counters {
     }
 }
 
+/// Whether a message is the command of a load.
+pub(super) const fn is_command(message: &Message) -> bool {
+    matches!(message, Message::Force(_) | Message::Torque(_))
+}
+
 /// The sample that a message carries or answers.
 pub(super) fn sample(message: &Message) -> Option<u16> {
     match message {

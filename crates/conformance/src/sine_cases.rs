@@ -3,12 +3,13 @@
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
 
+use super::counters::{is_command, sample};
 use super::exciter_role::begin;
 use super::settings::{ExpectedSine, SineAmplitude};
 use super::stop::{Stop, failed, inconclusive, late, skipped};
 use super::tester::{Heard, Tester, is_state};
 use super::times::{MS, ms};
-use resonarm_protocol::{ForceCommand, Message, NodeState, Profile, TorqueCommand};
+use resonarm_protocol::{Capabilities, ForceCommand, Message, NodeState, Profile, TorqueCommand};
 
 /// Time for which commands are observed, ns.
 const WATCH_NS: u64 = 1000 * MS;
@@ -45,12 +46,7 @@ pub(super) fn own_limits(t: &mut Tester) -> Result<(), Stop> {
     }
     begin(t)?;
     t.run_ns(WATCH_NS)?;
-    // The last ones count, since a node may state its limits again.
-    let stated = t.heard.iter().rev().find_map(|heard| match heard.message {
-        Message::Capabilities(capabilities) => Some((capabilities.force_limit_n, capabilities.torque_limit_nm)),
-        _ => None,
-    });
-    let Some((force_limit_n, torque_limit_nm)) = stated else {
+    let Some(Capabilities { force_limit_n, torque_limit_nm, .. }) = t.last_capabilities() else {
         return skipped("no capabilities follow its hello, so it states no limits");
     };
     let beyond = |value: f64, limit: f64| value.abs() > limit * (1.0 + ROUNDING);
@@ -147,7 +143,7 @@ fn block(t: &mut Tester, axis: Axis, block_ns: u64) -> Result<Points, Stop> {
         let is_whole = points.len() >= BLOCK_COMMANDS && seen_s >= 0.9e-9 * block_ns as f64;
         if has_ended(t, from) || (!is_whole && t.now_ns() >= give_up_ns) {
             let took = ms(t.now_ns() - start_ns);
-            return late(format!("{} {} commands came within {took}", points.len(), axis.name()));
+            return late(format!("{} {} commands came within {took}", points.len(), axis.name));
         }
         if is_whole {
             return Ok(points);
@@ -174,7 +170,7 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
     let Some((fit, deviation_hz)) = refined(&all[all.len().saturating_sub(seen)..], wanted.frequency_hz) else {
         return inconclusive("too few commands were received for a fit");
     };
-    let (unit, frequency_hz) = (axis.unit(), wanted.frequency_hz);
+    let (unit, frequency_hz) = (axis.unit, wanted.frequency_hz);
     let ppm = |hz: f64| 1e6 * hz / frequency_hz;
     let off_hz = fit.frequency_hz - frequency_hz;
     let stated = format!(
@@ -199,7 +195,7 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
     if OPPOSITE.contains(&wrapped(begins_rad - PI)) {
         return Err(Stop::Chance(format!(
             "its sine begins with negative {}: it is the expected one with the opposite sign. Is a sign wrong?",
-            axis.name()
+            axis.name
         )));
     }
     Ok(())
@@ -210,55 +206,32 @@ fn is_running(message: &Message) -> bool {
 }
 
 /// A signal of a command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Axis {
-    ForceX,
-    ForceY,
-    Torque1,
-    Torque2,
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Axis {
+    name: &'static str,
+    unit: &'static str,
+    /// The value of one count in the classic profile, in the unit.
+    factor: f64,
 }
 
+const FORCE_X: Axis = Axis { name: "force_x_n", unit: "N", factor: 0.02 };
+const FORCE_Y: Axis = Axis { name: "force_y_n", ..FORCE_X };
+const TORQUE_1: Axis = Axis { name: "torque1_nm", unit: "N m", factor: 0.05 };
+const TORQUE_2: Axis = Axis { name: "torque2_nm", ..TORQUE_1 };
+
 impl Axis {
-    const ALL: [Axis; 4] = [Axis::ForceX, Axis::ForceY, Axis::Torque1, Axis::Torque2];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Axis::ForceX => "force_x_n",
-            Axis::ForceY => "force_y_n",
-            Axis::Torque1 => "torque1_nm",
-            Axis::Torque2 => "torque2_nm",
-        }
-    }
-
-    const fn unit(self) -> &'static str {
-        match self {
-            Axis::ForceX | Axis::ForceY => "N",
-            Axis::Torque1 | Axis::Torque2 => "N m",
-        }
-    }
-
-    /// The value of one count in the classic profile, in the unit.
-    const fn factor(self) -> f64 {
-        match self {
-            Axis::ForceX | Axis::ForceY => 0.02,
-            Axis::Torque1 | Axis::Torque2 => 0.05,
-        }
-    }
-
     fn of(self, message: &Message) -> Option<(u16, f64)> {
-        match (self, *message) {
-            (Axis::ForceX, Message::Force(command)) => Some((command.sample, command.force_x_n)),
-            (Axis::ForceY, Message::Force(command)) => Some((command.sample, command.force_y_n)),
-            (Axis::Torque1, Message::Torque(command)) => Some((command.sample, command.torque1_nm)),
-            (Axis::Torque2, Message::Torque(command)) => Some((command.sample, command.torque2_nm)),
-            _ => None,
+        let mut value = None;
+        if is_command(message) {
+            message.signals(|name, of| value = value.or((name == self.name).then_some(of)));
         }
+        sample(message).zip(value)
     }
 
     /// The value with its bytes in reverse order.
     fn swapped(self, value: f64, profile: Profile) -> f64 {
         match profile {
-            Profile::Classic => f64::from(((value / self.factor()).round() as i16).swap_bytes()) * self.factor(),
+            Profile::Classic => f64::from(((value / self.factor).round() as i16).swap_bytes()) * self.factor,
             Profile::Fd => f32::from_bits((value as f32).to_bits().swap_bytes()).into(),
         }
     }
@@ -267,8 +240,8 @@ impl Axis {
 impl ExpectedSine {
     fn axis(&self) -> Axis {
         match self.amplitude {
-            SineAmplitude::ForceN(_) => Axis::ForceX,
-            SineAmplitude::TorqueNm(_) => Axis::Torque1,
+            SineAmplitude::ForceN(_) => FORCE_X,
+            SineAmplitude::TorqueNm(_) => TORQUE_1,
         }
     }
 
@@ -389,16 +362,16 @@ fn sine_at(points: &[(f64, f64)], frequency_hz: f64, rate_hz: f64) -> Option<Fit
 /// Describes the commands, with the usual mistake that explains them, if one does.
 fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: f64) -> String {
     let (axis, amplitude, frequency_hz) = (wanted.axis(), wanted.amplitude(), wanted.frequency_hz);
-    let (heard, unit) = (&t.heard[from..], axis.unit());
-    let expected = format!("expected {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name());
+    let (heard, unit) = (&t.heard[from..], axis.unit);
+    let expected = format!("expected {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name);
     let own = points(heard, axis, rate_hz);
     let (min, max) = range(&own);
     if got.is_sine() {
         let ratio = got.amplitude / amplitude;
         let by_factor = |factor: f64| (ratio / factor - 1.0).abs() < TOLERANCE;
-        let why = if by_factor(axis.factor()) {
+        let why = if by_factor(axis.factor) {
             " Is it sent without the factor of its counts?"
-        } else if by_factor(1.0 / axis.factor()) {
+        } else if by_factor(1.0 / axis.factor) {
             " Is it divided twice by the factor of its counts?"
         } else {
             ""
@@ -416,9 +389,9 @@ fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: 
             fit.amplitude
         );
     }
-    for other in Axis::ALL.into_iter().filter(|other| *other != axis) {
+    for other in [FORCE_X, FORCE_Y, TORQUE_1, TORQUE_2].into_iter().filter(|other| *other != axis) {
         if let Some(fit) = sine_at(&points(heard, other, rate_hz), frequency_hz, rate_hz) {
-            return format!("it commands {:.4} {} along {}; {expected}", fit.amplitude, other.unit(), other.name());
+            return format!("it commands {:.4} {} along {}; {expected}", fit.amplitude, other.unit, other.name);
         }
     }
     // Radians in place of periods, half and double, and wrong powers of ten.

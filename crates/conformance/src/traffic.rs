@@ -4,9 +4,10 @@ use core::fmt;
 use core::mem::discriminant;
 use std::collections::BTreeMap;
 
+use super::counters::is_command;
 use super::damage::protect;
 use resonarm_files::decoder::Fault;
-use resonarm_protocol::{DecodeError, ForceCommand, Frame, Id, Message, MessageKind, Network, TorqueCommand};
+use resonarm_protocol::{DecodeError, Frame, Id, Message, MessageKind, Network};
 
 /// Most other identifiers that are counted separately; frames of further ones are counted together.
 const MOST_OTHERS: usize = 16;
@@ -82,67 +83,40 @@ pub struct Range {
     pub max: f64,
 }
 
-/// The ranges of an exciter's commands; `None` for a quantity that it did not command.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Commands {
-    /// Force along x, N.
-    pub force_x_n: Option<Range>,
-    /// Force along y, N.
-    pub force_y_n: Option<Range>,
-    /// Torque at joint 1, N·m.
-    pub torque1_nm: Option<Range>,
-    /// Torque at joint 2, N·m.
-    pub torque2_nm: Option<Range>,
-    /// Force along a shaker, N: of a user protocol.
-    pub force_n: Option<Range>,
-}
+/// Names of the parts of loads: signals of Resonarm's protocol, and, of a user protocol, the force along a shaker.
+const LOADS: [&str; 5] = ["force_x_n", "force_y_n", "torque1_nm", "torque2_nm", "force_n"];
 
-fn widen(range: &mut Option<Range>, min: f64, max: f64) {
-    *range = Some(range.map_or(Range { min, max }, |r| Range { min: r.min.min(min), max: r.max.max(max) }));
+/// The ranges of an exciter's commands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Commands {
+    /// Ranges of the parts that it commanded, N or N·m, by the part's key in a scenario.
+    pub ranges: BTreeMap<&'static str, Range>,
 }
 
 impl Commands {
     /// Widens the ranges by a command.
     fn note(&mut self, message: &Message) {
-        match *message {
-            Message::Force(ForceCommand { force_x_n, force_y_n, .. }) => {
-                widen(&mut self.force_x_n, force_x_n, force_x_n);
-                widen(&mut self.force_y_n, force_y_n, force_y_n);
-            }
-            Message::Torque(TorqueCommand { torque1_nm, torque2_nm, .. }) => {
-                widen(&mut self.torque1_nm, torque1_nm, torque1_nm);
-                widen(&mut self.torque2_nm, torque2_nm, torque2_nm);
-            }
-            _ => {}
+        // The impedance head has signals of the same names, which are readings and not commands.
+        if is_command(message) {
+            message.signals(|name, value| self.note_part(name, value));
         }
     }
 
-    /// Takes the part of a load of a user protocol, by its key in a scenario.
+    /// Takes the part of a load by its key in a scenario, which is also the name of its signal; others are ignored.
     pub(super) fn note_part(&mut self, name: &str, value: f64) {
-        let range = match name {
-            "force_x_n" => &mut self.force_x_n,
-            "force_y_n" => &mut self.force_y_n,
-            "torque1_nm" => &mut self.torque1_nm,
-            "torque2_nm" => &mut self.torque2_nm,
-            "force_n" => &mut self.force_n,
-            _ => return,
-        };
-        widen(range, value, value);
+        if let Some(name) = LOADS.into_iter().find(|load| *load == name) {
+            self.widen(name, Range { min: value, max: value });
+        }
+    }
+
+    fn widen(&mut self, name: &'static str, by: Range) {
+        let range = self.ranges.entry(name).or_insert(by);
+        *range = Range { min: range.min.min(by.min), max: range.max.max(by.max) };
     }
 
     /// Adds the commands of another case.
     pub fn merge(&mut self, other: &Commands) {
-        for (range, other) in [
-            (&mut self.force_x_n, other.force_x_n),
-            (&mut self.force_y_n, other.force_y_n),
-            (&mut self.torque1_nm, other.torque1_nm),
-            (&mut self.torque2_nm, other.torque2_nm),
-            (&mut self.force_n, other.force_n),
-        ] {
-            if let Some(Range { min, max }) = other {
-                widen(range, min, max);
-            }
-        }
+        other.ranges.iter().for_each(|(name, range)| self.widen(name, *range));
     }
 }
 

@@ -214,7 +214,7 @@ impl Conformance {
             Ok(recording) => (recording, None),
             Err(error) => (None, Some(error)),
         };
-        let document = report::Document::new((self.role, requirements), rows, commands, recording);
+        let document = report::Document::new((self.role, requirements), rows, &commands, recording);
         // The report is written before the errors are returned: what was found so far is worth having even if the bus
         // was lost or the recording is incomplete.
         self.write_report(&document)?;

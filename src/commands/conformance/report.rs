@@ -192,13 +192,10 @@ pub(super) struct Document {
 
 /// Returns the smallest and the largest value of each command, by its name; none where it was not received.
 fn ranges(commands: &Commands) -> BTreeMap<&'static str, Option<[f64; 2]>> {
-    let Commands { force_x_n, force_y_n, torque1_nm, torque2_nm, force_n, .. } = *commands;
-    let all =
-        [("force_x_n", force_x_n), ("force_y_n", force_y_n), ("torque1_nm", torque1_nm), ("torque2_nm", torque2_nm)];
-    // Along a shaker, on a protocol that commands it so.
-    let along = force_n.map(|range| ("force_n", Some(range)));
-    let all = all.into_iter().chain(along);
-    all.map(|(name, range)| (name, range.map(|Range { min, max }| [min, max]))).collect()
+    // A force along a shaker is only among those received, of a protocol that commands it so.
+    let always = ["force_x_n", "force_y_n", "torque1_nm", "torque2_nm"].map(|name| (name, None));
+    let received = commands.ranges.iter().map(|(name, Range { min, max })| (*name, Some([*min, *max])));
+    always.into_iter().chain(received).collect()
 }
 
 #[derive(Serialize)]
@@ -213,7 +210,7 @@ impl Document {
     pub fn new(
         (tested, requirements): (Node, &[Requirement]),
         cases: Vec<Row>,
-        commands: Commands,
+        commands: &Commands,
         recording: Option<Summary>,
     ) -> Document {
         let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
@@ -229,7 +226,7 @@ impl Document {
             skipped: count("skipped"),
             not_run: count(NOT_RUN),
             untested: untested.collect(),
-            commands: ranges(&commands),
+            commands: ranges(commands),
             cases,
             recording,
         }
