@@ -8,6 +8,7 @@ use super::{Clock, LatencyHistogram, SampleRate};
 /// it spins. A tick that is overdue is not slept for, and counts with its whole lateness.
 pub fn bare_wakeups<C: Clock>(clock: &C, rate: SampleRate, spin_ns: u64, ticks: u64, latencies: &mut LatencyHistogram) {
     let start_ns = clock.now_ns();
+    // Tick 0 is due at the start itself: it is not slept for, and would count a latency that no sleep had.
     for tick in 1..=ticks {
         let deadline_ns = start_ns + rate.offset_ns(tick);
         wait_until(clock, deadline_ns, spin_ns);

@@ -86,6 +86,7 @@ pub struct VirtualClock(Arc<AtomicU64>);
 impl VirtualClock {
     /// Advances to `now_ns`; a time that has passed changes nothing.
     pub fn advance_to_ns(&self, now_ns: u64) {
+        // Only the time itself is shared, and no other memory is published with it, so it needs no ordering.
         self.0.fetch_max(now_ns, Ordering::Relaxed);
     }
 }

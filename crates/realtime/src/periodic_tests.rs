@@ -22,6 +22,8 @@ struct ScriptedClock {
 impl ScriptedClock {
     fn with_wakeups(wakeup_ns: &[u64]) -> Self {
         Self {
+            // The clock does not begin at 0, so that a loop that mixed up instants and times since its start would be
+            // found out.
             now_ns: Cell::new(5_000 * MS),
             wakeup_ns: RefCell::new(wakeup_ns.iter().copied().collect()),
             ..Self::default()
@@ -57,6 +59,7 @@ fn trace(clock: &ScriptedClock, policy: OverrunPolicy, work_ns: &[u64]) -> Strin
                 let exec_ns = periodic.finish(&tick, 0);
                 assert_eq!(exec_ns, work_ns);
                 assert_eq!(tick.woke_ns - tick.deadline_ns, tick.wakeup_ns);
+                // The tick that slips is itself still due by the old schedule; only those after it move.
                 assert_eq!(tick.deadline_ns, periodic.start_ns() + (tick.index + slipped) * MS);
                 slipped += u64::from(tick.slipped);
                 let slip = if tick.slipped > 0 { format!(", slipped {}", tick.slipped) } else { String::new() };
@@ -116,6 +119,8 @@ impl Clock for LookedAtClock {
 #[test]
 fn a_loop_that_spins_sleeps_until_shortly_before_and_is_never_early() {
     let rate = SampleRate::new(1000.0).unwrap();
+    // Without spinning a tick is late by the 50 µs of the sleep and the look at the clock. With 20 µs the sleep still
+    // ends 30 µs after the deadline. With 80 µs it ends 30 µs before, and only the looks at the clock are left.
     for (spin_ns, late_ns) in [(0, 51_000..=51_000), (20_000, 30_000..=33_000), (80_000, 0..=2_000)] {
         let clock = LookedAtClock::default();
         let mut periodic = Periodic::start(&clock, rate, OverrunPolicy::Stop).unwrap().spinning(spin_ns);
@@ -237,6 +242,8 @@ fn slip_moves_the_schedule_beyond_that_and_leaves_no_tick_out() {
     samples 5, overruns 4, sleeps 5
     ");
     let clock = ScriptedClock::with_wakeups(&[]);
+    // At 302 ms the tick due at 2 ms has missed 301 deadlines, its own included, and moves by the 300 periods that it
+    // is behind. The next, at 307.1 ms, counts from there.
     insta::assert_snapshot!(trace(&clock, OverrunPolicy::Slip, &[MS / 10, 301 * MS, 51 * MS / 10, MS / 10]), @"
     0 late 0 us, missed 0, Proceed
     1 late 0 us, missed 0, Proceed
@@ -324,6 +331,8 @@ proptest! {
             clock.work(work_ns);
             periodic.finish(&tick, bus_ns);
             let mut due = 0;
+            // The deadlines are counted by their instants alone: the loop uses the inverse, `last_due`, whose faults would
+            // show here.
             while start_ns + rate.offset_ns(due) <= woke_ns {
                 due += 1;
             }

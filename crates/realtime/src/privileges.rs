@@ -176,6 +176,8 @@ pub(super) fn program_path() -> String {
 /// The highest priority that a thread gets, of those that the limits could allow.
 fn fifo_priority_max() -> Option<FifoPriority> {
     let limit = getrlimit(Resource::Rtprio).current.map_or(99, |limit| limit.min(99)) as u8;
+    // A process with CAP_SYS_NICE may use any priority, whatever its limit says, so 99 is tried first. Without it the
+    // kernel grants priorities up to RLIMIT_RTPRIO (sched(7)).
     let candidates = [99, limit].into_iter().filter_map(|priority| FifoPriority::try_from(priority).ok());
     std::thread::scope(|scope| {
         let try_all = || candidates.clone().find(|priority| set_fifo(*priority).is_ok());

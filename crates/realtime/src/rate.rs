@@ -34,6 +34,7 @@ impl SampleRate {
     /// # Errors
     /// [`RateError`] if it is not a number, or out of [[`MIN_RATE_HZ`], [`MAX_RATE_HZ`]].
     pub fn new(rate_hz: f64) -> Result<Self, RateError> {
+        // No range contains a NaN, so this refuses it as well.
         if !(MIN_RATE_HZ..=MAX_RATE_HZ).contains(&rate_hz) {
             return Err(RateError { rate_hz });
         }
@@ -109,6 +110,7 @@ mod tests {
         assert_eq!(rate.offset_ns(2001 * year_s / 2), year_s * 1_000_000_000);
         // The widest fraction: the f64 next above 1, whose period is 2^52 / (2^52 + 1) s.
         let rate = SampleRate::new(1.0_f64.next_up()).unwrap();
+        // Each period lacks 10⁹/2⁵² ns to a second, near enough, so that 2³³ of them lack 10⁹/2¹⁹ = 1907.3 ns.
         assert_eq!(rate.offset_ns(1 << 33), (1 << 33) * 1_000_000_000 - 1907);
     }
 

@@ -188,7 +188,7 @@ mod tests {
 
     use super::*;
 
-    /// Sleeps are late by 40 µs, each hundredth by `seldom_ns`.
+    /// Sleeps are late by 40 µs, each sixtieth by `seldom_ns`.
     struct LateClock {
         now_ns: Cell<u64>,
         sleeps: Cell<u64>,
@@ -202,6 +202,8 @@ mod tests {
 
         fn sleep_until_ns(&self, deadline_ns: u64) {
             self.sleeps.set(self.sleeps.get() + 1);
+            // Five of the 300 sleeps are so late, more than one in a hundred, so that the percentile of 99 % is one
+            // of them.
             let late_ns = if self.sleeps.get().is_multiple_of(60) { self.seldom_ns } else { 40_000 };
             self.now_ns.set(deadline_ns + late_ns);
         }

@@ -249,6 +249,8 @@ mod tests {
     fn scheduling() -> (u32, u32) {
         let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
         let after_name: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+        // The name of the program may hold spaces, so the fields are counted from behind it. The first of them is
+        // field 3 of proc(5), so that field 41 has the index 38.
         (after_name[38].parse().unwrap(), after_name[37].parse().unwrap())
     }
 
@@ -296,6 +298,7 @@ mod tests {
             })
         };
         assert_eq!(left(Some(*core)), if others.is_empty() { &allowed } else { others });
+        // A core beyond those that a set can hold is none of the allowed ones, so leaving it takes nothing away.
         assert_eq!([left(None), left(Some(CpuSet::MAX_CPU))], [allowed.clone(), allowed.clone()]);
         let pinned = on_a_thread(|| {
             setup(Some(*core)).leave_core().unwrap();
