@@ -287,6 +287,7 @@ mod tests {
             }
         }
         assert_eq!(ids(&mut ends[1]), [0, 1]);
+        // The ring keeps the two frames that came first. A ring that overwrote the oldest would show 3 and 4 instead.
         assert_eq!(ends[1].statistics().dropped, 3);
         assert_eq!(ids(&mut ends[2]), [4]);
         assert_eq!(ends[2].statistics(), Statistics { received: 5, ..Statistics::default() });
@@ -324,6 +325,8 @@ mod tests {
         let mut ends = hub(2, 1);
         let mut far = ends.pop().unwrap();
         let mut near = ends.pop().unwrap();
+        // In each turn both threads wait for the other's frame, so that a wake-up that is lost shows as a wait that
+        // ends without one.
         const TURNS: u16 = 2000;
         let echo = std::thread::spawn(move || {
             for _ in 0..TURNS {

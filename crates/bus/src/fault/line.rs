@@ -114,6 +114,8 @@ impl Line {
             delay_ns: nanoseconds(spec.delay_s.unwrap_or(0.0)),
             chance: stream(seed, *index, direction),
         });
+        // Neither `put` nor `pop` may allocate in a real-time loop, so the heap gets all its memory here and never
+        // grows beyond it.
         Line { faults: faults.collect(), held: BinaryHeap::with_capacity(HELD), put: 0, last_due_ns: 0, dropped: 0 }
     }
 
@@ -198,6 +200,7 @@ fn with_bit_error(frame: &Frame, chance: &mut Noise) -> Frame {
         return *frame;
     }
     data[..len].copy_from_slice(frame.data());
+    // `uniform` is below 1, so that the bit is one of the content.
     let bit = (chance.uniform() * (8 * len) as f64) as usize;
     data[bit / 8] ^= 1 << (bit % 8);
     // Identifier, format and length are those of a frame.

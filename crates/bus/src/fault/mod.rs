@@ -92,6 +92,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         self.outgoing.clear();
         self.incoming.clear();
         for _ in 0..AT_ONCE {
+            // Bounded, so that a sender that is faster than this loop can't hold the caller here.
             if self.bus.receive()?.is_none() {
                 break;
             }
@@ -123,6 +124,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
     /// Takes in the frames received beneath.
     fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
         for _ in 0..AT_ONCE {
+            // What finds no room stays on the bus beneath, whose own queue bounds it and counts what is lost.
             if !self.incoming.has_room() {
                 break;
             }

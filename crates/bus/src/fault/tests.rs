@@ -40,6 +40,7 @@ impl Bench {
 
     /// The frames received from the plant by now.
     fn sent(&mut self) -> Vec<Frame> {
+        // Frames that wait leave when the end is called, and receiving is a call that sends nothing by itself.
         let _nothing = self.plant.receive().unwrap();
         core::iter::from_fn(|| self.other.receive().unwrap()).map(|received| received.frame).collect()
     }
@@ -61,6 +62,8 @@ fn numbered(k: u16) -> Frame {
 fn loss_strikes_its_identifiers_in_its_time_and_direction() {
     let text = fault("kind = 'loss'\nfrom_s = 0.01\nto_s = 0.02\nids = [0x101]\ndirection = 'send'");
     let mut bench = Bench::new(&text, 1);
+    // A frame each millisecond, with the two identifiers in turn: the fault is over 10 of them, and concerns every
+    // other one.
     for k in 0..30 {
         bench.at(u64::from(k) * MS);
         bench.plant.send(&numbered(k)).unwrap();
@@ -126,6 +129,7 @@ fn duplicates_come_twice_and_bit_errors_change_one_bit() {
     // Each bit 15.6 times, a Poisson number.
     assert!(places.iter().all(|count| (2..40).contains(count)), "{places:?}");
     bench.plant.send(&frame(0x701, &[])).unwrap();
+    // A frame without content has no bit to invert, and goes through as it is.
     assert_eq!(bench.sent(), [frame(0x701, &[])]);
 }
 
@@ -141,6 +145,7 @@ fn a_babbling_node_sends_at_its_rate_beside_its_frames() {
         bench.at(next_ns);
         ids.extend(bench.sent().iter().map(|frame| (frame.id().raw(), next_ns / MS)));
     }
+    // The fault ends at 3.5 ms, before the fourth frame would be due.
     assert_eq!(ids, [(5, 1), (0x201, 2), (5, 3)]);
     assert_eq!(bench.plant.statistics().sent, 1);
 }

@@ -97,6 +97,7 @@ pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_non
 /// error it took none.
 #[allow(unsafe_code, reason = "sendmmsg(2), as recvmmsg(2)")]
 pub(super) fn send(socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
+    // The arrays live on the stack, so that sending allocates nothing; the caller goes on with the rest.
     let count = frames.len().min(FRAMES);
     let mut kernel_frames = [KernelFrame::NONE; FRAMES];
     let (mut vectors, mut headers) = ([NO_VECTOR; FRAMES], no_headers());

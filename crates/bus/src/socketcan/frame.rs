@@ -76,6 +76,7 @@ impl KernelFrame {
 
 /// The kernel's form of a filter: the format bit always counts, the remote bit never.
 pub(super) fn filter(filter: &Filter) -> CanFilter {
+    // With the format bit in the mask an identifier of 11 bits doesn't match one of 29 with the same number.
     CanFilter::new(id_word(filter.id), filter.mask & CAN_EFF_MASK | CAN_EFF_FLAG)
 }
 

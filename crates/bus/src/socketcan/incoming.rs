@@ -53,6 +53,8 @@ impl Incoming {
         (self.next, self.len, self.is_last) = (0, 0, false);
         match batch::receive(socket, &mut self.slots, if_none) {
             Ok(count) => {
+                // A call that fills all slots says nothing about what is left, so only a partial one is known to be
+                // the last.
                 (self.len, self.is_last) = (count, count < FRAMES);
                 Ok(Came::Frames)
             }

@@ -274,6 +274,8 @@ impl Bus for SocketCan {
             if self.has_frame() {
                 return Ok(true);
             }
+            // The sleep states the time that has passed for certain, so that a wait that nothing came in ends here
+            // without a look at the clock.
             if slept >= remaining {
                 return Ok(false);
             }
@@ -346,6 +348,8 @@ fn configure(socket: &CanFdSocket, options: Options) -> Result<Options, (&'stati
 /// Sets the buffer sizes, past the system's limits where the process may, and reads back the result. The kernel
 /// doubles what it is given, for its own bookkeeping, and reports the double.
 fn grant_buffers(socket: &CanFdSocket, options: Options) -> Result<Options, Errno> {
+    // SO_RCVBUFFORCE goes beyond the system's limit, and needs CAP_NET_ADMIN; without it SO_RCVBUF grants what the
+    // limit allows.
     if sockopt::set_socket_recv_buffer_size_force(socket, options.receive_buffer_bytes).is_err() {
         sockopt::set_socket_recv_buffer_size(socket, options.receive_buffer_bytes)?;
     }

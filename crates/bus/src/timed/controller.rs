@@ -70,6 +70,7 @@ impl ErrorCounters {
     }
 
     pub(super) fn receive_error(&mut self) {
+        // A receiver is passive from 128 on however large the counter is, and controllers have 8 bits for it.
         self.receive = (self.receive + 1).min(255);
     }
 }

@@ -99,6 +99,8 @@ fn the_data_of_an_fd_frame_go_at_their_own_rate() {
     let fd = Frame::new(Id::Standard(0x321), format, &[0x55; 64]).unwrap();
     bench.send(0, &fd);
     let Bits { nominal, data } = of(&fd);
+    // The content alone has 512 bits, and the CRC of 21 bits, its stuff count and its fixed stuff bits belong to the
+    // data phase, too.
     assert!(nominal >= 29 && data >= 550);
     assert_eq!(bench.heard(1, 1000 * US), [(fd, (nominal - 3) * 2000 + data * 200)]);
 }
@@ -115,6 +117,8 @@ fn full_mailboxes_refuse_and_the_bus_is_taken_for_the_sum_of_the_bits() {
             Sent::QueueFull => refused += 1,
         }
     }
+    // At 50 µs a frame more come than fit, as each takes some 80 bits of 1 µs, so that the mailboxes are full most of
+    // the time.
     heard.extend(bench.heard(1, u64::MAX - 1));
     assert_eq!((heard.len(), sent + refused), (sent, 2000));
     assert!(refused > 500, "{refused}");
@@ -236,6 +240,8 @@ fn frames_of_the_others_let_a_controller_come_back_too() {
     bench.ends[0].lock().controllers[0].counters.transmit = 256;
     bench.ends[0].lock().controllers[0].judge();
     // 127 frames, and between them no idle bus.
+    // A frame ends with 11 recessive bits: ACK delimiter, end of frame and intermission. So 128 frames in a row are a
+    // recovery.
     for k in 1..=127_u64 {
         bench.send(1, &urgent());
         bench.heard(2, (k * 53 - 3) * US);

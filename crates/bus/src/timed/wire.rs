@@ -91,6 +91,7 @@ impl Wire {
     fn next_ns(&self) -> Option<u64> {
         let start_ns = self.contest().map(|(_, start_ns)| start_ns);
         match self.sending {
+            // While a frame is on the bus nothing else can begin, and the idle time of a recovery does not pass.
             Some(sending) => Some(sending.end_ns),
             None => [start_ns, self.recovered_ns()].into_iter().flatten().min(),
         }
@@ -115,6 +116,7 @@ impl Wire {
     fn pass_idle(&mut self, until_ns: u64) {
         let times = until_ns.saturating_sub(self.free_ns) / self.time_ns(RECESSIVE);
         self.controllers.iter_mut().for_each(|controller| controller.idle(times));
+        // Idle time that has counted for a recovery must not count again.
         self.free_ns = self.free_ns.max(until_ns);
     }
 
@@ -131,6 +133,8 @@ impl Wire {
             let (frame, since_ns) = controller.mailboxes.front()?;
             Some((arbitration(frame), (*since_ns).max(self.free_ns).max(controller.suspended_until_ns)))
         };
+        // A frame that becomes ready while another is on the bus takes part only in the next contest, so the earliest
+        // start decides first, and then the identifier.
         let start_ns = self.controllers.iter().filter_map(ready).map(|(_, ready_ns)| ready_ns).min()?;
         let contenders = self.controllers.iter().enumerate().filter_map(|(node, controller)| {
             let (key, ready_ns) = ready(controller)?;
@@ -192,6 +196,8 @@ impl Wire {
         let is_answered = self.others(by).any(|other| other.counters.state() == ErrorState::Active);
         let later = noticed_after.filter(|_| is_answered).unwrap_or(0);
         let flag = Bits { nominal: ERROR_FLAG + ERROR_DELIMITER, data: 0 };
+        // The bit is one of the data phase if the frame up to it has one bit of that phase more than the frame before
+        // it.
         let is_data = prefix(whole, bit + 1).data > prefix(whole, bit).data;
         flag.plus(if is_data { Bits { nominal: 0, data: later } } else { Bits { nominal: later, data: 0 } })
     }
