@@ -167,6 +167,7 @@ mod tests {
 
     #[test]
     fn judges_every_pair_of_counters() {
+        // The fewest values, those of AUTOSAR's profiles 1 and 11, which leave 15 out, and all of four bits.
         for values in [2, 15, 16] {
             let counter = counter(4, values).unwrap();
             for last in 0..values {
@@ -215,6 +216,7 @@ mod tests {
         assert_eq!(counter(4, 1), Err(CounterError::Values { got: 1, bits: 4, most: 16 }));
         let float = Layout::new(0, 32, ByteOrder::Intel, Number::Float, 8).unwrap();
         assert_eq!(Counter::new(float, 16), Err(CounterError::Float));
+        // Here the sum of a counter and the number of values would not fit 64 bits.
         let widest = counter(64, u64::MAX).unwrap();
         let mut check = CounterCheck::new();
         assert_eq!(check.check(&widest, u64::MAX - 1), Ok(Step::First));

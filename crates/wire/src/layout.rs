@@ -325,6 +325,7 @@ impl Layout {
     /// Writes `raw`, which fits, into a payload that is long enough.
     fn store(&self, raw: u64, payload: &mut [u8]) {
         let bytes = &mut payload[self.first as usize..=self.last as usize];
+        // Bits of other signals in the first and the last byte are read first, and written back as they were.
         let others = self.window(bytes) & !(u128::from(self.mask()) << self.shift);
         let mut window = others | u128::from(raw) << self.shift;
         let mut put = |byte: &mut u8| {

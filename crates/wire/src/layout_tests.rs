@@ -13,6 +13,7 @@ fn numbers(start_bit: u64, bits: u64, order: ByteOrder) -> Vec<u64> {
             let mut found = vec![];
             for _ in 0..bits {
                 found.push(number);
+                // Behind bit 0 of a byte comes bit 7 of the next: 15 further in the numbering.
                 number = if number.is_multiple_of(8) { number + 15 } else { number - 1 };
             }
             found.reverse();
@@ -61,6 +62,7 @@ proptest! {
     #[test]
     fn signed_numbers_come_back(start in 0_u64..440, bits in 1_u64..=64, intel in any::<bool>(), raw in any::<i64>()) {
         let layout = Layout::new(start, bits, BOTH[usize::from(intel)], Number::Signed, 64).unwrap();
+        // An arithmetic shift keeps the sign, so that every number of this many bits occurs.
         let raw = raw >> (64 - bits);
         let mut payload = [0x5A; 64];
         layout.insert_i64(raw, &mut payload).unwrap();

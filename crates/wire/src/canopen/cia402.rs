@@ -56,6 +56,7 @@ const HALT: u16 = 1 << 8;
 impl Command {
     /// Decodes the command of a controlword, given the controlword `before` it.
     pub const fn of(before: u16, controlword: u16) -> Command {
+        // Only the edge counts: a master that leaves the bit set must not reset every later fault as well.
         if controlword & RESET != 0 && before & RESET == 0 {
             return Command::FaultReset;
         }
@@ -140,6 +141,7 @@ impl DriveState {
     /// active and the enabled states, and has no meaning in the others.
     pub fn of(statusword: u16) -> Option<DriveState> {
         DriveState::ALL.into_iter().find(|state| {
+            // 0x6F are the six bits that code a state; 0x4F is the same without bit 5.
             let mask = match state {
                 DriveState::NotReady
                 | DriveState::SwitchOnDisabled

@@ -23,6 +23,7 @@ const CONSUMER_NAMES: [&str; CONSUMERS as usize] = ["Heartbeat 1", "Heartbeat 2"
 
 /// Adds the error history (1003) and the monitored heartbeats (1016) to a dictionary.
 pub fn add_error_objects(dictionary: &mut Dictionary) {
+    // Subindex 0 is writable, since writing 0 to it clears the history (CiA 301); the errors themselves are not.
     let mut errors = vec![Entry::new(0, "Number of errors", Access::ReadWrite, Value::U8(0))];
     let names = (1..=HISTORY_LENGTH).zip(ERROR_NAMES);
     errors.extend(names.map(|(subindex, name)| Entry::new(subindex, name, Access::ReadOnly, Value::U32(0))));

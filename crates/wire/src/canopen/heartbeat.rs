@@ -28,6 +28,7 @@ impl Consumers {
 
     /// Restarts the entry of this subindex, which was written: monitoring begins with the next heartbeat.
     pub fn forget(&mut self, subindex: u8) {
+        // Subindex 0 is the number of entries, and monitors nothing.
         if let Some(heard_ns) = usize::from(subindex).checked_sub(1).and_then(|place| self.heard_ns.get_mut(place)) {
             *heard_ns = None;
         }

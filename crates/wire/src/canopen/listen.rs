@@ -344,6 +344,7 @@ impl Listener {
 
     fn hear_request(&mut self, request: &[u8; SDO_BYTES]) -> Result<Sdo, Malformed> {
         let address = address_of(request);
+        // The upper three bits are the command specifier of CiA 301, whose numbers mean something else in an answer.
         Ok(match request[0] >> 5 {
             0 => self.hear_segment(request, true),
             1 => {
@@ -388,6 +389,7 @@ impl Listener {
                 Sdo::Announced { address, bytes: announced(answer) }
             }
             3 => {
+                // An answer to a request that was not heard confirms nothing that is known.
                 let transfer = self.transfer.take().filter(|transfer| transfer.is_write && transfer.address == address);
                 self.confirm(transfer);
                 Sdo::Confirmed(address)
@@ -408,6 +410,7 @@ impl Listener {
     }
 
     fn hear_segment(&mut self, data: &[u8; SDO_BYTES], is_write: bool) -> Sdo {
+        // Bits 1 to 3 count the bytes of a segment that hold no data, bit 0 marks the last one (CiA 301).
         let bytes = 7 - usize::from(data[0] >> 1 & 7);
         let is_last = data[0] & 1 != 0;
         let Some(transfer) = self.transfer.as_mut().filter(|transfer| transfer.is_write == is_write) else {
@@ -435,6 +438,7 @@ impl Listener {
     /// Returns the bytes of an expedited transfer: as many as the frame states, or as the object's type has.
     fn expedited(&self, data: &[u8; SDO_BYTES], address: Address) -> Vec<u8> {
         let unused = usize::from(data[0] >> 2 & 3);
+        // Without a stated size the frame alone doesn't tell how many of its four bytes count.
         let of_type = || self.dictionary.entry(address).map_or(4, |entry| entry.value.len().min(4));
         let len = if data[0] & 1 != 0 { 4 - unused } else { of_type() };
         data[4..4 + len].to_vec()

@@ -21,6 +21,8 @@ impl NmtState {
 
     /// Decodes the state of a heartbeat; `None` for an unknown byte.
     pub(super) fn of(byte: u8) -> Option<NmtState> {
+        // A heartbeat has a toggle bit only in node guarding, which these nodes don't have, so that the whole byte
+        // counts.
         use NmtState::{Initialising, Operational, PreOperational, Stopped};
         [Initialising, PreOperational, Operational, Stopped].into_iter().find(|state| state.byte() == byte)
     }

@@ -77,6 +77,7 @@ fn communication_object(
 ) -> Object {
     let is_sent = direction == TRANSMIT;
     let disabled = if defaults.mapped.is_empty() { DISABLED } else { 0 };
+    // The predefined connection set of CiA 301: the PDOs of one direction are 100h apart.
     let id = u32::from(direction.base + 0x100 * number + u16::from(node_id)) | disabled;
     let mut entries = Vec::new();
     entries.push(Entry::new(0, "Largest subindex", Access::Const, Value::U8(if is_sent { 5 } else { 2 })));
@@ -166,6 +167,7 @@ pub fn enabled_pdos(dictionary: &Dictionary) -> impl Iterator<Item = EnabledPdo>
     all.filter(|pdo| pdo.id(dictionary).is_some()).map(|pdo| EnabledPdo {
         is_sent: pdo.direction == TRANSMIT,
         kind: pdo.kind(dictionary),
+        // Subindex 5 of a received PDO would be a deadline for its master, which these nodes don't have.
         event_timer_ms: if pdo.direction == TRANSMIT { pdo.communication(dictionary, 5) as u16 } else { 0 },
         bytes: pdo.mapped(dictionary).filter_map(|at| dictionary.entry(at).ok()).map(|entry| entry.value.len()).sum(),
     })
@@ -214,6 +216,7 @@ fn check_id(before: Option<u16>, word: u32) -> Result<(), Abort> {
     let id = (word & 0x7FF) as u16;
     let is_restricted = matches!(id, 0..=0x0FF | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x7FF);
     let is_enabled = word & DISABLED == 0;
+    // A PDO that is disabled may keep any identifier, since none of its frames is sent or taken.
     if is_enabled && (is_restricted || before.is_some_and(|before| before != id)) {
         return Err(Abort::Value);
     }

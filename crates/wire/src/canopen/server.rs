@@ -211,6 +211,8 @@ impl Server {
 
     /// Queues the boot-up message and enters pre-operational.
     pub fn boot(&mut self, now_ns: u64) {
+        // The boot-up message is a heartbeat with the state 0 (CiA 301). It is queued before the state changes, so
+        // that it comes before everything that the node sends in the new one.
         self.push(HEARTBEAT_BASE, &[NmtState::Initialising.byte()]);
         self.state = NmtState::Initialising;
         self.length_errors = [None; PDOS as usize];
@@ -237,10 +239,13 @@ impl Server {
             NMT_ID if !is_remote => self.handle_nmt(now_ns, frame.data()),
             // A stopped node serves no SYNC, SDO or PDO (CiA 301).
             SYNC_ID if !is_remote && self.state == NmtState::Stopped => Handled::Foreign,
+            // SYNC has no data, or one byte with its counter (CiA 301).
             SYNC_ID if !is_remote && frame.data().len() > 1 => Handled::Length,
             SYNC_ID if !is_remote => self.synchronise(device),
             id if id == SDO_REQUEST_BASE + own && !is_remote => self.handle_sdo(frame.data(), device),
             id if [EMERGENCY_BASE, SDO_ANSWER_BASE, HEARTBEAT_BASE].iter().any(|base| base + own == id) => {
+                // A remote frame has the identifier of what it asks for, so it is no sign of a second node with this
+                // id.
                 if is_remote { Handled::Foreign } else { Handled::OtherSender }
             }
             id if !is_remote && (HEARTBEAT_BASE + 1..=HEARTBEAT_BASE + u16::from(NODE_ID_MAX)).contains(&id) => {
@@ -363,6 +368,8 @@ impl Server {
             if pdo.id(&self.dictionary) != Some(id) {
                 continue;
             }
+            // Only this node sends its own PDOs, in whatever state it is, so such a frame shows a second node with
+            // this id.
             if frame.format() != FrameFormat::Remote {
                 return Handled::OtherSender;
             }
@@ -386,6 +393,7 @@ impl Server {
 
     fn receive(&mut self, number: u16, data: &[u8], device: &mut impl Device) -> Handled {
         let pdo = Pdo { direction: RECEIVE, number };
+        // The length follows from the mapping as it is now: the master may have changed it since the last frame.
         let entries = pdo.mapped(&self.dictionary).filter_map(|address| self.dictionary.entry(address).ok());
         let length: usize = entries.map(|entry| entry.value.len()).sum();
         let mut bytes = [0; 8];
@@ -626,6 +634,7 @@ impl Server {
         let Some(place) = self.transmit.iter().position(|transmit| transmit.waits) else { return 0 };
         self.transmit[place].waits = false;
         let mapped = Pdo { direction: TRANSMIT, number: place as u16 }.mapped(&self.dictionary);
+        // Counted when it is sent, since only then is it certain which values the frame has.
         mapped.filter_map(|address| self.dictionary.entry(address).ok()).filter(|entry| entry.is_limited).count() as u64
     }
 }

@@ -51,6 +51,8 @@ impl Crc {
     }
 
     fn begin(&self) -> u64 {
+        // The start value is stated most significant bit first, so a reflected register takes it mirrored, as the
+        // polynomial.
         let start = self.start;
         if self.reflect { mirrored(start, self.width) } else { start << (64 - u32::from(self.width)) }
     }

@@ -319,6 +319,8 @@ impl Builder {
             ByteOrder::Motorola => 7 - first,
         };
         let outside = PresetError::Outside { preset: self.preset, what, at, payload_bytes: self.payload_bytes };
+        // Profiles 4, 6 and 7 have numbers before the checksum or behind it, so that either end of the payload may be
+        // passed.
         let byte = u64::try_from(self.place.first_byte() as i64 + i64::from(at)).map_err(|_| outside)?;
         Layout::new(8 * byte + start, u64::from(bits), order, Number::Unsigned, self.payload_bytes).map_err(|_| outside)
     }
@@ -390,6 +392,7 @@ impl Builder {
             }
             Preset::AutosarP6 => {
                 let [low, high, ..] = id(0xFFFF)?;
+                // Profile 6 takes the high byte of the data id first, where profile 5 takes the low one.
                 (vec![], vec![Part::Bytes(vec![high, low])])
             }
             Preset::AutosarP4 | Preset::AutosarP7 => (vec![], vec![]),

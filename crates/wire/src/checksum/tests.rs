@@ -21,6 +21,7 @@ fn written(preset: Preset, place: Layout, counter: Option<Layout>, data_id: &Dat
     let mut payload = payload.to_vec();
     checksum.write(ID, &mut payload).unwrap();
     assert_eq!(checksum.check(ID, &payload), Ok(()));
+    // Every bit of the payload is protected: by the checksum, or as one of its fixed fields.
     for bit in 0..8 * payload.len() {
         let mut damaged = payload.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
@@ -72,6 +73,8 @@ fn gives_the_examples_of_the_standard() {
     assert_eq!(ours, [0x2A, 0x10, 0, 0, 0, 0, 0, 0]);
     let ids = DataId::ByCounter(core::array::from_fn(|counter| counter as u8 + 1));
     let ours = written(Preset::AutosarP2, intel(0, 8), Some(intel(8, 4)), &ids, &[0, 1, 0, 0, 0, 0, 0, 0]);
+    // Profile 2 by hand: the checksum is over the payload without its own byte, then the data id of counter 1, which
+    // is 2.
     let by_hand = Preset::Crc82f.algorithm().unwrap().of([1, 0, 0, 0, 0, 0, 0, 2]);
     assert_eq!(u64::from(ours[0]), by_hand);
 }
@@ -151,6 +154,8 @@ fn sums_half_bytes_around_its_own() {
     let checksum = Checksum::new(sum, intel(56, 4)).unwrap().with_parts(vec![part], vec![]).unwrap();
     let mut payload = [0x12, 0x34, 0, 0, 0, 0, 0, 0x5F];
     checksum.write(ID, &mut payload).unwrap();
+    // The identifier 0x123 in two bytes, then the payload; the upper half of the last byte is the 5, and the lower
+    // the checksum.
     let nibbles = 1 + 2 + 3 + 1 + 2 + 3 + 4 + 5;
     assert_eq!(payload[7], 0x50 | (8_u8.wrapping_sub(nibbles) & 0xF));
 }

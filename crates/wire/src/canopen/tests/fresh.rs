@@ -92,6 +92,7 @@ fn a_pdo_of_another_length_is_told_once() {
     for _ in 0..3 {
         master.send(0x205, &[9]);
     }
+    // Code 8210h, the error register, then the number of the PDO, the bytes received and those of the mapping.
     assert_eq!(texts(&master.frames()), ["085#1082110101020000"]);
     assert_eq!(master.read(0x1001, 0), Ok(0x11));
     assert_eq!((master.read(0x1003, 0), master.read(0x1003, 1)), (Ok(1), Ok(0x0101_8210)));
@@ -112,6 +113,7 @@ fn the_history_has_the_newest_error_first_and_can_only_be_cleared() {
         master.frames();
     }
     assert_eq!(master.read(0x1003, 0), Ok(8));
+    // Nine errors were recorded, and the history holds eight: the first, 8201h, has fallen out.
     assert_eq!((master.read(0x1003, 1), master.read(0x1003, 8)), (Ok(0x0007_8209), Ok(0x0007_8202)));
     assert_eq!(master.write(0x1003, 0, &[1]), Err(0x0609_0030));
     assert_eq!(master.write(0x1003, 1, &[0; 4]), Err(0x0601_0002));

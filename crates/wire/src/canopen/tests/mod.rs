@@ -125,6 +125,7 @@ impl Master {
     fn read(&mut self, index: u16, subindex: u8) -> Result<u32, u32> {
         let [low, high] = index.to_le_bytes();
         let answer = self.sdo([0x40, low, high, subindex, 0, 0, 0, 0]);
+        // Bits 2 and 3 count the bytes without data, and differ with the type.
         outcome(answer, 0x43 | answer[0] & 0xC)
     }
 }

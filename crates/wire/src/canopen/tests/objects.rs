@@ -41,6 +41,8 @@ fn a_string_comes_in_segments() {
     let mut master = Master::new();
     assert_eq!(master.sdo([0x40, 0x08, 0x10, 0, 0, 0, 0, 0]), [0x41, 0x08, 0x10, 0, 19, 0, 0, 0]);
     let mut bytes = Vec::new();
+    // 19 bytes are segments of 7, 7 and 5 bytes. The toggle bit, 10h, changes with each; the last one states the two
+    // bytes without data, and that it is the last.
     for (command, expected) in [(0x60, 0x00), (0x70, 0x10), (0x60, 0x05)] {
         let answer = master.sdo([command, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(answer[0], expected);
