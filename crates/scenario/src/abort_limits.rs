@@ -78,6 +78,7 @@ fn check_sensors(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Scenari
             return wrong("a positive number");
         }
         let is_on_protocol = matches!(sensor, InstrumentName::B | InstrumentName::C);
+        // Other sensors are read beside the protocol, which therefore never clips them.
         let most_on_protocol =
             if is_on_protocol { ACCELERATION.limit(scenario.network.profile) } else { f64::INFINITY };
         if got >= spec.largest_reading().min(most_on_protocol) {

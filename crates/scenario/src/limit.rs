@@ -70,6 +70,7 @@ impl Axis<'_> {
         let sent = match profile {
             Profile::Classic => {
                 let counts = f64::from(scale.counts_per_unit());
+                // As the protocol rounds: to the nearest count, ties to even.
                 libm::rint(got.abs() * counts) / counts
             }
             Profile::Fd => f64::from(got.abs() as f32),

@@ -92,6 +92,7 @@ fn check<S: Iterator<Item = Stream>>(
     if load(bits) <= 1.0 {
         return Ok(());
     }
+    // What is sent at any rate, such as heartbeats and hellos.
     let rest = load(per_second(0));
     let most_hz = libm::floor((1.0 - rest) / (load(bits) - rest) * f64::from(rate_hz)).max(0.0);
     Err(ScenarioError::Overload {

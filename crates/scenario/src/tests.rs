@@ -91,6 +91,7 @@ fn says_what_a_bus_cannot_carry_and_which_rates_are_none() {
         let text = format!("simulation.rate_hz = {rate_hz}\nnetwork.bit_rate_hz = {bit_rate_hz}");
         parse(&text).unwrap().timed_bus().is_ok()
     };
+    // The bit rate that the first message asks for carries the load exactly, with nothing to spare.
     assert!(at(1000, 541_570) && !at(1000, 541_569));
     assert!(at(923, 500_000) && !at(924, 500_000));
     let fd_at = |rate_hz: u32, bit_rate_hz: u32, data_bit_rate_hz: u32| {

@@ -63,6 +63,7 @@ impl<'a> Attributes<'a> {
     /// can hold is one of CAN FD.
     pub(super) fn format(&self, id: u64, bytes: u64) -> Result<FrameFormat, Problem> {
         let is_fd = match self.of_message(id, "VFrameFormat") {
+            // Without the attribute nothing but the length tells a message of CAN FD.
             None => bytes > CLASSIC_MAX_BYTES,
             Some(value) => match self.format_index(value) {
                 Some(14 | 15) => true,

@@ -119,6 +119,7 @@ impl<'a> File<'a> {
             Err(problem) => (FrameFormat::Classic, Some(problem)),
         };
         let too_long = Problem::Length { got: statement.bytes, format: stated };
+        // Beyond the longest payload of CAN FD no frame can be decoded at all.
         let length = usize::try_from(statement.bytes).ok().filter(|length| *length <= PAYLOAD_MAX_BYTES);
         let length = length.ok_or(too_long.clone())?;
         // What is longer than its format allows can still be read: frames of CAN FD hold it.

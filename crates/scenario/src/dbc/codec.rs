@@ -125,6 +125,7 @@ impl<'a> Codec<'a> {
         let mut found: Vec<(&Signal, f64)> = Vec::new();
         for (name, value) in values {
             let signal = self.message.signal(name)?;
+            // Compared by place, since a signal may be given by its long name and by its symbol.
             if found.iter().any(|(other, _)| std::ptr::eq(*other, signal)) {
                 let (message, signal) = (self.message.name().to_string(), signal.name().to_string());
                 return Err(CodecError::Twice { message, signal });

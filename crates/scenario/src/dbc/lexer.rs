@@ -138,6 +138,7 @@ impl<'a> Lexer<'a> {
         let whole = self.digits(&rest[sign..]);
         let point = sign + whole;
         let fraction = rest[point..].strip_prefix('.').map(|fraction| self.digits(fraction));
+        // A point or a sign without any digit is no number.
         if whole + fraction.unwrap_or(0) == 0 {
             return None;
         }

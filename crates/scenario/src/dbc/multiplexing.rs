@@ -21,6 +21,7 @@ pub(super) fn switches(statements: &Statements) -> HashMap<u64, Switches<'_>> {
         let (switch, values) = &of.value;
         let of_message = found.entry(of.message).or_default();
         let entry = of_message.entry(&of.signal).or_insert((switch, Vec::new()));
+        // A signal may have several such lines, for which all their values select it.
         entry.1.extend(values.iter().cloned());
     }
     found

@@ -127,6 +127,8 @@ impl Values<'_> {
     /// Rejects keys that the law does not know.
     fn finish(self) -> Result<(), StructureSectionError> {
         let Some(key) = self.given.keys().find(|key| !self.known.contains(key)) else { return Ok(()) };
+        // The first word of a key is the same for both kinds of place, whatever the unit behind it: stiffness, gap,
+        // slip.
         let stem = |key: &str| key.split('_').next().unwrap_or_default().to_owned();
         // The same value in the unit of the other kind of place is nearer than any spelling.
         let same = self.known.iter().find(|known| stem(known) == stem(key)).cloned();

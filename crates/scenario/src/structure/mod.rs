@@ -244,6 +244,7 @@ impl StructureSection {
     /// [`StructureSectionError`] as [`StructureSection::assembly`], and for a rig or initial state that does not fit.
     pub fn tested(&self, rig: &RigSpec) -> Result<TestedAssembly, StructureSectionError> {
         let assembly = self.assembly()?;
+        // Coordinates and their rates; the internal states of elements are not stated.
         let expected = 2 * assembly.coordinates();
         let initial = match self.initial.len() {
             0 => vec![0.0; expected],

@@ -215,6 +215,7 @@ impl Compiler<'_> {
         ];
         // A value that the signal can't represent exactly would never match, and the request never come.
         let exact = spec.signal.as_ref().map(|name| Exact::new(KEY, message, name)).transpose()?;
+        // Values are compared with decoded ones, so that they must be what decoding gives, to the last bit.
         let exactly = |name, value| exact.as_ref().map_or(Ok(value), |exact| exact.value(name, value));
         let mut actions: Vec<(f64, Action)> = Vec::new();
         for (name, values, action) in lists {
@@ -419,6 +420,7 @@ fn protection(
     let counter = counter_spec.as_ref().map(|spec| counter(place, spec, message, preset, used)).transpose()?;
     let layout = counter.as_ref().map(|counter| *counter.layout());
     let checksum = checksum_spec.as_ref().map(|spec| spec.checksum(place, message, layout, used)).transpose()?;
+    // Three, as a receiver of Resonarm's own protocol accepts.
     let most_lost = counter_spec.as_ref().and_then(|spec| spec.most_lost).unwrap_or(3);
     Ok(Protection { counter, most_lost, checksum })
 }

@@ -22,6 +22,7 @@ const TORQUE: [Unit; 4] = [
 const ACCELERATION: [Unit; 4] = [
     (&["m/s^2", "m/s2", "m/s²", "m/s/s", "mps2", "meters/sec^2"], 1.0),
     (&["mm/s^2", "mm/s2", "mm/s²"], 1e-3),
+    // In a DBC of accelerations g is the acceleration of free fall and not the gram.
     (&["g", "G", "gn"], G_M_S2),
     (&["mg", "mG"], 1e-3 * G_M_S2),
 ];

@@ -41,7 +41,10 @@ impl<'a> Exact<'a> {
         let wire = self.signal.wire();
         let [least, most] = wire.range();
         let step = wire.resolution();
+        // Clamped first, so that a value beyond the range gets the end of it as the nearest in its message. A NaN
+        // stays one, and is encoded by no signal.
         let nearest = self.sent(got.clamp(least, most));
+        // The offset counts as well, since the sum of scaled number and offset has rounding errors of its size.
         let rounding = ROUNDING * step.unwrap_or(got.abs() + wire.offset().abs());
         if let Some(nearest) = nearest
             && (nearest - got).abs() <= rounding

@@ -62,6 +62,7 @@ pub(super) fn check_drives(scenario: &Scenario, spec: &Cia402Spec) -> Result<(),
         one.times(libm::ceil(per_second) as u64)
     };
     let rate_hz = scenario.simulation.rate_hz;
+    // The SYNC of each sample.
     let mut bits = frames(0, rate_hz);
     for drive in &spec.drives {
         let heartbeat_ms = drive.dictionary().number(at(0x1017, 0));
@@ -72,6 +73,7 @@ pub(super) fn check_drives(scenario: &Scenario, spec: &Cia402Spec) -> Result<(),
             let per_second = match pdo {
                 EnabledPdo { is_sent: true, kind: 254 | 255, event_timer_ms: ms @ 1.., .. } => 1e3 / f64::from(ms),
                 EnabledPdo { is_sent: true, kind: every @ 2..=240, .. } => rate_hz / f64::from(every),
+                // These types are sent on request or not at all, and requests don't count.
                 EnabledPdo { is_sent: true, kind: 241..=253, .. } => 0.0,
                 EnabledPdo { .. } => rate_hz,
             };

@@ -85,6 +85,7 @@ pub(super) fn dbc(drives: &[DriveSpec]) -> String {
             for (signal, start, bits, kind, unit) in signals {
                 // A DBC marks floating-point signals as signed; `SIG_VALTYPE_` states the type.
                 let sign = if *kind == 'f' { '-' } else { *kind };
+                // There are two nodes, so what one sends the other receives.
                 let receiver = NODES[1 - sender];
                 _ = writeln!(text, " SG_ {signal} : {start}|{bits}@1{sign} (1,0) [0|0] \"{unit}\" {receiver}");
                 if *kind == 'f' {
@@ -156,6 +157,7 @@ impl Axis<'_> {
 
     fn events(&self) -> [EventSpec; 5] {
         let signal = |name: &str| Some(String::from(name));
+        // The mode has two signals, and torques act only if both have the right value, so that it makes two events.
         let mode = self.event("Set_Controller_Mode");
         [
             EventSpec {
@@ -185,6 +187,7 @@ impl Axis<'_> {
         let joint = self.drive.joint;
         let errors: BTreeMap<String, f64> =
             ERRORS.iter().map(|(name, bits)| ((*name).to_string(), f64::from(*bits))).collect();
+        // An ODrive in fault is idle, and tells the fault by its error alone.
         let states = [("pre-operational", IDLE), ("operational", CLOSED_LOOP), ("fault", IDLE)];
         let states = states.into_iter().map(|(name, number)| (name.to_string(), number)).collect();
         let error = SourceSpec { reason: Some(errors), ..SourceSpec::default() };

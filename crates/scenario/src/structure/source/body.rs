@@ -42,6 +42,8 @@ impl Inertial {
     /// Moment of inertia about a unit axis through the centre of mass, kg·m²; the axis is stated in the
     /// reference of `frame`.
     pub fn about(&self, axis: &Vector3<f64>) -> f64 {
+        // The tensor is stated along the body's own axes, so the axis is turned into these: the moment is n′ᵀI n′ with
+        // n′ = Rᵀn.
         let own = self.frame.turn.transpose() * axis;
         own.dot(&(self.inertia_kg_m2 * own))
     }
@@ -72,6 +74,8 @@ pub(super) struct Whole {
 /// |n × (c_b − c)|².
 pub(super) fn together(bodies: &[Inertial], axis: &Vector3<f64>) -> Option<Whole> {
     let mass_kg: f64 = bodies.iter().map(|body| body.mass_kg).sum();
+    // All masses are positive here, as each body has been checked, so that only no body at all makes the quotient
+    // below impossible.
     if bodies.is_empty() {
         return None;
     }

@@ -191,6 +191,8 @@ fn sections(
         return Err(without_mass());
     }
     let condensed = Condensed::new(&mass.matrix, &stiffness.matrix).map_err(of_file(&stiffness.path))?;
+    // Every row with mass has an entry, but the mass matrix may still be singular, as with a mass that two rows
+    // share.
     regular_factor(&condensed.mass).ok_or_else(without_mass)?;
     let modes = all_modes(&condensed, keep)
         .map_err(of_file(&stiffness.path))?
@@ -244,6 +246,7 @@ impl Condensed {
             return Ok(condensed);
         }
         let [a, b] = [&condensed.with_mass, &condensed.without];
+        // K_bb is positive definite exactly if every degree of freedom without mass is held by stiffness.
         let own = Cholesky::new(part(stiffness, b, b)).ok_or(MatrixError::MasslessFree { row: b[0] })?;
         condensed.follows = -own.solve(&part(stiffness, b, a));
         let reduced = &condensed.stiffness + part(stiffness, a, b) * &condensed.follows;
@@ -344,6 +347,7 @@ fn modes(mass: &DMatrix<f64>, factor: &DMatrix<f64>, keep: usize, shift: f64) ->
     let s = (&s + s.transpose()) * 0.5;
     let eigen = SymmetricEigen::try_new(s, f64::EPSILON, MOST_ITERATIONS_A_ROW * rows)?;
     let mut order: Vec<usize> = (0..rows).collect();
+    // λ = 1/(ω² + μ), so that the largest comes first.
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let mode = |&column: &usize| {
         let shifted = 1.0 / libm::sqrt(eigen.eigenvalues[column]);
@@ -365,6 +369,8 @@ fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, Ma
     let forces: Vec<DVector<f64>> = modes.iter().map(|mode| damping * &mode.shape).collect();
     let of = |i: usize, j: usize| modes[i].shape.dot(&forces[j]);
     let own: Vec<f64> = (0..modes.len()).map(|i| of(i, i)).collect();
+    // Measured against the largest of all, since a rigid mode has no frequency that its damping could be compared
+    // with.
     let most = RIGID_DAMPING * own.iter().fold(0.0, |most, own| f64::max(most, own.abs()));
     let is_rigid = |mode: usize| modes[mode].omega_rad_s == 0.0;
     for i in (0..modes.len()).filter(|&mode| is_rigid(mode)) {

@@ -39,6 +39,7 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     if !(1..=MOST_ROWS).contains(&rows) {
         return Err(MatrixError::Shape { got: format!("({rows}, {rows})"), most: MOST_ROWS });
     }
+    // Of a symmetric `array` only the lower triangle is listed, with the diagonal.
     let all = if is_symmetric { rows * (rows + 1) / 2 } else { rows * rows };
     let expected = entries.unwrap_or(all);
     let mut matrix = DMatrix::zeros(rows, rows);

@@ -80,6 +80,7 @@ impl StructureSection {
         let modes = kept.iter().zip(damping).map(section).collect();
         let rest_m = of.rest_m().unwrap_or_default();
         let lines = if rest_m.is_empty() { Vec::new() } else { vec![of.points()] };
+        // Chains are planar, and lie in z = 0.
         let points = of.points().into_iter().zip(rest_m).map(|(name, [x, y])| (name, [x, y, 0.0])).collect();
         Ok(StructureSection { kind: StructureKind::Modal, modes, points, lines, ..StructureSection::default() })
     }

@@ -158,6 +158,7 @@ pub(super) fn read(
     let places = points.iter().filter_map(|(name, node)| Some((name.clone(), *contents.nodes.get(node)?)));
     let modes = contents.modes.iter().map(section).collect();
     let names: BTreeMap<u32, &String> = points.iter().map(|(name, node)| (*node, name)).collect();
+    // A line goes on through the points that are left: nodes that are no points or have no position are skipped.
     let drawn = |node: &u32| names.get(node).filter(|_| contents.nodes.contains_key(node)).map(|name| (*name).clone());
     let lines = contents.lines.iter().map(|line| line.iter().filter_map(drawn).collect::<Vec<_>>());
     Ok(ModesRead { modes, points: places.collect(), lines: lines.filter(|line| line.len() > 1).collect() })
@@ -203,6 +204,8 @@ fn contents(text: &str, modal_mass_kg: Option<f64>) -> Result<Contents, UffError
             contents.datasets.push(dataset);
             continue;
         }
+        // Datasets that are not read are passed over by their end, whatever their layout is, but a number is always
+        // their head.
         if dataset.parse::<u32>().is_err() {
             return Err(at(line, UffFault::Dataset { got: head.trim().to_owned() }));
         }
@@ -265,6 +268,8 @@ impl<'a> Records<'a> {
 
     /// Reads the numbers of the next line, which must be at least `expected`.
     fn numbers(&mut self, what: &'static str, expected: usize) -> Result<Vec<f64>, UffError> {
+        // At the end of a dataset the record counts as an empty line, so that the message tells what is missing
+        // there.
         let (line, text) = self.next().unwrap_or((self.line, ""));
         let number = |word: &str| {
             // Fortran writes double precision exponents with a D.
@@ -417,6 +422,7 @@ fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError>
     records.next();
     records.next();
     let place = records.numbers(what, 1)?;
+    // Analysis data may stand at elements or at their corners as well, and with stresses in them.
     let is_at_nodes = records.whole::<i64>(what, place[0])? == AT_NODES;
     for _ in 0..5 {
         records.next();
@@ -489,6 +495,7 @@ fn mode(
 ) -> Result<Mode, UffError> {
     let ModeHead { number, dynamics: Dynamics { frequency_hz, damping_ratio, mass }, is_complex, values, names } =
         *head;
+    // Faults of a mode are reported at its head, where mass and eigenvalue stand, and not behind its last node.
     let line = records.line;
     let mut shape: BTreeMap<u32, [[f64; 2]; 3]> = BTreeMap::new();
     while !records.is_at_end() {
@@ -502,6 +509,7 @@ fn mode(
                 while numbers.len() < 2 * values {
                     numbers.extend(records.numbers(names[1], 1)?);
                 }
+                // Pairs of real and imaginary part; a number that is left over at the end belongs to no value.
                 numbers.as_chunks().0.to_vec()
             }
         };

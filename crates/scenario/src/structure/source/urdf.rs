@@ -67,6 +67,8 @@ impl Robot {
                     let name = attribute(&element, "name")?.to_owned();
                     let inertial = child(&element, "inertial").map(|inertial| body(&inertial, &name)).transpose()?;
                     let inertial =
+                        // A mass of 0 with moments of inertia is kept, so that it is reported as the fault that it
+                        // is.
                         inertial.filter(|body| body.mass_kg != 0.0 || body.inertia_kg_m2 != Matrix3::zeros());
                     if robot.links.insert(name.clone(), inertial).is_some() {
                         return Err(UrdfError::Twice { what: "link", name });

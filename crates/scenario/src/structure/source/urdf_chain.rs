@@ -50,6 +50,8 @@ impl Plane {
     /// of the robot.
     fn new(normal: Vector3<f64>, has_gravity: bool) -> Result<Plane, UrdfError> {
         let up = Vector3::z() - normal * normal.z;
+        // With axes that are not horizontal a part of gravity would act along them, and the rest would be less than
+        // the scenario states.
         if has_gravity && normal.z.abs() > PARALLEL_LIMIT {
             return Err(UrdfError::Gravity { tilt_deg: libm::asin(normal.z.clamp(-1.0, 1.0)).to_degrees() });
         }
@@ -61,6 +63,8 @@ impl Plane {
     }
 
     fn check_parallel(&self, joint: &Joint, axis: &Vector3<f64>, first: &Joint) -> Result<(), UrdfError> {
+        // The cross product is the sine of the angle, and vanishes for opposite axes, too. Near zero it is exact,
+        // where the cosine would have lost the angle to rounding.
         let off = axis.cross(&self.normal).norm();
         if off <= PARALLEL_LIMIT {
             return Ok(());
@@ -136,6 +140,7 @@ fn check_body(link: &str, body: &Inertial, normal: &Vector3<f64>) -> Result<Opti
     if got_kg_m2 < 0.0 {
         return Err(UrdfError::Moment { link: link.to_owned(), got_kg_m2 });
     }
+    // Only a warning: the chain turns about a single axis, and the moment about that has been checked.
     let [least, middle, most] = body.principal_kg_m2();
     let is_possible = least >= -TRIANGLE_LIMIT * most && most <= (least + middle) * (1.0 + TRIANGLE_LIMIT);
     Ok((!is_possible).then(|| UrdfWarning::Moments { link: link.to_owned(), principal_kg_m2: [least, middle, most] }))
@@ -173,6 +178,8 @@ impl Joined {
 
 /// Returns the centre of mass along the line and off it to the left, m.
 fn centre(line: Vector2<f64>, centre: Vector2<f64>) -> [f64; 2] {
+    // A robot that is straight on paper has its centres of mass off the line by rounding alone, and would get a chain
+    // with an offset that nobody meant.
     let along = line.normalize();
     let off_m = along.perp(&centre);
     [along.dot(&centre), if off_m.abs() > ON_LINE * line.norm() { off_m } else { 0.0 }]
@@ -201,6 +208,7 @@ fn named<'a>(robot: &'a Robot, sections: &[JointSection]) -> Result<Vec<&'a Join
         if let Some(before) = joints.last()
             && !is_beyond(robot, joint, before)
         {
+            // Naming the joints from the tip in is the usual mistake, and has its own remedy in the message.
             let reversed = is_beyond(robot, before, joint);
             return Err(UrdfError::NotBeyond { joint: name.clone(), before: before.name.clone(), reversed });
         }
@@ -302,6 +310,7 @@ fn tip<'a>(
             false => Err(UrdfError::Tip { got: tip.to_owned(), joint: last.name.clone(), known: known().join(", ") }),
         };
     }
+    // A link that carries another one, even by a rigid joint, is not where the chain ends.
     let is_parent = |link: &str| robot.joints.iter().any(|joint| joint.parent == link);
     let ends: Vec<&str> =
         robot.links.keys().map(String::as_str).filter(|link| rides(link) && !is_parent(link)).collect();

@@ -177,6 +177,7 @@ fn complex_mode(angle_rad: f64, modal_mass: f64) -> String {
     let (omega, zeta) = (core::f64::consts::TAU * 63.4, 0.003);
     let (sigma, damped) = (-zeta * omega, omega * f64::sqrt(1.0 - zeta * zeta));
     let turned = |psi: f64, angle: f64| format!("{:13.5E}{:13.5E}", psi * libm::cos(angle), psi * libm::sin(angle));
+    // a = 2jωμ exp(2jθ): the factor j is a quarter turn.
     let modal_a = turned(2.0 * damped * modal_mass, 2.0 * angle_rad + core::f64::consts::FRAC_PI_2);
     let [one, half, quarter, zero] = [1.0, -0.5, 0.25, 0.0].map(|psi| turned(psi, angle_rad));
     format!(
@@ -233,6 +234,8 @@ fn complex_modes_that_are_no_normal_modes_are_refused() {
         let changed = complex_mode(0.0, 4.0).replace(&values, &format!("{:13.5E}{imaginary:13.5E}", 0.25));
         read(&changed, &BTreeMap::new()).map(|read| read.modes)
     };
+    // The imaginary part of one point is relative to the norm of the whole shape, about 1.15, so 0.005 is within the
+    // share of 0.01.
     assert!(quarter(0.005).is_ok());
     insta::assert_snapshot!(quarter(0.3).unwrap_err(), @"line 10: mode 7 is complex: after the best rotation, its shape has an imaginary part of 0.2468 of the shape; normal modes may have at most 0.01. Identify normal modes, or write the structure as matrices, with its dampers as elements of kind `linear`");
     let says = |text: &str| read(text, &BTreeMap::new()).map(|read| read.modes).unwrap_err().to_string();
