@@ -35,6 +35,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     }
     let came = times.len() as u64;
     let all: Vec<NodeState> = t.heard.iter().filter_map(|heard| state_said(&heard.message)).collect();
+    // A heartbeat that tells a new state is sent at once, beside those of the period.
     let changes = all.windows(2).filter(|two| two[0] != two[1]).count() as u64;
     // What was sent while the tester was held up waits on the bus.
     let watched_ns = t.now_ns() - start_ns + t.watch.held_up_ns;
@@ -177,6 +178,7 @@ pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>
     let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
         return skipped("no bit rate is given (--bit-rate-hz), so a bus load of 70 % can't be made");
     };
+    // The load goes on through all steps of the script, also those that bring the node under test into its state.
     t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));
     let result = script(t);
     let now_ns = t.now_ns();

@@ -35,6 +35,7 @@ impl Counters {
     /// Takes a frame of the node, and the receiver's result for it.
     pub fn note(&mut self, network: Network, frame: &Frame, decoded: &Result<Option<Message>, DecodeError>) {
         let (kind, sample) = match decoded {
+            // Heartbeats have no counter, but a boot restarts those of all other messages.
             Ok(Some(Message::Heartbeat(heartbeat))) => {
                 if heartbeat.state == NodeState::BootUp {
                     self.boot();
@@ -64,6 +65,8 @@ impl Counters {
     fn step(&mut self, kind: MessageKind, protection: Protection, counter: u8, sample: Option<u16>) {
         let steps = &mut self.steps[kind as usize];
         let is_first = core::mem::take(&mut steps.is_first);
+        // The first counter after a boot is known to be 0. A tester that joins a running node knows nothing of the
+        // first that it hears.
         let Some(last) = steps.last.replace(Last { counter, sample }) else {
             if is_first && counter != 0 {
                 let text = format!("the first {kind} after its boot has the counter {counter}, not 0");

@@ -72,12 +72,15 @@ impl Damage {
         match self {
             Damage::Bit => {
                 let bit = (n % bits) as usize;
+                // Modulo the length of the frame, so that every bit has its turn, those of the CRC and the counter
+                // included.
                 data[bit / 8] ^= 1 << (bit % 8);
             }
             Damage::ReservedBit if is_classic => data[1] |= 0x80,
             Damage::ReservedBit => data[3] |= 0x80,
             Damage::NotAvailable if is_classic => data[2..4].copy_from_slice(&i16::MIN.to_le_bytes()),
             Damage::NotAvailable => data[8..12].copy_from_slice(&f32::NAN.to_le_bytes()),
+            // 12 bytes are the next shorter length of CAN FD below the 16 of a command.
             Damage::Length => data.truncate(if is_classic { 7 } else { 12 }),
             Damage::Extended => return Frame::new(Id::Extended(frame.id().raw()), frame.format(), &data),
             Damage::Base => {
@@ -108,6 +111,7 @@ fn data_id(network: Network, frame: &Frame) -> Option<u16> {
 /// The bits in which the identifiers of a network with another base differ: the default base, or the one beside it. A
 /// node that accepts any base, or the default one besides its own, accepts it.
 fn base_bits(network: Network) -> u16 {
+    // A base is a multiple of 10h, so the next one is the nearest network that can be.
     let other = if network.base() == DEFAULT_BASE { DEFAULT_BASE + 0x10 } else { DEFAULT_BASE };
     network.base() ^ other
 }

@@ -291,6 +291,7 @@ pub(super) fn incomplete(t: &mut Tester) -> Result<(), Stop> {
         Profile::Classic => FRAMES,
         Profile::Fd => 1,
     };
+    // Each frame is left out in turn, since an exciter may answer by the last one alone.
     (0..frames).try_for_each(|lost| unanswered(t, Samples::Without(lost)))
 }
 

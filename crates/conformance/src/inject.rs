@@ -23,6 +23,7 @@ impl Controller {
     /// The controller of a virtual interface: a real one's driver doesn't loop error frames back, and may send them.
     pub fn of(interface: &str) -> Option<Controller> {
         let device = fs::canonicalize(format!("/sys/class/net/{interface}")).ok()?;
+        // sysfs links an interface to its device; those without hardware are below this folder.
         let is_virtual = device.starts_with("/sys/devices/virtual");
         let socket = is_virtual.then(|| CanSocket::open(interface).ok()).flatten()?;
         // It receives nothing, so that its queue stays empty.
@@ -37,6 +38,7 @@ impl Controller {
     }
 
     pub fn restart(&mut self) -> io::Result<()> {
+        // Cleared first, so that an interface that fails is not tried again and again.
         self.on_at_ns = None;
         self.send_error_frame(RESTARTED)
     }

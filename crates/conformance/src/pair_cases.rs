@@ -32,6 +32,7 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     let Some(first) = frames.iter().position(|(_, samples)| *samples == SamplesPerFrame::Two) else {
         return failed("armed by an exciter that takes two samples a frame it sends one");
     };
+    // A plant changes to pairs when it is armed, so the first frames heard may have one sample.
     let start = frames[first].0;
     if !start.is_multiple_of(2) {
         return failed(format!("a pair begins with sample {start}, which is odd"));

@@ -24,6 +24,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
     t.answers = Answers::Damaged(-t.settings.force_n, damage);
+    // A damaged frame must never act, whenever it comes, so no hold-up excuses it.
     let faulted = starves(t, from, wrong);
     match faulted {
         Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
@@ -58,6 +59,7 @@ fn shifted(t: &mut Tester, by: i16, acts: Acts) -> Result<(), Stop> {
 pub(super) fn same_sample(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
+    // The counter goes on, so that the sample alone is what the plant must reject.
     t.answers = Answers::Always(-t.settings.force_n, t.answered.unwrap_or(0));
     let emergency = starves(t, from, wrong)?;
     says(&emergency, &[Refusal::Repeated, Refusal::Late])

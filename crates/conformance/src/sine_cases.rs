@@ -214,6 +214,8 @@ struct Axis {
     factor: f64,
 }
 
+// The factors are those of the classic profile in SPEC.md, section 3: 50 counts for a newton and 20 for a newton
+// metre.
 const FORCE_X: Axis = Axis { name: "force_x_n", unit: "N", factor: 0.02 };
 const FORCE_Y: Axis = Axis { name: "force_y_n", ..FORCE_X };
 const TORQUE_1: Axis = Axis { name: "torque1_nm", unit: "N m", factor: 0.05 };
@@ -297,6 +299,8 @@ fn fit(points: &[(f64, f64)], frequency_hz: f64) -> Option<Fit> {
 /// the phases of both halves of the points agree. `None` if the points don't determine it.
 fn refined(points: &[(f64, f64)], frequency_hz: f64) -> Option<(Fit, f64)> {
     let (first, second) = points.split_at(points.len() / 2);
+    // A fit whose frequency is a little off is right in the middle of its points, so that the phases of the halves
+    // differ by that error over this time.
     let middle = |half: &[(f64, f64)]| half.iter().map(|(time_s, _)| time_s).sum::<f64>() / half.len() as f64;
     let between_s = middle(second) - middle(first);
     let mut frequency_hz = frequency_hz;

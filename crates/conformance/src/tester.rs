@@ -79,6 +79,7 @@ impl<'w> Tester<'w> {
             ends: Ends::new(network),
             receiver: Receiver::new(network),
             state: NodeState::BootUp,
+            // A rate to begin with: as soon as the node under test has said hello, the tester states that node's own.
             hello: Hello::new(network.profile(), 1000),
             is_alive: false,
             heartbeat_at_ns: 0,
@@ -87,6 +88,8 @@ impl<'w> Tester<'w> {
             soak: None,
             load: None,
             samples_per_frame: SamplesPerFrame::One,
+            // The number of the first damaged frame chooses its bit, so that the seed alone decides which bits are
+            // tried.
             damaged: settings.seed,
             answered: None,
             answered_ns: 0,

@@ -123,6 +123,7 @@ pub(super) fn tries(
             }
             TryResult::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
         };
+        // Slow and chance results count over all tries, also when an undecided one lies between them.
         if says_nothing && tries < TRIES {
             continue;
         }
@@ -195,6 +196,8 @@ fn judge(outcome: Result<(), Stop>, subject: &mut impl Subject, limits: Limits) 
         Stop::Slow(text) => TryResult::Slow(text),
         Stop::Chance(text) => TryResult::Chance(text),
         Stop::Late(text) => {
+            // The tester waits on here, to see whether the node sends again without having booted: then it was
+            // stopped, and not late by itself.
             let has_resumed = unless_gone(subject.resumes())?.unwrap_or(false);
             let silent_ns = subject.watch().silent_ns;
             TryResult::Judged(match has_resumed && silent_ns > limits.silent_ns {

@@ -208,6 +208,7 @@ fn commanded(heard: &Heard) -> String {
 pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let (from, limits, patience_ns) = (t.mark(), t.plant()?.limits(), t.settings.patience_ns);
+    // A ramp begins with loads that are nearly zero, and these show nothing.
     let is_load = |heard: &Heard| has_load(heard, limits);
     let ends = |heard: &Heard| heard.state != NodeState::Operational;
     let first = t.wait_for(from, patience_ns, |heard| is_load(heard) || ends(heard))?;

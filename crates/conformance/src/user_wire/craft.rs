@@ -105,6 +105,7 @@ impl Sent {
             }
             Damage::Repeated | Damage::Jump => {
                 let counter = message.protection.counter.as_ref()?;
+                // Without a frame before it there is nothing to repeat or to jump from; then 0 is as good as any.
                 let last = self.counter(message).unwrap_or(0);
                 // The step of one, the frames that may be lost, and one more.
                 let ahead = if damage == Damage::Jump { message.protection.most_lost + 2 } else { 0 };
@@ -134,6 +135,7 @@ impl Sent {
         if let (Some(counter), Some(last)) = (&message.protection.counter, self.counter(message)) {
             counter.write(counter.after(last), &mut payload).ok()?;
         }
+        // Only its identifier and format are used, by `protected`.
         let empty = Frame::new(message.id, message.format, &payload).ok()?;
         protected(message, payload, &empty)
     }
@@ -156,6 +158,7 @@ fn protected(message: &Incoming, mut payload: Vec<u8>, frame: &Frame) -> Option<
 fn shortened(message: &Incoming, frame: &Frame) -> Option<Frame> {
     let data = frame.data();
     let is_short = |bytes: &usize| message.check(&data[..*bytes]).is_err();
+    // CAN FD has no frames of many lengths, so the next shorter one that exists is looked for.
     let mut lengths = (0..data.len()).rev().filter(is_short);
     lengths.find_map(|bytes| Frame::new(frame.id(), frame.format(), &data[..bytes]).ok())
 }

@@ -221,6 +221,7 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
         }
         watched += 1;
         let id = Id::Standard(HEARTBEAT_BASE + u16::from(node_id));
+        // The first heartbeat may come at any time; from it on the periods are counted.
         let mut first_ns = None;
         for _ in 0..3 {
             let from = t.mark();
@@ -276,6 +277,7 @@ pub(super) fn not_enabled(t: &mut Tester) -> Result<(), Stop> {
             control(t, node_id, controlword)?;
         }
         write(t, node_id, 0x6060, &[TORQUE_MODE as u8])?;
+        // A target is in thousandths of the rated torque (object 6071), as the torque actual value is.
         let target = (load_of(t) / drive.torque_step_nm()) as i16;
         let ([a, b], [c, d]) = (0x07_u16.to_le_bytes(), target.to_le_bytes());
         for _ in 0..5 {

@@ -170,6 +170,7 @@ impl PlantEnd {
                 return inconclusive(error.to_string());
             }
         }
+        // A plant that is not armed waits for no answer, as nobody has to send one.
         self.is_awaited = self.node.is_armed();
         self.armed_samples += u64::from(self.is_awaited);
         let measurement = self.plant.measure();

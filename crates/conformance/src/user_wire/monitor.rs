@@ -70,6 +70,7 @@ impl Heard {
                 state if state.is_fault() => "fault",
                 _ => "pre-operational",
             }),
+            // Here the mapping has a reading of the state, whose numbers it names.
             Some(PresetSpec::Odrive) | None => self.meanings().find_map(|meaning| match meaning {
                 Meaning::State { name } => *name,
                 _ => None,
@@ -162,6 +163,8 @@ impl Monitor {
     /// Takes in a frame from the bus, which comes while the tester's end is in this state.
     pub fn take(&mut self, on: &UserWire, at_ns: u64, frame: &Frame, state: NodeState) -> Seen {
         let is_armed = state == NodeState::Operational;
+        // The state is that before the frame, so that a frame by which the plant is disarmed still belongs to the
+        // run.
         self.runs += u64::from(self.was_armed && !is_armed);
         self.was_armed = is_armed;
         let (sender, decoded) = (on.sender(frame), self.decoder.decode(frame));

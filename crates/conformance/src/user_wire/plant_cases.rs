@@ -63,6 +63,7 @@ fn is_armed_within(t: &mut Tester, within_ns: u64) -> Result<bool, Stop> {
         // A fault of before: it is reset, and armed anew.
         t.run_ns(20 * MS)?;
         let now_ns = t.now_ns();
+        // An exciter whose work has ended otherwise than by a fault does not begin anew, and neither does the case.
         let begins_anew = if let End::Exciter(node) = &mut t.end { node.rearm(now_ns) } else { false };
         if !begins_anew {
             return Ok(false);
@@ -337,6 +338,7 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let (now_ns, from) = (t.now_ns(), t.mark());
     if let End::Exciter(node) = &mut t.end {
+        // Leaving disarms the plant by whatever the mapping says, and then commands no more.
         node.leave(now_ns);
     }
     let within_ns = state_within_ns(t);

@@ -123,6 +123,8 @@ impl<'w> Tester<'w> {
 
     /// Sends what the tester's end has to send, altered.
     pub fn send_waiting(&mut self) -> Result<(), Stop> {
+        // The end's frames are taken even where none is sent: to the end they are sent, and it goes on with its
+        // counters and times.
         while let Some(frame) = self.end.poll_transmit() {
             let altered = match self.alter {
                 Alter::Mute => None,
