@@ -249,6 +249,7 @@ impl Line {
     fn of(frame: &Frame, watched: Option<u64>) -> Line {
         // Before SOF the bus is idle, so recessive. The idle level counts in no run: stuffing begins with SOF.
         let mut line = Line { bits: 0, head: 0, level: true, run: 0, crc: 0, watched, disturbed: None };
+        // SOF, a single dominant bit.
         line.put(0, 1);
         match frame.format() {
             FrameFormat::Classic => line.classical(frame, 0),
@@ -278,6 +279,8 @@ impl Line {
         for k in (0..count).rev() {
             let level = value >> k & 1 == 1;
             // The CRC covers the bits without stuff bits, so it takes each bit before stuffing.
+            // The register has 15 bits; the one that leaves it decides, together with the new bit, whether the
+            // polynomial is added.
             let feedback = level != (self.crc & 0x4000 != 0);
             self.crc = (self.crc << 1 & 0x7FFF) ^ if feedback { 0x4599 } else { 0 };
             if self.run == 5 {

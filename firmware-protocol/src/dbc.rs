@@ -44,6 +44,7 @@ impl fmt::Display for Dbc {
 
 impl Dbc {
     fn line(&self, f: &mut fmt::Formatter<'_>, line: &str) -> fmt::Result {
+        // The only line whose number is a node id and not an identifier.
         if let Some(node) = line.strip_prefix("BA_ \"NodeId\" BU_ ") {
             let node = if node.starts_with("Plant") { Node::Plant } else { Node::Exciter };
             let name = if node == Node::Plant { "Plant" } else { "Exciter" };

@@ -43,6 +43,7 @@ impl CommandGate {
     /// A gate for commands that answer a sample at most `command_age_ns` of samples old, rounded down, at `rate_hz`
     /// samples a second.
     pub const fn new(command_age_ns: u64, rate_hz: u16) -> CommandGate {
+        // Rounded down: a sample that is older by a part of a period is too old.
         let age_limit = command_age_ns.saturating_mul(rate_hz as u64) / 1_000_000_000;
         CommandGate { age_limit, answered: None, judged: None }
     }

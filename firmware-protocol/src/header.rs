@@ -98,6 +98,7 @@ fn message(f: &mut fmt::Formatter<'_>, network: Network, kind: MessageKind) -> f
     let name = Macro(kind.name());
     let length = kind.form(network.profile()).map_or(0, |form| form.length);
     writeln!(f, "#define {name}_ID {:#05X}u", kind.id(network))?;
+    // 0 is no data id of any network, as their high byte is at least 52h, so it can stand for an unprotected message.
     writeln!(f, "#define {name}_DATA_ID {:#06X}u", kind.data_id(network).unwrap_or(0))?;
     writeln!(f, "#define {name}_BYTES {length}u")
 }

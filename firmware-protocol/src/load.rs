@@ -60,6 +60,7 @@ mod tests {
     #[test]
     fn a_sample_takes_four_frames() {
         let bits = |rate_hz| bits_per_second(streams(Profile::Classic, rate_hz, SamplesPerFrame::One), Stuffing::None);
+        // A command and three sensor messages, of 8 bytes each: 111 bits without stuff bits, intermission included.
         assert_eq!(bits(2000).nominal - bits(1000).nominal, 1000 * 4 * 111);
         assert_eq!(bits(1000), Bits { nominal: 1000 * 4 * 111 + 2 * 111 + 20 * 55, data: 0 });
     }
@@ -68,6 +69,8 @@ mod tests {
     #[test]
     fn a_sample_of_the_fd_profile_takes_two_frames() {
         let bits = |rate_hz| bits_per_second(streams(Profile::Fd, rate_hz, SamplesPerFrame::One), Stuffing::None);
+        // ESI and DLC, data, stuff count with CRC, their fixed stuff bits, and the CRC delimiter: the bits at the
+        // data bit rate.
         let (command, sensors) = (5 + 128 + 21 + 6 + 1, 5 + 256 + 25 + 7 + 1);
         let once = Bits { nominal: 2 * 29 + 2 * 111 + 20 * 55, data: 2 * command };
         assert_eq!(bits(1000), Bits { nominal: 1000 * 2 * 29, data: 1000 * (command + sensors) }.plus(once));

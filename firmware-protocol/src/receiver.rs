@@ -102,6 +102,7 @@ impl Receiver {
     fn supervise(&mut self, kind: MessageKind, protection: Protection, counter: u8) -> Result<(), DecodeError> {
         let checked = self.supervisions[kind as usize].check(protection, counter);
         let lost = checked.map_err(|fault| DecodeError::Counter { kind, fault, got: counter })?;
+        // A sequence that broke says nothing about how many frames were lost, so those are not counted.
         self.lost += u64::from(lost);
         Ok(())
     }

@@ -6,6 +6,7 @@ use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{CommandCheck, CommandGate, Limit, NodeState, Refusal};
 
 /// Far beyond the modulus of the wire.
+// Its index on the wire is 4464, so that a gate that counts modulo 2¹⁶ would be found out.
 const SAMPLE: u64 = 70_000;
 
 /// A command that the exciter can produce, to a plant without other limits.
@@ -58,6 +59,7 @@ fn the_limit_of_the_age_is_rounded_down_and_never_overflows() {
         (0..=u16::MAX).rev().find(|age| take(&mut CommandGate::new(age_ns, rate_hz), i64::from(*age)).is_ok())
     };
     assert_eq!(oldest(COMMAND_AGE_NS, 1000), Some(20));
+    // 20 ms are 2.98 periods at 149 Hz.
     assert_eq!(oldest(COMMAND_AGE_NS, 149), Some(2));
     assert_eq!(oldest(0, u16::MAX), Some(0));
     assert_eq!(oldest(u64::MAX, u16::MAX), Some(u16::MAX));
@@ -68,6 +70,7 @@ fn there_is_no_sample_before_the_first() {
     for (sample, index, wanted) in [(0, 0, Ok(())), (3, 0, Ok(())), (3, 0xFFFF, Err(Refusal::Late))] {
         assert_eq!(gate().take(NodeState::Operational, sample, index, &FREE), wanted, "{index} at {sample}");
     }
+    // Here the same index is that of a sample that exists: FFFFh, four before 10003h.
     assert_eq!(gate().take(NodeState::Operational, 0x1_0003, 0xFFFF, &FREE), Ok(()));
 }
 

@@ -21,6 +21,7 @@ fn near_boundaries(scale: Scale) -> impl Strategy<Value = f64> {
     ];
     let nudged = (places, -3i32..=3).prop_map(move |(half_counts, nudges)| {
         let value = half_counts / 2.0 / unit;
+        // A few steps of the floating-point number to either side of a tie decide which count is the nearest.
         (0..nudges.abs()).fold(value, |value, _| if nudges > 0 { value.next_up() } else { value.next_down() })
     });
     prop_oneof![4 => nudged, 1 => -2.0 * scale.max()..2.0 * scale.max()]
@@ -137,6 +138,7 @@ proptest! {
         for frame in frames.into_iter().map(|frame| corrected(profile, frame)) {
             let Ok(Some(message)) = receiver.accept(&frame) else { continue };
             let mut transmitter = Transmitter::new(network);
+            // The transmitter begins at counter 0, and the frame may have any, so that all of them are tried.
             let again = (0..=u8::MAX).map(|_| transmitter.frame(&message)).any(|again| again == Ok(frame));
             prop_assert!(again, "{frame} was taken as {message:?}");
         }

@@ -10,6 +10,7 @@ fn digits(value: u32, count: usize) -> Vec<u8> {
 
 /// The remainder of the bits, as a polynomial over GF(2) times x¹⁵, by long division.
 fn crc_15(bits: &[u8]) -> Vec<u8> {
+    // The polynomial with its highest power, x¹⁵: 8000h + 4599h.
     let divisor = digits(0xC599, 16);
     let mut rest = [bits, &[0; 15]].concat();
     for k in 0..bits.len() {
@@ -94,6 +95,7 @@ fn id() -> impl Strategy<Value = Id> {
 
 /// Arbitrary bytes, and bytes with long runs.
 fn bytes(len: usize) -> impl Strategy<Value = Vec<u8>> {
+    // Bytes of long runs: among arbitrary ones stuff bits are too seldom for their corner cases.
     let run = proptest::sample::select(&[0x00, 0xFF, 0xF0, 0x0F, 0x3C, 0xC3, 0x78, 0x87, 0x1E, 0xE1, 0x07, 0xF8][..]);
     prop_oneof![proptest::collection::vec(any::<u8>(), len), proptest::collection::vec(run, len)]
 }
@@ -142,6 +144,7 @@ proptest! {
 
 /// The result of `noticed_after`, found from the bits up to CRC and ACK delimiter; `stuffed` bits are stuffed.
 fn noticed_in(line: &[u8], stuffed: usize, k: usize, behind: u8) -> Option<u64> {
+    // 40 bits reach beyond every place where an error may still be seen.
     let disturbed = [&line[..k], &[1 - line[k]], &[behind; 40]].concat();
     let is_six = |bit: usize| bit >= 5 && disturbed[bit - 5..=bit].iter().all(|level| *level == disturbed[bit]);
     let is_fixed = |bit: usize| bit >= stuffed && (bit - stuffed).is_multiple_of(5);

@@ -116,6 +116,7 @@ mod tests {
                         _ => Err(CounterFault::WrongSequence { last }),
                     };
                     assert_eq!(supervision.check(protection, counter), expected, "{last} then {counter}");
+                    // Whatever the verdict is, the message after it is judged by what the sender really sent.
                     let next = protection.counter_after(counter);
                     assert_eq!(supervision.check(protection, next), Ok(0), "in step again after {counter}");
                 }

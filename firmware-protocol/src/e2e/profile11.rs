@@ -66,6 +66,7 @@ mod tests {
         let residue = |data: &[u8; 8]| crc(0x5201, data) ^ data[0];
         let sent = [0, 0x5A, 1, 2, 3, 4, 5, 6];
         for one in 0..64 {
+            // Bits of byte 0 are those of the CRC itself, which the comparison covers, too.
             for two in 0..64 {
                 let mut data = sent;
                 data[one / 8] ^= 1 << (one % 8);

@@ -76,6 +76,7 @@ mod tests {
 
     #[test]
     fn every_error_of_one_or_two_bits_changes_the_crc() {
+        // The longest message, and so all distances between two wrong bits that can occur.
         const LENGTH: usize = 64;
         let residue = |data: &[u8; LENGTH]| crc(0x520B, data) ^ u16::from_le_bytes([data[0], data[1]]);
         let sent = core::array::from_fn(|k| k as u8);

@@ -184,6 +184,7 @@ enum Identifier {
     WithNodeId(u16),
 }
 
+// Short names, so that a row of the table below fits its line, as one of SPEC.md does.
 use Cycle::{Event, Sample};
 use Identifier::{AfterBase, WithNodeId};
 use Node::{Exciter, Plant};

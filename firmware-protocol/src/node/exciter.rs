@@ -265,6 +265,7 @@ impl<C: Answering> ExciterNode<C> {
     fn take_hello(&mut self, now_ns: u64, hello: Hello) {
         let mismatch = self.link.hello().mismatch(&hello);
         let is_new = self.plant_hello.is_none();
+        // A plant whose hello does not fit counts as one that has said none, so that nothing is asked of it.
         self.plant_hello = mismatch.is_none().then_some(hello);
         match (self.work.phase, mismatch) {
             (Phase::Done(_), Some(_)) => {}
@@ -315,6 +316,7 @@ impl<C: Answering> ExciterNode<C> {
     /// The plant leaves the bus. Before arming, another plant may appear.
     fn take_leaving(&mut self, now_ns: u64, emergency: Emergency) {
         self.link.core.note(NodeEvent::Emergency(emergency));
+        // Whatever node comes next has to say hello first, like after a boot.
         (self.plant_hello, self.plant_state) = (None, None);
         self.work.plant_ended(&mut self.link.core);
         self.link.announce(now_ns);
@@ -330,6 +332,8 @@ impl<C: Answering> ExciterNode<C> {
             return;
         }
         let phase = self.work.phase;
+        // The fault is the plant's, so this node latches its emergency and sends none of its own. While arming, other
+        // faults of the plant are reset by the next request.
         if phase == Phase::Playing || (phase == Phase::Arming && incompatible) {
             self.work.fault(&mut self.link.core, emergency);
             self.link.announce(now_ns);

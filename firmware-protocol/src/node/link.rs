@@ -77,6 +77,7 @@ impl Link {
         if self.announced == self.core.state() {
             return;
         }
+        // A command that is sent after the heartbeat would be one of a node that is not armed.
         if self.announced == NodeState::Operational {
             self.outbox.clear_command();
         }
@@ -149,6 +150,7 @@ impl Link {
             Message::Torque(command) => ([command.torque1_nm, command.torque2_nm], torque_limit_nm),
             _ => return true,
         };
+        // A NaN compares false, so that it is never within the limits.
         values.iter().all(|value| value.abs() <= limit)
     }
 
@@ -158,6 +160,7 @@ impl Link {
     /// [`EncodeError`] if the protocol can't encode it.
     pub fn send(&mut self, message: &Message) -> Result<(), EncodeError> {
         self.outbox.push(message)?;
+        // The outbox counts since its start, so the number is taken over and not added.
         self.core.counts.unsent = self.outbox.unsent();
         self.core.frame_waits();
         Ok(())

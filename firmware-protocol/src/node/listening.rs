@@ -66,6 +66,7 @@ mod tests {
         let mut listening = Listening::new(1_000);
         listening.start(5_000);
         for (now_ns, listened_ns) in
+            // A pause of 300 look periods counts as one of them, and a time before the last look as none.
             [(5_400, 400), (6_400, 1_400), (306_400, 2_400), (306_300, 2_400), (306_500, 2_500)]
         {
             listening.look(now_ns);

@@ -113,6 +113,8 @@ impl NodeCore {
         let from = core::mem::replace(&mut self.state, to);
         // `None` for every event but a fault. Only a reset leaves the state fault, so only a reset forgets one.
         self.fault = fault;
+        // The counts are taken here and not from the events, so that they are right however many transitions are
+        // merged.
         self.arms = self.arms.saturating_add(u32::from(to == NodeState::Operational));
         self.leaves = self.leaves.saturating_add(u32::from(from == NodeState::Operational));
         let order = self.next_order();
@@ -179,6 +181,7 @@ impl NodeCore {
     pub fn poll(&mut self) -> Option<NodeEvent> {
         let note = self.notes.front().map(|(order, _)| *order);
         let lost = self.notes.lost().saturating_sub(self.told_lost);
+        // The queue drops the newest notes when it is full, so that those which are lost come behind all that wait.
         if note.is_none() && lost > 0 {
             self.told_lost = self.notes.lost();
             return Some(NodeEvent::Lost(lost));
@@ -228,6 +231,7 @@ mod tests {
         let happened = all(&mut core);
         let states: Vec<_> = happened.iter().filter(|one| matches!(one, NodeEvent::State { .. })).collect();
         assert_eq!(states.len(), 3, "{happened:?}");
+        // Of 600 notes 64 have waited.
         assert!(happened.contains(&NodeEvent::Lost(536)));
         assert_eq!(happened.iter().filter(|one| matches!(one, NodeEvent::OtherSender(_))).count(), 64);
         assert_eq!(core.poll(), None);
@@ -268,6 +272,7 @@ mod tests {
         core.turn(StateEvent::Arm);
         assert_eq!((core.arms(), core.leaves()), (51, 50));
         let happened = all(&mut core);
+        // 102 transitions, of which the last 87 are merged into the sixteenth.
         assert_eq!(happened.len(), TURNS);
         assert!(matches!(happened.last(), Some(NodeEvent::State { to: NodeState::Operational, .. })), "{happened:?}");
     }

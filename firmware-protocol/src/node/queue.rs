@@ -55,6 +55,7 @@ impl<T, const N: usize> Queue<T, N> {
 
     /// The last item, to change it.
     pub fn back_mut(&mut self) -> Option<&mut T> {
+        // An empty queue ends here, before a capacity of 0 would divide by zero.
         let place = (self.first + self.len.checked_sub(1)?) % N;
         self.items.get_mut(place)?.as_mut()
     }

@@ -70,6 +70,7 @@ mod tests {
             assert_eq!(sequence.judge(100), Place::First);
             sequence.judge(index)
         };
+        // At 1 kHz the window is 350 samples: 350 ms, the timeout of the partner.
         assert_eq!((place(101), place(450)), (Place::Ahead(1), Place::Ahead(350)));
         assert_eq!((place(451), place(40_000)), (Place::Broken, Place::Broken));
         assert_eq!((place(100), place(99), place(65_286)), (Place::Stale, Place::Stale, Place::Stale));

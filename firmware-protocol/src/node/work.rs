@@ -210,6 +210,7 @@ impl<C: Answering> Work<C> {
             return false;
         }
         core.turn(StateEvent::Reset);
+        // Samples count from arming, so that the controller begins at sample 0 again.
         (self.phase, self.answered, self.last_index) = (Phase::Arming, None, 0);
         self.controller.restart();
         // By the first attempt the plant has said its state.
