@@ -75,7 +75,7 @@ fn log_times_are_simulated_and_publish_times_the_walls() -> TestResult {
     let origin = Recording::open(&path)?.origin().clone();
     assert_eq!((origin.time, origin.start_unix_ns), (RunTime::Lockstep, Some(START_UNIX_NS)));
 
-    let simulated = Options { time_base: crate::options().time_base, ..options(Options::lockstep) };
+    let simulated = Options { time: RunTime::Simulated, clock_epoch_unix_ns: None, ..options(Options::lockstep) };
     assert_eq!(stamps(&path, simulated)?, expected(7_000_000, 7_000_000));
     let origin = Recording::open(&path)?.origin().clone();
     assert_eq!((origin.time, origin.start_unix_ns), (RunTime::Simulated, None));

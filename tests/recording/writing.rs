@@ -22,9 +22,9 @@ fn the_same_records_give_the_same_bytes() -> TestResult {
     assert!(bytes == fs::read(&two)?, "two recordings of the same records differ");
     assert_eq!(summary.bytes, bytes.len() as u64);
     assert_eq!(summary.samples, 2500);
-    assert_eq!(summary.messages_in(Topic::States), 5);
-    assert_eq!(summary.messages_in(Topic::State), 250);
-    assert_eq!(summary.messages_in(Topic::Frames), 5);
+    assert_eq!(summary.messages[Topic::States.name()], 5);
+    assert_eq!(summary.messages[Topic::State.name()], 250);
+    assert_eq!(summary.messages[Topic::Frames.name()], 5);
     assert_eq!(summary.lost["plant"], 0);
     Ok(())
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::recording::{
     Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Origin, Record, Recorder, Recording,
-    RecordingError, RunTime, Summary, TimeBase,
+    RecordingError, RunTime, Summary,
 };
 use crate::staged::same_file;
 use crate::starting_plant::{PLANT, noted, without_plant};
@@ -159,13 +159,9 @@ fn configuration(recording: &Recording, plant: Option<String>) -> Configuration 
 /// Returns the options for the part: those of the whole.
 fn options(recording: &Recording, existing: Existing) -> Options {
     let origin = recording.origin();
-    let clock_epoch_unix_ns = origin.start_unix_ns.unwrap_or(0);
     Options {
-        time_base: match origin.time {
-            RunTime::Simulated => TimeBase::Simulated,
-            RunTime::Lockstep => TimeBase::Lockstep { clock_epoch_unix_ns },
-            RunTime::RealTime => TimeBase::RealTime { clock_epoch_unix_ns },
-        },
+        time: origin.time,
+        clock_epoch_unix_ns: (origin.time != RunTime::Simulated).then(|| origin.start_unix_ns.unwrap_or(0)),
         // The flushes go by samples and not by time, so that the same cut produces identical bytes.
         flush: FlushPolicy::Samples(1000),
         existing,

@@ -28,7 +28,7 @@ use crate::can_log::{CanLogError, LogFormat, LoggedFrame, read};
 use crate::recording::channels::Channels;
 use crate::recording::{
     Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Naming, Options, Record, Recorder,
-    RecordingError, TimeBase,
+    RecordingError, RunTime,
 };
 use crate::staged::{file_kind, same_file};
 use resonarm_scenario::wire::Quantities;
@@ -265,7 +265,8 @@ impl FrameLog {
         };
         let options = Options {
             channels,
-            time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
+            time: RunTime::RealTime,
+            clock_epoch_unix_ns: Some(first.time_ns),
             flush: FlushPolicy::Samples(1000),
             existing: options.existing,
             reading_delay_samples: converter.delay_samples(),

@@ -82,29 +82,17 @@ impl Signals {
             converter: None,
         };
         let mut first = None;
-        let mut take = |sample: u64, numbers: &[f64], clipped: u32| {
-            if wanted.contains(&sample) {
-                first.get_or_insert(sample);
+        for row in recording.rows(topic).map_err(ExportError::from)? {
+            let row = row.map_err(ExportError::from)?;
+            if wanted.contains(&row.sample) {
+                first.get_or_insert(row.sample);
                 for ((values, count), place) in signals.values.iter_mut().zip(&mut signals.clipped).zip(&places) {
-                    values.push(numbers[*place]);
-                    *count += usize::from(clipped >> place & 1 != 0);
+                    values.push(row.values[*place]);
+                    *count += usize::from(row.clipped >> place & 1 != 0);
                 }
             }
-            sample < *wanted.end()
-        };
-        if topic == Topic::Samples {
-            for record in recording.samples().map_err(ExportError::from)? {
-                let record = record.map_err(ExportError::from)?;
-                if !take(record.sample, &record.values(), record.clipped_bits()) {
-                    break;
-                }
-            }
-        } else {
-            for record in recording.states().map_err(ExportError::from)? {
-                let record = record.map_err(ExportError::from)?;
-                if !take(record.sample, &record.values(), 0) {
-                    break;
-                }
+            if row.sample >= *wanted.end() {
+                break;
             }
         }
         let lead = if topic == Topic::Samples { recording.origin().reading_delay_samples } else { 0.0 };

@@ -23,8 +23,8 @@ use resonarm_files::drawing::Drawing;
 use resonarm_files::export::scene;
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{
-    Batch, Batcher, Event, FrameBatcher, Layout, MessageType, NumberBatch, Numbers, Plot, Plots, Record, SampleRecord,
-    StateRecord, Topic, proto,
+    Batch, Batcher, Event, FrameBatcher, Layout, NumberBatch, Numbers, Plot, Plots, Record, SampleRecord, StateRecord,
+    Topic, proto,
 };
 use resonarm_session::run::{self, CommandRecord};
 
@@ -33,14 +33,14 @@ pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 /// The channels with messages as in recordings. A channel's number is its place among those published: after these that
 /// of the moving structure.
 const RECORDED: [Channel; 8] = [
-    Channel::Recorded(MessageType::State),
-    Channel::Recorded(MessageType::Command),
-    Channel::Recorded(MessageType::Sensors),
-    Channel::Recorded(MessageType::StepBatch),
-    Channel::Recorded(MessageType::SampleBatch),
-    Channel::Recorded(MessageType::TickBatch),
-    Channel::Recorded(MessageType::Event),
-    Channel::Recorded(MessageType::FrameBatch),
+    Channel::Recorded(Topic::State),
+    Channel::Recorded(Topic::Command),
+    Channel::Recorded(Topic::Sensors),
+    Channel::Recorded(Topic::States),
+    Channel::Recorded(Topic::Samples),
+    Channel::Recorded(Topic::Ticks),
+    Channel::Recorded(Topic::Events),
+    Channel::Recorded(Topic::Frames),
 ];
 /// Opcode of a message.
 const MESSAGE_DATA: u8 = 1;
@@ -55,7 +55,7 @@ const PLOT_EVERY: u64 = 10;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// Messages as in recordings.
-    Recorded(MessageType),
+    Recorded(Topic),
     /// The moving structure, as in copies for viewers.
     Scene,
 }
@@ -66,9 +66,9 @@ impl Channel {
         match self {
             Channel::Recorded(of) => json!({
                 "id": id,
-                "topic": of.topic().name(),
+                "topic": of.name(),
                 "encoding": "protobuf",
-                "schemaName": of.name(),
+                "schemaName": of.schema_name(),
                 "schema": STANDARD.encode(of.descriptor(table)),
                 "schemaEncoding": "protobuf",
             }),
@@ -105,7 +105,8 @@ pub struct Stream {
     plots: Plots,
     /// `None` where the coordinates are unknown, or the places of the points.
     moving: Option<Moving>,
-    channels: Vec<Channel>,
+    /// Channels that are published.
+    pub channels: Vec<Channel>,
     published: Vec<Published>,
 }
 
@@ -147,7 +148,7 @@ impl Stream {
                     let value = |kind| if kind == Kind::Load { loads.next() } else { None };
                     let row: Vec<f64> =
                         channels.map(|channel| channel.kind).map(value).map(Option::unwrap_or_default).collect();
-                    self.publish_plot(&Plot::new(MessageType::Command, &self.table, *sample, &row, 0));
+                    self.publish_plot(&Plot::new(Topic::Command, &self.table, *sample, &row, 0));
                 }
             }
             run::Notice::Response(_) | run::Notice::SetPoint(_) | run::Notice::Test(_) => {}
@@ -183,7 +184,7 @@ impl Stream {
             }
             Record::Event(Event { sample, time_ns, name, value }) => {
                 let (name, step) = (name.as_ref().to_owned(), *sample);
-                self.publish(MessageType::Event, step, &proto::Event { step, time_ns: *time_ns, name, value: *value });
+                self.publish(Topic::Events, step, &proto::Event { step, time_ns: *time_ns, name, value: *value });
             }
             Record::Frame(frame) => {
                 if self.frames.must_take_before(frame) {
@@ -209,16 +210,16 @@ impl Stream {
 
     fn take_batches(&mut self) {
         if let Some(batch) = self.states.take().cloned() {
-            self.publish(MessageType::StepBatch, batch.first_sample(), &batch);
+            self.publish(Topic::States, batch.first_sample(), &batch);
         }
         if let Some(batch) = self.readings.take().cloned() {
-            self.publish(MessageType::SampleBatch, batch.first_sample(), &batch);
+            self.publish(Topic::Samples, batch.first_sample(), &batch);
         }
         if let Some(batch) = self.ticks.take().cloned() {
-            self.publish(MessageType::TickBatch, batch.first_sample(), &batch);
+            self.publish(Topic::Ticks, batch.first_sample(), &batch);
         }
         if let Some((first, batch)) = self.frames.take().map(|(first, batch)| (first, batch.clone())) {
-            self.publish(MessageType::FrameBatch, first, &batch);
+            self.publish(Topic::Frames, first, &batch);
         }
     }
 
@@ -229,11 +230,11 @@ impl Stream {
     }
 
     fn publish_plot(&mut self, plot: &Plot) {
-        self.publish(plot.message_type, plot.sample, plot);
+        self.publish(plot.topic, plot.sample, plot);
     }
 
-    fn publish(&mut self, message_type: MessageType, sample: u64, message: &impl prost::Message) {
-        let Some(channel) = RECORDED.iter().position(|of| *of == Channel::Recorded(message_type)) else { return };
+    fn publish(&mut self, topic: Topic, sample: u64, message: &impl prost::Message) {
+        let Some(channel) = RECORDED.iter().position(|of| *of == Channel::Recorded(topic)) else { return };
         self.push(channel, sample, message.encode_to_vec());
     }
 
@@ -245,7 +246,7 @@ impl Stream {
 
 /// Gathers states or readings.
 fn numbers<R: Numbers>(table: &Channels, dt_s: f64) -> Batcher<NumberBatch<R>> {
-    Batcher::new(NumberBatch::new(Arc::new(Layout::new(table, R::TYPE))), BATCH_ROWS, dt_s)
+    Batcher::new(NumberBatch::new(Arc::new(Layout::new(table, R::TOPIC))), BATCH_ROWS, dt_s)
 }
 
 /// Time of a sample, ns of the UNIX epoch.
@@ -378,7 +379,7 @@ mod tests {
     #[test]
     fn frames_are_sent_as_recorded() {
         let mut stream = Stream::new(1e-3, 0, "vcan0", None, Channels::default());
-        assert_eq!(stream.channels(), RECORDED);
+        assert_eq!(stream.channels, RECORDED);
         stream.record(&frame(3, Direction::Received, 0x203));
         stream.record(&frame(4, Direction::Sent, 0x205));
         // An exciter counts from each arming.
@@ -398,7 +399,7 @@ mod tests {
     fn the_structure_is_sent_once_an_update_as_in_copies_for_viewers() {
         let drawing = Drawing::of(&Scenario::default()).unwrap();
         let mut stream = Stream::new(1e-3, 1_000, "none", drawing, Channels::default());
-        assert_eq!(stream.channels()[RECORDED.len()..], [Channel::Scene]);
+        assert_eq!(stream.channels[RECORDED.len()..], [Channel::Scene]);
         for sample in 5..8 {
             let state = StateRecord {
                 sample,
@@ -421,7 +422,7 @@ mod tests {
     #[test]
     fn subscribers_get_frames_and_nonsense_is_answered() {
         let mut stream = Stream::new(1e-3, 1_000, "vcan0", None, Channels::default());
-        let mut subscriptions = Subscriptions::new(stream.channels().len());
+        let mut subscriptions = Subscriptions::new(stream.channels.len());
         let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":5},{"id":8,"channelId":99}]}"#;
         let Some(Message::Text(refused)) = subscriptions.receive(subscribe) else { panic!("nothing refused") };
         assert_eq!(refused.as_str(), r#"{"level":2,"message":"there is no channel 99","op":"status"}"#);

@@ -3,7 +3,7 @@
 use core::ops::RangeInclusive;
 
 use super::{ExportError, RecordingPart};
-use crate::recording::{Origin, Recording, RecordingError, Topic};
+use crate::recording::{Origin, Recording, Topic};
 
 /// Returns how long before its sample a channel was read, in samples: the delay of the instruments' converters.
 pub(super) fn lead(topic: Topic, origin: &Origin) -> f64 {
@@ -23,32 +23,16 @@ pub(super) fn visit(
     wanted: &RangeInclusive<u64>,
     mut visit: impl FnMut(&[f64]) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
-    let mut each = |sample: u64, values: &[f64]| if wanted.contains(&sample) { visit(values) } else { Ok(()) };
-    let is_before_end = |sample: u64| sample <= *wanted.end();
-    match part {
-        RecordingPart::States => {
-            for record in within(recording.states()?, |record| is_before_end(record.sample)) {
-                let record = record?;
-                each(record.sample, &record.values())?;
-            }
+    for row in recording.rows(part.topic())? {
+        let row = row?;
+        if row.sample > *wanted.end() {
+            break;
         }
-        RecordingPart::Samples => {
-            for record in within(recording.samples()?, |record| is_before_end(record.sample)) {
-                let record = record?;
-                each(record.sample, &record.values())?;
-            }
+        if wanted.contains(&row.sample) {
+            visit(&row.values)?;
         }
-        RecordingPart::Frames | RecordingPart::Ticks | RecordingPart::Events => {}
     }
     Ok(())
-}
-
-/// Returns the records up to the first that is beyond the wanted ones.
-fn within<T>(
-    records: impl Iterator<Item = Result<T, RecordingError>>,
-    is_before_end: impl Fn(&T) -> bool,
-) -> impl Iterator<Item = Result<T, RecordingError>> {
-    records.take_while(move |record| record.as_ref().map_or(true, &is_before_end))
 }
 
 /// Returns the first sample of a part among the wanted ones, and their number.
@@ -60,11 +44,7 @@ pub(super) fn span(
     part: RecordingPart,
     wanted: &RangeInclusive<u64>,
 ) -> Result<(u64, u64), ExportError> {
-    let first = match part {
-        RecordingPart::States => recording.states()?.next().transpose()?.map(|record| record.sample),
-        RecordingPart::Samples => recording.samples()?.next().transpose()?.map(|record| record.sample),
-        RecordingPart::Frames | RecordingPart::Ticks | RecordingPart::Events => None,
-    };
+    let first = recording.rows(part.topic())?.next().transpose()?.map(|row| row.sample);
     let records = recording.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records);
     let Some(first) = first else { return Ok((*wanted.start(), 0)) };
     // They are without a gap, and the last may have the largest of all numbers.

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::TickRecord;
-use super::schema::MessageType;
+use super::schema::Topic;
 use super::schema::proto::TickBatch;
 use super::schema::proto::tick_batch::Cause;
 use resonarm_realtime::OverrunCause;
@@ -13,8 +13,8 @@ pub trait Batch: prost::Message {
     /// Record of which one row is made.
     type Row: Copy;
 
-    /// Type of the message on its topic.
-    const TYPE: MessageType;
+    /// Topic of the messages.
+    const TOPIC: Topic;
 
     /// Makes an empty batch for samples from `first_sample` on.
     fn begin(&mut self, first_sample: u64, dt_s: f64);
@@ -104,7 +104,7 @@ impl<B: Batch> Batcher<B> {
 
 impl Batch for TickBatch {
     type Row = TickRecord;
-    const TYPE: MessageType = MessageType::TickBatch;
+    const TOPIC: Topic = Topic::Ticks;
 
     fn begin(&mut self, first_sample: u64, _dt_s: f64) {
         prost::Message::clear(self);
@@ -164,11 +164,6 @@ fn cause_number(cause: Option<OverrunCause>) -> i32 {
 
 /// Returns the cause with a number in the file; `None` if there is no such number.
 fn cause_of(number: i32) -> Option<Option<OverrunCause>> {
-    let cause = match Cause::try_from(number).ok()? {
-        Cause::None => return Some(None),
-        Cause::WokeLate => OverrunCause::WokeLate,
-        Cause::StepLong => OverrunCause::StepLong,
-        Cause::BusLong => OverrunCause::BusLong,
-    };
-    Some(Some(cause))
+    let causes = core::iter::once(None).chain(OverrunCause::ALL.map(Some));
+    causes.into_iter().find(|cause| cause_number(*cause) == number)
 }

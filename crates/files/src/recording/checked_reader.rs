@@ -1,7 +1,7 @@
 //! Reads a recording once, record by record, and checks every checksum before it returns a record.
 
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,23 +11,28 @@ use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::contents::{Contents, Fault, LONGEST, parse};
-use super::{RecordingError, lengths, source};
+use super::{RecordingError, lengths};
+use crate::staged::file_kind;
 
 /// Bytes read at a time, so that a wrong length takes no more memory than the file has bytes.
 const READ: usize = 1 << 16;
 /// Opcode and length before every record, bytes (MCAP specification, "Records").
-const RECORD_HEAD: u64 = 9;
+pub(super) const RECORD_HEAD: u64 = 9;
 
 /// Reads a file from beginning to end.
 pub(super) struct CheckedReader {
     path: PathBuf,
     file: BufReader<File>,
-    file_bytes: u64,
+    /// Size of the file when it was opened, bytes.
+    pub file_bytes: u64,
     reader: LinearReader,
     body: Vec<u8>,
-    offset: u64,
-    contents: Contents,
-    messages: u64,
+    /// Position of the next record, bytes from the start of the file: everything before is valid.
+    pub offset: u64,
+    /// Declarations, and the messages of the chunk read last.
+    pub contents: Contents,
+    /// Number of messages read so far, of all topics, also of those that others added.
+    pub messages: u64,
     /// Position of the first message outside a chunk: only the checksum of the data section covers it.
     first_bare_message: Option<u64>,
     layout: FileLayout,
@@ -67,7 +72,7 @@ impl CheckedReader {
     /// Starts at the beginning of the file.
     pub fn open(path: &Path) -> Result<CheckedReader, RecordingError> {
         let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
-        let mut file = BufReader::with_capacity(1 << 16, source::open(path)?);
+        let mut file = BufReader::with_capacity(1 << 16, open(path)?);
         let file_bytes = file.get_ref().metadata().map_err(failed)?.len();
         let got = file.fill_buf().map_err(failed)?;
         let got = got[..got.len().min(MAGIC.len())].to_vec();
@@ -93,26 +98,6 @@ impl CheckedReader {
             first_bare_message: None,
             layout: FileLayout::default(),
         })
-    }
-
-    /// Returns the position of the next record, bytes from the start of the file: everything before is valid.
-    pub fn offset(&self) -> u64 {
-        self.offset
-    }
-
-    /// Returns the size of the file when it was opened, bytes.
-    pub fn file_bytes(&self) -> u64 {
-        self.file_bytes
-    }
-
-    /// Returns the declarations, and the messages of the chunk read last.
-    pub fn contents(&self) -> &Contents {
-        &self.contents
-    }
-
-    /// Returns the number of messages read so far, of all topics, also of those that others added.
-    pub fn messages(&self) -> u64 {
-        self.messages
     }
 
     /// Makes the error for a damaged record at `offset`.
@@ -185,7 +170,7 @@ impl CheckedReader {
             },
             op::CHUNK => {
                 self.contents.read_chunk(body)?;
-                self.messages += self.contents.message_count();
+                self.messages += self.contents.message_count;
                 Ok(TopLevelRecord::Chunk)
             }
             op::METADATA => match parse(opcode, body)? {
@@ -194,7 +179,7 @@ impl CheckedReader {
             },
             op::MESSAGE => {
                 self.contents.read_message(body)?;
-                self.messages += self.contents.message_count();
+                self.messages += self.contents.message_count;
                 self.first_bare_message.get_or_insert(self.offset);
                 Ok(TopLevelRecord::BareMessage)
             }
@@ -207,6 +192,17 @@ impl CheckedReader {
             _ => Ok(TopLevelRecord::Other),
         }
     }
+}
+
+/// Opens a recording for reading. Anything but a regular file is rejected before it is opened: a pipe would wait for
+/// its other end, a device may have none.
+pub(super) fn open(path: &Path) -> Result<File, RecordingError> {
+    let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
+    let found = fs::metadata(path).map_err(failed)?;
+    if !found.is_file() {
+        return Err(RecordingError::NotAFile { path: path.to_path_buf(), got: file_kind(found.file_type()) });
+    }
+    File::open(path).map_err(failed)
 }
 
 impl FileLayout {

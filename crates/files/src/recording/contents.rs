@@ -11,7 +11,7 @@ use mcap::{McapError, parse_record};
 
 use super::layout::{ChannelsError, Layout};
 use super::lengths;
-use super::schema::{MessageType, Topic};
+use super::schema::Topic;
 
 /// Longest accepted record: 256 MiB, far above what a recorder writes.
 pub(super) const LONGEST: usize = 1 << 28;
@@ -73,13 +73,13 @@ pub(super) struct Contents {
     bytes: Vec<u8>,
     messages: Vec<Message>,
     /// Number of messages of all topics, also of those that others added, in the chunk read last.
-    message_count: u64,
+    pub message_count: u64,
 }
 
 /// A declared topic of this program.
 #[derive(Clone)]
 pub(super) struct Declared {
-    pub message_type: MessageType,
+    pub topic: Topic,
     /// The schema as it is in the file.
     pub schema: Vec<u8>,
     /// Positions of the numbers in its messages, for states and readings.
@@ -97,7 +97,7 @@ struct Message {
 /// A message as it is in the file.
 #[derive(Clone, Copy)]
 pub(super) struct RawMessage<'a> {
-    pub message_type: MessageType,
+    pub topic: Topic,
     pub layout: Option<&'a Arc<Layout>>,
     /// Its number within the topic, from 0, in files that the recorder wrote; others may have 0 throughout.
     pub sequence: u32,
@@ -122,7 +122,7 @@ impl Contents {
         self.messages.iter().enumerate().skip(first).filter_map(|(place, message)| {
             let declared = self.channels.get(&message.channel)?.as_ref()?;
             let raw = RawMessage {
-                message_type: declared.message_type,
+                topic: declared.topic,
                 layout: declared.layout.as_ref(),
                 sequence: message.sequence,
                 log_time_ns: message.log_time_ns,
@@ -131,11 +131,6 @@ impl Contents {
             };
             Some((place, raw))
         })
-    }
-
-    /// Returns the number of messages of all topics, also of those that others added, in the chunk read last.
-    pub fn message_count(&self) -> u64 {
-        self.message_count
     }
 
     /// Reads a message that stands alone, outside a chunk.
@@ -203,17 +198,15 @@ impl Contents {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 let (schema, data) =
                     self.schemas.get(&channel.schema_id).map_or(("", &[][..]), |(name, data)| (name, data));
-                let message_type = MessageType::ALL.into_iter().find(|of| {
-                    Some(of.topic()) == topic && of.name() == schema && channel.message_encoding == "protobuf"
-                });
-                if let (Some(topic), None) = (topic, message_type) {
+                let is_ours = |topic: Topic| topic.schema_name() == schema && channel.message_encoding == "protobuf";
+                if let Some(topic) = topic.filter(|topic| !is_ours(*topic)) {
                     return Err(Fault::Schema(topic, format!("{schema} ({})", channel.message_encoding)));
                 }
-                let is_of_numbers = |of: &MessageType| matches!(of, MessageType::StepBatch | MessageType::SampleBatch);
-                let layout = message_type.filter(is_of_numbers).map(|of| Layout::read(of, data).map(Arc::new));
+                let is_of_numbers = |of: &Topic| matches!(of, Topic::States | Topic::Samples);
+                let layout = topic.filter(is_of_numbers).map(|of| Layout::read(of, data).map(Arc::new));
                 let layout = layout.transpose().map_err(|cause| Fault::Channels(channel.topic.clone(), cause))?;
                 let schema = data.to_vec();
-                let declared = message_type.map(|message_type| Declared { message_type, schema, layout });
+                let declared = topic.map(|topic| Declared { topic, schema, layout });
                 self.channels.insert(channel.id, declared);
             }
             McapRecord::Message { header, data } => match self.channels.get(&header.channel_id) {

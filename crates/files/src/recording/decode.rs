@@ -8,20 +8,20 @@ use super::batch::Batch;
 use super::contents::RawMessage;
 use super::frames;
 use super::number_batch::{NumberBatch, Numbers};
-use super::schema::MessageType;
+use super::schema::Topic;
 use super::schema::proto::{self, TickBatch};
 use super::{Event, FrameRecord, Record, TickRecord};
 
 /// Passes the records in a message to `visit`, in order. The messages for plotting repeat others and have none. The
 /// error describes an invalid message.
 pub(super) fn decode(raw: RawMessage<'_>, mut visit: impl FnMut(Record<String>)) -> Result<(), String> {
-    match raw.message_type {
-        MessageType::StepBatch => numbers(raw, |row| visit(Record::State(row))),
-        MessageType::SampleBatch => numbers(raw, |row| visit(Record::Sample(row))),
-        MessageType::TickBatch => ticks(raw, |row| visit(Record::Tick(row))),
-        MessageType::FrameBatch => frames(raw, |frame| visit(Record::Frame(frame))),
-        MessageType::Event => events(raw, |event| visit(Record::Event(event))),
-        MessageType::State | MessageType::Command | MessageType::Sensors => Ok(()),
+    match raw.topic {
+        Topic::States => numbers(raw, |row| visit(Record::State(row))),
+        Topic::Samples => numbers(raw, |row| visit(Record::Sample(row))),
+        Topic::Ticks => ticks(raw, |row| visit(Record::Tick(row))),
+        Topic::Frames => frames(raw, |frame| visit(Record::Frame(frame))),
+        Topic::Events => events(raw, |event| visit(Record::Event(event))),
+        Topic::State | Topic::Command | Topic::Sensors => Ok(()),
     }
 }
 

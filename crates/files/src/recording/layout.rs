@@ -8,9 +8,8 @@ use prost::encoding::{self, DecodeContext, WireType};
 use prost::{DecodeError, Message};
 use thiserror::Error;
 
-use super::Topic;
 use super::channels::Channels;
-use super::schema::MessageType;
+use super::schema::Topic;
 use resonarm_bench::structure::{
     Channel, ChannelName, Kind, LoadSet, NATIVE_LOADS, Point, READINGS, known_states, named_sensor_channels,
 };
@@ -73,35 +72,36 @@ mod descriptor {
 use descriptor::{BOOL, DOUBLE, Field, File, FileSet, OPTIONAL, REPEATED, Type, UINT32, UINT64};
 
 /// Returns the channels of a message with the numbers of their fields.
-fn numbered(message_type: MessageType, channels: &Channels) -> impl Iterator<Item = (u32, &Channel)> {
-    let topic = match message_type {
-        MessageType::State | MessageType::Command => Topic::States,
-        MessageType::Sensors => Topic::Samples,
-        of => of.topic(),
+fn numbered(topic: Topic, channels: &Channels) -> impl Iterator<Item = (u32, &Channel)> {
+    // The messages for plotting repeat the numbers of these two, a part of them each.
+    let whole = match topic {
+        Topic::State | Topic::Command => Topic::States,
+        Topic::Sensors => Topic::Samples,
+        topic => topic,
     };
-    let is_in = move |channel: &Channel| match message_type {
-        MessageType::State => matches!(channel.kind, Kind::State | Kind::Internal),
-        MessageType::Command => channel.kind == Kind::Load,
+    let is_in = move |channel: &Channel| match topic {
+        Topic::State => matches!(channel.kind, Kind::State | Kind::Internal),
+        Topic::Command => channel.kind == Kind::Load,
         _ => true,
     };
-    (FIRST..).zip(channels.of(topic)).filter(move |(_, channel)| is_in(channel))
+    (FIRST..).zip(channels.of(whole)).filter(move |(_, channel)| is_in(channel))
 }
 
-impl MessageType {
+impl Topic {
     /// Returns its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP requires.
     pub fn descriptor(self, channels: &Channels) -> Vec<u8> {
         match self {
-            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin").into(),
-            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin").into(),
-            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin").into(),
+            Topic::Frames => include_bytes!("../../proto/descriptors/frame_batch.bin").into(),
+            Topic::Ticks => include_bytes!("../../proto/descriptors/tick_batch.bin").into(),
+            Topic::Events => include_bytes!("../../proto/descriptors/event.bin").into(),
             of => schema(of, channels),
         }
     }
 }
 
 /// Returns the schema of a message of states, loads or readings: a serialised `google.protobuf.FileDescriptorSet`.
-fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
-    let is_batch = matches!(message_type, MessageType::StepBatch | MessageType::SampleBatch);
+fn schema(topic: Topic, channels: &Channels) -> Vec<u8> {
+    let is_batch = matches!(topic, Topic::States | Topic::Samples);
     let label = if is_batch { REPEATED } else { OPTIONAL };
     let field =
         |name: &str, number: u32, label, kind| Field { name: name.to_owned(), number: number as i32, label, kind };
@@ -109,13 +109,13 @@ fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
         true => vec![field("first_step", STEP, OPTIONAL, UINT64), field("dt_s", DT_S, OPTIONAL, DOUBLE)],
         false => vec![field("step", STEP, OPTIONAL, UINT64)],
     };
-    match message_type {
-        MessageType::StepBatch => fields.push(field("last_row_is_end", MARK, OPTIONAL, BOOL)),
-        MessageType::SampleBatch | MessageType::Sensors => fields.push(field("clipped", MARK, label, UINT32)),
+    match topic {
+        Topic::States => fields.push(field("last_row_is_end", MARK, OPTIONAL, BOOL)),
+        Topic::Samples | Topic::Sensors => fields.push(field("clipped", MARK, label, UINT32)),
         _ => {}
     }
-    fields.extend(numbered(message_type, channels).map(|(number, of)| field(&of.name, number, label, DOUBLE)));
-    let name = message_type.name();
+    fields.extend(numbered(topic, channels).map(|(number, of)| field(&of.name, number, label, DOUBLE)));
+    let name = topic.schema_name();
     let (package, name) = name.rsplit_once('.').unwrap_or(("", name));
     let messages = vec![Type { name: name.to_owned(), fields }];
     let file = format!("{}.proto", name.to_lowercase());
@@ -161,7 +161,8 @@ pub enum ChannelsError {
 /// Positions of the channels in a batch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
-    channels: Vec<Channel>,
+    /// Channels in the order of the table.
+    pub(super) channels: Vec<Channel>,
     /// The field of each channel.
     pub(super) fields: Vec<u32>,
     pub(super) mark: u32,
@@ -181,8 +182,8 @@ impl Layout {
     }
 
     /// The layout in which a message is written.
-    pub fn new(channels: &Channels, message_type: MessageType) -> Layout {
-        let (fields, channels) = numbered(message_type, channels).unzip();
+    pub fn new(channels: &Channels, topic: Topic) -> Layout {
+        let (fields, channels) = numbered(topic, channels).unzip();
         let channels: Vec<&Channel> = channels;
         Layout::of(channels.into_iter().copied().collect(), fields, MARK)
     }
@@ -191,14 +192,14 @@ impl Layout {
     ///
     /// # Errors
     /// [`ChannelsError`] if the schema is damaged, or has other channels than the table.
-    pub fn read(message_type: MessageType, schema: &[u8]) -> Result<Layout, ChannelsError> {
+    pub fn read(topic: Topic, schema: &[u8]) -> Result<Layout, ChannelsError> {
         let set = FileSet::decode(schema).map_err(|error| ChannelsError::Schema { cause: error.to_string() })?;
         let mut types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
-        let found = types.find(|(package, of)| format!("{package}.{}", of.name) == message_type.name());
-        let missing = || ChannelsError::Schema { cause: format!("it has no message `{}`", message_type.name()) };
+        let found = types.find(|(package, of)| format!("{package}.{}", of.name) == topic.schema_name());
+        let missing = || ChannelsError::Schema { cause: format!("it has no message `{}`", topic.schema_name()) };
         let found = &found.ok_or_else(missing)?.1.fields;
-        let (known, mark_name, mark_type) = match message_type {
-            MessageType::StepBatch => (known_states(), "last_row_is_end", (OPTIONAL, BOOL)),
+        let (known, mark_name, mark_type) = match topic {
+            Topic::States => (known_states(), "last_row_is_end", (OPTIONAL, BOOL)),
             _ => (readings(found)?, "clipped", (REPEATED, UINT32)),
         };
         let (mut mark, mut places) = (None, vec![None; known.len()]);
@@ -232,11 +233,6 @@ impl Layout {
         let (channels, fields) =
             known.iter().zip(places).filter_map(|(channel, place)| Some((*channel, place?))).unzip();
         Ok(Layout::of(channels, fields, mark))
-    }
-
-    /// Returns the channels, in the order of the table.
-    pub fn channels(&self) -> &[Channel] {
-        &self.channels
     }
 }
 
@@ -277,8 +273,8 @@ fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Optio
 /// A message for plotting: the numbers of one sample.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Type of the message.
-    pub message_type: MessageType,
+    /// Topic of the message.
+    pub topic: Topic,
     /// The sample that it describes.
     pub sample: u64,
     clipped: u32,
@@ -287,10 +283,10 @@ pub struct Plot {
 
 impl Plot {
     /// Makes the message of a row: the numbers of the row, in the order of the table, that the message has.
-    pub fn new(message_type: MessageType, channels: &Channels, sample: u64, row: &[f64], clipped: u32) -> Plot {
-        let fields = numbered(message_type, channels).map(|(field, _)| field);
+    pub fn new(topic: Topic, channels: &Channels, sample: u64, row: &[f64], clipped: u32) -> Plot {
+        let fields = numbered(topic, channels).map(|(field, _)| field);
         let numbers = fields.filter_map(|field| Some((field, *row.get((field - FIRST) as usize)?))).collect();
-        Plot { message_type, sample, clipped, numbers }
+        Plot { topic, sample, clipped, numbers }
     }
 }
 

@@ -10,15 +10,15 @@ use prost::{DecodeError, Message};
 use super::batch::Batch;
 use super::channels::Values;
 use super::layout::{DT_S, Layout, STEP};
-use super::schema::MessageType;
+use super::schema::Topic;
 use super::{Clipped, SampleRecord, StateRecord};
 use resonarm_bench::rig::{MOST_MORE, Readings};
 use resonarm_bench::structure::{MOST_STATES, READINGS, States};
 
 /// A record of numbers in the order of the table, with a mark.
 pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
-    /// The message of its batches.
-    const TYPE: MessageType;
+    /// Topic of its batches.
+    const TOPIC: Topic;
 
     /// Index of its sample.
     fn sample(&self) -> u64;
@@ -31,7 +31,7 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
 }
 
 impl Numbers for StateRecord {
-    const TYPE: MessageType = MessageType::StepBatch;
+    const TOPIC: Topic = Topic::States;
 
     fn sample(&self) -> u64 {
         self.sample
@@ -60,14 +60,14 @@ impl Numbers for StateRecord {
 }
 
 impl Numbers for SampleRecord {
-    const TYPE: MessageType = MessageType::SampleBatch;
+    const TOPIC: Topic = Topic::Samples;
 
     fn sample(&self) -> u64 {
         self.sample
     }
 
     fn values(&self) -> Values {
-        Values::new(&self.vectors())
+        SampleRecord::values(self)
     }
 
     fn mark(&self) -> u32 {
@@ -107,7 +107,7 @@ impl<R: Numbers> NumberBatch<R> {
         NumberBatch { layout, first_sample: 0, dt_s: 0.0, columns, clipped: Vec::new(), ends: false, row: PhantomData }
     }
 
-    const IS_STATES: bool = matches!(R::TYPE, MessageType::StepBatch);
+    const IS_STATES: bool = matches!(R::TOPIC, Topic::States);
 
     /// Returns the sample period that it states, s.
     pub fn dt_s(&self) -> f64 {
@@ -171,7 +171,7 @@ impl<R: Numbers> Message for NumberBatch<R> {
 
 impl<R: Numbers> Batch for NumberBatch<R> {
     type Row = R;
-    const TYPE: MessageType = R::TYPE;
+    const TOPIC: Topic = R::TOPIC;
 
     fn begin(&mut self, first_sample: u64, dt_s: f64) {
         self.clear();

@@ -6,51 +6,6 @@ use super::channels::Channels;
 use super::{RecordingError, RunTime};
 use resonarm_numeric::number::short;
 
-/// Origin of the times in a recording. Log times are simulated time: that of the sample to which a message belongs.
-/// Publish times are those of the machine's clock, if the run went by it.
-///
-/// The run loops have a monotonic clock; `clock_epoch_unix_ns` is the time of the UNIX epoch at which that clock read
-/// 0. With what it read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the moment at
-/// which the run began.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TimeBase {
-    /// Only simulated time: log times from 0, publish times equal to them, so that the same run produces identical
-    /// bytes.
-    Simulated,
-    /// Simulated time that waits for a partner: log times from 0, publish times of the UNIX epoch.
-    Lockstep {
-        /// Time at which the run loop's clock read 0, ns of the UNIX epoch.
-        clock_epoch_unix_ns: u64,
-    },
-    /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on,
-    /// publish times of the UNIX epoch.
-    RealTime {
-        /// Time at which the run loop's clock read 0, ns of the UNIX epoch.
-        clock_epoch_unix_ns: u64,
-    },
-}
-
-impl TimeBase {
-    /// Returns the start of the run, ns of the UNIX epoch; `None` for simulated time alone.
-    pub(super) const fn start_unix_ns(self, clock_ns: u64) -> Option<u64> {
-        match self {
-            TimeBase::Simulated => None,
-            TimeBase::Lockstep { clock_epoch_unix_ns } | TimeBase::RealTime { clock_epoch_unix_ns } => {
-                Some(clock_epoch_unix_ns.saturating_add(clock_ns))
-            }
-        }
-    }
-
-    /// Returns the name of the time base in the file.
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            TimeBase::Simulated => RunTime::Simulated.name(),
-            TimeBase::Lockstep { .. } => RunTime::Lockstep.name(),
-            TimeBase::RealTime { .. } => RunTime::RealTime.name(),
-        }
-    }
-}
-
 /// The times at which records are flushed to the file. A run that is killed loses at most the records after the last
 /// flush.
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +59,11 @@ pub struct Options {
     /// Name of the bus interface, noted with every frame.
     pub interface: String,
     /// The origin of times.
-    pub time_base: TimeBase,
+    pub time: RunTime,
+    /// Time at which the monotonic clock of the run loop read 0, ns of the UNIX epoch; `None` for simulated time alone.
+    /// With what the clock read at the start of the run ([`Channel::begin`](super::Channel::begin)) that gives the
+    /// moment at which the run began.
+    pub clock_epoch_unix_ns: Option<u64>,
     /// The times at which records are flushed to the file.
     pub flush: FlushPolicy,
     /// The compression of chunks.
@@ -129,7 +88,8 @@ impl Options {
     /// second of it.
     pub fn real_time(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
         Options {
-            time_base: TimeBase::RealTime { clock_epoch_unix_ns },
+            time: RunTime::RealTime,
+            clock_epoch_unix_ns: Some(clock_epoch_unix_ns),
             flush: FlushPolicy::Interval { interval: Duration::from_millis(500), clock },
             ..Options::virtual_time(dt_s, interface)
         }
@@ -137,8 +97,7 @@ impl Options {
 
     /// Options for a run in lockstep: as [`Options::real_time`], but log times count from 0.
     pub fn lockstep(dt_s: f64, interface: &str, clock_epoch_unix_ns: u64, clock: fn() -> Duration) -> Options {
-        let time_base = TimeBase::Lockstep { clock_epoch_unix_ns };
-        Options { time_base, ..Options::real_time(dt_s, interface, clock_epoch_unix_ns, clock) }
+        Options { time: RunTime::Lockstep, ..Options::real_time(dt_s, interface, clock_epoch_unix_ns, clock) }
     }
 
     /// Options for a run of simulated time alone: starts at 0, flushes every 1000 samples; the same run produces
@@ -147,7 +106,8 @@ impl Options {
         Options {
             dt_s,
             interface: interface.to_string(),
-            time_base: TimeBase::Simulated,
+            time: RunTime::Simulated,
+            clock_epoch_unix_ns: None,
             flush: FlushPolicy::Samples(1000),
             compression: Compression::Zstd,
             existing: Existing::Refuse,

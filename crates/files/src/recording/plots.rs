@@ -2,8 +2,8 @@
 
 use super::channels::Channels;
 use super::layout::Plot;
-use super::schema::MessageType;
-use super::{SampleRecord, StateRecord, Topic};
+use super::schema::Topic;
+use super::{SampleRecord, StateRecord};
 use resonarm_bench::rig::Load;
 use resonarm_numeric::decimate::{Decimated, Decimator};
 
@@ -76,15 +76,15 @@ impl Plots {
     pub fn ready(&mut self) -> Vec<Plot> {
         let mut plots = Vec::new();
         let every = self.every;
-        let mut each = |rows: &mut Vec<Decimated>, types: &[MessageType]| {
+        let mut each = |rows: &mut Vec<Decimated>, types: &[Topic]| {
             for mut row in rows.drain(..) {
                 row.values.iter_mut().for_each(|value| *value = plotted(every, *value));
-                let message = |of: &MessageType| Plot::new(*of, &self.channels, row.index, &row.values, row.flags);
+                let message = |of: &Topic| Plot::new(*of, &self.channels, row.index, &row.values, row.flags);
                 plots.extend(types.iter().map(message));
             }
         };
-        each(&mut self.states_ready, &[MessageType::State, MessageType::Command]);
-        each(&mut self.readings_ready, &[MessageType::Sensors]);
+        each(&mut self.states_ready, &[Topic::State, Topic::Command]);
+        each(&mut self.readings_ready, &[Topic::Sensors]);
         plots
     }
 }

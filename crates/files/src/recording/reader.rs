@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::channels::Channels;
+use super::channels::{Channels, Values};
 use super::decode;
 use super::records::{Decode, Records};
 use super::scan::{Scan, scan};
@@ -27,6 +27,17 @@ pub struct Recording {
     /// The FMU that may be loaded for a re-simulation of the run.
     fmu: Option<PathBuf>,
 }
+
+/// The numbers of a sample in the order of its topic's channels.
+pub(crate) struct Row {
+    pub sample: u64,
+    pub values: Values,
+    /// Readings that are clipped, one bit each in the order of the channels.
+    pub clipped: u32,
+}
+
+/// A row, or the error that ends the rows.
+type RowResult = Result<Row, RecordingError>;
 
 impl Recording {
     /// Reads the file once from end to end, checks every checksum, and keeps the file's description of itself.
@@ -171,6 +182,23 @@ impl Recording {
     /// [`RecordingError::MissingTopic`] if the file has no such topic.
     pub fn events(&self) -> Result<Records<Event<String>>, RecordingError> {
         self.continuous(&[Topic::Events], |message, queue| decode::events(message, |record| queue.push_back(record)))
+    }
+
+    /// Returns the rows of states or samples, in order and without a gap; none of other topics.
+    ///
+    /// # Errors
+    /// As [`Recording::states`].
+    pub(crate) fn rows(&self, topic: Topic) -> Result<Box<dyn Iterator<Item = RowResult>>, RecordingError> {
+        let state = |record: StateRecord| Row { sample: record.sample, values: record.values(), clipped: 0 };
+        let readings = |record: SampleRecord| {
+            let clipped = record.clipped_bits();
+            Row { sample: record.sample, values: record.values(), clipped }
+        };
+        Ok(match topic {
+            Topic::States => Box::new(self.states()?.map(move |record| record.map(state))),
+            Topic::Samples => Box::new(self.samples()?.map(move |record| record.map(readings))),
+            _ => Box::new(core::iter::empty()),
+        })
     }
 
     /// Returns the records of one topic, if the file has it and it has no gap.

@@ -56,7 +56,7 @@ impl<Name> Record<Name> {
     pub fn values(&self) -> Values {
         match self {
             Record::State(record) => record.values(),
-            Record::Sample(record) => Values::new(&record.vectors()),
+            Record::Sample(record) => record.values(),
             Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new(&[]),
         }
     }
@@ -115,18 +115,14 @@ pub struct SampleRecord {
 impl SampleRecord {
     /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
     pub fn values(&self) -> Values {
-        Values::new(&self.vectors())
+        let SampleRecord { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, more, .. } = self;
+        Values::new(&[acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, more.values()])
     }
 
     /// Returns which of its numbers are clipped, one bit each in their order.
     pub fn clipped_bits(&self) -> u32 {
         // The six readings of every rig come first, so their bits are the same in all recordings.
         self.clipped.bits() | self.more.clipped() << Clipped::COUNT
-    }
-
-    /// Returns the numbers of [`SampleRecord::values`] as the vectors of a batch.
-    pub(super) fn vectors(&self) -> [&[f64]; 4] {
-        [&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n, self.more.values()]
     }
 }
 

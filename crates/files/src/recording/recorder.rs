@@ -111,12 +111,7 @@ impl Recorder {
 
     /// Returns the failure of the recorder, if any: a full disk, for example. The first failure is also logged at once.
     pub fn failure(&self) -> Option<RecordingError> {
-        let dead = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
-        match self.shared.failure.get() {
-            Some(error) => Some(error.clone()),
-            None if dead => Some(RecordingError::WriterDied { path: self.shared.path.clone() }),
-            None => None,
-        }
+        self.has_failed().then(|| self.shared.error())
     }
 
     /// Writes the records in the channels, the configuration again, `statistics` and the count of lost records, and

@@ -74,8 +74,8 @@ impl<T> Records<T> {
 
     /// Decodes the next message of the chunk, if there is one.
     fn decode_message(&mut self) -> Result<bool, RecordingError> {
-        let is_asked_for = |message: &RawMessage<'_>| self.topics.contains(&message.message_type.topic());
-        let mut messages = self.walk.contents().messages_from(self.next);
+        let is_asked_for = |message: &RawMessage<'_>| self.topics.contains(&message.topic);
+        let mut messages = self.walk.contents.messages_from(self.next);
         let Some((place, message)) = messages.find(|(_, message)| is_asked_for(message)) else { return Ok(false) };
         self.next = place + 1;
         (self.decode)(message, &mut self.queue).map_err(|cause| self.walk.damaged(self.chunk, cause))?;
@@ -84,8 +84,8 @@ impl<T> Records<T> {
 
     /// Reads the next chunk, if there is one in the valid part.
     fn read_chunk(&mut self) -> Result<bool, RecordingError> {
-        while self.walk.offset() < self.readable_bytes {
-            self.chunk = self.walk.offset();
+        while self.walk.offset < self.readable_bytes {
+            self.chunk = self.walk.offset;
             match self.walk.next()? {
                 Some(TopLevelRecord::Chunk | TopLevelRecord::BareMessage) => {
                     self.next = 0;

@@ -67,7 +67,7 @@ pub fn recover(
     scan.origin(input)?;
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
     let (mut staged, file) = Staged::create(output, existing).map_err(|error| RecordingError::create(output, error))?;
-    let schemas = salvage.contents().declared().map(|topic| (topic.message_type, topic.schema.clone()));
+    let schemas = salvage.contents.declared().map(|declared| (declared.topic, declared.schema.clone()));
     let mut sink = Sink::begin(file, output, Compression::Zstd, &head, schemas)?;
     let filled = fill(&mut sink, salvage, input, &scan).and_then(|copied| {
         head.into_iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
@@ -140,13 +140,13 @@ fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copie
     let (mut lost, mut missing) = (Vec::new(), Vec::new());
     while let Some(piece) = salvage.next()? {
         match piece {
-            Piece::Chunk { offset, bytes } => match tally.clone().with(salvage.contents()) {
+            Piece::Chunk { offset, bytes } => match tally.clone().with(&salvage.contents) {
                 // A chunk is copied whole or not at all: the tally takes it in on a copy, which is dropped if a
                 // message is wrong.
                 Ok(with) => {
                     missing.extend(between(&tally, &with));
                     tally = with;
-                    salvage.contents().messages().try_for_each(|message| sink.raw(message))?;
+                    salvage.contents.messages().try_for_each(|message| sink.raw(message))?;
                 }
                 Err(cause) => lost.push(LostChunk { offset, bytes, log_times_ns: None, cause }),
             },

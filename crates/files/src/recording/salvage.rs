@@ -10,11 +10,10 @@ use std::sync::Arc;
 use mcap::MAGIC;
 use mcap::records::{Record as McapRecord, op};
 
+use super::RecordingError;
+use super::checked_reader::{self, RECORD_HEAD};
 use super::contents::{CHUNK_HEAD, Contents, Fault, LONGEST, parse};
-use super::{RecordingError, source};
 
-/// Opcode and length before every record, bytes (MCAP specification, "Records").
-const RECORD_HEAD: u64 = 9;
 /// Bytes searched at a time.
 const WINDOW: u64 = 1 << 16;
 /// The first bytes of this program's metadata records, after opcode and length: the length of the name, below 256, and
@@ -62,7 +61,8 @@ pub(super) struct Salvage {
     file: File,
     file_bytes: u64,
     offset: u64,
-    contents: Contents,
+    /// Declarations, and the messages of the chunk read last.
+    pub contents: Contents,
     body: Vec<u8>,
     /// Whether messages outside chunks are accepted: they have no checksum of their own.
     takes_bare_messages: bool,
@@ -71,7 +71,7 @@ pub(super) struct Salvage {
 impl Salvage {
     /// Starts behind the magic bytes, which must be right.
     pub fn open(path: &Path, takes_bare_messages: bool) -> Result<Salvage, RecordingError> {
-        let file = source::open(path)?;
+        let file = checked_reader::open(path)?;
         let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
         let file_bytes = file.metadata().map_err(failed)?.len();
         let (contents, body) = (Contents::default(), Vec::new());
@@ -82,11 +82,6 @@ impl Salvage {
     /// Restarts the same file, with all declarations in it known.
     pub fn again(self) -> Salvage {
         Salvage { offset: MAGIC.len() as u64, ..self }
-    }
-
-    /// Returns the messages of the chunk read last.
-    pub fn contents(&self) -> &Contents {
-        &self.contents
     }
 
     /// Returns the next piece; `None` at the end of the file.

@@ -10,8 +10,8 @@ use super::contents::{Contents, RawMessage};
 use super::decode::{decode, number_batch};
 use super::number_batch::Numbers;
 use super::schema::{
-    ARMED_EVENT, DT_S, FAULT_EVENT, FORMAT, MessageType, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, READING_DELAY,
-    Topic, metadata,
+    ARMED_EVENT, DT_S, FAULT_EVENT, FORMAT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, READING_DELAY, Topic,
+    metadata,
 };
 use super::{
     BuildInfo, Event, Integrity, Origin, Record, RecordedFault, RecordingError, RunTime, SampleRecord, StateRecord,
@@ -88,7 +88,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     let mut before_bare_messages = None;
     let mut stated_messages = None;
     let end = loop {
-        let offset = reader.offset();
+        let offset = reader.offset;
         match reader.next() {
             Ok(Some(TopLevelRecord::Header(name))) => {
                 tally.is_numbered = name.starts_with(OUR_LIBRARY);
@@ -107,7 +107,7 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
                     before_bare_messages = Some(tally.clone());
                 }
                 // On a copy, so that nothing of a chunk counts if any part of it is wrong.
-                match tally.clone().with(reader.contents()) {
+                match tally.clone().with(&reader.contents) {
                     Ok(with) => tally = with,
                     Err(cause) => break Err(reader.damaged(offset, cause)),
                 }
@@ -121,18 +121,18 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     // A wrong checksum of the data section names an earlier byte than where the reading ended.
     let readable_bytes = match &end {
         Err(RecordingError::Damaged { offset, .. }) => *offset,
-        _ => reader.offset(),
+        _ => reader.offset,
     };
     if let (Err(RecordingError::Damaged { .. }), Some(before)) = (&end, before_bare_messages)
-        && readable_bytes < reader.offset()
+        && readable_bytes < reader.offset
     {
         tally = before;
     }
-    let file_bytes = reader.file_bytes();
+    let file_bytes = reader.file_bytes;
     let last_sample = tally.samples.map(|(_, last)| last);
     let integrity = match end {
         Ok(()) if !metadata.contains_key(metadata::LOST) => Integrity::Unfinished,
-        Ok(()) => match flaw(&tally, &metadata, stated_messages, reader.messages()) {
+        Ok(()) => match flaw(&tally, &metadata, stated_messages, reader.messages) {
             Some(cause) => Integrity::Incomplete { cause },
             None => Integrity::Complete,
         },
@@ -292,13 +292,13 @@ impl Tally {
     pub fn with(mut self, contents: &Contents) -> Result<Tally, String> {
         self.topics.iter_mut().for_each(|topic| topic.first_of_chunk = None);
         for declared in contents.declared() {
-            let topic = declared.message_type.topic();
+            let topic = declared.topic;
             self.topics[topic as usize].declared = true;
-            declared.layout.iter().for_each(|layout| self.channels.set(topic, layout.channels()));
+            declared.layout.iter().for_each(|layout| self.channels.set(topic, &layout.channels));
         }
         for message in contents.messages() {
             self.check_place(&message);
-            let topic = message.message_type.topic();
+            let topic = message.topic;
             let summary = &mut self.topics[topic as usize].summary;
             summary.messages += 1;
             summary.bytes += message.bytes.len() as u64;
@@ -309,7 +309,7 @@ impl Tally {
 
     /// Notes a message at an unexpected place in its topic: one that is repeated, late, or behind a missing one.
     fn check_place(&mut self, message: &RawMessage<'_>) {
-        let topic = message.message_type.topic();
+        let topic = message.topic;
         let found = &mut self.topics[topic as usize];
         let name = topic.name();
         // The number wraps, as the recorder's does.
@@ -358,10 +358,10 @@ impl Tally {
 
     /// Counts the records of one message.
     fn take(&mut self, message: RawMessage<'_>) -> Result<(), String> {
-        match message.message_type {
-            MessageType::StepBatch => self.numbers::<StateRecord>(message),
-            MessageType::SampleBatch => self.numbers::<SampleRecord>(message),
-            of => decode(message, |record| self.record(of.topic(), &record)),
+        match message.topic {
+            Topic::States => self.numbers::<StateRecord>(message),
+            Topic::Samples => self.numbers::<SampleRecord>(message),
+            topic => decode(message, |record| self.record(topic, &record)),
         }
     }
 
@@ -370,7 +370,7 @@ impl Tally {
         let Some(batch) = number_batch::<R>(message)? else { return Ok(()) };
         if let Some((first, last)) = batch.samples()? {
             self.clipped_samples += batch.clipped_samples() as u64;
-            self.samples(message.message_type.topic(), first, last);
+            self.samples(message.topic, first, last);
         }
         self.check_period(batch.dt_s())
     }

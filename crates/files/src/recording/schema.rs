@@ -55,85 +55,17 @@ impl Topic {
         }
     }
 
-    /// Returns the full name of the message type that is written into it.
+    /// Returns the full name of the Protobuf message that is written into it, with its package.
     pub const fn schema_name(self) -> &'static str {
-        self.message_type().name()
-    }
-
-    /// Returns the message type that is written into it.
-    pub(super) const fn message_type(self) -> MessageType {
         match self {
-            Topic::States => MessageType::StepBatch,
-            Topic::Samples => MessageType::SampleBatch,
-            Topic::State => MessageType::State,
-            Topic::Command => MessageType::Command,
-            Topic::Sensors => MessageType::Sensors,
-            Topic::Frames => MessageType::FrameBatch,
-            Topic::Ticks => MessageType::TickBatch,
-            Topic::Events => MessageType::Event,
-        }
-    }
-}
-
-/// Type of a message. A topic has messages of one type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MessageType {
-    /// States and loads of consecutive samples.
-    StepBatch,
-    /// Readings of consecutive samples.
-    SampleBatch,
-    /// The state at one sample, for plotting.
-    State,
-    /// The load at one sample, for plotting.
-    Command,
-    /// The readings at one sample, for plotting.
-    Sensors,
-    /// Frames on the bus.
-    FrameBatch,
-    /// Timing of consecutive ticks of the loop.
-    TickBatch,
-    /// An event of the run, such as a change of state.
-    Event,
-}
-
-impl MessageType {
-    /// All types, in the order of their indices.
-    pub const ALL: [MessageType; 8] = [
-        MessageType::StepBatch,
-        MessageType::SampleBatch,
-        MessageType::State,
-        MessageType::Command,
-        MessageType::Sensors,
-        MessageType::FrameBatch,
-        MessageType::TickBatch,
-        MessageType::Event,
-    ];
-
-    /// Returns the topic on which messages of the type are recorded.
-    pub const fn topic(self) -> Topic {
-        match self {
-            MessageType::StepBatch => Topic::States,
-            MessageType::SampleBatch => Topic::Samples,
-            MessageType::State => Topic::State,
-            MessageType::Command => Topic::Command,
-            MessageType::Sensors => Topic::Sensors,
-            MessageType::FrameBatch => Topic::Frames,
-            MessageType::TickBatch => Topic::Ticks,
-            MessageType::Event => Topic::Events,
-        }
-    }
-
-    /// Returns the full name of the protobuf message, with its package.
-    pub const fn name(self) -> &'static str {
-        match self {
-            MessageType::StepBatch => "resonarm.v1.StepBatch",
-            MessageType::SampleBatch => "resonarm.v1.SampleBatch",
-            MessageType::State => "resonarm.v1.State",
-            MessageType::Command => "resonarm.v1.Command",
-            MessageType::Sensors => "resonarm.v1.Sensors",
-            MessageType::FrameBatch => "resonarm.v1.FrameBatch",
-            MessageType::TickBatch => "resonarm.v1.TickBatch",
-            MessageType::Event => "resonarm.v1.Event",
+            Topic::States => "resonarm.v1.StepBatch",
+            Topic::Samples => "resonarm.v1.SampleBatch",
+            Topic::State => "resonarm.v1.State",
+            Topic::Command => "resonarm.v1.Command",
+            Topic::Sensors => "resonarm.v1.Sensors",
+            Topic::Frames => "resonarm.v1.FrameBatch",
+            Topic::Ticks => "resonarm.v1.TickBatch",
+            Topic::Events => "resonarm.v1.Event",
         }
     }
 }

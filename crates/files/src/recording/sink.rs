@@ -11,7 +11,7 @@ use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 
 use super::contents::RawMessage;
-use super::schema::{MessageType, Topic};
+use super::schema::Topic;
 use super::{Compression, RecordingError};
 
 /// Compression level of Zstandard: its default.
@@ -22,8 +22,8 @@ const ZSTD_LEVEL: u32 = 3;
 pub(super) struct Sink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<Counted>>>,
-    /// The topics of each of [`MessageType::ALL`] that has a channel.
-    channels: [Option<Written>; MessageType::ALL.len()],
+    /// Counts of each of [`Topic::ALL`] that the file declares.
+    channels: [Option<Written>; Topic::ALL.len()],
     buffer: Vec<u8>,
     unflushed: bool,
 }
@@ -75,7 +75,7 @@ impl Sink {
         path: &Path,
         compression: Compression,
         metadata: &[(&str, &BTreeMap<String, String>)],
-        schemas: impl IntoIterator<Item = (MessageType, Vec<u8>)>,
+        schemas: impl IntoIterator<Item = (Topic, Vec<u8>)>,
     ) -> Result<Sink, RecordingError> {
         let compression = match compression {
             Compression::None => None,
@@ -91,7 +91,7 @@ impl Sink {
             .disable_seeking(true)
             .create(NoSeek::new(BufWriter::new(Counted { file, bytes: 0 })))
             .map_err(|error| RecordingError::write(path, error))?;
-        let channels = [const { None }; MessageType::ALL.len()];
+        let channels = [const { None }; Topic::ALL.len()];
         let mut sink = Sink { path: path.to_path_buf(), writer, channels, buffer: Vec::new(), unflushed: true };
         metadata.iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
         sink.flush()?;
@@ -99,25 +99,19 @@ impl Sink {
         Ok(sink)
     }
 
-    /// Declares the topic of messages of a type, with their schema.
-    fn declare(&mut self, message_type: MessageType, schema: &[u8]) -> Result<(), RecordingError> {
-        let (name, topic) = (message_type.name(), message_type.topic().name());
+    /// Declares a topic with the schema of its messages.
+    fn declare(&mut self, topic: Topic, schema: &[u8]) -> Result<(), RecordingError> {
         let id = self
             .writer
-            .add_schema(name, "protobuf", schema)
-            .and_then(|schema| self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new()))
+            .add_schema(topic.schema_name(), "protobuf", schema)
+            .and_then(|schema| self.writer.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new()))
             .map_err(|error| RecordingError::write(&self.path, error))?;
-        self.channels[message_type as usize] = Some(Written { id, messages: 0 });
+        self.channels[topic as usize] = Some(Written { id, messages: 0 });
         Ok(())
     }
 
     /// Encodes one message and writes it to the file.
-    pub fn message(
-        &mut self,
-        message_type: MessageType,
-        stamp: Stamp,
-        message: &impl prost::Message,
-    ) -> Result<(), RecordingError> {
+    pub fn message(&mut self, topic: Topic, stamp: Stamp, message: &impl prost::Message) -> Result<(), RecordingError> {
         let mut buffer = core::mem::take(&mut self.buffer);
         buffer.clear();
         let written = match message.encode(&mut buffer) {
@@ -125,14 +119,7 @@ impl Sink {
                 let (log_time_ns, publish_time_ns) = (stamp.log_ns, stamp.publish_ns);
                 // `raw` gives it its number.
                 let sequence = 0;
-                self.raw(RawMessage {
-                    message_type,
-                    layout: None,
-                    sequence,
-                    log_time_ns,
-                    publish_time_ns,
-                    bytes: &buffer,
-                })
+                self.raw(RawMessage { topic, layout: None, sequence, log_time_ns, publish_time_ns, bytes: &buffer })
             }
             Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
         };
@@ -142,8 +129,8 @@ impl Sink {
 
     /// Writes one message that is serialised already.
     pub fn raw(&mut self, message: RawMessage<'_>) -> Result<(), RecordingError> {
-        // Every type is declared at the beginning.
-        let Some(channel) = &mut self.channels[message.message_type as usize] else { return Ok(()) };
+        // Every topic is declared at the beginning.
+        let Some(channel) = &mut self.channels[message.topic as usize] else { return Ok(()) };
         let header = MessageHeader {
             channel_id: channel.id,
             sequence: channel.messages as u32, // wraps, as MCAP's sequence numbers may
@@ -180,12 +167,7 @@ impl Sink {
 
     /// Returns the number of messages written so far in a topic.
     pub fn messages(&self, topic: Topic) -> u64 {
-        let channels = MessageType::ALL.into_iter().zip(&self.channels);
-        channels
-            .filter(|(of, _)| of.topic() == topic)
-            .filter_map(|(_, channel)| channel.as_ref())
-            .map(|it| it.messages)
-            .sum()
+        self.channels[topic as usize].as_ref().map_or(0, |channel| channel.messages)
     }
 
     /// Writes summary and footer and puts the file on the disk.

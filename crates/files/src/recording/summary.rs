@@ -30,15 +30,18 @@ pub struct Origin {
     pub build: BuildInfo,
 }
 
-/// The time base of a run.
+/// The time base of a run. Log times are simulated time: that of the sample to which a message belongs. Publish times
+/// are those of the machine's clock, if the run went by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RunTime {
-    /// Times of the simulation only.
+    /// Only simulated time: log times from 0, publish times equal to them, so that the same run produces identical
+    /// bytes.
     Simulated,
-    /// The answers of a partner.
+    /// Simulated time that waits for a partner: log times from 0, publish times of the UNIX epoch.
     Lockstep,
-    /// The clock of the machine.
+    /// Simulated time that goes with the machine's clock: log times from the start of the run in the UNIX epoch on,
+    /// publish times of the UNIX epoch.
     RealTime,
 }
 

@@ -13,13 +13,13 @@ use super::layout::Layout;
 use super::number_batch::{NumberBatch, Numbers};
 use super::plots::Plots;
 use super::schema::proto::{self, TickBatch};
-use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
+use super::schema::{DT_S, FORMAT, READING_DELAY, Topic, metadata};
 use super::shared::{Control, Ending, Shared, Source};
 use super::sink::{Sink, Stamp};
 use super::slots;
 use super::{
-    Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, SampleRecord, StateRecord,
-    TickRecord, TimeBase, build_info,
+    Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, RunTime, SampleRecord,
+    StateRecord, build_info,
 };
 use crate::staged::{Staged, is_at};
 use resonarm_numeric::decimate;
@@ -44,19 +44,11 @@ pub struct Summary {
     pub lost: BTreeMap<String, u64>,
 }
 
-impl Summary {
-    /// Returns the number of messages in one topic.
-    pub fn messages_in(&self, topic: Topic) -> u64 {
-        self.messages.get(topic.name()).copied().unwrap_or(0)
-    }
-}
-
 /// State of the thread that writes a recording.
 pub(super) struct Writer {
     shared: Arc<Shared>,
-    sink: Sink,
+    output: Output,
     file: Staged,
-    options: Options,
     configuration: BTreeMap<String, String>,
     commands: mpsc::Receiver<Control>,
     sources: Vec<Source>,
@@ -69,7 +61,6 @@ pub(super) struct Writer {
     last_sample: u64,
     /// Whether a record has arrived.
     has_begun: bool,
-    times: Times,
     flushed: Flushed,
 }
 
@@ -97,14 +88,13 @@ impl Writer {
         };
         let (file, opened) = create(path, options.existing).map_err(|error| RecordingError::create(path, error))?;
         let channels = &options.channels;
-        let schemas = Topic::ALL.map(|topic| (topic.message_type(), topic.message_type().descriptor(channels)));
+        let schemas = Topic::ALL.map(|topic| (topic, topic.descriptor(channels)));
         let sink = Sink::begin(opened, path, options.compression, &head, schemas)?;
         let time = match options.flush {
             FlushPolicy::Interval { clock, .. } => clock(),
             FlushPolicy::Samples(_) => Duration::ZERO,
         };
         Ok(Writer {
-            sink,
             file,
             configuration,
             commands,
@@ -117,9 +107,8 @@ impl Writer {
             state_count: 0,
             last_sample: 0,
             has_begun: false,
-            times: Times { start_unix_ns: None, elapsed_ns: 0 },
+            output: Output { sink, options, times: Times { start_unix_ns: None, elapsed_ns: 0 } },
             flushed: Flushed { time, sample: None },
-            options,
             shared,
         })
     }
@@ -128,7 +117,7 @@ impl Writer {
     pub fn run(mut self) -> Result<Summary, RecordingError> {
         let written = self.write_all();
         let summary = self.summary();
-        let Writer { shared, sink, mut file, sources: _let_go_at_the_end, .. } = self;
+        let Writer { shared, output: Output { sink, .. }, mut file, sources: _let_go_at_the_end, .. } = self;
         let ended = match written {
             Ok(Ending::Whole(_) | Ending::Partial { .. }) => close(sink, &mut file, summary),
             Ok(Ending::GivenUp) => {
@@ -150,12 +139,14 @@ impl Writer {
     fn write_all(&mut self) -> Result<Ending, RecordingError> {
         loop {
             // Commands are taken before records. If this one ends the recording, everything pushed before it is
-            // in the rings, where `take_rest` finds it.
+            // in the rings, and is taken below.
             let ending = self.take_commands();
-            let taken = self.take_records()?;
+            let taken = self.take_at_most(TURN)?;
             self.report_losses()?;
             if let Some(ending) = ending {
-                self.take_rest()?;
+                // Only what is there now, so that a channel that is still being filled can't delay the end.
+                self.take_at_most(usize::MAX)?;
+                self.report_losses()?;
                 match &ending {
                     Ending::Whole(statistics) => {
                         let lost = self.lost().into_iter().map(|(name, count)| (name, count.to_string())).collect();
@@ -188,11 +179,6 @@ impl Writer {
         }
     }
 
-    /// Writes the records in the channels, each at most one turn. Returns how many records there were.
-    fn take_records(&mut self) -> Result<usize, RecordingError> {
-        self.take_at_most(TURN)
-    }
-
     /// Writes at most `most` of the records that are now in each channel. Returns how many records there were.
     fn take_at_most(&mut self, most: usize) -> Result<usize, RecordingError> {
         // The sources are moved out, since `write` borrows the whole writer.
@@ -213,28 +199,22 @@ impl Writer {
         written.map(|()| taken)
     }
 
-    /// Writes the records that are now in the channels, so that a channel that is still being filled can't delay the
-    /// end.
-    fn take_rest(&mut self) -> Result<(), RecordingError> {
-        self.take_at_most(usize::MAX)?;
-        self.report_losses()
-    }
-
     /// Gives the file its name at the first record and records the start of the run, which the run loop has set by
     /// then.
     fn begin(&mut self) -> Result<(), RecordingError> {
         if core::mem::replace(&mut self.has_begun, true) {
             return Ok(());
         }
-        if self.options.naming == Naming::FirstRecord {
+        if self.output.options.naming == Naming::FirstRecord {
             self.file.publish().map_err(|error| RecordingError::publish(&self.shared.path, error))?;
         }
         let start_clock_ns = self.shared.start_clock_ns.load(Ordering::Acquire);
-        self.times.start_unix_ns = self.options.time_base.start_unix_ns(start_clock_ns);
-        match self.times.start_unix_ns {
+        let clock_epoch_unix_ns = self.output.options.clock_epoch_unix_ns;
+        self.output.times.start_unix_ns = clock_epoch_unix_ns.map(|epoch_ns| epoch_ns.saturating_add(start_clock_ns));
+        match self.output.times.start_unix_ns {
             Some(start_ns) => {
                 let start = BTreeMap::from([(String::from(metadata::START_UNIX_NS), start_ns.to_string())]);
-                self.sink.metadata(metadata::START, &start)
+                self.output.sink.metadata(metadata::START, &start)
             }
             None => Ok(()),
         }
@@ -250,7 +230,7 @@ impl Writer {
             Record::State(state) => self.write_state(state),
             Record::Sample(reading) => self.write_reading(reading),
             Record::Frame(frame) => self.write_frame(frame),
-            Record::Tick(tick) => self.write_tick(tick),
+            Record::Tick(tick) => self.output.append(&mut self.ticks, tick),
             Record::Event(event) => self.write_event(event.sample, event.time_ns, event.name.to_string(), event.value),
         }
     }
@@ -258,38 +238,24 @@ impl Writer {
     fn write_state(&mut self, record: &StateRecord) -> Result<(), RecordingError> {
         self.check(Topic::States, record.values().len())?;
         self.state_count += 1;
-        if self.states.must_take_before(record) {
-            self.take_states()?;
-        }
-        self.states.append(record);
+        self.output.append(&mut self.states, record)?;
         self.plots.state(record);
         self.write_plots()
     }
 
     fn write_reading(&mut self, record: &SampleRecord) -> Result<(), RecordingError> {
         self.check(Topic::Samples, record.values().len())?;
-        if self.readings.must_take_before(record) {
-            self.take_readings()?;
-        }
-        self.readings.append(record);
+        self.output.append(&mut self.readings, record)?;
         self.plots.reading(record);
         self.write_plots()
     }
 
     /// Rejects a record with another number of values than its topic has channels.
     fn check(&self, topic: Topic, got: usize) -> Result<(), RecordingError> {
-        match self.options.channels.of(topic).len() {
+        match self.output.options.channels.of(topic).len() {
             expected if expected == got => Ok(()),
             expected => Err(RecordingError::Row { path: self.shared.path.clone(), topic: topic.name(), expected, got }),
         }
-    }
-
-    fn write_tick(&mut self, record: &TickRecord) -> Result<(), RecordingError> {
-        if self.ticks.must_take_before(record) {
-            self.take_ticks()?;
-        }
-        self.ticks.append(record);
-        Ok(())
     }
 
     fn write_frame(&mut self, record: &FrameRecord) -> Result<(), RecordingError> {
@@ -297,27 +263,13 @@ impl Writer {
             self.take_frames()?;
         }
         self.frames.append(record);
-        self.times.elapsed_ns = self.times.elapsed_ns.max(record.time_ns);
+        self.output.times.elapsed_ns = self.output.times.elapsed_ns.max(record.time_ns);
         Ok(())
-    }
-
-    fn take_states(&mut self) -> Result<(), RecordingError> {
-        take(&mut self.states, &mut self.sink, &self.options, self.times)
-    }
-
-    fn take_readings(&mut self) -> Result<(), RecordingError> {
-        take(&mut self.readings, &mut self.sink, &self.options, self.times)
-    }
-
-    fn take_ticks(&mut self) -> Result<(), RecordingError> {
-        take(&mut self.ticks, &mut self.sink, &self.options, self.times)
     }
 
     fn take_frames(&mut self) -> Result<(), RecordingError> {
         match self.frames.take() {
-            Some((sample, batch)) => {
-                self.sink.message(MessageType::FrameBatch, self.times.stamp(&self.options, sample), batch)
-            }
+            Some((sample, batch)) => self.output.message(Topic::Frames, sample, batch),
             None => Ok(()),
         }
     }
@@ -325,22 +277,18 @@ impl Writer {
     /// Writes the finished messages for plotting.
     fn write_plots(&mut self) -> Result<(), RecordingError> {
         for message in self.plots.ready() {
-            let stamp = self.times.stamp(&self.options, message.sample);
-            self.sink.message(message.message_type, stamp, &message)?;
+            self.output.message(message.topic, message.sample, &message)?;
         }
         Ok(())
     }
 
     fn write_event(&mut self, sample: u64, time_ns: u64, name: String, value: i64) -> Result<(), RecordingError> {
         let event = proto::Event { step: sample, time_ns, name, value };
-        let stamp = self.stamp_at(sample, time_ns);
-        self.sink.message(MessageType::Event, stamp, &event)
-    }
-
-    /// Returns the times of an event that the run loop handled `time_ns` after the start of the run.
-    fn stamp_at(&mut self, sample: u64, time_ns: u64) -> Stamp {
-        self.times.elapsed_ns = self.times.elapsed_ns.max(time_ns);
-        Times { elapsed_ns: time_ns, ..self.times }.stamp(&self.options, sample)
+        let Output { sink, options, times } = &mut self.output;
+        times.elapsed_ns = times.elapsed_ns.max(time_ns);
+        // Stamped with its own time: what was written before it may have been handled later.
+        let stamp = Times { elapsed_ns: time_ns, ..*times }.stamp(options, sample);
+        sink.message(Topic::Events, stamp, &event)
     }
 
     /// Writes an event for every channel that has lost records since the last time.
@@ -353,9 +301,9 @@ impl Writer {
             if new > 0 {
                 let name = format!("recording.lost.{}", source.name);
                 self.begin()?;
-                let time_ns = match self.times.start_unix_ns {
-                    Some(_) => self.times.elapsed_ns,
-                    None => self.options.simulated_ns(self.last_sample),
+                let time_ns = match self.output.times.start_unix_ns {
+                    Some(_) => self.output.times.elapsed_ns,
+                    None => self.output.options.simulated_ns(self.last_sample),
                 };
                 self.write_event(self.last_sample, time_ns, name, i64::try_from(new).unwrap_or(i64::MAX))?;
             }
@@ -365,7 +313,7 @@ impl Writer {
 
     /// Flushes if the interval has passed.
     fn flush_in_time(&mut self) -> Result<(), RecordingError> {
-        if let FlushPolicy::Interval { interval, clock } = self.options.flush {
+        if let FlushPolicy::Interval { interval, clock } = self.output.options.flush {
             let now = clock();
             if now.saturating_sub(self.flushed.time) >= interval {
                 self.flush()?;
@@ -377,7 +325,7 @@ impl Writer {
 
     /// Flushes if `sample` is far enough from the sample of the last flush.
     fn flush_by_sample(&mut self, sample: u64) -> Result<(), RecordingError> {
-        if let FlushPolicy::Samples(samples) = self.options.flush {
+        if let FlushPolicy::Samples(samples) = self.output.options.flush {
             let last = *self.flushed.sample.get_or_insert(sample);
             if sample.saturating_sub(last) >= samples {
                 self.flush()?;
@@ -390,10 +338,10 @@ impl Writer {
     /// Writes the open batches and passes everything to the operating system.
     fn flush(&mut self) -> Result<(), RecordingError> {
         self.take_frames()?;
-        self.take_states()?;
-        self.take_readings()?;
-        self.take_ticks()?;
-        self.sink.flush()
+        self.output.take(&mut self.states)?;
+        self.output.take(&mut self.readings)?;
+        self.output.take(&mut self.ticks)?;
+        self.output.sink.flush()
     }
 
     /// Writes the configuration again, the statistics, and last the metadata record that says how the recording ends: the
@@ -408,10 +356,12 @@ impl Writer {
         self.write_plots()?;
         self.flush()?;
         // A second time, now with the start of the run, which the head could not state yet.
-        self.sink.metadata(metadata::RECORDING, &about(&self.options, self.times.start_unix_ns))?;
-        self.sink.metadata(metadata::CONFIGURATION, &self.configuration)?;
-        self.sink.metadata(metadata::STATISTICS, statistics)?;
-        self.sink.metadata(name, content)
+        self.output
+            .sink
+            .metadata(metadata::RECORDING, &about(&self.output.options, self.output.times.start_unix_ns))?;
+        self.output.sink.metadata(metadata::CONFIGURATION, &self.configuration)?;
+        self.output.sink.metadata(metadata::STATISTICS, statistics)?;
+        self.output.sink.metadata(name, content)
     }
 
     /// Returns the lost records, by channel; channels of one name count together.
@@ -426,13 +376,44 @@ impl Writer {
     /// Summarises the written records; the size of the file is filled in later.
     fn summary(&self) -> Summary {
         Summary {
-            path: self.sink.path().to_path_buf(),
+            path: self.output.sink.path().to_path_buf(),
             // `close` fills it in, when the file is finished.
             bytes: 0,
-            messages: Topic::ALL.map(|topic| (topic.name(), self.sink.messages(topic))).into(),
+            messages: Topic::ALL.map(|topic| (topic.name(), self.output.sink.messages(topic))).into(),
             samples: self.state_count,
             lost: self.lost(),
         }
+    }
+}
+
+/// The file, and what the times of its messages follow from.
+struct Output {
+    sink: Sink,
+    options: Options,
+    times: Times,
+}
+
+impl Output {
+    /// Writes a message that belongs to a sample.
+    fn message(&mut self, topic: Topic, sample: u64, message: &impl prost::Message) -> Result<(), RecordingError> {
+        self.sink.message(topic, self.times.stamp(&self.options, sample), message)
+    }
+
+    /// Writes a batch, if it holds a row.
+    fn take<B: Batch>(&mut self, batcher: &mut Batcher<B>) -> Result<(), RecordingError> {
+        match batcher.take() {
+            Some(batch) => self.message(B::TOPIC, batch.first_sample(), batch),
+            None => Ok(()),
+        }
+    }
+
+    /// Appends a row to a batch, which is written before if the row can't be in it.
+    fn append<B: Batch>(&mut self, batcher: &mut Batcher<B>, row: &B::Row) -> Result<(), RecordingError> {
+        if batcher.must_take_before(row) {
+            self.take(batcher)?;
+        }
+        batcher.append(row);
+        Ok(())
     }
 }
 
@@ -449,8 +430,8 @@ impl Times {
     /// Returns log and publish time of a message that belongs to `sample` and is written now.
     fn stamp(self, options: &Options, sample: u64) -> Stamp {
         let simulated_ns = options.simulated_ns(sample);
-        match (options.time_base, self.start_unix_ns) {
-            (TimeBase::RealTime { .. }, Some(start_ns)) => Stamp {
+        match (options.time, self.start_unix_ns) {
+            (RunTime::RealTime, Some(start_ns)) => Stamp {
                 log_ns: start_ns.saturating_add(simulated_ns),
                 publish_ns: start_ns.saturating_add(self.elapsed_ns),
             },
@@ -474,21 +455,8 @@ fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, Rec
 
 /// Makes a batcher of states or readings.
 fn numbers<R: Numbers>(options: &Options) -> Batcher<NumberBatch<R>> {
-    let batch = NumberBatch::new(Arc::new(Layout::new(&options.channels, R::TYPE)));
+    let batch = NumberBatch::new(Arc::new(Layout::new(&options.channels, R::TOPIC)));
     Batcher::new(batch, options.batch_samples, options.dt_s)
-}
-
-/// Writes a batch, if it holds a row.
-fn take<B: Batch>(
-    batcher: &mut Batcher<B>,
-    sink: &mut Sink,
-    options: &Options,
-    times: Times,
-) -> Result<(), RecordingError> {
-    match batcher.take() {
-        Some(batch) => sink.message(B::TYPE, times.stamp(options, batch.first_sample()), batch),
-        None => Ok(()),
-    }
 }
 
 /// Returns the recorder's own description of a recording.
@@ -498,7 +466,7 @@ fn about(options: &Options, start_unix_ns: Option<u64>) -> BTreeMap<String, Stri
         (metadata::FORMAT, FORMAT.to_string()),
         (DT_S, options.dt_s.to_string()),
         ("interface", options.interface.clone()),
-        ("time", options.time_base.name().to_string()),
+        ("time", options.time.name().to_string()),
         ("plot_every_samples", options.plot_every_samples.to_string()),
         (READING_DELAY, options.reading_delay_samples.to_string()),
         ("plot_filter", decimate::describe(options.plot_every_samples)),

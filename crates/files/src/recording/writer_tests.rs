@@ -17,8 +17,8 @@ fn the_first_record_has_the_start_of_the_run_whenever_it_comes() {
     let (mut ring, records) = rtrb::RingBuffer::new(4);
     control.send(Control::Open(Source::new(String::from("plant"), records, Arc::default()))).unwrap();
     assert!(writer.take_commands().is_none());
-    assert_eq!((writer.take_records().unwrap(), writer.times.start_unix_ns), (0, None));
+    assert_eq!((writer.take_at_most(TURN).unwrap(), writer.output.times.start_unix_ns), (0, None));
     shared.start_clock_ns.store(5_000, Ordering::Release);
     assert!(slots::push(&mut ring, &Record::Event(Event { sample: 0, time_ns: 0, name: "state.boot_up", value: 0 })));
-    assert_eq!((writer.take_records().unwrap(), writer.times.start_unix_ns), (1, Some(EPOCH_NS + 5_000)));
+    assert_eq!((writer.take_at_most(TURN).unwrap(), writer.output.times.start_unix_ns), (1, Some(EPOCH_NS + 5_000)));
 }
