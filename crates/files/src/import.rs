@@ -114,7 +114,7 @@ impl WireLog {
 }
 
 /// Result of an import: the new recording, and counts of the parts that were left out.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Imported {
     /// Path of the new recording.
     pub path: PathBuf,
@@ -374,18 +374,7 @@ pub fn import_converted(
     let Checked { first, is_usual } = check(log, format, options)?;
     let mut written = FrameLog::create(original.0, original.1, &first, (path, Naming::Whole), options)?;
     written.is_usual = is_usual;
-    let mut imported = Imported {
-        path: path.to_path_buf(),
-        frames: 0,
-        interface: first.interface.clone(),
-        of_other_interfaces: 0,
-        other_interfaces: BTreeSet::new(),
-        others: 0,
-        unreadable: 0,
-        first_unreadable: None,
-        duration_s: 0.0,
-        wire: None,
-    };
+    let mut imported = Imported { path: path.to_path_buf(), interface: first.interface.clone(), ..Imported::default() };
     let mut frames = read(log, format)?;
     for logged in &mut frames {
         let logged = logged?;
@@ -400,8 +389,8 @@ pub fn import_converted(
         let time_ns = written.push(&logged)?;
         imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
     }
-    (imported.others, imported.unreadable) = (frames.others(), frames.unreadable());
-    imported.first_unreadable = frames.first_unreadable().map(ToString::to_string);
+    (imported.others, imported.unreadable) = (frames.others, frames.unreadable);
+    imported.first_unreadable = frames.first_unreadable.map(|error| error.to_string());
     (imported.frames, imported.wire) = written.finish()?;
     Ok(imported)
 }
@@ -454,7 +443,7 @@ fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<Check
         None => Err(ImportError::Empty {
             log: log.to_path_buf(),
             interface: options.interface.clone(),
-            unreadable: frames.first_unreadable().map(ToString::to_string),
+            unreadable: frames.first_unreadable.map(|error| error.to_string()),
         }),
     }
 }

@@ -3,11 +3,10 @@
 use std::io;
 use std::path::PathBuf;
 
-use resonarm_protocol::FrameError;
+use resonarm_protocol::{FrameError, FrameTextError};
 use thiserror::Error;
 
 use super::BlfFault;
-use resonarm_protocol::FrameTextError;
 
 /// An error in a log, or in a line of one.
 #[derive(Debug, Error)]
@@ -87,12 +86,6 @@ pub enum CanLogError {
         got: String,
     },
     /// The line describes a frame that CAN does not allow.
-    #[error("{0}")]
-    Frame(FrameError),
-}
-
-impl From<FrameError> for CanLogError {
-    fn from(error: FrameError) -> CanLogError {
-        CanLogError::Frame(error)
-    }
+    #[error(transparent)]
+    Frame(#[from] FrameError),
 }

@@ -21,9 +21,13 @@ pub(super) enum Entry {
 /// odd line must not cost a whole log; the frames end with the first error behind which nothing can be read.
 pub struct LoggedFrames {
     entries: Entries,
-    others: u64,
-    unreadable: u64,
-    pub(super) first_unreadable: Option<CanLogError>,
+    /// Number of lines or objects so far that are not frames: error frames, comments and other events, the head of an
+    /// ASC log.
+    pub others: u64,
+    /// Number of lines or objects so far that were left out since they can't be read.
+    pub unreadable: u64,
+    /// Error of the first of them.
+    pub first_unreadable: Option<CanLogError>,
     has_failed: bool,
 }
 
@@ -58,6 +62,12 @@ impl Syntax {
     }
 }
 
+/// Opens a log for reading.
+pub(super) fn open(path: &Path) -> Result<BufReader<File>, CanLogError> {
+    let failed = |source| CanLogError::Read { path: path.to_path_buf(), source };
+    File::open(path).map(BufReader::new).map_err(failed)
+}
+
 /// Opens a log.
 ///
 /// # Errors
@@ -73,22 +83,6 @@ pub fn read(path: &Path, format: LogFormat) -> Result<LoggedFrames, CanLogError>
 }
 
 impl LoggedFrames {
-    /// Returns the number of lines or objects so far that are not frames: error frames, comments and other events, the
-    /// head of an ASC log.
-    pub fn others(&self) -> u64 {
-        self.others
-    }
-
-    /// Returns the number of lines or objects so far that were left out since they can't be read.
-    pub fn unreadable(&self) -> u64 {
-        self.unreadable
-    }
-
-    /// Returns the error of the first of them.
-    pub fn first_unreadable(&self) -> Option<&CanLogError> {
-        self.first_unreadable.as_ref()
-    }
-
     fn next_frame(&mut self) -> Result<Option<LoggedFrame>, CanLogError> {
         loop {
             let entry = match &mut self.entries {
@@ -110,14 +104,8 @@ impl LoggedFrames {
 
 impl Lines {
     fn open(path: &Path, syntax: Syntax) -> Result<Lines, CanLogError> {
-        let path = path.to_path_buf();
-        match File::open(&path) {
-            Ok(file) => {
-                let (file, bytes) = (BufReader::new(file), Vec::new());
-                Ok(Lines { path, file, bytes, number: 0, syntax, has_ended: false })
-            }
-            Err(source) => Err(CanLogError::Read { path, source }),
-        }
+        let (file, path, bytes) = (open(path)?, path.to_path_buf(), Vec::new());
+        Ok(Lines { path, file, bytes, number: 0, syntax, has_ended: false })
     }
 
     /// Returns the entry in the next line that is not empty; `None` at the end.

@@ -49,7 +49,7 @@ fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), 
     let found = frames.by_ref().collect::<Result<Vec<_>, _>>();
     match frames.first_unreadable.take() {
         Some(error) => Err(error),
-        None => Ok((found?, frames.others())),
+        None => Ok((found?, frames.others)),
     }
 }
 
@@ -63,7 +63,7 @@ fn readable(format: LogFormat, text: &[u8]) -> (Vec<String>, u64) {
         let LoggedFrame { time_ns, interface, frame, .. } = logged.unwrap();
         format!("{} {} {frame}", time_ns % 1_000_000_000_000, interface.unwrap_or_default())
     });
-    (found.collect(), frames.unreadable())
+    (found.collect(), frames.unreadable)
 }
 
 #[test]

@@ -144,7 +144,7 @@ impl DriveGatherer {
         let index = &mut self.indices[order].1;
         let Placed::At(sample) = index.place(None, None, time_ns, self.last) else { return None };
         if self.last.is_none_or(|last| sample >= last.sample) {
-            self.last = index.last();
+            self.last = index.last;
         }
         self.now = self.now.max(Some(sample));
         Some(sample)
@@ -152,8 +152,7 @@ impl DriveGatherer {
 
     /// Returns the next record; `is_end` after the last frame.
     pub fn next(&mut self, is_end: bool) -> Option<Record> {
-        let states = if is_end { self.states.next_of_rest() } else { self.states.next() };
-        let (sample, row) = states?;
+        let (sample, row) = self.states.next(is_end)?;
         self.found.states += 1;
         self.gaps.count(sample, &mut self.found);
         Some(Record::State(state_record(sample, &row, (self.changes.at(sample), self.quantities.loads()))))

@@ -47,24 +47,16 @@ pub(super) struct Anchor {
 #[derive(Clone, Debug)]
 pub(super) struct FrameIndex {
     order: usize,
-    numbering: Numbering,
+    /// Source of the numbers of the frames.
+    pub numbering: Numbering,
     rate_hz: f64,
-    last: Option<Anchor>,
+    /// The frame placed last.
+    pub last: Option<Anchor>,
 }
 
 impl FrameIndex {
     pub const fn new(order: usize, numbering: Numbering, rate_hz: f64) -> FrameIndex {
         FrameIndex { order, numbering, rate_hz, last: None }
-    }
-
-    /// Returns how the frames are numbered: by a signal, by the alive counter, or by time stamps alone.
-    pub const fn numbering(&self) -> Numbering {
-        self.numbering
-    }
-
-    /// Returns the frame placed last.
-    pub const fn last(&self) -> Option<Anchor> {
-        self.last
     }
 
     /// Places the next frame: `raw` is its index or counter, `step` how its counter follows, `other` a frame of another
@@ -193,14 +185,14 @@ mod tests {
         let mut first = FrameIndex::new(0, Numbering::Counter(16), 1000.0);
         let mut second = FrameIndex::new(1, Numbering::Counter(16), 1000.0);
         assert_eq!(first.place(Some(3), None, 2_100_000, None), Placed::At(2));
-        assert_eq!(second.place(Some(9), None, 3_000_000, first.last()), Placed::At(2));
+        assert_eq!(second.place(Some(9), None, 3_000_000, first.last), Placed::At(2));
         // A log that begins within a sample.
         let mut first = FrameIndex::new(0, Numbering::Counter(16), 1000.0);
-        assert_eq!(first.place(Some(3), None, 3_100_000, second.last()), Placed::At(3));
+        assert_eq!(first.place(Some(3), None, 3_100_000, second.last), Placed::At(3));
         // Indices tell it whatever the order.
         let mut indexed = FrameIndex::new(0, Numbering::Sample(256), 1000.0);
         let mut short = FrameIndex::new(1, Numbering::Sample(16), 1000.0);
         assert_eq!(indexed.place(Some(0x35), None, 5 * MS, None), Placed::At(5));
-        assert_eq!(short.place(Some(4), None, 5_700_000, indexed.last()), Placed::At(4));
+        assert_eq!(short.place(Some(4), None, 5_700_000, indexed.last), Placed::At(4));
     }
 }

@@ -77,15 +77,9 @@ impl Loads {
     pub fn add(&mut self, frame: &Frame, now: u64, found: &mut WireImport) {
         let Some(place) = self.commands.iter().position(|command| command.message.id == frame.id()) else { return };
         let command = &mut self.commands[place];
-        let lost = match command.protection.lost(frame) {
-            Ok(lost) => lost,
-            Err(_) => {
-                *found.refused_frames.entry(command.name.clone()).or_default() += 1;
-                return;
-            }
-        };
-        found.lost_frames += lost;
-        let Ok(actions) = command.take(frame.data()) else {
+        let lost = command.protection.lost(frame).ok();
+        found.lost_frames += lost.unwrap_or(0);
+        let Some(actions) = lost.and_then(|_| command.take(frame.data()).ok()) else {
             *found.refused_frames.entry(command.name.clone()).or_default() += 1;
             return;
         };

@@ -57,17 +57,10 @@ impl Rows {
         self.newest = self.newest.max(sample);
     }
 
-    /// Returns the next complete sample, if there is one and no older one can become complete.
-    pub fn next(&mut self) -> Option<(u64, Row)> {
-        self.take(self.hold)
-    }
-
-    /// Works like [`Rows::next`], after the last frame.
-    pub fn next_of_rest(&mut self) -> Option<(u64, Row)> {
-        self.take(0)
-    }
-
-    fn take(&mut self, hold: u64) -> Option<(u64, Row)> {
+    /// Returns the next complete sample, if there is one and no older one can become complete; `is_end` after the last
+    /// frame.
+    pub fn next(&mut self, is_end: bool) -> Option<(u64, Row)> {
+        let hold = if is_end { 0 } else { self.hold };
         loop {
             let (&sample, row) = self.waiting.first_key_value()?;
             let is_whole = row.came == self.needed;
@@ -100,14 +93,14 @@ mod tests {
             add(&mut rows, sample, message);
         }
         // Older ones may still come.
-        assert_eq!(rows.next().map(|(sample, _)| sample), Some(0));
-        assert_eq!(rows.next().map(|(sample, row)| (sample, row.values)), Some((1, vec![1.0, 1.0])));
-        assert_eq!(rows.next(), None);
+        assert_eq!(rows.next(false).map(|(sample, _)| sample), Some(0));
+        assert_eq!(rows.next(false).map(|(sample, row)| (sample, row.values)), Some((1, vec![1.0, 1.0])));
+        assert_eq!(rows.next(false), None);
         add(&mut rows, 5, 1);
-        assert_eq!(rows.next().map(|(sample, _)| sample), Some(3));
+        assert_eq!(rows.next(false).map(|(sample, _)| sample), Some(3));
         add(&mut rows, 2, 1);
         add(&mut rows, 5, 1);
-        assert_eq!((rows.next(), rows.next_of_rest()), (None, None));
+        assert_eq!((rows.next(false), rows.next(true)), (None, None));
         assert_eq!((rows.incomplete, rows.too_late), (2, 2));
     }
 }

@@ -72,7 +72,8 @@ impl Gatherer {
             let bit = order as u32;
             readings.as_ref().is_some_and(|rows| rows.needs(bit)) || states.as_ref().is_some_and(|rows| rows.needs(bit))
         };
-        let is_placed_by_time = (0..).zip(&readers).any(|(order, reader)| is_used(order) && reader.is_placed_by_time());
+        let is_placed_by_time =
+            (0..).zip(&readers).any(|(order, reader)| is_used(order) && reader.index.numbering == Numbering::Time);
         Ok(Some(Gatherer {
             ids: directions(&mapping),
             loads: Loads::new(&mapping, states.is_some(), name),
@@ -136,7 +137,7 @@ impl Gatherer {
         };
         // An older frame must not move the newest sample back.
         if self.last.is_none_or(|last| sample >= last.sample) {
-            self.last = reader.index.last();
+            self.last = reader.index.last;
         }
         let (payload, message, signals) = (frame.data(), place as u32, &reader.message.signals);
         if let Some(rows) = self.readings.as_mut().filter(|rows| rows.needs(message)) {
@@ -150,14 +151,12 @@ impl Gatherer {
 
     /// Returns the next record; `is_end` after the last frame.
     pub fn next(&mut self, is_end: bool) -> Option<Record> {
-        let readings = self.readings.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
-        if let Some((sample, row)) = readings {
+        if let Some((sample, row)) = self.readings.as_mut().and_then(|rows| rows.next(is_end)) {
             self.found.samples += 1;
             self.gaps.count(sample, &mut self.found);
             return Some(Record::Sample(sample_record(sample, &row)));
         }
-        let states = self.states.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
-        let (sample, row) = states?;
+        let (sample, row) = self.states.as_mut()?.next(is_end)?;
         self.found.states += 1;
         // Readings and states share most of their samples; a gap is counted once.
         if self.readings.is_none() {
@@ -169,10 +168,7 @@ impl Gatherer {
     /// Returns the data gathered from all frames.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
-        if let Some(rows) = &self.readings {
-            found.incomplete_samples = rows.incomplete;
-            found.repeated_frames += rows.too_late;
-        } else if let Some(rows) = &self.states {
+        if let Some(rows) = self.readings.or(self.states) {
             found.incomplete_samples = rows.incomplete;
             found.repeated_frames += rows.too_late;
         }
@@ -193,10 +189,6 @@ impl Reader {
         Reader { message: message.clone(), name, protection, index: FrameIndex::new(order, numbering, rate_hz) }
     }
 
-    fn is_placed_by_time(&self) -> bool {
-        self.index.numbering() == Numbering::Time
-    }
-
     /// Returns how the counter follows, and the number of the frame.
     fn check(&mut self, frame: &Frame) -> Result<(Option<Step>, Option<u64>), Unusable> {
         let step = self.protection.step(frame).map_err(|fault| match fault {
@@ -215,7 +207,7 @@ impl Reader {
                 index = (value >= 0.0).then(|| libm::rint(value) as u64);
             }
         }
-        Some(match self.index.numbering() {
+        Some(match self.index.numbering {
             Numbering::Sample(_) => Some(index?),
             Numbering::Counter(_) => Some(self.message.protection.counter.as_ref()?.read(payload)?),
             Numbering::Time => None,

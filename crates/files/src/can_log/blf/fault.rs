@@ -66,11 +66,15 @@ pub enum BlfFault {
         /// Smallest length of an object of this kind, bytes.
         expected: usize,
     },
-    /// A container with an unknown method of compression.
-    #[error("a container has compression method {got}, expected 0 (none) or 2 (deflate)")]
-    Compression {
-        /// Number of the compression method.
-        got: u16,
+    /// A field has a number that this version does not know.
+    #[error("{what} {got}, expected {expected}")]
+    Number {
+        /// Where the field is, and its name.
+        what: &'static str,
+        /// Number in the field.
+        got: u32,
+        /// Description of the known numbers.
+        expected: &'static str,
     },
     /// A container that can't be inflated.
     #[error("a container can't be inflated: {cause}")]
@@ -86,12 +90,6 @@ pub enum BlfFault {
         /// Number of bytes that it holds; counted only up to one more than it states.
         got: usize,
     },
-    /// The head of a frame's object has an unknown version.
-    #[error("the head of a frame has version {got}, expected 1 or 2")]
-    Version {
-        /// Version number of the object's head.
-        got: u16,
-    },
     /// The head of a frame is too short for its time.
     #[error("the head of a frame states a length of {got} bytes, expected at least {least}")]
     Head {
@@ -99,18 +97,6 @@ pub enum BlfFault {
         got: u16,
         /// Smallest length with which the head contains the time, bytes.
         least: usize,
-    },
-    /// A frame has an invalid DLC.
-    #[error("a frame has DLC {got}, expected 0 to 15")]
-    Dlc {
-        /// Data length code that the object states.
-        got: u8,
-    },
-    /// The time of a frame has an unknown unit.
-    #[error("the time of a frame has unit {got}, expected 1 (10 µs) or 2 (1 ns)")]
-    Unit {
-        /// Number of the time unit that the object states.
-        got: u32,
     },
     /// The time of a frame does not fit 64 bits.
     #[error("a frame is {got} time units after the start of the log, so its time in ns does not fit 64 bits")]

@@ -70,12 +70,19 @@ impl<'a> Object<'a> {
     fn time_ns(&self, start_ns: u64) -> Result<u64, BlfFault> {
         let version = u16::from_le_bytes(self.number(6)?);
         if !matches!(version, 1 | 2) {
-            return Err(BlfFault::Version { got: version });
+            return Err(BlfFault::Number {
+                what: "the head of a frame has version",
+                got: version.into(),
+                expected: "1 or 2",
+            });
         }
         let unit_ns = match u32::from_le_bytes(self.number(BASE_HEAD)?) {
             TEN_MICROSECONDS => 10_000,
             NANOSECONDS => 1,
-            got => return Err(BlfFault::Unit { got }),
+            got => {
+                let (what, expected) = ("the time of a frame has unit", "1 (10 µs) or 2 (1 ns)");
+                return Err(BlfFault::Number { what, got, expected });
+            }
         };
         let time = u64::from_le_bytes(self.number(BASE_HEAD + 8)?);
         let time_ns = time.checked_mul(unit_ns).and_then(|time_ns| time_ns.checked_add(start_ns));
@@ -119,7 +126,10 @@ impl<'a> Object<'a> {
             None => rest,
         };
         let length = match format {
-            FrameFormat::Fd { .. } => length(dlc.into()).ok_or(BlfFault::Dlc { got: dlc })?,
+            FrameFormat::Fd { .. } => {
+                let expected = "0 to 15";
+                length(dlc.into()).ok_or(BlfFault::Number { what: "a frame has DLC", got: dlc.into(), expected })?
+            }
             _ => LONGEST_CLASSIC.min(dlc.into()),
         };
         let mut data = [0; PAYLOAD_MAX_BYTES];

@@ -5,12 +5,13 @@ use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::read::ZlibDecoder;
-
 use jiff::civil::DateTime;
+use thiserror::Error;
 
 use super::object::Object;
 use super::{BASE_HEAD, BlfFault, CONTAINER_HEAD, DEFLATE, LOG_CONTAINER, NO_COMPRESSION, OBJECT_SIGNATURE, SIGNATURE};
 use crate::can_log::date;
+use crate::can_log::reader::open;
 use crate::can_log::{CanLogError, Entry};
 
 /// Largest accepted length of an object, and of an inflated container: 16 MiB. Vector's tools write containers of
@@ -36,36 +37,21 @@ pub(in crate::can_log) struct Reader {
 }
 
 /// Reason for which the reading of the log stops.
+#[derive(Debug, Error)]
 enum Stop {
-    Io(io::Error),
-    Fault(BlfFault),
-}
-
-impl From<io::Error> for Stop {
-    fn from(error: io::Error) -> Stop {
-        Stop::Io(error)
-    }
-}
-
-impl From<BlfFault> for Stop {
-    fn from(fault: BlfFault) -> Stop {
-        Stop::Fault(fault)
-    }
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Fault(#[from] BlfFault),
 }
 
 impl Reader {
     /// Opens a log and reads its head.
     pub fn open(path: &Path) -> Result<Reader, CanLogError> {
-        let path = path.to_path_buf();
-        match File::open(&path) {
-            Ok(file) => {
-                let (file, objects) = (BufReader::new(file), Vec::new());
-                let mut reader = Reader { path, file, position: 0, offset: 0, start_ns: 0, objects, taken: 0 };
-                reader.head().map_err(|stop| reader.error(stop))?;
-                Ok(reader)
-            }
-            Err(source) => Err(CanLogError::Read { path, source }),
-        }
+        let (file, path, objects) = (open(path)?, path.to_path_buf(), Vec::new());
+        let mut reader = Reader { path, file, position: 0, offset: 0, start_ns: 0, objects, taken: 0 };
+        reader.head().map_err(|stop| reader.error(stop))?;
+        Ok(reader)
     }
 
     /// Returns the next entry; `None` at the end of the log.
@@ -219,7 +205,10 @@ fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault>
             .read_to_end(objects)
             .map(drop)
             .map_err(|error| BlfFault::Inflate { cause: error.to_string() })?,
-        got => return Err(BlfFault::Compression { got }),
+        got => {
+            let (what, expected) = ("a container has compression method", "0 (none) or 2 (deflate)");
+            return Err(BlfFault::Number { what, got: got.into(), expected });
+        }
     }
     let got = objects.len() - before;
     if got == expected { Ok(()) } else { Err(BlfFault::Container { expected, got }) }
