@@ -8,7 +8,8 @@
 //! Dataset 164 states how many units of the file make a metre, l, and a newton, f, for what follows it. A response over a force in
 //! the file's units is multiplied by f/l, and positions are divided by l.
 
-use core::ops::RangeInclusive;
+use core::ops::{Range, RangeInclusive};
+use core::str::FromStr;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Read as _;
@@ -121,21 +122,15 @@ pub enum ResponsesError {
         /// What is wrong with it, with the values.
         fault: ResponseFault,
     },
-    /// A dataset has no end.
-    #[error("{}: dataset {dataset} has no end: the file is cut off", path.display())]
-    NoEnd {
+    /// A dataset does not end where it should.
+    #[error("{}: dataset {dataset} {problem}", path.display())]
+    End {
         /// File that was read.
         path: PathBuf,
         /// Number of the dataset.
         dataset: String,
-    },
-    /// A binary dataset ends elsewhere than its first line states.
-    #[error("{}: dataset {dataset} is binary, and does not end where its first line states: export it anew, or as ASCII", path.display())]
-    BinaryEnd {
-        /// File that was read.
-        path: PathBuf,
-        /// Number of the dataset.
-        dataset: String,
+        /// What is wrong with its end, and what to do.
+        problem: &'static str,
     },
     /// A node or a line can't be read.
     #[error("{}, dataset {dataset}: {fault}", path.display())]
@@ -163,27 +158,15 @@ pub enum ResponsesError {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ResponseFault {
-    /// A number can't be read.
-    #[error("{what} is `{got}`: expected a number")]
-    Number {
+    /// A number, or the numbers of a line, can't be read.
+    #[error("{what} is `{got}`: expected {expected}")]
+    Numbers {
         /// What was read there, in words.
         what: &'static str,
         /// What is in its place.
         got: String,
-    },
-    /// The line of a node has not seven numbers.
-    #[error("a node is `{got}`: expected its number, two coordinate systems, a colour and three coordinates")]
-    Node {
-        /// What is in its place.
-        got: String,
-    },
-    /// The first line of an element has not six numbers.
-    #[error(
-        "an element is `{got}`: expected its number, its kind, two properties, a colour and the number of its nodes"
-    )]
-    Element {
-        /// What is in its place.
-        got: String,
+        /// Numbers that belong there, in words.
+        expected: &'static str,
     },
     /// An element has fewer nodes than stated.
     #[error("element {element} has {got} nodes, but its first line states {expected}")]
@@ -195,11 +178,15 @@ pub enum ResponseFault {
         /// Nodes that are stated.
         expected: usize,
     },
-    /// The values are not complex.
-    #[error("its values have the type {got}: expected complex numbers, 5 or 6, so export real and imaginary part")]
-    Real {
-        /// Ordinate data type that the dataset states.
+    /// The values, or one of their axes, are of a kind that can't be used.
+    #[error("its {what} {got}: expected {expected}")]
+    Kind {
+        /// What is of another kind, and what its number is called.
+        what: &'static str,
+        /// Number of the kind in the file.
         got: i64,
+        /// Kinds that can be used with their numbers, and what to do.
+        expected: &'static str,
     },
     /// The frequencies are not equally spaced.
     #[error("its frequencies have steps from {least} to {most} Hz: expected equal steps, so export it with an even spacing", least = rounded(.least, 6), most = rounded(.most, 6))]
@@ -208,28 +195,6 @@ pub enum ResponseFault {
         least: f64,
         /// Largest step between two frequencies, Hz.
         most: f64,
-    },
-    /// The abscissa is no frequency.
-    #[error("its abscissa has the data type {got}: expected frequency, 18")]
-    Abscissa {
-        /// Specific data type of the file.
-        got: i64,
-    },
-    /// The response is no motion.
-    #[error(
-        "its response has the data type {got}: expected displacement, velocity or acceleration, 8, 11 or 12 in record 9; export it with the channel's quantity"
-    )]
-    Response {
-        /// Specific data type of the file.
-        got: i64,
-    },
-    /// The reference is no force.
-    #[error(
-        "its reference has the data type {got}: expected a force, 13 in record 10; export it with the channel's quantity"
-    )]
-    Reference {
-        /// Specific data type of the file.
-        got: i64,
     },
     /// A direction is a rotation.
     #[error("node {node} has the direction {got}: expected a translation, ±1 to ±3, or 0 of a scalar")]
@@ -246,12 +211,6 @@ pub enum ResponseFault {
         got: usize,
         /// Numbers of the header.
         expected: usize,
-    },
-    /// The binary format is none of IEEE.
-    #[error("its binary numbers have the format {got}: expected IEEE 754, 2")]
-    Format {
-        /// Number of the floating-point format in the file.
-        got: i64,
     },
     /// Its frequencies or its quantity differ from the first one's.
     #[error(
@@ -449,7 +408,8 @@ fn add_nodes<'a>(
 ) -> Result<(), ResponseFault> {
     for line in lines.filter(|line| !line.trim().is_empty()) {
         let [node, _, _, _, x, y, z] = numbers(line, "a node")?[..] else {
-            return Err(ResponseFault::Node { got: line.trim().to_owned() });
+            let expected = "its number, two coordinate systems, a colour and three coordinates";
+            return Err(ResponseFault::Numbers { what: "a node", got: line.trim().to_owned(), expected });
         };
         nodes.insert(node as i64, [x, y, z].map(|value| value / units.length));
     }
@@ -470,7 +430,8 @@ fn add_edges(edges: &mut BTreeSet<[i64; 2]>, body: &str) -> Result<(), ResponseF
     let mut lines = body.lines().filter(|line| !line.trim().is_empty());
     while let Some(line) = lines.next() {
         let [element, kind, _, _, _, count] = numbers(line, "an element")?[..] else {
-            return Err(ResponseFault::Element { got: line.trim().to_owned() });
+            let expected = "its number, its kind, two properties, a colour and the number of its nodes";
+            return Err(ResponseFault::Numbers { what: "an element", got: line.trim().to_owned(), expected });
         };
         let (element, kind, expected) = (element as i64, kind as i64, count as usize);
         if RODS_AND_BEAMS.contains(&kind) {
@@ -524,7 +485,8 @@ impl<'a> Lines<'a> {
         let mut near = length.saturating_sub(SLACK)..=length.saturating_add(SLACK);
         let is_end = |at: &usize| bytes.get(*at..).is_some_and(|rest| rest.starts_with(b"    -1"));
         let Some(end) = near.find(is_end) else {
-            return Err(ResponsesError::BinaryEnd { path: path.to_owned(), dataset: dataset.to_owned() });
+            let problem = "is binary, and does not end where its first line states: export it anew, or as ASCII";
+            return Err(ResponsesError::End { path: path.to_owned(), dataset: dataset.to_owned(), problem });
         };
         self.bytes = &bytes[end..];
         self.next();
@@ -540,36 +502,26 @@ impl<'a> Lines<'a> {
                 return Ok(&start[..before]);
             }
         }
-        Err(ResponsesError::NoEnd { path: path.to_owned(), dataset: dataset.to_owned() })
+        let problem = "has no end: the file is cut off";
+        Err(ResponsesError::End { path: path.to_owned(), dataset: dataset.to_owned(), problem })
     }
 }
 
 /// Returns the characters of a line of the header in these columns.
-fn field(header: &[String], line: usize, columns: core::ops::Range<usize>) -> String {
+fn field(header: &[String], line: usize, columns: Range<usize>) -> String {
     header.get(line).map_or(String::new(), |line| line.chars().skip(columns.start).take(columns.len()).collect())
 }
 
-fn whole(
-    header: &[String],
-    line: usize,
-    columns: core::ops::Range<usize>,
-    what: &'static str,
-) -> Result<i64, ResponseFault> {
+/// Reads a number of the header.
+fn number<T: FromStr>(header: &[String], line: usize, columns: Range<usize>) -> Result<T, ResponseFault> {
     let text = field(header, line, columns);
-    text.trim().parse().map_err(|_| ResponseFault::Number { what, got: text.trim().to_owned() })
+    // FORTRAN marks the exponent of double precision by D.
+    let number = text.trim().replace(['D', 'd'], "E").parse();
+    number.map_err(|_| not_a_number("a number of the header", text.trim()))
 }
 
-fn real(
-    header: &[String],
-    line: usize,
-    columns: core::ops::Range<usize>,
-    what: &'static str,
-) -> Result<f64, ResponseFault> {
-    let text = field(header, line, columns);
-    text.trim()
-        .replace(['D', 'd'], "E")
-        .parse()
-        .map_err(|_| ResponseFault::Number { what, got: text.trim().to_owned() })
+fn not_a_number(what: &'static str, got: &str) -> ResponseFault {
+    ResponseFault::Numbers { what, got: got.to_owned(), expected: "a number" }
 }
 
 /// Reads the numbers of a line. In full columns a sign separates two of them.
@@ -582,8 +534,7 @@ fn numbers(line: &str, what: &'static str) -> Result<Vec<f64>, ResponseFault> {
             word.char_indices().skip(1).filter(|(at, c)| matches!(c, '+' | '-') && word.as_bytes()[at - 1] != b'E');
         for end in signs.map(|(at, _)| at).chain([word.len()]) {
             let got = &word[start..end];
-            let value = got.parse().map_err(|_| ResponseFault::Number { what, got: got.to_owned() })?;
-            found.push(value);
+            found.push(got.parse().map_err(|_| not_a_number(what, got))?);
             start = end;
         }
     }
@@ -614,32 +565,37 @@ fn function(
     binary: Option<&[&str]>,
     scale: f64,
 ) -> Result<(MeasuredQuantity, Vec<f64>, MeasuredResponse), ResponseFault> {
-    let what = "a number of the header";
     // Line 6: function, then twice a name, a node and a direction: 2(I5, I10), 2(1X, A10, I10, I4).
-    let (response, own_sign) = dof(whole(header, 5, 41..51, what)?, whole(header, 5, 51..55, what)?)?;
-    let (force, other_sign) = dof(whole(header, 5, 66..76, what)?, whole(header, 5, 76..80, what)?)?;
+    let (response, own_sign) = dof(number(header, 5, 41..51)?, number(header, 5, 51..55)?)?;
+    let (force, other_sign) = dof(number(header, 5, 66..76)?, number(header, 5, 76..80)?)?;
     // Line 7: 3 I10, 3 E13.5. Lines 8 to 10: I10.
-    let kind = whole(header, 6, 0..10, what)?;
-    let count = usize::try_from(whole(header, 6, 10..20, what)?).unwrap_or(0);
+    let kind = number(header, 6, 0..10)?;
+    let count = usize::try_from(number::<i64>(header, 6, 10..20)?).unwrap_or(0);
     // Without equal steps each value has its frequency before it.
-    let is_listed = whole(header, 6, 20..30, what)? != 1;
+    let is_listed = number::<i64>(header, 6, 20..30)? != 1;
     let numbers_of_value = if is_listed { 3 } else { 2 };
-    let (first_hz, step_hz) = (real(header, 6, 30..43, what)?, real(header, 6, 43..56, what)?);
+    let (first_hz, step_hz) = (number(header, 6, 30..43)?, number(header, 6, 43..56)?);
     let is_double = match kind {
         5 => false,
         6 => true,
-        got => return Err(ResponseFault::Real { got }),
+        got => {
+            let expected = "complex numbers, 5 or 6, so export real and imaginary part";
+            return Err(ResponseFault::Kind { what: "values have the type", got, expected });
+        }
     };
-    match whole(header, 7, 0..10, what)? {
-        FREQUENCY => {}
-        got => return Err(ResponseFault::Abscissa { got }),
+    let got = number(header, 7, 0..10)?;
+    if got != FREQUENCY {
+        return Err(ResponseFault::Kind { what: "abscissa has the data type", got, expected: "frequency, 18" });
     }
-    let got = whole(header, 8, 0..10, what)?;
+    let got = number(header, 8, 0..10)?;
     let quantity = QUANTITIES.into_iter().find(|(of, _)| *of == got).map(|(_, quantity)| quantity);
-    let quantity = quantity.ok_or(ResponseFault::Response { got })?;
-    let got = whole(header, 9, 0..10, what)?;
+    let expected =
+        "displacement, velocity or acceleration, 8, 11 or 12 in record 9; export it with the channel's quantity";
+    let quantity = quantity.ok_or(ResponseFault::Kind { what: "response has the data type", got, expected })?;
+    let got = number(header, 9, 0..10)?;
     if !FORCES.contains(&got) {
-        return Err(ResponseFault::Reference { got });
+        let expected = "a force, 13 in record 10; export it with the channel's quantity";
+        return Err(ResponseFault::Kind { what: "reference has the data type", got, expected });
     }
     let parts = match binary {
         Some(words) => binary_numbers(body, words, is_double)?,
@@ -683,7 +639,8 @@ fn first_and_step(listed_hz: &[f64]) -> Result<(f64, f64), ResponseFault> {
 fn binary_numbers(body: &[u8], words: &[&str], is_double: bool) -> Result<Vec<f64>, ResponseFault> {
     let stated = |place: usize| words.get(place).and_then(|word| word.parse::<i64>().ok()).unwrap_or(0);
     if stated(1) != 2 {
-        return Err(ResponseFault::Format { got: stated(1) });
+        let (what, got) = ("binary numbers have the format", stated(1));
+        return Err(ResponseFault::Kind { what, got, expected: "IEEE 754, 2" });
     }
     let is_big = stated(0) == 2;
     let single = |bytes: &[u8]| {
