@@ -47,9 +47,7 @@ impl Fault {
             | Fault::CanOpen(_) => "form or content",
         }
     }
-}
 
-impl Fault {
     /// Makes the fault of a signal that can't be read in a payload of `got` bytes.
     pub(super) fn of_signal(signal: &str, got: usize, unreadable: Unreadable) -> Fault {
         let signal = signal.to_string();

@@ -269,14 +269,7 @@ fn part_name(part: Part, node: u8) -> String {
 }
 
 fn plain(name: &str, value: f64) -> DecodedSignal {
-    DecodedSignal {
-        name: name.to_string(),
-        value: Some(value),
-        large: None,
-        unit: String::new(),
-        text: None,
-        means: Vec::new(),
-    }
+    DecodedSignal { name: name.to_string(), value: Some(value), ..DecodedSignal::default() }
 }
 
 fn worded(name: &str, value: f64, text: &str) -> DecodedSignal {

@@ -64,7 +64,7 @@ impl DecodedMessage {
 }
 
 /// Explanation of one signal of a message.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DecodedSignal {
     /// Name of the signal in the DBC.
     pub name: String,
@@ -119,9 +119,9 @@ pub(super) fn message(
         }
     });
     let signals = signals.collect();
-    let requests = roles.as_ref().map_or(&[][..], |roles| roles.requests());
+    let requests = roles.as_ref().map_or(&[][..], |roles| &roles.requests);
     let requests = requests.iter().map(|action| Meaning::Request { action: action_name(*action), is_new: true });
-    let sync = roles.as_ref().filter(|roles| roles.is_sync()).map(|_| Meaning::Sync);
+    let sync = roles.as_ref().filter(|roles| roles.is_sync).map(|_| Meaning::Sync);
     DecodedMessage {
         message: message.name().to_string(),
         senders: message.senders().to_vec(),

@@ -20,6 +20,7 @@ use std::collections::HashMap;
 pub use check::Fault;
 pub use explained::{Decoded, DecodedMessage, DecodedSignal, LargeInteger, Outcome};
 pub use meaning::{Meaning, ObjectName};
+pub use roles::action_name;
 
 use drives::Drives;
 use resonarm_bench::node::WireSpec;
@@ -111,7 +112,7 @@ impl Decoder {
         };
         let Some(message) = database.message_by_id(frame.id()) else { return Decoded::Foreign };
         let mut roles = mapped.get_mut(&frame.id());
-        let is_answered = roles.as_ref().is_some_and(|roles| roles.is_on_request());
+        let is_answered = roles.as_ref().is_some_and(|roles| roles.is_on_request);
         if frame.format() == FrameFormat::Remote || (is_answered && frame.data().is_empty()) {
             return Decoded::Request { message: message.name().to_string(), is_answered };
         }

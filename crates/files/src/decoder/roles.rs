@@ -37,9 +37,11 @@ pub(super) struct MessageRoles {
     /// The roles by the names of the signals.
     roles: HashMap<String, Vec<Role>>,
     /// The requests that every frame makes.
-    requests: Vec<Action>,
-    is_sync: bool,
-    is_on_request: bool,
+    pub requests: Vec<Action>,
+    /// Whether the message answers samples in lockstep, or requests readings.
+    pub is_sync: bool,
+    /// Whether the message is sent on request.
+    pub is_on_request: bool,
     /// The signals without which a frame is rejected.
     needed: Vec<(String, MappedSignal)>,
 }
@@ -108,21 +110,6 @@ impl MessageRoles {
         let Some(name) = name_of(message, signal) else { return };
         self.needed.push((name.clone(), signal.clone()));
         self.roles.entry(name).or_default().push(role);
-    }
-
-    /// Says whether the message is sent on request.
-    pub const fn is_on_request(&self) -> bool {
-        self.is_on_request
-    }
-
-    /// Says whether the message answers samples in lockstep, or requests readings.
-    pub const fn is_sync(&self) -> bool {
-        self.is_sync
-    }
-
-    /// Returns the actions that every frame of the message requests.
-    pub fn requests(&self) -> &[Action] {
-        &self.requests
     }
 
     /// Checks a frame; returns how many were lost before it.
@@ -216,7 +203,7 @@ fn load(input: LoadInput) -> (&'static str, Quantity) {
 }
 
 /// Returns the key of a request in a scenario.
-pub(super) const fn action_name(action: Action) -> &'static str {
+pub const fn action_name(action: Action) -> &'static str {
     match action {
         Action::Arm => "arm",
         Action::Disarm => "disarm",

@@ -180,7 +180,7 @@ pub fn play_against<C: Clock>(
     // The patience of this wait is for the start of the controller. Without it the first frame that is compared would
     // report a difference where nobody is on the bus.
     if !test.wait_for(|live| live.is_there)? {
-        return test.unheard();
+        return if signals.is_stopped() { Ok(test.compared) } else { Err(test.no_controller()) };
     }
     let mut recorded = Receiver::new(network);
     test.run(recording, |test, record| {
@@ -240,11 +240,6 @@ impl Live {
         if self.requests.len() > REQUESTS {
             self.requests.pop_front();
         }
-    }
-
-    /// Says whether it has made this request, even if later ones followed.
-    fn has_asked(&self, request: OperatorRequest) -> bool {
-        self.requests.contains(&request)
     }
 
     /// Forgets its requests before this one.
@@ -309,7 +304,8 @@ impl<C: Clock> Test<'_, C, Live> {
             Message::ExciterHello(_) => (self.wait_for(|live| live.has_said_hello)?, DifferenceKind::NoHello),
             Message::Operator(operator) => {
                 let expected = name(operator.request);
-                let done = self.wait_for(|live| live.has_asked(operator.request))?;
+                // A request counts even if later ones followed.
+                let done = self.wait_for(|live| live.requests.contains(&operator.request))?;
                 // The request itself stays: it may be repeated, and a repetition is no new one.
                 self.live.forget_before(operator.request);
                 (done, DifferenceKind::NoRequest { expected })
@@ -355,10 +351,9 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
         if compared.commands == 0 && !has_ended { Err(ReplayError::Empty { what: "commands" }) } else { Ok(compared) }
     }
 
-    /// Returns the result if no controller was there to be tested.
-    fn unheard(&self) -> Result<Compared, ReplayError> {
-        let waited_s = self.regression.patience.as_secs_f64();
-        if self.signals.is_stopped() { Ok(self.compared.clone()) } else { Err(ReplayError::NoController { waited_s }) }
+    /// Makes the error of a test without a controller.
+    fn no_controller(&self) -> ReplayError {
+        ReplayError::NoController { waited_s: self.regression.patience.as_secs_f64() }
     }
 
     /// Sends a frame of the plant when it is due.

@@ -4,7 +4,7 @@ use super::ReplayError;
 use super::verdict::{Verdict, check, compare, load};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::structure::States;
-use resonarm_files::recording::{Integrity, Recording};
+use resonarm_files::recording::Recording;
 use resonarm_scenario::Scenario;
 
 /// Loads the FMU, applies the recorded loads from its start on, and compares every state. Where one differs, the FMU is
@@ -20,10 +20,7 @@ pub(super) fn repeat(recording: &Recording, scenario: &Scenario) -> Result<Verdi
     if plant.states().is_empty() {
         return Err(ReplayError::FmuWithoutStates);
     }
-    let integrity = recording.integrity().clone();
-    let identical = !matches!(integrity, Integrity::Damaged { .. });
-    let mut verdict =
-        Verdict { identical, integrity, samples: 0, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
+    let mut verdict = Verdict::begin(recording);
     let mut differing = None;
     let mut applied = None;
     for record in recording.states()? {

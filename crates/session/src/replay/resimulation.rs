@@ -7,7 +7,7 @@ use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_bench::rig::{Amplifier, Converter};
 use resonarm_bench::structure::States;
 use resonarm_files::import::IMPORTED_FROM;
-use resonarm_files::recording::{Integrity, Recording, StateRecord};
+use resonarm_files::recording::{Recording, StateRecord};
 use resonarm_files::starting_plant::is_recorded;
 
 /// Samples that are in memory at a time: some MB.
@@ -41,10 +41,8 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     check(recording, spec.sample_rate_hz)?;
     let mut states = recording.states()?;
     let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;
-    let integrity = recording.integrity().clone();
-    let identical = !matches!(integrity, Integrity::Damaged { .. });
-    let mut verdict =
-        Verdict { identical, integrity, samples: 1, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
+    // The first state is where the plant starts, so it counts as compared.
+    let mut verdict = Verdict { samples: 1, ..Verdict::begin(recording) };
     let fresh = Plant::new(&spec, &scenario.under_test()?)?;
     let mut plant = plant(&fresh, &spec, &first)?;
     load(&first, &plant)?;

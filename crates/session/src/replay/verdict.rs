@@ -25,6 +25,15 @@ pub struct Verdict {
     pub max_drift_rad: f64,
 }
 
+impl Verdict {
+    /// Begins the comparison with a recording, with no state compared yet.
+    pub(super) fn begin(recording: &Recording) -> Verdict {
+        let integrity = recording.integrity().clone();
+        let identical = !matches!(integrity, Integrity::Damaged { .. });
+        Verdict { identical, integrity, samples: 0, steps: 0, first_divergence: None, max_drift_rad: 0.0 }
+    }
+}
+
 /// Rejects a scenario whose sample period differs from the recorded one.
 pub(super) fn check(recording: &Recording, sample_rate_hz: f64) -> Result<(), ReplayError> {
     let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / sample_rate_hz);

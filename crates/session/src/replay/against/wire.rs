@@ -13,12 +13,11 @@ use super::{Controller, DifferenceKind, REQUESTS, Test};
 use crate::replay::ReplayError;
 use resonarm_bench::node::mapped::mapping::{Action, Counts, Incoming, Mapping};
 use resonarm_bench::rig::Load;
+use resonarm_files::decoder::action_name;
 use resonarm_files::recording::{Direction, FrameRecord};
 use resonarm_protocol::Frame;
 use resonarm_realtime::Clock;
 
-/// Name of the request by which a controller ends.
-const DISARM: &str = "disarm";
 /// Commands that may wait to be compared: more than are under way at one moment.
 const AHEAD: usize = 1024;
 
@@ -71,21 +70,12 @@ impl Message {
                     event.actions.iter().find(|(asking, _)| counts && *asking == value)
                 }
             };
-            said.extend(action.map(|(_, action)| Said::Request(name(*action))));
+            said.extend(action.map(|(_, action)| Said::Request(action_name(*action))));
         }
         if let Ok(Some(load)) = self.incoming.load(payload) {
             said.push(Said::Load { place, load });
         }
         said
-    }
-}
-
-const fn name(action: Action) -> &'static str {
-    match action {
-        Action::Arm => "arm",
-        Action::Disarm => DISARM,
-        Action::Reset => "reset",
-        Action::Stop => "stop",
     }
 }
 
@@ -109,7 +99,7 @@ impl Live {
     }
 
     fn has_ended(&self) -> bool {
-        self.requests.back() == Some(&DISARM)
+        self.requests.back() == Some(&action_name(Action::Disarm))
     }
 }
 
@@ -193,8 +183,7 @@ pub(super) fn expect<C: Clock>(
         };
         if let Some(missing) = missing {
             if !test.live.is_there && !test.signals.is_stopped() {
-                let waited_s = test.regression.patience.as_secs_f64();
-                return Err(ReplayError::NoController { waited_s });
+                return Err(test.no_controller());
             }
             return Ok(test.differs(record.sample, missing));
         }
