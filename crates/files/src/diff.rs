@@ -42,7 +42,7 @@ pub struct Difference {
 }
 
 /// The difference between the records of one kind.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PartDifference {
     /// Name of the kind of records.
     pub part: &'static str,
@@ -184,14 +184,7 @@ fn compare(
         tolerance: options.tolerance,
         places: channels.iter().map(place).collect(),
         channels,
-        part: PartDifference {
-            part: part.name(),
-            compared: 0,
-            only_in_a: 0,
-            only_in_b: 0,
-            first_difference: None,
-            channels: Vec::new(),
-        },
+        part: PartDifference { part: part.name(), ..PartDifference::default() },
     };
     let (mut ours, mut theirs) = (rows(a, part, &options.samples)?, rows(b, part, &options.samples)?);
     let (mut left, mut right) = (ours.next().transpose()?, theirs.next().transpose()?);

@@ -46,7 +46,7 @@ struct Table {
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<RecordingPart>)>,
+    files: impl Iterator<Item = (PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let mut tables = Vec::new();
     for (path, parts) in files {
@@ -143,7 +143,7 @@ fn frame(f: &mut fmt::Formatter<'_>, record: &FrameRecord) -> fmt::Result {
         }
     }
     .map(u8::from);
-    let (time_s, bus_unix_ns) = (Seconds(*time_ns), Optional(*bus_timestamp_ns));
+    let (time_s, bus_unix_ns) = (Seconds(*time_ns), bus_timestamp_ns.map_or(String::new(), |ns| ns.to_string()));
     write!(f, "{sample},{time_s},{bus_unix_ns},{direction},{},{is_extended},", frame.id().raw())?;
     write!(f, "{remote},{fd},{brs},{esi},{},", frame.len())?;
     frame.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
@@ -155,15 +155,6 @@ struct Seconds(u64);
 impl Display for Seconds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}.{:09}", self.0 / 1_000_000_000, self.0 % 1_000_000_000)
-    }
-}
-
-/// A cell that may be empty.
-struct Optional<T>(Option<T>);
-
-impl<T: Display> Display for Optional<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.as_ref().map_or(Ok(()), |value| value.fmt(f))
     }
 }
 

@@ -115,7 +115,4 @@ fn unknown_format(got: &str) -> String {
 /// Error of a text that is not the name of a [`RecordingPart`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("it must be one of {}", names(&RecordingPart::ALL))]
-pub struct UnknownRecordingPart {
-    /// Text that names no part of a recording.
-    pub got: String,
-}
+pub struct UnknownRecordingPart;

@@ -47,14 +47,6 @@ impl Topic {
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<RecordingPart>)>,
-) -> Result<Vec<ExportedFile>, ExportError> {
-    files.into_iter().map(|(path, parts)| copy(recording, selection, path, &parts)).collect()
-}
-
-fn copy(
-    recording: &Recording,
-    selection: &Selection,
     path: PathBuf,
     parts: &[RecordingPart],
 ) -> Result<ExportedFile, ExportError> {

@@ -3,7 +3,7 @@
 use std::io::BufWriter;
 use std::path::PathBuf;
 
-use super::{ExportError, ExportedFile, RecordingPart, Selection};
+use super::{ExportError, ExportedFile, Selection};
 use crate::can_log::{LogFormat, LoggedFrame};
 use crate::recording::{Existing, FrameRecord, Origin, Recording, RecordingError};
 use crate::staged::Staged;
@@ -20,8 +20,8 @@ pub(super) fn write(
     recording: &Recording,
     format: LogFormat,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<RecordingPart>)>,
-) -> Result<Vec<ExportedFile>, ExportError> {
+    path: PathBuf,
+) -> Result<ExportedFile, ExportError> {
     let origin = recording.origin();
     // Read twice, not collected: a recording may be larger than the memory.
     let logged = || {
@@ -35,22 +35,18 @@ pub(super) fn write(
         let time_ns = frame?.time_ns;
         start_ns = Some(start_ns.map_or(time_ns, |earliest| earliest.min(time_ns)));
     }
-    let mut exported = Vec::new();
-    for (path, _) in files {
-        let failed = |source| ExportError::Write { path: path.clone(), source };
-        let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
-        let mut writer = format.writer(BufWriter::new(file), interface(&origin.interface), start_ns.unwrap_or(0));
-        let mut rows = 0;
-        for frame in logged()? {
-            writer.write(&frame?).map_err(failed)?;
-            rows += 1;
-        }
-        writer.finish().map_err(failed)?;
-        drop(writer);
-        staged.publish().map_err(failed)?;
-        exported.push(ExportedFile { path, rows, columns: Vec::new() });
+    let failed = |source| ExportError::Write { path: path.clone(), source };
+    let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
+    let mut writer = format.writer(BufWriter::new(file), interface(&origin.interface), start_ns.unwrap_or(0));
+    let mut rows = 0;
+    for frame in logged()? {
+        writer.write(&frame?).map_err(failed)?;
+        rows += 1;
     }
-    Ok(exported)
+    writer.finish().map_err(failed)?;
+    drop(writer);
+    staged.publish().map_err(failed)?;
+    Ok(ExportedFile { path, rows, columns: Vec::new() })
 }
 
 fn logged_frame(origin: &Origin, record: &FrameRecord) -> LoggedFrame {

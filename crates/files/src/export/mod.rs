@@ -147,11 +147,18 @@ pub fn export(
 ) -> Result<Vec<ExportedFile>, ExportError> {
     format.check(selection)?;
     let files = format.files(stem, &selection.parts);
+    let each = files.into_iter();
     match format {
-        ExportFormat::Csv => csv::write(recording, selection, files),
-        ExportFormat::Log(log) => log::write(recording, log, selection, files),
-        ExportFormat::Foxglove => foxglove::write(recording, selection, files),
-        ExportFormat::Uff58 => uff58::write(recording, selection, files),
-        ExportFormat::Wav => wav::write(recording, selection, files),
+        // All tables are written in one pass, so that the recording is read once.
+        ExportFormat::Csv => csv::write(recording, selection, each),
+        ExportFormat::Log(format) => each.map(|(path, _)| log::write(recording, format, selection, path)).collect(),
+        ExportFormat::Foxglove => {
+            each.map(|(path, parts)| foxglove::write(recording, selection, path, &parts)).collect()
+        }
+        ExportFormat::Uff58 => each.map(|(path, parts)| uff58::write(recording, selection, path, parts)).collect(),
+        ExportFormat::Wav => {
+            let file = |(path, parts): (PathBuf, Vec<RecordingPart>)| Some((path, *parts.first()?));
+            each.filter_map(file).map(|(path, part)| wav::write(recording, selection, path, part)).collect()
+        }
     }
 }

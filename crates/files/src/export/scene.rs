@@ -32,12 +32,9 @@ impl Scene {
     /// Draws the structure of the recording's scenario.
     ///
     /// # Errors
-    /// [`ExportError::Magnification`], [`ExportError::NoPlaces`] if the positions of the structure's points are not
-    /// known, and [`ExportError::Scenario`] if the recording's scenario has no valid structure.
+    /// [`ExportError::NoPlaces`] if the positions of the structure's points are not known, and [`ExportError::Scenario`]
+    /// if the recording's scenario has no valid structure.
     pub fn new(recording: &Recording, magnification: f64) -> Result<Scene, ExportError> {
-        if !(magnification.is_finite() && magnification > 0.0) {
-            return Err(ExportError::Magnification { got: magnification });
-        }
         let drawing = Drawing::of(&Scenario::from_configuration(recording.configuration())?)?;
         Ok(Scene { drawing: drawing.ok_or(ExportError::NoPlaces)?, magnification })
     }

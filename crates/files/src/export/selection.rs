@@ -65,8 +65,7 @@ impl FromStr for RecordingPart {
     type Err = UnknownRecordingPart;
 
     fn from_str(text: &str) -> Result<RecordingPart, UnknownRecordingPart> {
-        let found = RecordingPart::ALL.into_iter().find(|part| part.name() == text);
-        found.ok_or_else(|| UnknownRecordingPart { got: text.to_owned() })
+        RecordingPart::ALL.into_iter().find(|part| part.name() == text).ok_or(UnknownRecordingPart)
     }
 }
 

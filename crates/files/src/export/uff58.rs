@@ -52,37 +52,34 @@ const fn direction(axis: Axis) -> u32 {
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<RecordingPart>)>,
-) -> Result<Vec<ExportedFile>, ExportError> {
-    let mut exported = Vec::new();
-    for (path, parts) in files {
-        let failed = |source| ExportError::Write { path: path.clone(), source };
-        let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
-        let mut out = BufWriter::new(file);
-        units(&mut out).map_err(failed)?;
-        let (mut rows, mut columns) = (0, Vec::new());
-        for part in parts {
-            let (first, count) = span(recording, part, &selection.samples)?;
-            for (index, channel) in recording.channels().of(part.topic()).iter().enumerate() {
-                let dt_s = recording.origin().dt_s;
-                let start_s = (first as f64 - lead(part.topic(), recording.origin())) * dt_s;
-                head(&mut out, recording, channel, &Abscissa { count, start_s, dt_s }).map_err(failed)?;
-                let mut written = 0;
-                visit(recording, part, &selection.samples, |values| {
-                    written += 1;
-                    // The last line of a dataset may have fewer values, and must end before the delimiter.
-                    let end = if written % IN_LINE == 0 || written == count { "\n" } else { "" };
-                    write!(out, "{}{end}", e20(values[index])).map_err(failed)
-                })?;
-                writeln!(out, "{DELIMITER}").map_err(failed)?;
-                columns.push(channel.name.to_string());
-            }
-            rows = rows.max(count);
+    path: PathBuf,
+    parts: Vec<RecordingPart>,
+) -> Result<ExportedFile, ExportError> {
+    let failed = |source| ExportError::Write { path: path.clone(), source };
+    let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
+    let mut out = BufWriter::new(file);
+    units(&mut out).map_err(failed)?;
+    let (mut rows, mut columns) = (0, Vec::new());
+    for part in parts {
+        let (first, count) = span(recording, part, &selection.samples)?;
+        for (index, channel) in recording.channels().of(part.topic()).iter().enumerate() {
+            let dt_s = recording.origin().dt_s;
+            let start_s = (first as f64 - lead(part.topic(), recording.origin())) * dt_s;
+            head(&mut out, recording, channel, &Abscissa { count, start_s, dt_s }).map_err(failed)?;
+            let mut written = 0;
+            visit(recording, part, &selection.samples, |values| {
+                written += 1;
+                // The last line of a dataset may have fewer values, and must end before the delimiter.
+                let end = if written % IN_LINE == 0 || written == count { "\n" } else { "" };
+                write!(out, "{}{end}", e20(values[index])).map_err(failed)
+            })?;
+            writeln!(out, "{DELIMITER}").map_err(failed)?;
+            columns.push(channel.name.to_string());
         }
-        out.flush().and_then(|()| staged.publish()).map_err(failed)?;
-        exported.push(ExportedFile { path: path.clone(), rows, columns });
+        rows = rows.max(count);
     }
-    Ok(exported)
+    out.flush().and_then(|()| staged.publish()).map_err(failed)?;
+    Ok(ExportedFile { path, rows, columns })
 }
 
 /// Position of a channel's values in time.

@@ -15,38 +15,32 @@ const VALUE: u64 = 4;
 /// Bytes that the heads of the file's chunks take at most.
 const HEADS: u64 = 256;
 
-/// Writes a file for each part.
+/// Writes the file of a part.
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<RecordingPart>)>,
-) -> Result<Vec<ExportedFile>, ExportError> {
+    path: PathBuf,
+    part: RecordingPart,
+) -> Result<ExportedFile, ExportError> {
     let sample_rate = whole_rate_hz(recording.origin().dt_s)?;
-    let mut exported = Vec::new();
-    for (path, parts) in files {
-        for part in parts {
-            let channels = recording.channels().of(part.topic());
-            let (_, rows) = span(recording, part, &selection.samples)?;
-            // Checked before the file is written: the length in its head has 32 bits and would wrap around.
-            if rows * channels.len() as u64 * VALUE + HEADS > u64::from(u32::MAX) {
-                return Err(ExportError::Long { rows, channels: channels.len() });
-            }
-            let (bits_per_sample, sample_format) = (32, SampleFormat::Float);
-            let spec = WavSpec { channels: channels.len() as u16, sample_rate, bits_per_sample, sample_format };
-            let staged = Staged::create(&path, Existing::Overwrite);
-            let (mut staged, file) = staged.map_err(|error| failed(&path, error.into()))?;
-            let mut writer = WavWriter::new(BufWriter::new(file), spec).map_err(|error| failed(&path, error))?;
-            visit(recording, part, &selection.samples, |values| {
-                let mut each = values.iter();
-                each.try_for_each(|value| writer.write_sample(*value as f32)).map_err(|error| failed(&path, error))
-            })?;
-            let finished = writer.finalize().and_then(|()| Ok(staged.publish()?));
-            finished.map_err(|error| failed(&path, error))?;
-            let columns = channels.iter().map(|channel| channel.name.to_string()).collect();
-            exported.push(ExportedFile { path: path.clone(), rows, columns });
-        }
+    let channels = recording.channels().of(part.topic());
+    let (_, rows) = span(recording, part, &selection.samples)?;
+    // Checked before the file is written: the length in its head has 32 bits and would wrap around.
+    if rows * channels.len() as u64 * VALUE + HEADS > u64::from(u32::MAX) {
+        return Err(ExportError::Long { rows, channels: channels.len() });
     }
-    Ok(exported)
+    let (bits_per_sample, sample_format) = (32, SampleFormat::Float);
+    let spec = WavSpec { channels: channels.len() as u16, sample_rate, bits_per_sample, sample_format };
+    let failed = |error| failed(&path, error);
+    let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(|error| failed(error.into()))?;
+    let mut writer = WavWriter::new(BufWriter::new(file), spec).map_err(failed)?;
+    visit(recording, part, &selection.samples, |values| {
+        let mut each = values.iter();
+        each.try_for_each(|value| writer.write_sample(*value as f32)).map_err(failed)
+    })?;
+    writer.finalize().and_then(|()| Ok(staged.publish()?)).map_err(failed)?;
+    let columns = channels.iter().map(|channel| channel.name.to_string()).collect();
+    Ok(ExportedFile { path, rows, columns })
 }
 
 /// Returns the samples a second, which a sound file has as a whole number.
