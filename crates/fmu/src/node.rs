@@ -96,11 +96,11 @@ impl Node {
         let sent = match &mut self.end {
             End::Plant(plant) => {
                 plant.exchange(self.now_ns)?;
-                plant.sent()
+                plant.port.sent()
             }
             End::Exciter(exciter) => {
                 exciter.exchange(self.now_ns);
-                exciter.sent()
+                exciter.port.sent()
             }
         };
         sent.into_iter().for_each(|frame| self.terminal.send(&Operation::Transmit(frame)));
@@ -110,15 +110,15 @@ impl Node {
 
     fn set_bus_off(&mut self, is_off: bool) {
         match &mut self.end {
-            End::Plant(plant) => plant.set_bus_off(is_off),
-            End::Exciter(exciter) => exciter.set_bus_off(is_off),
+            End::Plant(plant) => plant.port.set_bus_off(is_off),
+            End::Exciter(exciter) => exciter.port.set_bus_off(is_off),
         }
     }
 
     fn take(&mut self, frame: Frame) {
         match &mut self.end {
-            End::Plant(plant) => plant.take(frame),
-            End::Exciter(exciter) => exciter.take(frame),
+            End::Plant(plant) => plant.port.take(frame),
+            End::Exciter(exciter) => exciter.port.take(frame),
         }
     }
 
@@ -262,8 +262,8 @@ impl Model for Node {
             (End::Plant(plant), Source::FaultCode) => {
                 plant.node().latched_fault().map_or(0, |emergency| emergency.code as u64)
             }
-            (End::Exciter(exciter), Source::NodeState) => state(exciter.state()),
-            (End::Exciter(exciter), Source::Played) => exciter.samples_played(),
+            (End::Exciter(exciter), Source::NodeState) => state(exciter.node().state()),
+            (End::Exciter(exciter), Source::Played) => exciter.node().samples_played(),
             (End::Exciter(exciter), Source::Responses) => exciter.responses().len() as u64,
             _ => 0,
         }

@@ -72,16 +72,12 @@ impl Zone {
         libm::ceil((high_hz - low_hz) / self.step_hz).max(1.0) as usize
     }
 
-    fn walk(&self) -> ControlSpec {
-        let Zone { mode_number, walk_points: points, cancel_harmonics, .. } = *self;
-        let spec = PhaseWalkSpec::new(self.amplitude);
-        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
-    }
-
-    fn backbone(&self) -> ControlSpec {
-        let Zone { mode_number, backbone_points: points, cancel_harmonics, .. } = *self;
-        let spec = PhaseWalkSpec::backbone(self.amplitude);
-        ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, points, cancel_harmonics, ..spec })
+    /// Returns the phase-resonance tests of the zone: over the whole response, and along the backbone.
+    fn walks(&self) -> [ControlSpec; 2] {
+        let Zone { mode_number, amplitude, cancel_harmonics, .. } = *self;
+        let walk = PhaseWalkSpec { points: self.walk_points, ..PhaseWalkSpec::new(amplitude) };
+        let backbone = PhaseWalkSpec { points: self.backbone_points, ..PhaseWalkSpec::backbone(amplitude) };
+        [walk, backbone].map(|spec| ControlSpec::PhaseWalk(PhaseWalkSpec { mode_number, cancel_harmonics, ..spec }))
     }
 
     /// Returns frequencies evenly over the zone, and those at which the walk has read the response: its points crowd
@@ -148,7 +144,7 @@ impl ZoneExperiment {
     }
 
     fn walks(&self) -> impl Iterator<Item = ControlSpec> + '_ {
-        self.zones.iter().flat_map(|zone| [zone.walk(), zone.backbone()])
+        self.zones.iter().flat_map(Zone::walks)
     }
 
     /// Checks that the walks can start: errors in a scenario or a zone are found before anything runs.

@@ -12,7 +12,6 @@ use resonarm_bench::rig::{Load, Measurement, Readings};
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
-use resonarm_realtime::Percentiles;
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
 const FRAMES_AT_ONCE: usize = 256;
@@ -21,8 +20,8 @@ const FRAMES_SENT_AT_ONCE: usize = 16;
 
 /// The plant, its node and the sink of its records.
 pub(super) struct Bench<'a> {
-    plant: Plant,
-    node: Box<dyn PlantInterface>,
+    pub plant: Plant,
+    pub node: Box<dyn PlantInterface>,
     steps_per_sample: u32,
     records: RecordSink,
     watched: Option<Watched>,
@@ -32,21 +31,23 @@ pub(super) struct Bench<'a> {
     /// The outage of the bus, while it is lost.
     outage: Option<Outage>,
     /// Cause of the last loss of the bus.
-    bus_loss: Option<BusLoss>,
+    pub bus_loss: Option<BusLoss>,
     /// Whether another sender of the plant's messages has been reported.
     other_sender_reported: bool,
-    first_refused_frame: Option<RefusedFrame>,
+    /// The first frame that the node rejected in one of its checks.
+    pub first_refused_frame: Option<RefusedFrame>,
     /// The state of the bus's controller reported last.
     controller: ControllerState,
     /// Round-trip times of commands; `None` if the run is not in real time.
-    round_trips: Option<RoundTrips>,
-    samples: u64,
+    pub round_trips: Option<RoundTrips>,
+    /// Number of samples measured so far.
+    pub samples: u64,
     /// Sample 0, if it was measured and published before the plant was armed in lockstep.
     start: Option<Measurement>,
     /// The load from the sample before to this one.
     held: Load,
-    /// Readings of the last sample that the protocol does not carry.
-    more: Readings,
+    /// Readings of the last sample that the protocol does not carry, for the exciter in the same loop.
+    pub more: Readings,
 }
 
 impl<'a> Bench<'a> {
@@ -82,30 +83,19 @@ impl<'a> Bench<'a> {
     /// Returns an independent copy in the same state that keeps its records and reports events to nobody. The original
     /// must do the same.
     pub fn unwatched_copy(&self) -> Bench<'static> {
+        let (plant, node, records) = (self.plant.clone(), self.node.boxed_clone(), self.records.copy_of_kept());
         Bench {
-            plant: self.plant.clone(),
-            node: self.node.boxed_clone(),
-            steps_per_sample: self.steps_per_sample,
-            records: self.records.copy_of_kept(),
-            watched: None,
-            on_event: Box::new(|_| {}),
-            batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
             outage: self.outage,
             bus_loss: self.bus_loss,
             other_sender_reported: self.other_sender_reported,
             first_refused_frame: self.first_refused_frame,
             controller: self.controller,
-            round_trips: None,
             samples: self.samples,
             start: self.start,
             held: self.held,
             more: self.more,
+            ..Bench::new(plant, node, self.steps_per_sample, records, None, Box::new(|_| {}))
         }
-    }
-
-    /// Returns the simulated plant.
-    pub fn plant(&self) -> &Plant {
-        &self.plant
     }
 
     /// Returns the records that were kept since the last call.
@@ -118,33 +108,14 @@ impl<'a> Bench<'a> {
         self.plant.sample()
     }
 
-    /// Returns the number of samples measured so far.
-    pub fn samples(&self) -> u64 {
-        self.samples
-    }
-
     /// Returns the number of integration steps made so far.
     pub fn steps(&self) -> u64 {
         self.plant.sample() * u64::from(self.steps_per_sample)
     }
 
-    pub fn node(&self) -> &dyn PlantInterface {
-        &*self.node
-    }
-
     /// Adds the bus's `statistics` to the node's counts of frames.
     pub fn counts(&self, statistics: Statistics) -> BusCounts {
         BusCounts::new(statistics, self.node.frames())
-    }
-
-    /// Returns the first frame that the node rejected in one of its checks.
-    pub fn first_refused_frame(&self) -> Option<RefusedFrame> {
-        self.first_refused_frame
-    }
-
-    /// Returns the cause of the last loss of the bus, if it was lost.
-    pub fn bus_loss(&self) -> Option<BusLoss> {
-        self.bus_loss
     }
 
     /// Says whether the plant was ever armed.
@@ -155,16 +126,6 @@ impl<'a> Bench<'a> {
     /// Says whether the plant was armed once and has been disarmed or has faulted.
     pub fn has_left_armed(&self) -> bool {
         self.node.leaves() > 0
-    }
-
-    /// Starts to time the round trips of samples.
-    pub fn time_round_trips(&mut self, round_trips: RoundTrips) {
-        self.round_trips = Some(round_trips);
-    }
-
-    /// Returns the durations of the round trips, µs, if they are timed.
-    pub fn round_trip_us(&self) -> Option<Percentiles> {
-        self.round_trips.as_ref().and_then(RoundTrips::percentiles)
     }
 
     /// Boots the node of a run that began when the loop's clock read `clock_ns`.
@@ -230,16 +191,6 @@ impl<'a> Bench<'a> {
         if self.node.is_armed() {
             self.fault(now_ns, EmergencyCode::SimulationFailed, 0);
         }
-    }
-
-    /// Makes an armed plant fault since the bus has failed.
-    pub fn bus_lost(&mut self, now_ns: u64) {
-        self.node.bus_lost(now_ns);
-    }
-
-    /// Makes the node leave the bus: an armed plant is disarmed.
-    pub fn leave(&mut self, now_ns: u64) {
-        self.node.leave(now_ns);
     }
 
     /// Reports that the schedule has moved by `periods`.
@@ -386,16 +337,6 @@ impl<'a> Bench<'a> {
     fn publish(&mut self, measurement: &Measurement) -> Result<(), RunError> {
         let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
         Ok(self.node.publish(&PublishedSample { measurement, states, travel_m })?)
-    }
-
-    /// The readings of the last sample that the protocol does not carry, for the exciter in the same loop.
-    pub fn more_readings(&self) -> Readings {
-        self.more
-    }
-
-    /// Hands over the load by which the exciter in the same loop answers the sample of index `index`.
-    pub fn hand_over(&mut self, index: u16, load: &Load) {
-        self.node.hand_over(index, load);
     }
 
     /// Advances to the next sample with the command that is held now, and records the state before. If the simulation

@@ -4,6 +4,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
 use super::event_record::{event_record, request_records, sample_record};
+use super::finish::{RETRY_NS, SEND_LIMIT_NS};
+use super::lockstep::LOOK_NS;
 use super::mistakes::RefusedFrame;
 use super::outage::{self, Outage};
 use super::{
@@ -16,13 +18,6 @@ use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_realtime::Clock;
 
-/// Longest sleep between two checks of the stop signal, ns.
-const LOOK_NS: u64 = 20_000_000;
-/// Wait before a full transmit queue is tried again, ns.
-const RETRY_NS: u64 = 200_000;
-/// Longest time to send the remaining frames after the end, ns: several times the time that a full outbox takes at 125
-/// kbit/s.
-const SEND_LIMIT_NS: u64 = 500_000_000;
 /// Frames processed between two checks of the stop signal and the deadlines, so that a flooded bus delays neither.
 const FRAMES_AT_ONCE: usize = 256;
 
@@ -254,7 +249,7 @@ impl<C: Clock> Run<'_, C> {
     /// Notifies watchers of events, and does what they request.
     fn serve_watcher(&mut self, now_ns: u64) {
         let Some(watched) = &mut self.watched else { return };
-        if watched.end() == End::Exciter {
+        if watched.end == End::Exciter {
             notify_answers(self.node, watched);
             notify_events(self.node, watched);
         }
@@ -304,7 +299,7 @@ impl<C: Clock> Run<'_, C> {
     /// the sample before.
     fn notify_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
         let (next, start_ns, clock) = (self.node.samples_played(), self.start_ns, self.clock);
-        let Some(watched) = self.watched.as_mut().filter(|watched| watched.end() == End::Exciter) else { return };
+        let Some(watched) = self.watched.as_mut().filter(|watched| watched.end == End::Exciter) else { return };
         let sample = match direction {
             Direction::Received => next,
             Direction::Sent => next.saturating_sub(1),
@@ -368,7 +363,7 @@ pub(super) fn steer(node: &mut dyn ExciterInterface, watched: &mut Watched) -> b
     while let Some(request) = watched.request() {
         disarm |= request == Request::Disarm;
         // A plant beside it records the request.
-        if watched.end() == End::Exciter {
+        if watched.end == End::Exciter {
             request_records(&request).into_iter().flatten().for_each(|record| notify_event(node, watched, record));
         }
         if let Request::Set(set_point) = &request

@@ -8,7 +8,7 @@ use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Clock, PeriodicError};
 
 /// Longest time to send the remaining frames, ns: several times the time that a full outbox takes at 125 kbit/s.
-const SEND_LIMIT_NS: u64 = 500_000_000;
+pub(super) const SEND_LIMIT_NS: u64 = 500_000_000;
 /// Wait before a full transmit queue is tried again, ns.
 pub(super) const RETRY_NS: u64 = 200_000;
 
@@ -40,13 +40,13 @@ pub(super) fn finish<C: Clock>(
         Ok(_) => {}
         Err(RunError::Periodic(error)) => bench.fault(now_ns, EmergencyCode::Overrun, missed(error)),
         // The partner can't be told, but the recording and the latched fault must say why the run ended.
-        Err(RunError::Bus(_)) => bench.bus_lost(now_ns),
+        Err(RunError::Bus(_)) => bench.node.bus_lost(now_ns),
         // The node has faulted when the plant did.
         Err(RunError::Plant(_)) => {}
         Err(_) => bench.fail_if_armed(now_ns),
     }
     let outcome = outcome(bench, &ended);
-    bench.leave(now_ns);
+    bench.node.leave(now_ns);
     let simulates = !matches!(ended, Err(RunError::Plant(_)));
     let ramped = if simulates { ramp(bench, bus, pace) } else { Ok(()) };
     bench.handle_deadline(pace.now_ns());
@@ -71,7 +71,7 @@ pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> Plant
     let nothing_done = !bench.was_armed() && bench.sample() == 0;
     match ended {
         Err(_) => PlantOutcome::Failed,
-        Ok(_) if bench.node().latched_fault().is_some() => PlantOutcome::Faulted,
+        Ok(_) if bench.node.latched_fault().is_some() => PlantOutcome::Faulted,
         Ok(EndedBy::Patience) => PlantOutcome::NotArmed,
         Ok(_) if nothing_done => PlantOutcome::NotArmed,
         Ok(EndedBy::Duration) => PlantOutcome::Completed,
@@ -85,7 +85,7 @@ fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) 
     // The ramp is paced from now on: a run that was late must not catch up while its load falls.
     pace.anchor(bench.sample());
     let mut failed = Ok(());
-    while bench.node().is_ramping() {
+    while bench.node.is_ramping() {
         bench.advance(pace.now_ns())?;
         pace.sleep(bench.sample());
         let now_ns = pace.now_ns();
@@ -104,7 +104,7 @@ fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) 
 fn send_rest<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &Pace<'_, C>) -> Result<(), RunError> {
     let end_ns = pace.now_ns() + SEND_LIMIT_NS;
     while !bench.transmit(pace.now_ns(), bus)? && pace.now_ns() < end_ns {
-        pace.clock().sleep_until_ns(pace.clock().now_ns() + RETRY_NS);
+        pace.clock.sleep_until_ns(pace.clock.now_ns() + RETRY_NS);
     }
     Ok(())
 }

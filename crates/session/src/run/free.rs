@@ -65,7 +65,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.exchange()?;
         loop {
             if !self.bench.was_armed() && self.now_ns() >= self.arming_ns {
-                return Err(RunError::Stalled { plant: self.bench.node().state(), exciter: self.exciter.state() });
+                return Err(RunError::Stalled { plant: self.bench.node.state(), exciter: self.exciter.state() });
             }
             self.measure()?;
             if let Some(end) = self.ending.reached(self.bench, self.signals, || self.now_ns()) {
@@ -90,7 +90,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             steer(self.exciter, watched);
         }
         self.signals.set_responses(self.responses.len());
-        self.bench.show(self.signals.gauges(), self.pace.lag_ns(), 0, 0);
+        self.bench.show(self.signals.gauges(), self.pace.lag_ns, 0, 0);
         self.signals.set_done(sample);
         Ok(())
     }
@@ -106,10 +106,10 @@ impl<C: Clock> Free<'_, '_, '_, C> {
 
     /// Works like [`finish`](super::finish::finish), in simulated time.
     fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
-        self.bench.leave(self.now_ns());
+        self.bench.node.leave(self.now_ns());
         // The exciter is told directly, since both are in this loop: it need not find out by a timeout.
         self.exciter.plant_ended(self.now_ns());
-        while simulates && self.bench.node().is_ramping() {
+        while simulates && self.bench.node.is_ramping() {
             self.pass_sample()?;
             self.measure()?;
         }
@@ -141,13 +141,17 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             self.bench.transmit(now_ns, self.near)?;
             // On this bus a frame is there at once, so that what is handed over belongs to the frames of this turn.
             if self.hands_over {
-                self.exciter.carried_mut().hand_over(self.bench.more_readings());
+                self.exciter.carried_mut().hand_over(self.bench.more);
             }
             if let Err(error) = self.answer(now_ns) {
-                self.lose_bus(now_ns, error)?;
+                // A controller that is bus-off comes back.
+                if !error.is_recoverable() {
+                    return Err(error.into());
+                }
+                self.exciter.bus_lost(now_ns);
             }
             if let Some((index, load)) = self.exciter.answering_load().filter(|_| self.hands_over) {
-                self.bench.hand_over(index, &load);
+                self.bench.node.hand_over(index, &load);
             }
             self.bench.receive(now_ns, self.near)?;
             self.bench.handle_deadline(now_ns);
@@ -173,15 +177,6 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             }
             self.exciter.frame_sent();
         }
-        Ok(())
-    }
-
-    /// Handles a controller that is bus-off and comes back.
-    fn lose_bus(&mut self, now_ns: u64, error: BusError) -> Result<(), RunError> {
-        if !error.is_recoverable() {
-            return Err(error.into());
-        }
-        self.exciter.bus_lost(now_ns);
         Ok(())
     }
 

@@ -15,11 +15,11 @@ use core::time::Duration;
 use super::bench::Bench;
 use super::{RunError, Session};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{ExciterInterface, ExciterOutcome, PlantInterface};
+use resonarm_bench::node::{ExciterInterface, PlantInterface};
 use resonarm_bench::plant::Plant;
 use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics};
 use resonarm_files::recording::Record;
-use resonarm_protocol::{Frame, NodeState};
+use resonarm_protocol::Frame;
 use resonarm_realtime::SampleRate;
 
 /// An end of a bus whose other end is the host.
@@ -35,6 +35,21 @@ pub struct HostPort {
 }
 
 impl HostPort {
+    /// Takes a frame from the host, which the next exchange reads.
+    pub fn take(&mut self, frame: Frame) {
+        self.incoming.push_back(frame);
+    }
+
+    /// Sets whether the node's controller is bus-off.
+    pub fn set_bus_off(&mut self, is_off: bool) {
+        self.is_off = is_off;
+    }
+
+    /// Returns the frames that were sent since the last call.
+    pub fn sent(&mut self) -> Vec<Frame> {
+        core::mem::take(&mut self.outgoing)
+    }
+
     fn bus_off(&self) -> BusError {
         BusError::BusOff { interface: self.name() }
     }
@@ -83,7 +98,8 @@ impl Bus for HostPort {
 /// The plant's node on a host's bus. Times are in ns from the start of the simulation and don't decrease.
 pub struct HostedPlant {
     bench: Bench<'static>,
-    port: HostPort,
+    /// End of the bus.
+    pub port: HostPort,
     /// Sample rate, which gives the time of each sample.
     rate: SampleRate,
 }
@@ -150,16 +166,6 @@ impl HostedPlant {
         self.bench.measure()
     }
 
-    /// Takes a frame from the host, which the next exchange reads.
-    pub fn take(&mut self, frame: Frame) {
-        self.port.incoming.push_back(frame);
-    }
-
-    /// Sets whether the node's controller is bus-off.
-    pub fn set_bus_off(&mut self, is_off: bool) {
-        self.port.is_off = is_off;
-    }
-
     /// Reads incoming frames, does the work that is due, and sends.
     ///
     /// # Errors
@@ -179,11 +185,6 @@ impl HostedPlant {
         }
     }
 
-    /// Returns the frames that were sent since the last call.
-    pub fn sent(&mut self) -> Vec<Frame> {
-        core::mem::take(&mut self.port.outgoing)
-    }
-
     /// Returns the records that were kept since the last call.
     pub fn take_records(&mut self) -> Vec<Record> {
         self.bench.take_records()
@@ -196,12 +197,12 @@ impl HostedPlant {
 
     /// Returns the simulated plant.
     pub fn plant(&self) -> &Plant {
-        self.bench.plant()
+        &self.bench.plant
     }
 
     /// Returns the node of the plant.
     pub fn node(&self) -> &dyn PlantInterface {
-        self.bench.node()
+        &*self.bench.node
     }
 
     /// Returns the counts of frames.
@@ -214,7 +215,8 @@ impl HostedPlant {
 #[derive(Debug)]
 pub struct HostedExciter {
     node: Box<dyn ExciterInterface>,
-    port: HostPort,
+    /// End of the bus.
+    pub port: HostPort,
     responses: Vec<ResponsePoint>,
 }
 
@@ -222,16 +224,6 @@ impl HostedExciter {
     /// Boots the node, at time 0.
     pub fn start(&mut self) {
         self.node.start(0);
-    }
-
-    /// Takes a frame from the host, which the next exchange reads.
-    pub fn take(&mut self, frame: Frame) {
-        self.port.incoming.push_back(frame);
-    }
-
-    /// Sets whether the node's controller is bus-off.
-    pub fn set_bus_off(&mut self, is_off: bool) {
-        self.port.is_off = is_off;
     }
 
     /// Reads incoming frames, does the work that is due, and sends.
@@ -253,24 +245,9 @@ impl HostedExciter {
         self.responses.extend(core::iter::from_fn(|| self.node.carried_mut().poll_response()));
     }
 
-    /// Returns the frames that were sent since the last call.
-    pub fn sent(&mut self) -> Vec<Frame> {
-        core::mem::take(&mut self.port.outgoing)
-    }
-
-    /// Returns the state of the exciter's node.
-    pub fn state(&self) -> NodeState {
-        self.node.state()
-    }
-
-    /// Returns how the work ended, once it has.
-    pub fn outcome(&self) -> Option<ExciterOutcome> {
-        self.node.outcome()
-    }
-
-    /// Returns the number of samples answered so far.
-    pub fn samples_played(&self) -> u64 {
-        self.node.samples_played()
+    /// Returns the node of the exciter.
+    pub fn node(&self) -> &dyn ExciterInterface {
+        &*self.node
     }
 
     /// Returns the responses that were read.

@@ -16,7 +16,7 @@ use resonarm_bus::Bus;
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 
 /// Longest sleep between two checks of the stop signal, ns.
-const LOOK_NS: u64 = 20_000_000;
+pub(super) const LOOK_NS: u64 = 20_000_000;
 /// Interval at which a plant that was never armed repeats the readings of sample 0, ns of the clock.
 const REPEAT_NS: u64 = 50_000_000;
 /// Silence of a plant that has sent readings before it was armed, until it publishes sample 0, ns of the clock.
@@ -65,7 +65,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
     }
 
     fn samples(&mut self) -> Result<EndedBy, RunError> {
-        self.bench.start(self.pace.start_ns(), self.pace.now_ns());
+        self.bench.start(self.pace.start_ns, self.pace.now_ns());
         if let Some(end) = self.wait_for_arming()? {
             return Ok(end);
         }
@@ -78,7 +78,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             let begun_ns = self.hold(begun_ns)?;
             // Read before the sample goes out: only a plant that is armed when it publishes waits for an
             // answer.
-            let awaited = self.bench.node().is_armed();
+            let awaited = self.bench.node.is_armed();
             self.pace.note(self.bench.sample());
             self.bench.measure()?;
             self.bench.transmit(begun_ns, self.bus)?;
@@ -87,7 +87,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             while awaited && self.waits_for_answer() && self.ended().is_none() {
                 answered_ns = self.serve(answered_ns, LOOK_NS)?;
             }
-            if !self.bench.node().is_armed() {
+            if !self.bench.node.is_armed() {
                 answered_ns = self.pass_period(published_ns, answered_ns)?;
             }
             if let Some(end) = self.ended() {
@@ -98,8 +98,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             // The time spent waiting for the answer is not work of the plant.
             let exec_ns = published_ns - begun_ns + (now_ns - answered_ns);
             self.exec.record(exec_ns);
-            self.bench.notify_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
-            self.bench.show(self.signals.gauges(), self.pace.lag_ns(), exec_ns, 0);
+            self.bench.notify_pace(self.bench.sample() - 1, self.pace.lag_ns, exec_ns);
+            self.bench.show(self.signals.gauges(), self.pace.lag_ns, exec_ns, 0);
             self.signals.set_done(self.bench.sample());
         }
     }
@@ -107,7 +107,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
     /// Waits until the plant is armed, and long enough that no earlier frame is still on its way; returns the cause of
     /// the end if the run ends instead.
     fn wait_for_arming(&mut self) -> Result<Option<EndedBy>, RunError> {
-        let sends_readings = self.bench.node().sends_unarmed_readings();
+        let sends_readings = self.bench.node.sends_unarmed_readings();
         let (mut repeat_at_ns, mut armed_at_ns) = (0, None);
         let mut now_ns = self.pace.now_ns();
         loop {
@@ -115,7 +115,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
                 return Ok(Some(end));
             }
             let mut limit_ns = LOOK_NS;
-            if !self.bench.node().is_armed() {
+            if !self.bench.node.is_armed() {
                 // If the plant is disarmed again, the silence begins anew with the next arming.
                 armed_at_ns = None;
                 if sends_readings && now_ns >= repeat_at_ns {
@@ -139,7 +139,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
     }
 
     fn waits_for_answer(&self) -> bool {
-        self.bench.node().is_armed() && !self.bench.node().is_answered()
+        self.bench.node.is_armed() && !self.bench.node.is_answered()
     }
 
     /// Waits for the clock and processes incoming frames. Returns the time then.
@@ -156,7 +156,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
     /// Holds before the sample at which the caller asked for it. Returns the time then.
     fn hold(&mut self, mut now_ns: u64) -> Result<u64, RunError> {
         let Some(hold) = self.hold.filter(|hold| hold.sample == self.bench.sample()) else { return Ok(now_ns) };
-        while !(hold.is_over)() && self.ended().is_none() {
+        while !hold.is_over.0() && self.ended().is_none() {
             now_ns = self.serve(now_ns, LOOK_NS)?;
         }
         Ok(now_ns)
@@ -183,10 +183,10 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         let sent = self.bench.transmit(now_ns, self.bus)?;
         // Frames that the bus has not taken are offered again soon.
         let limit_ns = if sent { limit_ns } else { limit_ns.min(RETRY_NS) };
-        let due_ns = self.bench.node().next_deadline_ns().saturating_sub(now_ns);
+        let due_ns = self.bench.node.next_deadline_ns().saturating_sub(now_ns);
         if let Err(error) = self.bus.wait(Duration::from_nanos(due_ns.min(limit_ns))) {
             self.bench.lose_bus(self.pace.now_ns(), error)?;
-            self.pace.clock().sleep_until_ns(self.pace.clock().now_ns() + due_ns.min(limit_ns));
+            self.pace.clock.sleep_until_ns(self.pace.clock.now_ns() + due_ns.min(limit_ns));
         }
         let now_ns = self.pace.now_ns();
         self.bench.receive(now_ns, self.bus)?;

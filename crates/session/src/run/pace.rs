@@ -85,15 +85,17 @@ pub enum SpeedError {
 /// Holds simulated time to a clock.
 #[derive(Debug)]
 pub(super) struct Pace<'c, C: Clock> {
-    clock: &'c C,
+    /// The clock to which the run is held.
+    pub clock: &'c C,
     rate: SampleRate,
     speed: Speed,
-    /// Start of the run, from which its times count.
-    start_ns: u64,
+    /// Start of the run on the clock, from which its times count, ns.
+    pub start_ns: u64,
     /// A sample, and the time at which it is due.
     anchor: (u64, u64),
     late: LatencyHistogram,
-    lag_ns: u64,
+    /// Delay of the sample noted last, ns; 0 if the run does not wait for the clock.
+    pub lag_ns: u64,
     longest_lag_ns: u64,
 }
 
@@ -114,28 +116,20 @@ impl<'c, C: Clock> Pace<'c, C> {
         self.clock.now_ns().saturating_sub(self.start_ns)
     }
 
-    /// Returns the start of the run on the clock, ns.
-    pub fn start_ns(&self) -> u64 {
-        self.start_ns
-    }
-
-    /// Returns the clock to which the run is held.
-    pub fn clock(&self) -> &'c C {
-        self.clock
-    }
-
     /// Restarts the schedule: `sample` is due now, and the others count from there at the speed.
     pub fn anchor(&mut self, sample: u64) {
         self.anchor = (sample, self.clock.now_ns());
     }
 
+    /// Returns the time on the clock at which `sample` is due, ns; `None` if the run does not wait for the clock.
+    fn due_ns(&self, sample: u64) -> Option<u64> {
+        let offset_ns = self.rate.offset_ns(sample.saturating_sub(self.anchor.0)) as f64 / self.speed.0;
+        self.speed.is_paced().then(|| self.anchor.1.saturating_add(offset_ns as u64))
+    }
+
     /// Returns the time until `sample` is due, ns.
     pub fn left_ns(&self, sample: u64) -> u64 {
-        if !self.speed.is_paced() {
-            return 0;
-        }
-        let offset_ns = self.rate.offset_ns(sample.saturating_sub(self.anchor.0)) as f64 / self.speed.0;
-        self.anchor.1.saturating_add(offset_ns as u64).saturating_sub(self.clock.now_ns())
+        self.due_ns(sample).map_or(0, |due_ns| due_ns.saturating_sub(self.clock.now_ns()))
     }
 
     /// Sleeps until `sample` is due.
@@ -148,18 +142,10 @@ impl<'c, C: Clock> Pace<'c, C> {
 
     /// Notes that `sample` is processed now, and its delay.
     pub fn note(&mut self, sample: u64) {
-        if !self.speed.is_paced() {
-            return;
-        }
-        let offset_ns = self.rate.offset_ns(sample.saturating_sub(self.anchor.0)) as f64 / self.speed.0;
-        self.lag_ns = self.clock.now_ns().saturating_sub(self.anchor.1.saturating_add(offset_ns as u64));
+        let Some(due_ns) = self.due_ns(sample) else { return };
+        self.lag_ns = self.clock.now_ns().saturating_sub(due_ns);
         self.longest_lag_ns = self.longest_lag_ns.max(self.lag_ns);
         self.late.record(self.lag_ns);
-    }
-
-    /// Returns the delay of the sample noted last, ns; 0 if the run does not wait for the clock.
-    pub fn lag_ns(&self) -> u64 {
-        self.lag_ns
     }
 
     /// Returns the delays of the samples; `None` if the run did not wait for the clock.

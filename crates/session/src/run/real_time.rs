@@ -29,7 +29,7 @@ pub(super) fn real_time<C: Clock>(
     let spin_ns = spin.map_or(0, |choice| choice.spin_ns());
     let mut periodic = Periodic::start(clock, rate, overrun)?.spinning(spin_ns);
     let mut pace = Pace::start_at(clock, periodic.start_ns(), rate, Speed::ACTUAL)?;
-    bench.time_round_trips(RoundTrips::new()?);
+    bench.round_trips = Some(RoundTrips::new()?);
     let ended = ticks(bench, bus, &mut periodic, &pace, ending, (signals, overruns));
     let (outcome, error) = finish(bench, bus, &mut pace, ended);
     let timing = periodic.summary();
@@ -54,7 +54,7 @@ fn ticks<C: Clock>(
     ending: Ending,
     (signals, overruns): (&Signals, &mut dyn FnMut(Overrun)),
 ) -> Result<EndedBy, RunError> {
-    bench.start(pace.start_ns(), pace.now_ns());
+    bench.start(pace.start_ns, pace.now_ns());
     loop {
         let tick = periodic.tick()?;
         let now_ns = pace.now_ns();
@@ -62,7 +62,7 @@ fn ticks<C: Clock>(
         let exec_ns = periodic.finish(&tick, bus_ns);
         let Tick { index: sample, wakeup_ns, missed, cause, .. } = tick;
         bench.record(&Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: missed, cause }));
-        if let Some(overrun) = Overrun::of(&tick, pace.start_ns()) {
+        if let Some(overrun) = Overrun::of(&tick, pace.start_ns) {
             overruns(overrun);
         }
         bench.show(signals.gauges(), wakeup_ns, exec_ns, missed);
@@ -96,7 +96,7 @@ fn work<C: Clock>(
     }
     bench.measure()?;
     let measured_ns = pace.now_ns();
-    bench.transmit_timed(now_ns, pace.clock().unix_ns(), bus)?;
+    bench.transmit_timed(now_ns, pace.clock.unix_ns(), bus)?;
     // Receiving and sending are separate, since a long bus call has another remedy than a long integration step.
     Ok((received_ns - now_ns) + (pace.now_ns() - measured_ns))
 }

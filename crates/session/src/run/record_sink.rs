@@ -27,21 +27,16 @@ impl RecordSink {
     /// Records `record`. If the recording has failed, which its recorder reports, records are discarded, and the run
     /// continues.
     pub fn record(&mut self, record: &Record) {
-        let failed = match self {
-            RecordSink::Off => false,
-            RecordSink::Lossy(channel) => {
-                channel.push(record);
-                false
+        match self {
+            RecordSink::Off => {}
+            RecordSink::Lossy(channel) => _ = channel.push(record),
+            RecordSink::Whole(channel) => {
+                if channel.push_blocking(record).is_err() {
+                    // A failed recording would fail at every further record, and each time wait for nothing.
+                    *self = RecordSink::Off;
+                }
             }
-            // A failed recording would fail at every further record, and each time wait for nothing.
-            RecordSink::Whole(channel) => channel.push_blocking(record).is_err(),
-            RecordSink::Kept(records) => {
-                records.push(*record);
-                false
-            }
-        };
-        if failed {
-            *self = RecordSink::Off;
+            RecordSink::Kept(records) => records.push(*record),
         }
     }
 

@@ -6,6 +6,7 @@ use serde::{Serialize, Serializer};
 
 use super::bench::Bench;
 use super::mistakes::{RefusedFrame, first_such_sample, refused_command, unsent_command};
+use super::round_trip::RoundTrips;
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
@@ -112,17 +113,17 @@ pub struct PlantReport {
 impl PlantReport {
     /// Makes the report of a run of `bench`, without its timing.
     pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: PlantOutcome, error: Option<RunError>) -> PlantReport {
-        let emergency = bench.node().latched_fault();
+        let emergency = bench.node.latched_fault();
         PlantReport {
             outcome,
             fault: emergency.as_ref().map(|found| bench.fault_found(found)),
             emergency,
-            cause: bench.node().fault_cause(),
-            partner_fault: bench.node().fault_reason(),
-            partner: bench.node().fault_reason().map(|reason| bench.fault_found(&reason)),
-            bus_loss: bench.bus_loss(),
+            cause: bench.node.fault_cause(),
+            partner_fault: bench.node.fault_reason(),
+            partner: bench.node.fault_reason().map(|reason| bench.fault_found(&reason)),
+            bus_loss: bench.bus_loss,
             error,
-            samples: bench.samples(),
+            samples: bench.samples,
             steps: bench.steps(),
             overruns: 0,
             overrun_causes: OverrunCauses::default(),
@@ -132,11 +133,11 @@ impl PlantReport {
             histograms: Histograms::default(),
             wakeup_us: None,
             exec_us: None,
-            round_trip_us: bench.round_trip_us(),
+            round_trip_us: bench.round_trips.as_ref().and_then(RoundTrips::percentiles),
             pacing: None,
             bus,
-            refused: RefusedCommands::from(bench.node().refusals()),
-            first_refused_command: bench.node().refusals().first_load().map(|of| refused_command(&of, bench.plant())),
+            refused: RefusedCommands::from(bench.node.refusals()),
+            first_refused_command: bench.node.refusals().first_load().map(|of| refused_command(&of, &bench.plant)),
             first_refused_frame: None,
             recording: None,
         }

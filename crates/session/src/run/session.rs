@@ -55,8 +55,9 @@ pub enum OnShortfall {
     Refuse,
 }
 
-/// Options of a run.
-#[derive(Clone, Debug)]
+/// Options of a run. By default: no recording, as fast as possible, the default policy, the thread as it is, no end but the
+/// scenario's.
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// File of the recording; `None` records nothing.
     pub record: Option<RecordTo>,
@@ -80,23 +81,6 @@ pub struct Options {
     pub rearm: u32,
 }
 
-impl Default for Options {
-    /// No recording, as fast as possible, the default policy, the thread as it is, no end but the scenario's.
-    fn default() -> Options {
-        Options {
-            record: None,
-            speed: Speed::UNPACED,
-            overrun: OverrunPolicy::default(),
-            spin: Spin::Off,
-            thread: None,
-            on_shortfall: OnShortfall::Warn,
-            end_on_disarm: false,
-            patience: None,
-            rearm: 0,
-        }
-    }
-}
-
 /// Connection between the nodes of a run that has both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Network {
@@ -106,29 +90,28 @@ pub(super) enum Network {
     Real(Option<timed::Spec>),
 }
 
-/// Makes the controller of a run.
-#[derive(Clone)]
-struct MakeController(Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>);
+/// A function of the caller's, which has no text for `Debug`.
+pub(super) struct Callback<R>(pub Arc<dyn Fn() -> R + Send + Sync>);
 
-impl core::fmt::Debug for MakeController {
+impl<R> Clone for Callback<R> {
+    fn clone(&self) -> Callback<R> {
+        Callback(Arc::clone(&self.0))
+    }
+}
+
+impl<R> core::fmt::Debug for Callback<R> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("MakeController")
+        f.write_str("Callback")
     }
 }
 
 /// Holds simulated time before a sample.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Hold {
     /// Sample before which time stands.
     pub sample: u64,
     /// Says whether time goes on.
-    pub is_over: Arc<dyn Fn() -> bool + Send + Sync>,
-}
-
-impl core::fmt::Debug for Hold {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Hold").field("sample", &self.sample).finish_non_exhaustive()
-    }
+    pub is_over: Callback<bool>,
 }
 
 /// A scenario ready to run: plant on a bus, exciter on a bus, or both.
@@ -144,8 +127,8 @@ pub struct Session {
     /// The user protocol of the scenario, if it has one.
     pub(super) wire: Option<WireSpec>,
     ending: Ending,
-    /// Replacement of the scenario's controller.
-    controller: Option<MakeController>,
+    /// Makes the replacement of the scenario's controller.
+    controller: Option<Callback<Box<dyn Controller>>>,
     /// Where a plant in lockstep holds.
     hold: Option<Hold>,
     /// Watcher that is notified of the loops' events.
@@ -245,7 +228,7 @@ impl Session {
     /// Replaces the scenario's controller by one of the caller's own; every run of the exciter calls `make` once.
     #[must_use]
     pub fn with_controller(self, make: impl Fn() -> Box<dyn Controller> + Send + Sync + 'static) -> Session {
-        Session { controller: Some(MakeController(Arc::new(make))), ..self }
+        Session { controller: Some(Callback(Arc::new(make))), ..self }
     }
 
     /// Lets a plant in lockstep hold before it publishes a sample, until `is_over` says that time goes on. It is called every 20
@@ -253,7 +236,7 @@ impl Session {
     /// controller, happens at a known sample. The bus is served meanwhile.
     #[must_use]
     pub fn held_at(self, sample: u64, is_over: impl Fn() -> bool + Send + Sync + 'static) -> Session {
-        Session { hold: Some(Hold { sample, is_over: Arc::new(is_over) }), ..self }
+        Session { hold: Some(Hold { sample, is_over: Callback(Arc::new(is_over)) }), ..self }
     }
 
     /// Connects a watcher: the loops report their events to it, and accept requests.
@@ -327,7 +310,7 @@ impl Session {
 
     /// Returns the report with the first frame that the plant rejected, in words.
     fn explained(&self, bench: &Bench, report: PlantReport) -> PlantReport {
-        let first_refused_frame = bench.first_refused_frame().map(|refused| refused.in_words(&self.scenario));
+        let first_refused_frame = bench.first_refused_frame.map(|refused| refused.in_words(&self.scenario));
         PlantReport { first_refused_frame, ..report }
     }
 

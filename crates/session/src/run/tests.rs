@@ -519,10 +519,10 @@ fn a_measurement_that_cannot_be_sent_is_a_fault_of_an_armed_plant() {
         bench.receive(now_ns, &mut bus).unwrap();
         bench.handle_deadline(now_ns);
     }
-    assert!(bench.node().is_armed());
+    assert!(bench.node.is_armed());
     let error = node::PublishError::NotFinite { name: "head_force_x_n".into(), got: f64::NAN };
     let (outcome, error) = super::finish::finish(&mut bench, &mut bus, &mut pace, Err(error.into()));
     assert_eq!((outcome, error.is_some()), (PlantOutcome::Failed, true));
-    let fault = bench.node().latched_fault().map(|fault| fault.code);
+    let fault = bench.node.latched_fault().map(|fault| fault.code);
     assert_eq!(fault, Some(EmergencyCode::SimulationFailed));
 }

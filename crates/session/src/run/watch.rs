@@ -180,7 +180,8 @@ impl Opened {
 /// A loop's end of its rings.
 #[derive(Debug)]
 pub struct Watched {
-    end: End,
+    /// The end of the bus to which this loop belongs.
+    pub(super) end: End,
     often: Producer<Slot<Often>>,
     events: Producer<Event>,
     responses: Producer<ResponsePoint>,
@@ -255,11 +256,6 @@ impl Watch {
 }
 
 impl Watched {
-    /// Returns the end of the bus to which this loop belongs.
-    pub fn end(&self) -> End {
-        self.end
-    }
-
     /// Passes on `notice`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
     pub fn notify(&mut self, notice: Notice) {

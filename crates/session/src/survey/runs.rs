@@ -45,7 +45,7 @@ impl Survey {
         let mut index = SurveyIndex::new(Some(build), Some(plan.summary), entries);
         let path = folder.join(SurveyIndex::FILE);
         let is_same = match path.exists() {
-            true => match difference("", &lasting(&folder_index(folder)?), &lasting(&json!(index))) {
+            true => match difference("", &lasting(&json!(SurveyIndex::read(folder)?)), &lasting(&json!(index))) {
                 None => true,
                 Some(_) if overwrite => false,
                 Some((key, had, has)) => return Err(SurveyError::Differs { path, key, had, has }),
@@ -144,11 +144,6 @@ impl Survey {
         let state = if reason.is_some() { RunState::Failed } else { RunState::Done };
         (state, reason)
     }
-}
-
-/// Returns the index in a folder as a document.
-fn folder_index(folder: &Path) -> Result<Value, SurveyError> {
-    Ok(json!(SurveyIndex::read(folder)?))
 }
 
 /// Returns an index without what changes as a survey goes on.
