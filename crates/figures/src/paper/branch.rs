@@ -67,16 +67,17 @@ impl Drive {
     }
 }
 
-/// Stability of a periodic response: whether small disturbances die out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Stability {
-    /// Small disturbances die out.
-    Stable,
-    /// Small disturbances of the orbit grow.
-    Unstable,
-    /// The response is a bifurcation, where the stability changes or the branch turns.
-    Marginal,
+/// Returns the stability of a response as documents and tables have it.
+pub(super) const fn stability(is_stable: Option<bool>) -> &'static str {
+    match is_stable {
+        Some(true) => "stable",
+        Some(false) => "unstable",
+        None => "marginal",
+    }
+}
+
+fn as_stability<S: Serializer>(is_stable: &Option<bool>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(stability(*is_stable))
 }
 
 /// A bifurcation on a branch.
@@ -101,37 +102,24 @@ pub struct PaperOrbit {
     pub largest: Vec<f64>,
     /// The amplitude of its fundamental.
     pub amplitude: Vec<f64>,
-    /// Whether small disturbances die out.
-    pub stability: Stability,
+    /// Whether small disturbances die out; `None` at a bifurcation, where the stability changes or the branch turns.
+    #[serde(rename = "stability", serialize_with = "as_stability")]
+    pub is_stable: Option<bool>,
     /// The kind of bifurcation, if it is one.
     pub bifurcation: Option<Event>,
 }
 
 impl PaperOrbit {
     fn new(orbit: &Orbit, bifurcation: Option<BifurcationKind>) -> PaperOrbit {
-        // At a bifurcation a multiplier is on the unit circle, and rounding would decide.
-        let stability = match (orbit.is_stable(), bifurcation) {
-            (Some(true), None) => Stability::Stable,
-            (Some(false), None) => Stability::Unstable,
-            _ => Stability::Marginal,
-        };
         let amplitude = |reading: &Reading| libm::hypot(reading.harmonic1.re, reading.harmonic1.im);
         PaperOrbit {
             frequency_hz: orbit.frequency_hz,
             excitation: orbit.drive,
             largest: orbit.readings.iter().map(|reading| reading.largest).collect(),
             amplitude: orbit.readings.iter().map(amplitude).collect(),
-            stability,
+            // At a bifurcation a multiplier is on the unit circle, and rounding would decide.
+            is_stable: orbit.is_stable().filter(|_| bifurcation.is_none()),
             bifurcation: bifurcation.map(Event),
-        }
-    }
-
-    /// Says whether small disturbances die out; `None` at a bifurcation.
-    pub fn stable(&self) -> Option<bool> {
-        match self.stability {
-            Stability::Stable => Some(true),
-            Stability::Unstable => Some(false),
-            Stability::Marginal => None,
         }
     }
 }
@@ -195,10 +183,15 @@ pub(super) struct Traced<'a> {
     pub structure: &'a str,
     pub arm: &'a Assembly,
     pub drive: Drive,
-    pub read: &'a Read,
+    pub read: Read,
 }
 
-impl Traced<'_> {
+impl<'a> Traced<'a> {
+    /// Reads the arm of a subject at the angles of its joints.
+    pub fn joints(subject: &Subject, arm: &'a Assembly, drive: Drive) -> Traced<'a> {
+        Traced { structure: subject.preset.name(), arm, drive, read: Read::joints() }
+    }
+
     /// Returns the periodic responses over the frequency, from one value to another, under an excitation of this
     /// amplitude.
     ///
@@ -249,36 +242,6 @@ impl Traced<'_> {
 }
 
 impl ForcedBranch {
-    /// Returns the periodic responses of a subject over the frequency, from one value to another, under an excitation
-    /// of this amplitude, with the angles of its joints.
-    ///
-    /// # Errors
-    /// [`PaperError::Analysis`] with the branch that could not be followed, the place and the reason.
-    pub fn over_frequency(
-        subject: &Subject,
-        arm: &Assembly,
-        (drive, amplitude): (Drive, f64),
-        range_hz: [f64; 2],
-    ) -> Result<ForcedBranch, PaperError> {
-        let structure = subject.preset().name();
-        Traced { structure, arm, drive, read: &Read::joints() }.over_frequency(amplitude, range_hz)
-    }
-
-    /// Works like [`ForcedBranch::over_frequency`], over the amplitude of the excitation, from none to `largest`, at
-    /// one frequency.
-    ///
-    /// # Errors
-    /// As [`ForcedBranch::over_frequency`].
-    pub fn over_amplitude(
-        subject: &Subject,
-        arm: &Assembly,
-        (drive, largest): (Drive, f64),
-        frequency_hz: f64,
-    ) -> Result<ForcedBranch, PaperError> {
-        let structure = subject.preset().name();
-        Traced { structure, arm, drive, read: &Read::joints() }.over_amplitude(largest, frequency_hz)
-    }
-
     /// Returns the size of a response at a reading, by its number: the largest displacement or the amplitude, as the
     /// branch is read.
     pub fn size(&self, orbit: &PaperOrbit, reading: usize) -> f64 {
@@ -297,7 +260,7 @@ impl ForcedBranch {
     /// Returns neighbouring responses in pairs, and whether those between them are stable. Between two bifurcations
     /// they are assumed to be unstable.
     pub fn segments(&self) -> impl Iterator<Item = (&PaperOrbit, &PaperOrbit, bool)> {
-        segments(&self.orbits, PaperOrbit::stable)
+        segments(&self.orbits, |orbit| orbit.is_stable)
     }
 
     /// The ranges in which the resonance zones of both modes are searched, Hz.
@@ -338,7 +301,7 @@ mod tests {
     fn stability_changes_at_the_bifurcations() {
         let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();
         let arm = subject.bent(60.0).unwrap();
-        let branch = ForcedBranch::over_frequency(&subject, &arm, (Drive::Torque1, 60.0), [21.0, 23.5]).unwrap();
+        let branch = Traced::joints(&subject, &arm, Drive::Torque1).over_frequency(60.0, [21.0, 23.5]).unwrap();
         let folds: Vec<f64> = branch.bifurcations(BifurcationKind::Fold).map(|fold| fold.frequency_hz).collect();
         assert!((folds[0] - 22.1349).abs() < 1e-4 && (folds[1] - 22.0635).abs() < 1e-4, "{folds:?}");
         let stable: Vec<bool> = branch.segments().map(|(.., is_stable)| is_stable).collect();

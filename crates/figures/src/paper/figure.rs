@@ -113,15 +113,10 @@ pub struct FigureCurves {
 /// The plan of a figure before it is computed.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    figure: Figure,
-    name: String,
-    links: Vec<Link>,
+    /// The figure, whose curves are still missing.
+    drawn: FigureCurves,
     read: Read,
-    title: &'static str,
-    conditions: String,
     jobs: Vec<Job>,
-    panels: Vec<Panel>,
-    measured: Vec<MeasuredPoint>,
 }
 
 impl Plan {
@@ -149,17 +144,17 @@ impl Plan {
             ),
         };
         let conditions = format!("{}{conditions}", subject.label()?);
-        let mut plan = Plan {
+        let drawn = FigureCurves {
             figure,
             name: preset.name().to_owned(),
-            links: subject.chain().links.clone(),
-            read: Read::joints(),
-            title,
+            links: subject.chain.links.clone(),
+            title: title.to_owned(),
             conditions,
-            jobs: vec![],
             panels: vec![],
+            curves: vec![],
             measured: vec![],
         };
+        let mut plan = Plan { drawn, read: Read::joints(), jobs: vec![] };
         match figure {
             Figure::Fig4 => plan.fill_figure4(&subject, settings)?,
             Figure::Fig5 => plan.fill_figure5(&subject, settings)?,
@@ -173,20 +168,22 @@ impl Plan {
     pub fn measured(measured: &MeasuredZones) -> Plan {
         let zones = &measured.zones;
         let forces: Vec<String> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
-        let mut plan = Plan {
+        let title = "Amplitude–frequency characteristics in the measured position, measured on computed";
+        let drawn = FigureCurves {
             figure: Figure::Fig9,
             name: measured.name.clone(),
             links: match &measured.structure.spec().body {
                 BodySpec::Chain(chain) => chain.links.clone(),
                 BodySpec::Modal(_) => vec![],
             },
-            read: Read { at: measured.read.clone(), size: Size::Amplitude },
-            title: "Amplitude–frequency characteristics in the measured position, measured on computed",
+            title: title.to_owned(),
             conditions: format!("{}, {} along x at the tip", measured.label, forces.join(" and ")),
-            jobs: vec![],
             panels: vec![],
+            curves: vec![],
             measured: zones.iter().flat_map(|zone| zone.points.clone()).collect(),
         };
+        let read = Read { at: measured.read.clone(), size: Size::Amplitude };
+        let mut plan = Plan { drawn, read, jobs: vec![] };
         let add = |zone: &MeasuredZone| {
             let force = (Drive::ForceX, zone.force_n);
             plan.over_frequency(format!("{} N", zone.force_n), measured.structure.clone(), force, zone.range_hz)
@@ -210,7 +207,8 @@ impl Plan {
     /// [`PaperError::Analysis`] with the curve that could not be followed, the place and the reason.
     pub fn compute(self, done: impl Fn() + Sync) -> Result<FigureCurves, PaperError> {
         let work = |job: &Job| {
-            let traced = Traced { structure: &self.name, arm: &job.arm, drive: job.drive, read: &self.read };
+            let traced =
+                Traced { structure: &self.drawn.name, arm: &job.arm, drive: job.drive, read: self.read.clone() };
             let branch: Result<ForcedBranch, _> = match job.varied {
                 Varied::Frequency { amplitude, range_hz } => traced.over_frequency(amplitude, range_hz),
                 Varied::Amplitude { largest, frequency_hz } => traced.over_amplitude(largest, frequency_hz),
@@ -219,9 +217,7 @@ impl Plan {
         };
         // In the order of the jobs, by which the panels refer to the curves.
         let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
-        let Plan { figure, name, links, conditions, panels, measured, .. } = self;
-        let title = self.title.to_string();
-        Ok(FigureCurves { figure, name, links, title, conditions, panels, curves, measured })
+        Ok(FigureCurves { curves, ..self.drawn })
     }
 
     /// Adds a curve over the frequency and returns its place.
@@ -231,23 +227,22 @@ impl Plan {
         self.jobs.len() - 1
     }
 
-    fn panel(&mut self, title: impl Into<String>, reading: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
-        let (title, abscissa) = (title.into(), Abscissa::FrequencyHz);
-        self.panels.push(Panel { title, reading, abscissa, logarithmic: false, range, names: true, curves });
-    }
-
-    fn unnamed(&mut self, title: impl Into<String>, reading: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
-        self.panel(title, reading, range, curves);
-        self.panels.iter_mut().last().into_iter().for_each(|panel| panel.names = false);
-    }
-
-    fn spectrum(&mut self, title: impl Into<String>, reading: usize, range_hz: [f64; 2], curves: Vec<usize>) {
-        self.panel(title, reading, Some(range_hz), curves);
-        self.panels.iter_mut().last().into_iter().for_each(|panel| panel.logarithmic = true);
+    /// Adds a panel over the frequency, and returns it for changes.
+    fn panel(
+        &mut self,
+        title: impl Into<String>,
+        reading: usize,
+        range: Option<[f64; 2]>,
+        curves: Vec<usize>,
+    ) -> &mut Panel {
+        let (title, abscissa, panels) = (title.into(), Abscissa::FrequencyHz, &mut self.drawn.panels);
+        panels.push(Panel { title, reading, abscissa, logarithmic: false, range, names: true, curves });
+        let last = panels.len() - 1;
+        &mut panels[last]
     }
 
     fn fill_figure4(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
-        let (four, preset) = (&settings.figure4, subject.preset());
+        let (four, preset) = (&settings.figure4, subject.preset);
         let (torque, second) = (*four.torque_nm.of(preset), *four.second_zone_torque_nm.of(preset));
         let (mut whole, mut zones) = (vec![], vec![]);
         for &beta2_deg in &four.beta2_deg {
@@ -257,14 +252,15 @@ impl Plan {
             whole.push(self.over_frequency(label.clone(), arm.clone(), (Drive::Torque1, torque), settings.range_hz));
             zones.push(self.over_frequency(label, arm, (Drive::Torque1, second), zone));
         }
-        self.spectrum(format!("(a) Entire spectrum, {torque} N·m"), 1, settings.range_hz, whole.clone());
+        let entire = format!("(a) Entire spectrum, {torque} N·m");
+        self.panel(entire, 1, Some(settings.range_hz), whole.clone()).logarithmic = true;
         self.panel(format!("(b) First resonance zone, {torque} N·m"), 1, None, whole);
         self.panel(format!("(c) Second resonance zone, {second} N·m"), 1, None, zones);
         Ok(())
     }
 
     fn fill_figure5(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
-        let (five, preset) = (&settings.figure5, subject.preset());
+        let (five, preset) = (&settings.figure5, subject.preset);
         let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
         for &beta2_deg in five.beta2_deg.of(preset) {
             let (arm, varied) = (subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
@@ -273,20 +269,21 @@ impl Plan {
         let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
         let abscissa = Abscissa::Torque1Nm;
         let (title, logarithmic, names) = (String::new(), false, true);
-        self.panels.push(Panel { title, reading: 1, abscissa, logarithmic, range, names, curves });
+        self.drawn.panels.push(Panel { title, reading: 1, abscissa, logarithmic, range, names, curves });
         Ok(())
     }
 
     fn fill_figure7(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
-        let (seven, preset) = (&settings.figure7, subject.preset());
+        let (seven, preset) = (&settings.figure7, subject.preset);
         let force = (Drive::ForceX, seven.force_n);
         let mut whole = vec![];
         for &beta2_deg in &seven.beta2_deg {
             let arm = subject.on_line(beta2_deg)?;
             whole.push(self.over_frequency(pose(beta2_deg), arm, force, settings.range_hz));
         }
-        self.spectrum(format!("(a) Link 1, {} N", force.1), 1, settings.range_hz, whole.clone());
-        self.spectrum(format!("(b) Link 2, {} N", force.1), 2, settings.range_hz, whole);
+        let range_hz = Some(settings.range_hz);
+        self.panel(format!("(a) Link 1, {} N", force.1), 1, range_hz, whole.clone()).logarithmic = true;
+        self.panel(format!("(b) Link 2, {} N", force.1), 2, range_hz, whole).logarithmic = true;
         let detail = seven.detail_beta2_deg;
         let arm = subject.on_line(detail)?;
         let details = [
@@ -301,7 +298,7 @@ impl Plan {
             let listed: Vec<String> = forces.iter().map(f64::to_string).collect();
             // Peaks above each other leave no room for names.
             let title = format!("{title}, β₂ = {detail}°, from low to high {} N", listed.join(", "));
-            self.unnamed(title, link, None, curves);
+            self.panel(title, link, None, curves).names = false;
         }
         Ok(())
     }
@@ -312,8 +309,8 @@ impl Plan {
         let force = (Drive::ForceX, nine.force_n);
         // The only curve needs no name. Both panels show it.
         let curve = self.over_frequency(String::new(), arm, force, nine.range_hz);
-        self.unnamed("(a) Link 1", 1, Some(nine.range_hz), vec![curve]);
-        self.unnamed("(b) Link 2", 2, Some(nine.range_hz), vec![curve]);
+        self.panel("(a) Link 1", 1, Some(nine.range_hz), vec![curve]).names = false;
+        self.panel("(b) Link 2", 2, Some(nine.range_hz), vec![curve]).names = false;
         Ok(())
     }
 }
@@ -345,5 +342,5 @@ pub fn natural_frequencies(preset: Preset, settings: &Settings) -> Result<Natura
     let beta2_deg: Vec<f64> = (-180..=180).map(f64::from).collect();
     let frequencies = |beta2_deg: &f64| Ok(natural_hz(&subject.bent(*beta2_deg)?));
     let frequency_hz = beta2_deg.iter().map(frequencies).collect::<Result<_, PaperError>>()?;
-    Ok(NaturalFrequencies { preset, links: subject.chain().links.clone(), beta2_deg, frequency_hz })
+    Ok(NaturalFrequencies { preset, links: subject.chain.links.clone(), beta2_deg, frequency_hz })
 }

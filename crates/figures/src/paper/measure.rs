@@ -69,17 +69,21 @@ impl ForcedBranch {
 #[cfg(test)]
 mod tests {
     use super::super::Drive;
-    use super::super::branch::{Event, Read, Stability};
+    use super::super::branch::{Event, Read};
     use super::*;
     use resonarm_analysis::BifurcationKind;
 
-    fn branch(points: &[(f64, f64, Stability)]) -> ForcedBranch {
-        let orbit = |(frequency_hz, amplitude, stability): &(f64, f64, Stability)| PaperOrbit {
+    const STABLE: Option<bool> = Some(true);
+    const UNSTABLE: Option<bool> = Some(false);
+    const MARGINAL: Option<bool> = None;
+
+    fn branch(points: &[(f64, f64, Option<bool>)]) -> ForcedBranch {
+        let orbit = |(frequency_hz, amplitude, is_stable): &(f64, f64, Option<bool>)| PaperOrbit {
             frequency_hz: *frequency_hz,
             excitation: 1.0,
             largest: vec![*amplitude; 2],
             amplitude: vec![*amplitude; 2],
-            stability: *stability,
+            is_stable: *is_stable,
             bifurcation: None,
         };
         ForcedBranch {
@@ -94,27 +98,26 @@ mod tests {
 
     #[test]
     fn measures_match_a_curve_drawn_by_hand() {
-        use Stability::*;
         // Up to a fold at (4, 3), back below to another at (2, 1), on to (6, 0.5).
         let s = branch(&[
-            (0.0, 0.0, Stable),
-            (4.0, 3.0, Marginal),
-            (3.0, 2.0, Unstable),
-            (2.0, 1.0, Marginal),
-            (6.0, 0.5, Stable),
+            (0.0, 0.0, STABLE),
+            (4.0, 3.0, MARGINAL),
+            (3.0, 2.0, UNSTABLE),
+            (2.0, 1.0, MARGINAL),
+            (6.0, 0.5, STABLE),
         ]);
         // At the upper fold: 3 above, 1 − 0.5 · 2/4 below.
         assert_eq!(s.largest_ratio(0), (4.0, 4.0));
         assert_eq!(s.peak(0, [0.0, 6.0]).unwrap().frequency_hz, 4.0);
         assert_eq!(s.peak(0, [0.0, 3.5]).unwrap().frequency_hz, 3.0);
         assert!(s.peak(0, [7.0, 8.0]).is_err());
-        assert_eq!(branch(&[(0.0, 1.0, Stable), (1.0, 2.0, Stable)]).half_power_width_hz(0), None);
+        assert_eq!(branch(&[(0.0, 1.0, STABLE), (1.0, 2.0, STABLE)]).half_power_width_hz(0), None);
     }
 
     #[test]
     fn prominence_is_the_relative_drop_on_both_sides() {
         let waves = [0.0, 2.0, 1.9, 2.5, 1.0, 1.5, 0.0];
-        let points: Vec<_> = waves.iter().enumerate().map(|(i, a)| (i as f64, *a, Stability::Stable)).collect();
+        let points: Vec<_> = waves.iter().enumerate().map(|(i, a)| (i as f64, *a, STABLE)).collect();
         let prominences: Vec<f64> = branch(&points).maxima(1).iter().map(|top| top.prominence).collect();
         for (seen, expected) in prominences.iter().zip([1.0, 0.05, 1.0 / 3.0]) {
             assert!((seen - expected).abs() < 1e-12, "{prominences:?}");
@@ -128,9 +131,7 @@ mod tests {
         for offset in [-0.04, 0.0, 0.013, 0.05] {
             let points: Vec<_> = (0..31)
                 .map(|k| -1.5 + offset + 0.1 * f64::from(k))
-                .map(|phase| {
-                    (40.0 + 1e-3 * libm::tan(phase) - 0.1 * libm::cos(phase), libm::cos(phase), Stability::Stable)
-                })
+                .map(|phase| (40.0 + 1e-3 * libm::tan(phase) - 0.1 * libm::cos(phase), libm::cos(phase), STABLE))
                 .collect();
             let top = branch(&points).maxima(0)[0];
             assert!(
@@ -147,7 +148,7 @@ mod tests {
         let [f0, half_width] = [40.0, 0.035];
         let points: Vec<_> = (0..31)
             .map(|k| -1.53 + 0.1 * f64::from(k))
-            .map(|phase| (f0 + half_width * libm::tan(phase), libm::cos(phase), Stability::Stable))
+            .map(|phase| (f0 + half_width * libm::tan(phase), libm::cos(phase), STABLE))
             .collect();
         let resonance = branch(&points);
         let top = resonance.maxima(0)[0];

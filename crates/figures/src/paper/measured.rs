@@ -323,7 +323,7 @@ mod tests {
         };
         let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();
         let structure = serde_json::json!({
-            "preset": "irb1600-fitted", "angles_deg": [-76.5, 120.0], "links": subject.chain().links
+            "preset": "irb1600-fitted", "angles_deg": [-76.5, 120.0], "links": subject.chain.links
         });
         serde_json::json!({
             "configuration": { "structure": structure, "drive": null },

@@ -6,9 +6,10 @@ use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, Struct
 /// A preset with the settings' l2, and the line along which its tip is moved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
-    preset: Preset,
-    /// Chain of the preset, straight.
-    chain: ChainSpec,
+    /// The preset that the arm is of.
+    pub preset: Preset,
+    /// The straight chain with the settings' l2.
+    pub chain: ChainSpec,
     height_m: f64,
 }
 
@@ -27,16 +28,6 @@ impl Subject {
         // Neither preset knows l2 from the paper: it is a choice of the settings.
         chain.links.iter_mut().skip(1).for_each(|link| link.length_m = settings.length2_m);
         Ok(Subject { preset, chain, height_m: settings.line.height_m })
-    }
-
-    /// The preset that the arm is of.
-    pub fn preset(&self) -> Preset {
-        self.preset
-    }
-
-    /// The straight chain with the settings' l2.
-    pub fn chain(&self) -> &ChainSpec {
-        &self.chain
     }
 
     /// Returns the lengths of its links, m.

@@ -2,7 +2,7 @@
 
 use core::fmt::Write;
 
-use super::branch::Stability;
+use super::branch::stability;
 use super::{Drive, FigureCurves, NaturalFrequencies};
 
 impl FigureCurves {
@@ -30,11 +30,7 @@ impl FigureCurves {
                     Drive::Torque1 => (orbit.excitation, 0.0),
                     Drive::ForceX => (0.0, orbit.excitation),
                 };
-                let stability = match orbit.stability {
-                    Stability::Stable => "stable",
-                    Stability::Unstable => "unstable",
-                    Stability::Marginal => "marginal",
-                };
+                let stability = stability(orbit.is_stable);
                 let angles: String = branch.angles_deg.iter().map(|angle_deg| format!(",{angle_deg}")).collect();
                 let sizes = orbit.largest.iter().zip(&orbit.amplitude);
                 let sizes: String = sizes.map(|(largest, amplitude)| format!(",{largest},{amplitude}")).collect();

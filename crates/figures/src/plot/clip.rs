@@ -9,6 +9,11 @@ const NEAR: f64 = 0.05;
 /// Beyond this the position of a point no longer matters; px.
 const FAR: f64 = 1e7;
 
+/// Says whether a part of the polyline `run` is inside `area`.
+pub(super) fn crosses(run: &[Point], area: &Rect) -> bool {
+    run.windows(2).any(|pair| segment(pair[0], pair[1], area).is_some())
+}
+
 /// Returns the parts of the polyline through `points` inside `area`, each thinned. A NaN breaks the line; a single
 /// point between two gaps gives a run of that point twice, which a round pen draws as a dot.
 pub(super) fn runs(points: impl Iterator<Item = Point>, area: &Rect) -> Vec<Vec<Point>> {

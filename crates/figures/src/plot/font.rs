@@ -1,8 +1,9 @@
 //! The embedded font: widths of texts, and outlines of glyphs.
 
-use ttf_parser::{Face, OutlineBuilder};
+use ttf_parser::Face;
 
 use super::PlotError;
+use super::png::Outline;
 use super::scene::Weight;
 
 /// Family names for SVG: the embedded font, then common fonts of nearly the same width, then any.
@@ -44,11 +45,11 @@ impl Fonts {
 
     /// Draws `text` from the origin along the x axis into `outline`, in units of the font, y upwards; returns the
     /// number of units in an em. A character that the font lacks is drawn as a box.
-    pub fn outline(&self, text: &str, weight: Weight, outline: &mut impl OffsetOutline) -> f64 {
+    pub fn outline(&self, text: &str, weight: Weight, outline: &mut Outline) -> f64 {
         let face = self.face(weight);
         let mut x = 0;
         for c in text.chars() {
-            outline.start_at(x as f32);
+            outline.x = x as f32;
             // A glyph without outline, such as a space, draws nothing.
             // Glyph 0 of every font is the box for what it lacks (OpenType, `.notdef`).
             let _ = face.outline_glyph(face.glyph_index(c).unwrap_or_default(), outline);
@@ -76,12 +77,6 @@ impl Fonts {
 /// A character the font lacks is as wide as the box drawn for it.
 fn advance(face: &Face<'_>, c: char) -> u32 {
     face.glyph_hor_advance(face.glyph_index(c).unwrap_or_default()).unwrap_or(0).into()
-}
-
-/// An outline that receives the start of each glyph.
-pub(super) trait OffsetOutline: OutlineBuilder {
-    /// The next glyph begins `x` units of the font to the right of the text's origin.
-    fn start_at(&mut self, x: f32);
 }
 
 #[cfg(test)]

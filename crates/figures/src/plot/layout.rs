@@ -4,13 +4,13 @@
 //! heights, row by row; legends without a free corner are below their panel, so that panels of a row stay equal.
 
 use super::axis::{self, AxisMap, Coordinate};
-use super::cell::{Cell, LegendPlace};
+use super::cell::{Cell, Draft, LegendPlace};
 use super::font::Fonts;
 use super::legend::{self, Entries};
 use super::marks::{LABEL_SIZE, TICK_LENGTH, TICK_SIZE};
 use super::panel;
-use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Scene, Shape, Text, WHITE, Weight};
-use super::ticks::{self, Ticks};
+use super::scene::{Anchor, BLACK, Point, Rect, Rgb, Scene, Shape, Text, WHITE, Weight};
+use super::ticks;
 use super::{Figure, Legend, Panel, PlotError};
 
 const WIDTH_ALONE: f64 = 720.0;
@@ -27,22 +27,6 @@ const FACTOR: f64 = 18.0;
 const X_TICK_LABELS: f64 = 22.0;
 const X_LABEL: f64 = 24.0;
 const X_SHARED: f64 = 12.0;
-
-/// A panel before its plot has a place.
-struct Draft<'a> {
-    panel: &'a Panel,
-    row: usize,
-    column: usize,
-    x_range: (f64, f64),
-    /// Whether the x axis is labelled below this panel, not below a lower one that shares it.
-    writes_x: bool,
-    y_ticks: Ticks,
-    y_tick_width: f64,
-    y_range: (f64, f64),
-    y_label: Vec<String>,
-    entries: Entries<'a>,
-    legend_below: bool,
-}
 
 /// Room between a legend and what is above it.
 const LEGEND_GAP: f64 = 6.0;
@@ -142,15 +126,8 @@ fn heading(figure: &Figure, fonts: &Fonts, width: f64) -> (Vec<Shape>, f64) {
     ] {
         for line in lines {
             y += size;
-            shapes.push(Shape::Text(Text {
-                at: [width / 2.0, y],
-                text: line,
-                size,
-                weight,
-                anchor: Anchor::Middle,
-                direction: Direction::Rightwards,
-                color,
-            }));
+            let text = Text::new([width / 2.0, y], line, size, Anchor::Middle);
+            shapes.push(Shape::Text(Text { weight, color, ..text }));
             y += size * (LEADING - 1.0);
         }
     }
@@ -258,16 +235,5 @@ fn cell(draft: Draft<'_>, plot: Rect, page: Page) -> Cell<'_> {
         _ => free_corner(&draft, &plot).map(|corner| LegendPlace { corner, columns: 1 }),
     };
     let [x, y] = maps(&draft, &plot);
-    Cell {
-        panel: draft.panel,
-        plot,
-        x,
-        y,
-        y_ticks: draft.y_ticks,
-        y_tick_width: draft.y_tick_width,
-        y_label: draft.y_label,
-        writes_x: draft.writes_x,
-        entries: draft.entries,
-        legend_at,
-    }
+    Cell { draft, plot, x, y, legend_at }
 }

@@ -4,7 +4,7 @@ use super::axis::AxisMap;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::marks::{GRID, TICK_SIZE, markers, on_page};
-use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, WHITE, Weight};
+use super::scene::{Anchor, Point, Rect, Shape, Stroke, Text, WHITE, Weight};
 use super::{Panel, Series, Style};
 
 const LINE: f64 = 19.0;
@@ -18,7 +18,8 @@ const CLEARANCE: f64 = 3.0;
 /// The entries of a legend.
 pub(super) struct Entries<'a> {
     entries: Vec<(&'a str, Style)>,
-    width: f64,
+    /// Width of the legend with its entries below each other.
+    pub width: f64,
 }
 
 impl<'a> Entries<'a> {
@@ -44,11 +45,6 @@ impl<'a> Entries<'a> {
         self.entries.is_empty()
     }
 
-    /// Width of the legend with its entries below each other.
-    pub fn width(&self) -> f64 {
-        self.width
-    }
-
     /// Number of entries that fit side by side into this width, at least one.
     pub fn columns(&self, room: f64) -> usize {
         (libm::floor(room / self.width) as usize).clamp(1, self.entries.len().max(1))
@@ -64,24 +60,14 @@ impl<'a> Entries<'a> {
     pub fn draw(&self, shapes: &mut Vec<Shape>, corner: Point, columns: usize) {
         let [left, top] = corner;
         let area = self.area(corner, columns);
-        let (upper, lower) =
-            ([[area.left, area.top], [area.right, area.top]], [[area.right, area.bottom], [area.left, area.bottom]]);
-        let outline = [upper[0], upper[1], lower[0], lower[1], upper[0]].to_vec();
         shapes.push(Shape::Rect { area, fill: WHITE });
-        shapes.push(Shape::Lines { runs: vec![outline], stroke: GRID });
+        shapes.push(Shape::Lines { runs: vec![area.outline()], stroke: GRID });
         for (index, (label, style)) in self.entries.iter().enumerate() {
             let left = left + self.width * (index % columns) as f64;
             let y = top + PADDING + LINE * ((index / columns) as f64 + 0.5);
-            shapes.push(sample(*style, left + PADDING, y));
-            shapes.push(Shape::Text(Text {
-                at: [left + PADDING + SAMPLE + GAP, y + TICK_SIZE * CAP_HEIGHT / 2.0],
-                text: (*label).to_owned(),
-                size: TICK_SIZE,
-                weight: Weight::Regular,
-                anchor: Anchor::Start,
-                direction: Direction::Rightwards,
-                color: BLACK,
-            }));
+            shapes.extend(sample(*style, left + PADDING, y));
+            let at = [left + PADDING + SAMPLE + GAP, y + TICK_SIZE * CAP_HEIGHT / 2.0];
+            shapes.push(Shape::Text(Text::new(at, *label, TICK_SIZE, Anchor::Start)));
         }
     }
 
@@ -93,25 +79,18 @@ impl<'a> Entries<'a> {
 }
 
 /// A piece of the line, or one marker.
-fn sample(style: Style, left: f64, y: f64) -> Shape {
-    match (style, markers(style, vec![[left + SAMPLE / 2.0, y]])) {
-        (Style::Line { color, width, dash }, _) => {
+fn sample(style: Style, left: f64, y: f64) -> Option<Shape> {
+    let middle = left + SAMPLE / 2.0;
+    match style {
+        Style::Line { color, width, dash } => {
             let stroke = Stroke { color: color.rgb(), width, dash };
-            Shape::Lines { runs: vec![vec![[left, y], [left + SAMPLE, y]]], stroke }
+            Some(Shape::Lines { runs: vec![vec![[left, y], [left + SAMPLE, y]]], stroke })
         }
-        (Style::Tiles { color, .. }, _) => {
-            let area = Rect {
-                left: left + SAMPLE / 2.0 - 6.0,
-                top: y - 6.0,
-                right: left + SAMPLE / 2.0 + 6.0,
-                bottom: y + 6.0,
-            };
-            Shape::Rect { area, fill: color.rgb() }
+        Style::Tiles { color, .. } => {
+            let area = Rect { left: middle - 6.0, top: y - 6.0, right: middle + 6.0, bottom: y + 6.0 };
+            Some(Shape::Rect { area, fill: color.rgb() })
         }
-        (Style::Markers { .. }, marker) => {
-            // There is a point, so there is a marker.
-            marker.unwrap_or(Shape::Lines { runs: Vec::new(), stroke: Stroke::solid(BLACK, 1.0) })
-        }
+        Style::Markers { .. } => markers(style, vec![[middle, y]]),
     }
 }
 
@@ -124,7 +103,7 @@ pub(super) fn free_corner(
     y: &AxisMap,
 ) -> Option<Point> {
     let (left, top) = (plot.left + INSET, plot.top + INSET);
-    let (right, bottom) = (plot.right - INSET - entries.width(), plot.bottom - INSET - entries.size(1)[1]);
+    let (right, bottom) = (plot.right - INSET - entries.width, plot.bottom - INSET - entries.size(1)[1]);
     // The legend is larger than the plot.
     if right < left || bottom < top {
         return None;
@@ -162,9 +141,8 @@ impl Drawn {
     }
 
     fn meets(&self, area: &Rect) -> bool {
-        let crosses = |run: &Vec<Point>| run.windows(2).any(|pair| clip::segment(pair[0], pair[1], area).is_some());
         match self {
-            Self::Runs(runs) => runs.iter().any(crosses),
+            Self::Runs(runs) => runs.iter().any(|run| clip::crosses(run, area)),
             Self::Markers { at, size } => at.iter().any(|point| area.grown(size / 2.0).contains(*point)),
         }
     }

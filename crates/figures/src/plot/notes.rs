@@ -4,7 +4,7 @@ use super::cell::Cell;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::marks::on_page;
-use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, Weight};
+use super::scene::{Anchor, Point, Rect, Shape, Stroke, Text, Weight};
 use super::{Dash, Note, Style};
 
 pub(super) const SIZE: f64 = 12.0;
@@ -23,19 +23,20 @@ pub(super) const LEADER: Stroke = Stroke { color: [0x80, 0x80, 0x80], width: 0.6
 
 /// Draws the notes, each at the nearest place clear of the areas that are `taken`; if there is none, above its point.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>, mut taken: Vec<Rect>) {
-    if cell.panel.notes.is_empty() {
+    if cell.draft.panel.notes.is_empty() {
         return;
     }
     let lines: Vec<Vec<Point>> = cell
+        .draft
         .panel
         .series
         .iter()
         .filter(|series| matches!(series.style, Style::Line { .. }))
         .flat_map(|series| clip::runs(on_page(series, &cell.x, &cell.y), &cell.plot))
         .collect();
-    taken.extend(cell.legend_at.map(|place| cell.entries.area(place.corner, place.columns)));
+    taken.extend(cell.legend_area());
     // One after the other, each clear of those before it.
-    for note in &cell.panel.notes {
+    for note in &cell.draft.panel.notes {
         let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
         if cell.plot.contains(at) {
             let area = free_area(at, fonts.width(&note.text, SIZE, Weight::Regular), &cell.plot, &lines, &taken);
@@ -60,13 +61,11 @@ fn free_area(at: Point, width: f64, plot: &Rect, lines: &[Vec<Point>], taken: &[
     };
     // The sort is stable, so places equally far keep one order, and the same figure gives the same bytes.
     places.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let crosses =
-        |run: &Vec<Point>, area: &Rect| run.windows(2).any(|pair| clip::segment(pair[0], pair[1], area).is_some());
     let free = |area: &Rect| {
         let corners = [[area.left, area.top], [area.right, area.bottom]];
         corners.iter().all(|corner| plot.contains(*corner))
             && !taken.iter().any(|other| other.meets(&area.grown(GAP / 2.0)))
-            && !lines.iter().any(|run| crosses(run, area))
+            && !lines.iter().any(|run| clip::crosses(run, area))
     };
     places.into_iter().map(|(sideways, up)| above(sideways, up)).find(free).unwrap_or(above(0, 0))
 }
@@ -79,13 +78,6 @@ fn leader(at: Point, area: &Rect) -> Option<Shape> {
 }
 
 pub(super) fn words(note: &Note, area: &Rect) -> Shape {
-    Shape::Text(Text {
-        at: [(area.left + area.right) / 2.0, area.bottom - GAP / 2.0],
-        text: note.text.clone(),
-        size: SIZE,
-        weight: Weight::Regular,
-        anchor: Anchor::Middle,
-        direction: Direction::Rightwards,
-        color: BLACK,
-    })
+    let at = [(area.left + area.right) / 2.0, area.bottom - GAP / 2.0];
+    Shape::Text(Text::new(at, &note.text, SIZE, Anchor::Middle))
 }

@@ -7,7 +7,7 @@ use super::font::{CAP_HEIGHT, Fonts};
 use super::marks::{GRID, LABEL_SIZE, TICK_LENGTH, TICK_SIZE, markers, on_page};
 use super::notes;
 use super::rows;
-use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Shape, Stroke, Text, Weight};
+use super::scene::{Anchor, Direction, Rect, Rgb, Shape, Stroke, Text, Weight};
 use super::ticks::{self, Ticks};
 use super::{Series, Style};
 
@@ -16,10 +16,10 @@ const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: supe
 /// Draws the panel with its axes, series, names and legend.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     let room = |label: &str| (fonts.width(label, TICK_SIZE, Weight::Regular) + 1.5 * TICK_SIZE).max(4.0 * TICK_SIZE);
-    let x_ticks = ticks::of_axis(&cell.panel.x, &cell.x, &room);
+    let x_ticks = ticks::of_axis(&cell.draft.panel.x, &cell.x, &room);
     // In the order of drawing: the data cover the grid, the names the data, and the frame cuts them all off.
     grid(shapes, &cell, &x_ticks);
-    for series in &cell.panel.series {
+    for series in &cell.draft.panel.series {
         match series.style {
             Style::Tiles { color, width, height } => tiles(shapes, &cell, series, color.rgb(), [width, height]),
             Style::Line { .. } | Style::Markers { .. } => {
@@ -30,12 +30,12 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     let taken = rows::draw(shapes, fonts, &cell);
     notes::draw(shapes, fonts, &cell, taken);
     frame(shapes, &cell, &x_ticks);
-    if cell.writes_x {
+    if cell.draft.writes_x {
         x_texts(shapes, &cell, &x_ticks);
     }
     y_texts(shapes, &cell);
     if let Some(LegendPlace { corner, columns }) = cell.legend_at {
-        cell.entries.draw(shapes, corner, columns);
+        cell.draft.entries.draw(shapes, corner, columns);
     }
 }
 
@@ -93,14 +93,14 @@ fn grid(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {
     let plot = cell.plot;
     let vertical =
         x_ticks.labelled.iter().map(|(value, _)| cell.x.px(*value)).map(|x| vec![[x, plot.top], [x, plot.bottom]]);
-    let horizontal = cell.y_ticks.labelled.iter().map(|(value, _)| cell.y.px(*value));
+    let horizontal = cell.draft.y_ticks.labelled.iter().map(|(value, _)| cell.y.px(*value));
     let horizontal = horizontal.map(|y| vec![[plot.left, y], [plot.right, y]]);
     shapes.push(Shape::Lines { runs: vertical.chain(horizontal).collect(), stroke: GRID });
 }
 
 fn frame(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {
-    let Rect { left, top, right, bottom } = cell.plot;
-    let mut runs = vec![vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]];
+    let Rect { left, bottom, .. } = cell.plot;
+    let mut runs = vec![cell.plot.outline()];
     let sized = |ticks: &Ticks| -> Vec<(f64, f64)> {
         let labelled = ticks.labelled.iter().map(|(value, _)| (*value, TICK_LENGTH));
         labelled.chain(ticks.minor.iter().map(|value| (*value, MINOR_TICK_LENGTH))).collect()
@@ -109,51 +109,46 @@ fn frame(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {
         let x = cell.x.px(value);
         runs.push(vec![[x, bottom], [x, bottom + length]]);
     }
-    for (value, length) in sized(&cell.y_ticks) {
+    for (value, length) in sized(&cell.draft.y_ticks) {
         let y = cell.y.px(value);
         runs.push(vec![[left - length, y], [left, y]]);
     }
     shapes.push(Shape::Lines { runs, stroke: FRAME });
 }
 
-fn text(at: Point, text: &str, size: f64, anchor: Anchor) -> Text {
-    let (weight, direction, color): (_, _, Rgb) = (Weight::Regular, Direction::Rightwards, BLACK);
-    Text { at, text: text.to_owned(), size, weight, anchor, direction, color }
-}
-
 fn x_texts(shapes: &mut Vec<Shape>, cell: &Cell<'_>, ticks: &Ticks) {
     let baseline = cell.plot.bottom + TICK_LENGTH + 3.0 + TICK_SIZE;
     for (value, label) in &ticks.labelled {
-        shapes.push(Shape::Text(text([cell.x.px(*value), baseline], label, TICK_SIZE, Anchor::Middle)));
+        shapes.push(Shape::Text(Text::new([cell.x.px(*value), baseline], label, TICK_SIZE, Anchor::Middle)));
     }
     let below = baseline + LABEL_SIZE * 1.6;
     let middle = (cell.plot.left + cell.plot.right) / 2.0;
-    shapes.push(Shape::Text(text([middle, below], &cell.panel.x.label, LABEL_SIZE, Anchor::Middle)));
+    shapes.push(Shape::Text(Text::new([middle, below], &cell.draft.panel.x.label, LABEL_SIZE, Anchor::Middle)));
     if let Some(factor) = &ticks.factor {
-        shapes.push(Shape::Text(text([cell.plot.right, below], factor, TICK_SIZE, Anchor::End)));
+        shapes.push(Shape::Text(Text::new([cell.plot.right, below], factor, TICK_SIZE, Anchor::End)));
     }
 }
 
 fn y_texts(shapes: &mut Vec<Shape>, cell: &Cell<'_>) {
     let plot = cell.plot;
     let right = plot.left - TICK_LENGTH - 4.0;
-    for (value, label) in &cell.y_ticks.labelled {
+    for (value, label) in &cell.draft.y_ticks.labelled {
         let baseline = cell.y.px(*value) + TICK_SIZE * CAP_HEIGHT / 2.0;
-        shapes.push(Shape::Text(text([right, baseline], label, TICK_SIZE, Anchor::End)));
+        shapes.push(Shape::Text(Text::new([right, baseline], label, TICK_SIZE, Anchor::End)));
     }
-    let mut x = right - cell.y_tick_width - 8.0;
-    for line in cell.y_label.iter().rev() {
-        let label = text([x, (plot.top + plot.bottom) / 2.0], line, LABEL_SIZE, Anchor::Middle);
+    let mut x = right - cell.draft.y_tick_width - 8.0;
+    for line in cell.draft.y_label.iter().rev() {
+        let label = Text::new([x, (plot.top + plot.bottom) / 2.0], line, LABEL_SIZE, Anchor::Middle);
         shapes.push(Shape::Text(Text { direction: Direction::Upwards, ..label }));
         x -= LABEL_SIZE * 1.3;
     }
     let mut above = plot.top - 7.0;
-    if let Some(factor) = &cell.y_ticks.factor {
-        shapes.push(Shape::Text(text([plot.left, above], factor, TICK_SIZE, Anchor::Start)));
+    if let Some(factor) = &cell.draft.y_ticks.factor {
+        shapes.push(Shape::Text(Text::new([plot.left, above], factor, TICK_SIZE, Anchor::Start)));
         above -= TICK_SIZE * 1.4;
     }
-    if let Some(title) = &cell.panel.title {
-        let title = text([(plot.left + plot.right) / 2.0, above], title, LABEL_SIZE, Anchor::Middle);
+    if let Some(title) = &cell.draft.panel.title {
+        let title = Text::new([(plot.left + plot.right) / 2.0, above], title, LABEL_SIZE, Anchor::Middle);
         shapes.push(Shape::Text(Text { weight: Weight::Bold, ..title }));
     }
 }

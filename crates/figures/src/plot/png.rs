@@ -4,7 +4,7 @@ use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, S
 use ttf_parser::OutlineBuilder;
 
 use super::PlotError;
-use super::font::{Fonts, OffsetOutline};
+use super::font::Fonts;
 use super::scene::{Anchor, Direction, Point, Rgb, Scene, Shape, Stroke, Text};
 use super::style::{Dash, Marker};
 
@@ -164,15 +164,10 @@ fn draw_text(canvas: &mut Canvas, fonts: &Fonts, text: &Text) {
 }
 
 /// Collects glyphs side by side.
-struct Outline {
+pub(super) struct Outline {
     builder: PathBuilder,
-    x: f32,
-}
-
-impl OffsetOutline for Outline {
-    fn start_at(&mut self, x: f32) {
-        self.x = x;
-    }
+    /// Where the next glyph begins, in units of the font to the right of the text's origin.
+    pub x: f32,
 }
 
 impl OutlineBuilder for Outline {

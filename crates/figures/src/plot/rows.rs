@@ -23,7 +23,7 @@ struct Entry<'a> {
 /// Draws the rows of names and returns the areas they cover. Names of different rows do not overlap.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> Vec<Rect> {
     let mut entries: Vec<Entry<'_>> = Vec::new();
-    for (row, notes) in cell.panel.rows.iter().enumerate() {
+    for (row, notes) in cell.draft.panel.rows.iter().enumerate() {
         for note in notes {
             let at = [cell.x.px(note.at.0), cell.y.px(note.at.1)];
             if cell.plot.contains(at) {
@@ -55,7 +55,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> V
 /// The horizontal range for names: inside of the plot, and beside the legend.
 fn sides(cell: &Cell<'_>) -> (f64, f64) {
     let (mut left, mut right) = (cell.plot.left + GAP, cell.plot.right - GAP);
-    if let Some(legend) = cell.legend_at.map(|place| cell.entries.area(place.corner, place.columns)) {
+    if let Some(legend) = cell.legend_area() {
         let middle = (cell.plot.left + cell.plot.right) / 2.0;
         if legend.left > middle {
             right = right.min(legend.left - GAP);

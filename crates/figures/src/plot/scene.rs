@@ -55,6 +55,14 @@ pub(super) struct Text {
     pub color: Rgb,
 }
 
+impl Text {
+    /// A black text in the regular font, from left to right.
+    pub fn new(at: Point, text: impl Into<String>, size: f64, anchor: Anchor) -> Self {
+        let (weight, direction) = (Weight::Regular, Direction::Rightwards);
+        Self { at, text: text.into(), size, weight, anchor, direction, color: BLACK }
+    }
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Weight {
     Regular,
@@ -97,6 +105,12 @@ impl Rect {
 
     pub fn grown(&self, by: f64) -> Self {
         Self { left: self.left - by, top: self.top - by, right: self.right + by, bottom: self.bottom + by }
+    }
+
+    /// Its sides as a closed line.
+    pub fn outline(&self) -> Vec<Point> {
+        let Self { left, top, right, bottom } = *self;
+        vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]
     }
 
     pub fn width(&self) -> f64 {

@@ -42,7 +42,7 @@ pub(super) fn bent(subject: &Subject, arm: &Assembly, mode: usize, drive: (Drive
     let mut options = BackboneOptions::new(&forced, mode, f64::INFINITY, drive.1, vec![joint1]);
     [options.branch.from, options.branch.to] = zone_hz(natural_hz(arm)[mode]);
     let curve = backbone(&forced, &options).map_err(|source| PaperError::Analysis {
-        structure: subject.preset().name().to_owned(),
+        structure: subject.preset.name().to_owned(),
         beta2_deg: beta2_deg(arm),
         drive: format!("backbone of mode {} to {}", mode + 1, drive.0.words(drive.1)),
         source: Box::new(source.into()),

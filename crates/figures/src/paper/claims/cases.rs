@@ -82,7 +82,7 @@ pub(super) fn over<T: Copy + PartialEq>(
 impl Survey<'_> {
     /// Judges a case for each torque of Fig. 4, the figure's own being that of the zone of a mode.
     pub fn over_torques(&self, mode: usize, judge: impl Fn(Driven) -> Seen<Opinion>) -> Judgement {
-        let torques = torques_nm(self.settings, self.subject.preset(), mode);
+        let torques = torques_nm(self.settings, self.subject.preset, mode);
         let judge = |nm| judge(Driven::Torque { nm });
         over("torques", self.own_torque_nm(mode), torques, (|nm| format!("{nm} N·m"), judge))
     }

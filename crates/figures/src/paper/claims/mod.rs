@@ -182,7 +182,7 @@ fn finding(survey: &Survey<'_>, judgement: Judgement) -> Finding {
     let Judgement { over, own, cases } = judgement;
     let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict).collect();
     let verdict = verdict(&verdicts);
-    Finding { preset: survey.subject.preset(), verdict, over, own, cases }
+    Finding { preset: survey.subject.preset, verdict, over, own, cases }
 }
 
 /// Says whether enough cases could be computed for a verdict: two thirds.

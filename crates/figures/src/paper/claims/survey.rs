@@ -1,6 +1,6 @@
 //! The data on which statements are judged: the resonance zones of an arm, over the ranges of the unstated parameters.
 
-use super::super::branch::{natural_hz, zone_hz};
+use super::super::branch::{Traced, natural_hz, zone_hz};
 use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
 use super::bent::{Bent, bent};
 use resonarm_analysis::{BifurcationKind, Maximum};
@@ -46,26 +46,21 @@ pub(super) struct Place {
 #[derive(Clone, Debug)]
 pub(super) struct Zone {
     /// The maxima of each link, the highest first.
-    maxima: [Vec<Maximum>; 2],
+    pub maxima: [Vec<Maximum>; 2],
     width_hz: [Option<f64>; 2],
     /// The largest ratio of stable amplitudes of link 1 at one frequency; 1 if there is one response at each.
     pub ratio: f64,
-    /// Frequencies of period doublings, folds and Neimark–Sacker bifurcations, Hz.
-    doublings_hz: Vec<f64>,
-    folds_hz: Vec<f64>,
-    tori_hz: Vec<f64>,
+    /// Kinds of the bifurcations.
+    bifurcations: Vec<BifurcationKind>,
 }
 
 impl Zone {
     fn of(branch: &ForcedBranch) -> Zone {
-        let places = |kind| branch.bifurcations(kind).map(|orbit| orbit.frequency_hz).collect();
         Zone {
             maxima: [0, 1].map(|link| branch.maxima(link)),
             width_hz: [0, 1].map(|link| branch.half_power_width_hz(link)),
             ratio: branch.largest_ratio(0).0,
-            doublings_hz: places(BifurcationKind::PeriodDoubling),
-            folds_hz: places(BifurcationKind::Fold),
-            tori_hz: places(BifurcationKind::NeimarkSacker),
+            bifurcations: branch.orbits.iter().filter_map(|orbit| Some(orbit.bifurcation?.0)).collect(),
         }
     }
 
@@ -74,29 +69,14 @@ impl Zone {
         self.maxima[link].first().copied().ok_or_else(|| String::from("the zone has no maximum"))
     }
 
-    /// Returns the maxima of a link, the highest first.
-    pub fn maxima(&self, link: usize) -> &[Maximum] {
-        &self.maxima[link]
-    }
-
     /// Returns the half-power width of a link, Hz.
     pub fn width_hz(&self, link: usize) -> Seen<f64> {
         self.width_hz[link].ok_or_else(|| String::from("the zone has no maximum"))
     }
 
-    /// Returns the number of folds.
-    pub fn folds(&self) -> usize {
-        self.folds_hz.len()
-    }
-
-    /// Returns the bifurcations of a kind, Hz.
-    pub fn bifurcations_hz(&self, kind: BifurcationKind) -> &[f64] {
-        match kind {
-            BifurcationKind::Fold => &self.folds_hz,
-            BifurcationKind::PeriodDoubling => &self.doublings_hz,
-            BifurcationKind::NeimarkSacker => &self.tori_hz,
-            BifurcationKind::BranchPoint => &[],
-        }
+    /// Returns the number of bifurcations of a kind.
+    pub fn count(&self, kind: BifurcationKind) -> usize {
+        self.bifurcations.iter().filter(|found| **found == kind).count()
     }
 }
 
@@ -128,7 +108,8 @@ pub(super) enum Done {
 pub(super) struct Survey<'a> {
     pub subject: &'a Subject,
     pub settings: &'a Settings,
-    views: Vec<View>,
+    /// Zones, computed or not.
+    pub views: Vec<View>,
     /// Poses of Fig. 5.
     pub over_torque: Vec<Folds>,
 }
@@ -167,7 +148,7 @@ pub(super) fn heights_m(settings: &Settings) -> Vec<f64> {
 pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, PaperError> {
     let mut driven: Vec<(Driven, Vec<f64>)> = Vec::new();
     // Both zones are computed under the torques of either, since some statements compare them under one torque.
-    let torques = with(&torques_nm(settings, subject.preset(), 0), &torques_nm(settings, subject.preset(), 1));
+    let torques = with(&torques_nm(settings, subject.preset, 0), &torques_nm(settings, subject.preset, 1));
     driven.extend(torques.into_iter().map(|nm| (Driven::Torque { nm }, settings.figure4.beta2_deg.clone())));
     let seven = &settings.figure7;
     let positions = with(&seven.beta2_deg, &[seven.detail_beta2_deg, settings.figure9.beta2_deg]);
@@ -222,8 +203,8 @@ fn view(subject: &Subject, place: Place) -> View {
     let Place { driven, beta2_deg, mode } = place;
     let zone = || -> Result<Zone, PaperError> {
         let arm = driven.arm(subject, beta2_deg)?;
-        let range_hz = zone_hz(natural_hz(&arm)[mode]);
-        Ok(Zone::of(&ForcedBranch::over_frequency(subject, &arm, driven.drive(), range_hz)?))
+        let (range_hz, (drive, amplitude)) = (zone_hz(natural_hz(&arm)[mode]), driven.drive());
+        Ok(Zone::of(&Traced::joints(subject, &arm, drive).over_frequency(amplitude, range_hz)?))
     };
     // Zone and backbone fail separately: a statement that needs one of them can be judged without the other.
     let bent = || bent(subject, &driven.arm(subject, beta2_deg)?, mode, driven.drive());
@@ -232,8 +213,8 @@ fn view(subject: &Subject, place: Place) -> View {
 
 fn folds_over_torque(subject: &Subject, settings: &Settings, beta2_deg: f64) -> Result<Vec<f64>, PaperError> {
     let (five, arm) = (&settings.figure5, subject.bent(beta2_deg)?);
-    let drive = (Drive::Torque1, *five.largest_torque_nm.of(subject.preset()));
-    let branch = ForcedBranch::over_amplitude(subject, &arm, drive, five.frequency_hz)?;
+    let largest_nm = *five.largest_torque_nm.of(subject.preset);
+    let branch = Traced::joints(subject, &arm, Drive::Torque1).over_amplitude(largest_nm, five.frequency_hz)?;
     Ok(branch.bifurcations(BifurcationKind::Fold).map(|fold| fold.excitation).collect())
 }
 
@@ -273,13 +254,8 @@ impl<'a> Survey<'a> {
         self.views.iter().filter_map(|view| Some((view.place, view.zone.as_ref().ok()?)))
     }
 
-    /// Returns the number of zones, computed or not.
-    pub fn zone_count(&self) -> usize {
-        self.views.len()
-    }
-
     /// Returns the torque of Fig. 4 in a zone, N·m.
     pub fn own_torque_nm(&self, mode: usize) -> f64 {
-        own_torque_nm(self.settings, self.subject.preset(), mode)
+        own_torque_nm(self.settings, self.subject.preset, mode)
     }
 }

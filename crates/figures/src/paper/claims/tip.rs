@@ -142,7 +142,7 @@ pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
         let (mut counts, mut seconds, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
         for (n, zone) in forces.iter().zip(zones.iter().flatten()).take(computed) {
             // The maxima come by their height, and the second highest need not be the second most prominent.
-            let mut prominences: Vec<f64> = zone.maxima(1).iter().map(|maximum| maximum.prominence).collect();
+            let mut prominences: Vec<f64> = zone.maxima[1].iter().map(|maximum| maximum.prominence).collect();
             prominences.sort_by(|a, b| b.total_cmp(a));
             let second = prominences.get(1).copied().unwrap_or(0.0);
             counts.push(prominences.iter().filter(|prominence| **prominence >= PROMINENCE).count());

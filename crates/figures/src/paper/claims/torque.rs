@@ -2,8 +2,8 @@
 
 use core::ops::Range;
 
-use super::super::branch::{natural_hz, zone_hz};
-use super::super::{Drive, ForcedBranch, PaperError};
+use super::super::branch::{Traced, natural_hz, zone_hz};
+use super::super::{Drive, PaperError};
 use super::cases::{Judgement, Opinion, all_hold, number, once, over};
 use super::enough;
 use super::survey::{Driven, Seen, Survey, torques_nm};
@@ -56,7 +56,11 @@ pub(super) fn direction_matters(survey: &Survey<'_>) -> Judgement {
         let count = |mode: usize| -> (usize, Option<String>) {
             let seen: Vec<Seen<bool>> = poses
                 .iter()
-                .map(|pose| survey.zone(driven, *pose, mode).map(|zone| zone.ratio > 1.0 + APART && zone.folds() > 1))
+                .map(|pose| {
+                    survey
+                        .zone(driven, *pose, mode)
+                        .map(|zone| zone.ratio > 1.0 + APART && zone.count(BifurcationKind::Fold) > 1)
+                })
                 .collect();
             let bistable = seen.iter().filter(|bistable| **bistable == Ok(true)).count();
             (bistable, seen.into_iter().find_map(Result::err))
@@ -115,7 +119,7 @@ pub(super) fn links_alike(survey: &Survey<'_>) -> Judgement {
         let alike = |(beta2_deg, mode): (f64, usize)| {
             let zone = survey.zone(driven, beta2_deg, mode)?;
             let count =
-                |link: usize| zone.maxima(link).iter().filter(|maximum| maximum.prominence >= PROMINENCE).count();
+                |link: usize| zone.maxima[link].iter().filter(|maximum| maximum.prominence >= PROMINENCE).count();
             Ok(count(0) == count(1))
         };
         let same = places().filter(|place| alike(*place) == Ok(true)).count();
@@ -155,8 +159,8 @@ pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
 fn landmarks(survey: &Survey<'_>, beta2_deg: f64, mode: usize) -> Result<Vec<[f64; 2]>, PaperError> {
     let arm = survey.subject.bent(beta2_deg)?;
     let range_hz = zone_hz(natural_hz(&arm)[mode]);
-    let drive = (Drive::Torque1, survey.own_torque_nm(mode));
-    let branch = ForcedBranch::over_frequency(survey.subject, &arm, drive, range_hz)?;
+    let traced = Traced::joints(survey.subject, &arm, Drive::Torque1);
+    let branch = traced.over_frequency(survey.own_torque_nm(mode), range_hz)?;
     let folds = branch.bifurcations(BifurcationKind::Fold).chain([branch.peak(0, range_hz)?]);
     Ok(folds.map(|orbit| [orbit.frequency_hz, branch.size(orbit, 0)]).collect())
 }
@@ -201,7 +205,7 @@ pub(super) fn zones_widen(survey: &Survey<'_>) -> Judgement {
     let places = survey.settings.figure4.beta2_deg.iter().flat_map(|pose| [(*pose, 0), (*pose, 1)]);
     let words = |(beta2_deg, mode): (f64, usize)| format!("{beta2_deg}°, zone {}", mode + 1);
     let judge = |(beta2_deg, mode): (f64, usize)| {
-        let torques = torques_nm(survey.settings, survey.subject.preset(), mode);
+        let torques = torques_nm(survey.settings, survey.subject.preset, mode);
         let width = |nm: f64| survey.zone(Driven::Torque { nm }, beta2_deg, mode)?.width_hz(0);
         widening(&torques, "N·m", width)
     };
@@ -211,7 +215,7 @@ pub(super) fn zones_widen(survey: &Survey<'_>) -> Judgement {
 /// "For larger excitation amplitudes, period doubling, saddle-node points and Neimark–Sacker bifurcation were observed"
 /// (Section 6): found in one zone of the scans at least. A no requires enough computed zones.
 fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
-    let found: Vec<_> = survey.zones().filter(|(_, zone)| !zone.bifurcations_hz(kind).is_empty()).collect();
+    let found: Vec<_> = survey.zones().filter(|(_, zone)| zone.count(kind) > 0).collect();
     let least = |of: fn(Driven) -> Option<f64>| {
         let drives = found.iter().filter_map(|(place, _)| of(place.driven));
         drives.fold((0, f64::INFINITY), |(count, least), drive| (count + 1, least.min(drive)))
@@ -222,7 +226,7 @@ fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
         0 => format!("in no zone under {by}"),
         _ => format!("in {count} zones under {by}, from {least} {unit}"),
     };
-    let (computed, all) = (survey.zones().count(), survey.zone_count());
+    let (computed, all) = (survey.zones().count(), survey.views.len());
     if found.is_empty() && !enough(computed, all) {
         return once(Err(format!("only {computed} of {all} zones could be computed")));
     }
