@@ -120,7 +120,7 @@ impl About {
             clipped_bits: shown.clipped_bits(),
             actions: Vec::new(),
             steering: None,
-            test: under_test.test.as_ref().map(|test| test.plan().clone()),
+            test: under_test.test.as_ref().map(|test| test.plan.clone()),
             samples: None,
         }
     }

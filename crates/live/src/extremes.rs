@@ -19,7 +19,8 @@ pub struct Stretch {
 /// Collects samples into stretches.
 #[derive(Debug)]
 pub struct Extremes {
-    width: u64,
+    /// Samples in a stretch.
+    pub width: u64,
     stretch: Option<Stretch>,
 }
 
@@ -27,11 +28,6 @@ impl Extremes {
     /// Stretches of `width` samples, at least 1, that begin at multiples of it.
     pub fn new(width: u64) -> Extremes {
         Extremes { width: width.max(1), stretch: None }
-    }
-
-    /// Samples in a stretch.
-    pub fn width(&self) -> u64 {
-        self.width
     }
 
     /// Takes a sample; returns the previous stretch if it begins a new one.

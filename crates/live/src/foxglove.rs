@@ -131,11 +131,6 @@ impl Stream {
         }
     }
 
-    /// Returns the channels that are published.
-    pub fn channels(&self) -> &[Channel] {
-        &self.channels
-    }
-
     /// Publishes what a notice of the loop contains. Responses and set-points have no channel.
     pub fn notice(&mut self, notice: &run::Notice) {
         match notice {

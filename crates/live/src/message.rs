@@ -36,7 +36,7 @@ pub enum PageMessage<'a> {
     /// The position in a recording.
     Player(&'a PlayerStatus),
     /// The set-point that the exciter approaches or holds, if one can be set: at first, and when it changes.
-    SetPoint(&'a SetPointLine),
+    SetPoint(&'a SetPoint),
     /// A request was accepted.
     Taken,
     /// A request was refused.
@@ -110,20 +110,6 @@ pub struct Spectra {
     pub clipped: u32,
     /// Frequency of the largest line of the acceleration, Hz.
     pub peak_hz: Option<f64>,
-}
-
-/// A set-point, as a request has it: N or N·m, Hz, degrees.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct SetPointLine {
-    pub load: f64,
-    pub frequency_hz: f64,
-    pub phase_deg: f64,
-}
-
-impl From<SetPoint> for SetPointLine {
-    fn from(SetPoint { load, frequency_hz, phase_deg }: SetPoint) -> SetPointLine {
-        SetPointLine { load, frequency_hz, phase_deg }
-    }
 }
 
 /// The position in a recording.

@@ -16,7 +16,8 @@ const HALVES_KEPT: usize = 1024;
 /// Counts missed deadlines by their cause.
 #[derive(Debug, Default)]
 pub struct Missed {
-    deadlines: u64,
+    /// Number of deadlines that were missed.
+    pub deadlines: u64,
     causes: OverrunCauses,
     /// Ticks without an event so far, by sample: cause and count.
     ticks: BTreeMap<u64, (OverrunCause, u64)>,
@@ -24,12 +25,8 @@ pub struct Missed {
     events: BTreeMap<u64, Taken>,
 }
 
-/// Who had the core.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Taken {
-    Stolen,
-    Preempted,
-}
+/// The count of the cause that an event names.
+type Taken = fn(&mut OverrunCauses) -> &mut u64;
 
 impl Missed {
     /// Adds the deadlines that a tick reports as missed.
@@ -38,7 +35,7 @@ impl Missed {
         self.deadlines += missed;
         let Some(cause) = tick.cause.filter(|_| missed > 0) else { return };
         match self.events.remove(&tick.sample) {
-            Some(taken) => *self.of(taken) += missed,
+            Some(taken) => *taken(&mut self.causes) += missed,
             None => {
                 self.causes.count(cause, missed);
                 keep(&mut self.ticks, tick.sample, (cause, missed));
@@ -48,31 +45,19 @@ impl Missed {
 
     /// Takes an event, which may be one of these.
     pub fn event(&mut self, sample: u64, name: &str) {
-        let taken = match name {
-            "overrun.stolen" => Taken::Stolen,
-            "overrun.preempted" => Taken::Preempted,
+        let taken: Taken = match name {
+            "overrun.stolen" => |causes| &mut causes.stolen,
+            "overrun.preempted" => |causes| &mut causes.preempted,
             _ => return,
         };
         match self.ticks.remove(&sample) {
             Some((cause, missed)) => {
                 // The tick has counted them for the cause that the loop knew.
                 *self.causes.of(cause) -= missed;
-                *self.of(taken) += missed;
+                *taken(&mut self.causes) += missed;
             }
             None => keep(&mut self.events, sample, taken),
         }
-    }
-
-    fn of(&mut self, taken: Taken) -> &mut u64 {
-        match taken {
-            Taken::Stolen => &mut self.causes.stolen,
-            Taken::Preempted => &mut self.causes.preempted,
-        }
-    }
-
-    /// Returns the number of deadlines that were missed.
-    pub fn deadlines(&self) -> u64 {
-        self.deadlines
     }
 
     /// The causes in words, each with its count.
@@ -118,7 +103,7 @@ mod tests {
             ("woke late", 2),
             ("bus long", 1),
         ];
-        assert_eq!((missed.in_words().as_slice(), missed.deadlines()), (&all[..], 15));
+        assert_eq!((missed.in_words().as_slice(), missed.deadlines), (&all[..], 15));
     }
 
     #[test]

@@ -8,8 +8,7 @@ use axum::extract::ws::{Message, Utf8Bytes};
 use super::about::About;
 use super::extremes::{Extremes, Stretch};
 use super::message::{
-    BranchLines, EventLine, NodeStatus, PageMessage, PlayerStatus, ReadPoint, SetPointLine, Spectra, Timing,
-    UpdateHead, update,
+    BranchLines, EventLine, NodeStatus, PageMessage, PlayerStatus, ReadPoint, Spectra, Timing, UpdateHead, update,
 };
 use super::missed::Missed;
 use super::rows::{ACCELERATION_C, FORCE, HEAD, Row, Rows, Shown, TORQUE, clipped_bit};
@@ -35,7 +34,8 @@ const LINES_KEPT: usize = 500;
 
 /// The state of the run.
 pub struct Model {
-    about: About,
+    /// Description of the run or recording.
+    pub(super) about: About,
     under_test: UnderTest,
     rows: Rows,
     extremes: Extremes,
@@ -104,11 +104,6 @@ impl Model {
         }
     }
 
-    /// Returns the description of the run or recording.
-    pub fn about(&self) -> &About {
-        &self.about
-    }
-
     /// Adds a notice of the loop to the model.
     pub fn notice(&mut self, notice: &run::Notice) {
         match notice {
@@ -121,7 +116,7 @@ impl Model {
                 }
             }
             run::Notice::SetPoint(set_point) => {
-                self.send(&PageMessage::SetPoint(&SetPointLine::from(*set_point)));
+                self.send(&PageMessage::SetPoint(set_point));
                 self.set_point = Some(*set_point);
             }
         }
@@ -304,14 +299,14 @@ impl Model {
             sample,
             time_s: self.time_s(self.shown.unwrap_or(sample)),
             stretches: stretches.iter().map(|stretch| stretch.first).collect(),
-            width: self.extremes.width(),
+            width: self.extremes.width,
             // A gap empties the latest rows, so they are contiguous up to the newest sample.
             first: (sample + 1).saturating_sub(rows.len() as u64),
             rows: rows.len(),
             stretches_clipped: stretches.iter().map(|stretch| stretch.clipped).collect(),
             rows_clipped: rows.iter().map(|row| row.clipped).collect(),
             timing: None,
-            overruns: self.missed.deadlines(),
+            overruns: self.missed.deadlines,
             overrun_causes: self.missed.in_words(),
             lost: 0,
             lost_updates: 0,
@@ -343,7 +338,7 @@ impl Model {
         // One peak for both axes, so that it does not depend on the direction of the motion.
         let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
         let peak_hz = self.spectrum.peak_hz(&both);
-        let line_hz = self.spectrum.line_hz();
+        let line_hz = self.spectrum.line_hz;
         let clipped = recent().fold(0, |bits, row| bits | row.clipped) & shown;
         text(&PageMessage::Spectrum(&Spectra { line_hz, force, acceleration_c, clipped, peak_hz }))
     }
@@ -354,9 +349,8 @@ impl Model {
         let messages = messages
             .chain(self.branch.as_ref().map(PageMessage::Branch))
             .chain(self.player.as_ref().map(PageMessage::Player));
-        let set_point = self.set_point.map(SetPointLine::from);
-        let messages = messages.chain(set_point.as_ref().map(PageMessage::SetPoint));
         let messages = messages
+            .chain(self.set_point.as_ref().map(PageMessage::SetPoint))
             .chain(self.events.iter().map(PageMessage::Event))
             .chain(self.responses.iter().map(PageMessage::Response));
         let messages = messages.chain(self.has_ended.then_some(PageMessage::Ended));

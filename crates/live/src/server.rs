@@ -99,7 +99,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     // One thread for all tasks: nice(2) acts on a thread, and so on the whole server.
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
     let branches = shown.compute.map(Branches::start).transpose()?;
-    let dt_s = 1.0 / shown.model.about().rate_hz;
+    let dt_s = 1.0 / shown.model.about.rate_hz;
     let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.drawing, shown.table.clone());
     let shared = Arc::new(Shared {
         model: Mutex::new(shown.model),
@@ -111,7 +111,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         viewers: AtomicUsize::new(0),
         greetings: Semaphore::new(GREETINGS),
         session: shown.start_unix_ns.to_string(),
-        channels: stream.channels().to_vec(),
+        channels: stream.channels.clone(),
         table: shown.table,
         origins: options.origins.clone(),
     });

@@ -24,7 +24,8 @@ const OVER_MODES: f64 = 1.25;
 pub struct Spectrum {
     fft: Fft,
     window: Vec<f64>,
-    line_hz: f64,
+    /// Distance between two lines, Hz.
+    pub line_hz: f64,
     shown_hz: f64,
 }
 
@@ -41,11 +42,6 @@ impl Spectrum {
     /// Samples in a spectrum.
     pub fn length(&self) -> usize {
         self.window.len()
-    }
-
-    /// Distance between two lines, Hz.
-    pub fn line_hz(&self) -> f64 {
-        self.line_hz
     }
 
     /// Amplitudes of the lines from 0 to 125 Hz, or beyond the modes, without the mean. There must be as many `samples`
@@ -89,7 +85,7 @@ mod tests {
     fn a_sine_has_its_amplitude_and_its_frequency() {
         let spectrum = Spectrum::new(1000.0, None);
         // Steps of a seventh of a line: the parabola through logarithms was 7 mHz off between two lines.
-        let near = (0..7).map(|seventh| 22.0 + f64::from(seventh) * spectrum.line_hz() / 7.0);
+        let near = (0..7).map(|seventh| 22.0 + f64::from(seventh) * spectrum.line_hz / 7.0);
         for frequency_hz in [10.0, 22.16, 57.3].into_iter().chain(near) {
             let sine = |n: usize| (3.0 + 2.5 * libm::sin(TAU * frequency_hz * n as f64 / 1000.0)) as f32;
             let lines = spectrum.amplitudes((0..spectrum.length()).map(sine));
@@ -100,7 +96,7 @@ mod tests {
         }
         let beyond = Spectrum::new(2000.0, Some(388.0));
         let count = beyond.amplitudes(core::iter::repeat_n(0.0, beyond.length())).len();
-        assert_eq!(count, (485.0 / beyond.line_hz()) as usize);
+        assert_eq!(count, (485.0 / beyond.line_hz) as usize);
         assert_eq!(spectrum.peak_hz(&spectrum.amplitudes(core::iter::repeat_n(f32::NAN, 2048))), None);
     }
 }

@@ -82,7 +82,8 @@ pub struct TestStatus {
 /// A test with the latest readings of its control channel.
 #[derive(Clone, Debug)]
 pub struct TestPanel {
-    plan: TestPlan,
+    /// What the specification asks for.
+    pub plan: TestPlan,
     source: Arc<SpecificationSource>,
     /// Place of the control channel in a row.
     place: usize,
@@ -103,11 +104,6 @@ impl TestPanel {
         let plan = TestPlan::new(&source, rate_hz);
         let amplitudes = vec![None; plan.frequency_hz.len()];
         Some(TestPanel { plan, source, place, rate_hz, state: None, readings: VecDeque::new(), amplitudes })
-    }
-
-    /// Returns what the specification asks for.
-    pub fn plan(&self) -> &TestPlan {
-        &self.plan
     }
 
     /// Takes the state that the controller has told.

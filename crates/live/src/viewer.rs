@@ -133,7 +133,7 @@ fn answer(shared: &Shared, asked: &str, nonsense: &mut u32) -> Option<Message> {
     if !shared.token.is(&token) {
         return refuse("the token is wrong: open the page by the address that the terminal shows", nonsense);
     }
-    let order = request.order(lock(&shared.model).about());
+    let order = request.order(&lock(&shared.model).about);
     match order.and_then(|order| lock(&shared.source).order(order)) {
         Ok(()) => text(&PageMessage::Taken),
         // Not nonsense: it has the token, and may ask for what is impossible just now.
@@ -161,7 +161,7 @@ async fn send_frames(socket: &mut WebSocket, batch: &[Published], subscriptions:
 pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let introduction =
-        foxglove::introduction(lock(&shared.model).about(), &shared.channels, &shared.table, &shared.session);
+        foxglove::introduction(&lock(&shared.model).about, &shared.channels, &shared.table, &shared.session);
     let mut published = shared.published.subscribe();
     let (mut subscriptions, mut nonsense) = (Subscriptions::new(shared.channels.len()), 0);
     if send(&mut socket, introduction).await.is_err() {
