@@ -140,6 +140,7 @@ impl Drawing {
             DrawnMotion::Links { .. } => turns(coordinates).map(f64::abs).fold(0.0, f64::max) / DRAWN_RAD,
             DrawnMotion::Shapes(shapes) => {
                 let far = |shapes| norm(displacement(shapes, coordinates));
+                // Relative to the size of the structure, so that a plate and a tower fill the picture alike.
                 shapes.iter().map(far).fold(0.0, f64::max) / (DRAWN_OF_SIZE * self.size_m())
             }
         }

@@ -82,12 +82,14 @@ impl Drive {
                 }
             }
             Heard::Sync(_) => self.act(),
+            // A write counts once the drive has confirmed it. Before that the drive may still refuse it.
             Heard::Sdo(Sdo::Confirmed(address) | Sdo::SegmentTaken(Some(address))) => {
                 self.write(*address, self.listener.dictionary().number(*address));
             }
             Heard::Sdo(Sdo::Given(address, _)) if address.index == 0x6041 => {
                 self.report(self.listener.dictionary().number(*address) as u16);
             }
+            // Codes below 0x0100 say that there is no error, or no longer one (CiA 301).
             Heard::Emergency { code: 0x0100.., .. } => self.enter(DriveState::Fault),
             // Starting a node leaves the state of the drive as it is. Every other command, and a boot-up, ends its
             // operation.
@@ -114,6 +116,8 @@ impl Drive {
     fn write(&mut self, address: Address, number: i64) {
         match address {
             CONTROLWORD => {
+                // Some commands are the edge of a bit, as the reset of a fault, so the word before counts as well (CiA
+                // 402-2).
                 let before = std::mem::replace(&mut self.controlword, number as u16);
                 self.enter(self.state.after(Command::of(before, self.controlword)));
             }

@@ -267,6 +267,7 @@ impl FrameLog {
             channels,
             time: RunTime::RealTime,
             clock_epoch_unix_ns: Some(first.time_ns),
+            // By samples and not by the clock, so that the same log always makes the same bytes.
             flush: FlushPolicy::Samples(1000),
             existing: options.existing,
             reading_delay_samples: converter.delay_samples(),
@@ -325,6 +326,8 @@ impl FrameLog {
     /// Returns the direction of a frame: with the scenario of the network that of its sender; without one that of the
     /// log, and if the log has none, that of a network with the usual identifiers if the log is of one.
     fn direction(&self, logged: &LoggedFrame) -> Option<Direction> {
+        // A log has the directions of the program that wrote it, which may have been at either end of the bus. A
+        // recording has those of the plant.
         let by_sender = direction(self.network, &logged.frame);
         match self.is_known {
             true => by_sender,
@@ -373,11 +376,14 @@ pub fn import_converted(
     }
     let Checked { first, is_usual } = check(log, format, options)?;
     let mut written = FrameLog::create(original.0, original.1, &first, (path, Naming::Whole), options)?;
+    // Only the whole log tells this, and the first frames are written before it is read again: the first pass must
+    // decide.
     written.is_usual = is_usual;
     let mut imported = Imported { path: path.to_path_buf(), interface: first.interface.clone(), ..Imported::default() };
     let mut frames = read(log, format)?;
     for logged in &mut frames {
         let logged = logged?;
+        // A recording has one interface. Frames of others are counted, so that the summary can say what is missing.
         if logged.interface != first.interface {
             imported.of_other_interfaces += 1;
             let name = logged.interface.unwrap_or_default();

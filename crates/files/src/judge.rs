@@ -237,6 +237,8 @@ pub fn judge(
     if options.reference.is_some() && !matches!(test, Test::Sine(_)) {
         return Err(JudgeError::Reference);
     }
+    // The channels of the specification hold for its own bench, and the recording may be of another, so that the
+    // options come first.
     let named = if options.channels.is_empty() { &specification.control.channels } else { &options.channels };
     if named.is_empty() {
         let known = accelerations(recording).map(|channel| channel.name.to_string()).collect();
@@ -302,6 +304,7 @@ pub fn judge(
     // What is beyond a sensor's range is not in the record, so it can't prove that the test is in; nor can a test that never
     // begins.
     let least = if clipped > 0 || after_s.is_none() { Verdict::Undecided } else { Verdict::In };
+    // Verdicts ascend from in to out, so that the larger one is the worse.
     let verdict = level.iter().map(|level| level.verdict).fold(found.verdict().max(least), Verdict::max);
     let is_given = begin == Begin::Start || (matches!(test, Test::Random(_)) && options.range_s[1].is_some());
     let by = if is_given { BeginBy::Given } else { BeginBy::of(test) };

@@ -162,6 +162,8 @@ impl ModalFile {
         let lines: Vec<Vec<u32>> = self.lines.iter().map(of_points).collect();
         // A line that is too long is continued from its last node.
         let traces = lines.iter().flat_map(|line| {
+            // Each trace begins with the last node of the one before, which is why the step is one less than the
+            // length: else a piece of the line would be missing.
             let starts = (0..line.len().saturating_sub(1)).step_by(NODES_IN_TRACE - 1);
             starts.map(|start| &line[start..(start + NODES_IN_TRACE).min(line.len())])
         });

@@ -447,6 +447,7 @@ fn add_edges(edges: &mut BTreeSet<[i64; 2]>, body: &str) -> Result<(), ResponseF
         nodes.truncate(expected);
         let mut add = |a: usize, b: usize| {
             let ends = [nodes[a], nodes[b]];
+            // With the lower node first, the edge that two elements share is one line.
             edges.insert([ends[0].min(ends[1]), ends[0].max(ends[1])]);
         };
         match kind {
@@ -609,6 +610,8 @@ fn function(
     if parts.len() < expected {
         return Err(ResponseFault::Short { got: parts.len(), expected });
     }
+    // A direction against its axis reverses the sign of the response. Of the force and the response together, the two
+    // cancel.
     let factor = scale * own_sign * other_sign;
     let rows = || parts.chunks_exact(numbers_of_value).take(count);
     let complex = |row: &[f64]| Complex::new(row[numbers_of_value - 2], row[numbers_of_value - 1]) * factor;

@@ -81,6 +81,7 @@ impl Listener {
         if let Some(decoder) = scenario.as_ref().and_then(|scenario| Decoder::of_scenario(scenario).ok().flatten()) {
             return Listener::Wire(Box::new(decoder));
         }
+        // A log that was imported without a scenario has no network of its own, and most likely the usual one.
         let network = scenario.and_then(|scenario| scenario.network().ok()).unwrap_or_default();
         Listener::Network([(); 2].map(|()| Receiver::new(network)))
     }

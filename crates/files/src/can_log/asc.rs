@@ -31,6 +31,7 @@ impl<W: Write> Writer<W> {
             return Ok(());
         }
         let date = date::asc(date::utc(self.start_ms));
+        // The first line of a log states its date, and the trigger block repeats it: readers take it from either.
         write!(self.out, "date {date}\nbase hex  timestamps absolute\ninternal events logged\n")?;
         writeln!(self.out, "Begin Triggerblock {date}\n   0.000000 Start of measurement")
     }
@@ -89,6 +90,7 @@ pub(super) struct Reader {
 
 impl Reader {
     pub fn new() -> Reader {
+        // Until a head says otherwise numbers are hexadecimal and times absolute, as this program writes them.
         Reader { start_ns: 0, radix: 16, is_relative: false, time_ns: 0, is_in_block: false }
     }
 

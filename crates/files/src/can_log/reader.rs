@@ -165,6 +165,7 @@ impl Iterator for LoggedFrames {
             return None;
         }
         let next = self.next_frame().transpose();
+        // After an error the position in the file is unknown, so that further entries would be guesses.
         self.has_failed = matches!(next, Some(Err(_)));
         next
     }

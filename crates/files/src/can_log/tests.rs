@@ -71,6 +71,7 @@ fn written_logs_are_read_back() {
     for start_ns in [0, 1_785_000_000_123_456_000] {
         let frames = frames(start_ns);
         for (format, interface, others) in
+            // An ASC log has five lines of head and one at its end that are no frames.
             [(LogFormat::Candump, "vcan0", 0), (LogFormat::Asc, "1", 6), (LogFormat::Blf, "1", 0)]
         {
             let (found, skipped) = read_text(format, &written(format, &frames)).unwrap();

@@ -66,6 +66,7 @@ fn loads_and_requests_have_their_meaning() {
     assert!(decoder.is_mapped());
     let first = message(&mut decoder, "100#E8030100");
     assert_eq!(first.outcome, Outcome::Taken { lost: 0 });
+    // 0x03E8 mA are 1 A, times 0.5 N·m/A and a gear of 100.
     assert_eq!(meanings(&first), "load torque1_nm=50; arm; loads count; counter");
     assert_eq!((first.signals[0].unit.as_str(), first.signals[1].text.as_deref()), ("mA", Some("on")));
     assert_eq!(
@@ -73,6 +74,7 @@ fn loads_and_requests_have_their_meaning() {
         "load torque1_nm=50; arm, unchanged; loads count; counter"
     );
     let off = message(&mut decoder, "100#18FCFF03");
+    // The counter goes from 1 to 3, so a frame between them is missing.
     assert_eq!((off.outcome, decoder.lost()), (Outcome::Taken { lost: 1 }, 1));
     assert_eq!(off.signals[1].text.as_deref(), Some("off"));
     assert_eq!(meanings(&message(&mut decoder, "080#")), "stop");

@@ -64,6 +64,8 @@ impl FrameIndex {
     pub fn place(&mut self, raw: Option<u64>, step: Option<Step>, time_ns: u64, other: Option<Anchor>) -> Placed {
         let sample = match (self.last, other) {
             (Some(last), _) => match self.after(last, raw, step, time_ns) {
+                // Time stamps alone can't tell a repeated frame from two that came close together, so there it counts
+                // for the same sample.
                 0 if self.numbering != Numbering::Time => return Placed::Repeated,
                 difference => last.sample.checked_add_signed(difference),
             },

@@ -60,6 +60,7 @@ impl Rows {
     /// Returns the next complete sample, if there is one and no older one can become complete; `is_end` after the last
     /// frame.
     pub fn next(&mut self, is_end: bool) -> Option<(u64, Row)> {
+        // At the end nothing more can arrive, so that incomplete samples need not be waited for.
         let hold = if is_end { 0 } else { self.hold };
         loop {
             let (&sample, row) = self.waiting.first_key_value()?;

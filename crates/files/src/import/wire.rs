@@ -302,6 +302,7 @@ pub(super) fn state_record(sample: u64, row: &Row, (load, taken): (Load, LoadSet
 }
 
 fn sample_record(sample: u64, row: &Row) -> SampleRecord {
+    // A mapping counts the force of the head first, and a recording has it last.
     let (of_every_rig, more) = row.values.split_at(OUTPUTS.len());
     let pair = |place: usize| [of_every_rig[place], of_every_rig[place + 1]];
     let is_clipped = |place: usize| [row.clipped >> place & 1 == 1, row.clipped >> (place + 1) & 1 == 1];

@@ -58,6 +58,7 @@ fn states_come_with_the_load_commanded_then() {
     let frames = [
         (900, "200#03000400FF00"),
         (400, "201#01000200FF00"),
+        // 0x0064 and 0xFF9C are 100 and -100 counts of 0.1 N·m, low byte first.
         (1100, "100#640001"),
         (1900, "200#050006000000"),
         (1950, "201#010002000000"),

@@ -43,6 +43,8 @@ pub trait Batch: prost::Message {
         let (columns, first) = (self.columns(), self.first_sample());
         let length = columns.iter().copied().max().unwrap_or(0);
         let Some(further) = length.checked_sub(1) else { return Ok(None) };
+        // Of columns with different lengths nobody knows which numbers belong together, so no row of such a batch is
+        // used.
         let is_good = columns.iter().all(|column| *column == length) && self.has_known_marks();
         match first.checked_add(further as u64).filter(|_| is_good) {
             Some(last) => Ok(Some((first, last))),

@@ -148,6 +148,7 @@ impl Contents {
     /// Decompresses a chunk, compares its checksum, and gathers its messages.
     pub fn read_chunk(&mut self, body: &[u8]) -> Result<(), Fault> {
         if let McapRecord::Chunk { header, data } = parse(op::CHUNK, body)? {
+            // Checked before anything is decompressed: a few bytes may state any size, and grow to it.
             if header.uncompressed_size > LONGEST_CHUNK {
                 return Err(Fault::Damaged(format!(
                     "a chunk states {} bytes after decompression, more than the limit of {LONGEST_CHUNK}",

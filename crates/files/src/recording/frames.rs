@@ -155,6 +155,7 @@ pub(super) fn batch(batch: &FrameBatch, mut visit: impl FnMut(FrameRecord)) -> R
     let times = sums(&batch.step_difference).zip(sums(&batch.time_difference_ns));
     for (row, (sample, time_ns)) in times.enumerate() {
         let flags = batch.flags[row];
+        // A flag that this version does not know may change what the frame means, so it is not ignored.
         if flags & !flag::ALL != 0 {
             return Err(format!("a frame with flags {flags:#x}"));
         }

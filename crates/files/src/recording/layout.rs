@@ -311,6 +311,8 @@ impl Message for Plot {
         buf: &mut impl Buf,
         context: DecodeContext,
     ) -> Result<(), DecodeError> {
+        // These messages are only written. A reader takes the samples from the batches, which have every one of them
+        // unfiltered.
         encoding::skip_field(wire, tag, buf, context)
     }
 

@@ -87,6 +87,7 @@ mod tests {
             assert!((0..body.len()).all(|length| !fit(opcode, &body[..length])), "{opcode}");
             for field in 1..fields.len() {
                 let mut longer = body.clone();
+                // The highest byte of a little-endian length of four.
                 longer[fields[..field].concat().len() + 3] = 0xFF;
                 assert!(!fit(opcode, &longer), "{opcode}, field {field}");
             }

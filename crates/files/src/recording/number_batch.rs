@@ -215,6 +215,7 @@ impl<R: Numbers> Batch for NumberBatch<R> {
             true => u32::from(self.ends && index + 1 == columns[0].len()),
             false => *self.clipped.get(index)?,
         };
+        // Looked up by place and not copied into a row first, since a recording can have millions of rows.
         R::of(sample, |place| columns[place][index], &self.layout, mark)
     }
 }

@@ -137,6 +137,7 @@ impl Recording {
     /// # Errors
     /// [`RecordingError`] if the file can't be opened again.
     pub fn records(&self) -> Result<Records<Record<String>>, RecordingError> {
+        // The topics for plotting are left out: they repeat what the batches have.
         const ALL: &[Topic] = &[Topic::States, Topic::Samples, Topic::Frames, Topic::Ticks, Topic::Events];
         Records::new(&self.path, self.scan.readable_bytes, ALL, |message, queue| {
             decode::decode(message, |record| queue.push_back(record))

@@ -145,6 +145,8 @@ impl Recorder {
         let _ended_before = self.control.send(Control::End(ending));
         match self.thread.take() {
             Some(thread) => {
+                // The thread may be parked between two looks at empty channels, and would notice the command only at
+                // the next one.
                 thread.thread().unpark();
                 thread.join().unwrap_or_else(|_panic| Err(self.shared.error()))
             }

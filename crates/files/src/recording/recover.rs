@@ -53,6 +53,8 @@ pub fn recover(
     existing: Existing,
 ) -> Result<Recovered, RecordingError> {
     let (input, output) = (input.as_ref(), output.as_ref());
+    // A scan ends at the first damage. The survey goes on behind it, since metadata from the end of the run may still
+    // be whole.
     let mut scan = scan(input)?;
     let salvage = survey(input, &mut scan)?;
     let about = scan.required(input, metadata::RECORDING)?;
@@ -93,6 +95,8 @@ fn fill(sink: &mut Sink, salvage: Salvage, input: &Path, scan: &Scan) -> Result<
     if let Some(start) = scan.metadata.get(metadata::START) {
         sink.metadata(metadata::START, start)?;
     }
+    // Everything is counted anew. Only the sample period is kept: a batch that states another one is damaged, or of
+    // another run.
     let expected = Tally { dt_s: scan.tally.dt_s, ..Tally::default() };
     let copied = copy(salvage, expected, sink)?;
     if messages(sink) == 0 {

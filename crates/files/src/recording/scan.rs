@@ -140,6 +140,8 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
         Err(RecordingError::Damaged { cause, .. }) => {
             Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause }
         }
+        // The file of another program may have a topic of the same name. That it is no recording says more than that
+        // its message is another one.
         Err(RecordingError::Schema { .. }) if !metadata.contains_key(metadata::RECORDING) => Integrity::Unfinished,
         Err(error) => return Err(error),
     };

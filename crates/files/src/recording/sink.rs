@@ -93,6 +93,8 @@ impl Sink {
             .map_err(|error| RecordingError::write(path, error))?;
         let channels = [const { None }; Topic::ALL.len()];
         let mut sink = Sink { path: path.to_path_buf(), writer, channels, buffer: Vec::new(), unflushed: true };
+        // The head is flushed before anything else, so that even a run that is killed before its first chunk says what
+        // it was.
         metadata.iter().try_for_each(|(name, content)| sink.metadata(name, content))?;
         sink.flush()?;
         schemas.into_iter().try_for_each(|(of, schema)| sink.declare(of, &schema))?;
@@ -189,6 +191,7 @@ impl Sink {
 
     /// Abandons a file that can't be written any more, without a footer: it must not look whole.
     pub fn abandon(self) {
+        // A `BufWriter` that is dropped would try to write its rest once more. Taken apart it lets go of it.
         let _unwritten = self.into_file().into_parts();
     }
 

@@ -12,6 +12,7 @@ use super::{Clipped, Event, FrameRecord, Record, SampleRecord, StateRecord, Tick
 /// Loads and states in the first slot: those of the arm with a coil.
 const FIRST: usize = 9;
 /// Loads and states, or readings, in each slot after it.
+// Twelve numbers keep a slot no longer than that of a CAN FD frame, which is the longest other content.
 const NEXT: usize = 12;
 
 /// The most slots of a record.
@@ -202,6 +203,7 @@ fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<S
     let (begin, rest) = numbers.split_at_mut(FIRST.min(numbers.len()));
     begin.iter_mut().zip(head.first).for_each(|(to, number)| *to = number);
     for part in rest.chunks_mut(NEXT) {
+        // The parts of a record became visible together, so the next slot is here at once and need not be waited for.
         let Ok(Slot(Content::States(states))) = ring.pop() else { return None };
         part.iter_mut().zip(states).for_each(|(to, number)| *to = number);
     }

@@ -88,6 +88,8 @@ impl Writer {
         };
         let (file, opened) = create(path, options.existing).map_err(|error| RecordingError::create(path, error))?;
         let channels = &options.channels;
+        // All topics are declared, also those that stay empty: a reader can then tell a topic without records from one
+        // that the file lacks.
         let schemas = Topic::ALL.map(|topic| (topic, topic.descriptor(channels)));
         let sink = Sink::begin(opened, path, options.compression, &head, schemas)?;
         let time = match options.flush {
@@ -263,6 +265,8 @@ impl Writer {
             self.take_frames()?;
         }
         self.frames.append(record);
+        // The channels are emptied one after the other, so a frame may be older than what was written before. Publish
+        // times still never step back.
         self.output.times.elapsed_ns = self.output.times.elapsed_ns.max(record.time_ns);
         Ok(())
     }

@@ -94,6 +94,8 @@ impl<'a> Object<'a> {
         let body = self.body()?;
         let [flags, dlc] = self.number(body + 2)?;
         let format = if flags & REMOTE != 0 { FrameFormat::Remote } else { FrameFormat::Classic };
+        // These objects always have eight bytes of data. The DLC says how many of them count, and one above 8 means 8
+        // (ISO 11898-1).
         let data: [u8; LONGEST_CLASSIC] = self.number(body + 8)?;
         let frame = Frame::new(self.id(body + 4)?, format, &data[..LONGEST_CLASSIC.min(dlc.into())])?;
         Ok(FrameFields { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })

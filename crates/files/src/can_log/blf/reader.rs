@@ -125,6 +125,8 @@ impl Reader {
                 // The object may continue in the next container.
                 let Some(object) = rest.get(padding..end) else { return Ok(None) };
                 let entry = self.entry(&Object::new(object));
+                // The bytes are dropped only when the next container is read: dropping moves all that follow, and a
+                // container has thousands of objects.
                 self.taken += end;
                 return Ok(Some(entry));
             }
