@@ -333,6 +333,7 @@ impl<C: Clock, L: Controller> Test<'_, C, L> {
         recording: &Recording,
         mut expect: impl FnMut(&mut Self, &FrameRecord) -> Result<ControlFlow<()>, ReplayError>,
     ) -> Result<Compared, ReplayError> {
+        // Times count from the first frame: a recording may begin in the middle of a run.
         let (start_ns, mut first_ns) = (self.clock.now_ns(), None);
         for record in recording.frames()? {
             let record = record?;

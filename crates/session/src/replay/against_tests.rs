@@ -113,6 +113,7 @@ fn said(compared: &Compared) -> String {
 #[test]
 fn the_same_controller_passes() {
     let (compared, frames) = tested(SCENARIO, EXACT);
+    // A command for each sample of 0.4 s at 1 kHz.
     assert_eq!(compared, Compared { frames, commands: 400, ..Compared::default() });
 }
 
@@ -122,6 +123,7 @@ fn an_amplitude_that_is_off_is_reported_with_its_sample_and_passes_within_limits
     let (compared, _) = tested(&other, EXACT);
     insta::assert_snapshot!(said(&compared), @"1: the controller commands exciter_x = 4.8 N; the recorded command is exciter_x = 4.7 N");
     assert_eq!(compared.commands, 400);
+    // The amplitudes are 1 N apart, and the samples of the sine and the counts of the frames take a little of it.
     assert!((0.9..=1.0).contains(&compared.largest_force_difference_n), "{compared:?}");
     let within = Regression { limit_n: compared.largest_force_difference_n, ..EXACT };
     assert_eq!(tested(&other, within).0.first_difference, None);

@@ -51,6 +51,7 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     loop {
         states.read(&mut block, BLOCK)?;
         let [.., last] = block[..] else { return Ok(verdict) };
+        // Only the record that the block before has left is there: the recording has ended.
         if block.len() == 1 {
             return Ok(verdict);
         }

@@ -90,6 +90,7 @@ fn responses_reading(
         responses.extend(read.map(|response| (record.sample, response)));
         // Loads are kept by the sample that they answer, until the recorded command for it comes.
         while let Some(frame) = exciter.poll_transmit() {
+            // The index of 16 bits goes round. By then the recorded command of the earlier sample has long come.
             commands.extend(made.accept(&frame).ok().flatten().and_then(command));
         }
     }

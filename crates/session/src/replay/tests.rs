@@ -49,6 +49,7 @@ fn a_run_simulated_again_is_identical() {
     let recording = record(&folder.path().join("same.mcap"), SCENARIO, SCENARIO);
     let verdict = resimulate(&recording).unwrap();
     let integrity = Integrity::Complete;
+    // Half a second of the excitation, then 50 ms in which the load ramps to zero, with both ends.
     let (samples, steps) = (551, 2 * 550);
     let expected = Verdict { identical: true, integrity, samples, steps, first_divergence: None, max_drift_rad: 0.0 };
     assert_eq!(verdict, expected);
@@ -86,6 +87,7 @@ fn plays_frames_in_order_with_their_timing() {
     let played = play(&recording, &mut sender, &clock, &commands, &Signals::default()).unwrap();
     let received = expected.iter().filter(|record| record.direction == Direction::Received).count();
     assert_eq!(played.frames, received as u64);
+    // At least a command for each of the 500 samples.
     assert!(played.frames > 500);
 }
 
@@ -177,6 +179,7 @@ fn a_pass_ends_with_its_latest_frame() {
     let begun_ns = clock.now_ns();
     let twice = Playback { times: 2, ..Playback::default() };
     let played = play(&Recording::open(&path).unwrap(), &mut near, &clock, &twice, &signals).unwrap();
+    // A sample period of 1 ms behind the latest frame, which is not the last in the file, begins the second pass.
     assert_eq!((played.frames, clock.now_ns() - begun_ns), (6, 91_000_000 + 90_000_000));
 }
 

@@ -121,6 +121,7 @@ impl Loads<'_> {
             return Ok(());
         }
         // A frame that arms or disarms the plant has no load.
+        // The report names the load that was due, or if none is left, the last one.
         match rest.first().or(loads.last()) {
             _ if got == Load::default() => Ok(()),
             Some(expected) => Err(ReplayError::command(sample, got, *expected)),

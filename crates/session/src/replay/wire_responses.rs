@@ -69,6 +69,8 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
         commands.iter().find(|(_, load)| is_load(load)).map(|(sample, _)| *sample).ok_or(ReplayError::NoLoad)?;
     let expected = |index: u64| profile.load(index);
     let ahead = (0..profile.samples()).find(|index| is_load(&expected(*index))).ok_or(ReplayError::NoLoad)?;
+    // A profile may begin with loads too small to be seen in a frame. So the first load of it that can be seen is that
+    // of the first command with a load.
     let start = first.saturating_sub(ahead);
     for (sample, got) in commands.range(first..) {
         let index = sample - start;

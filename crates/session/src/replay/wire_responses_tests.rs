@@ -57,6 +57,8 @@ fn commanded(folder: &Path, scale: f64) -> Recording {
     let mut channel = recorder.channel("test", 4096).unwrap();
     for (place, node) in [1, 2].into_iter().enumerate() {
         let id = 0x600 + node;
+        // The mode cyclic synchronous torque with its confirmation, then the three controlwords that lead to operation
+        // enabled (CiA 402-2).
         let set_up = [format!("{id:03X}#2F6060000A000000"), format!("{:03X}#6060600000000000", id - 0x80)]
             .into_iter()
             .chain(["06000000", "07000000", "0F000000"].map(|word| format!("20{node}#{word}")));
@@ -66,6 +68,7 @@ fn commanded(folder: &Path, scale: f64) -> Recording {
     for sample in Recording::open(&plain).unwrap().samples().unwrap() {
         let sample = sample.unwrap();
         let torque_nm = profile.load(sample.sample).torque_nm * scale;
+        // A step is a thousandth of the rated torque behind the gear: 100 and 10 times 1 mN·m.
         channel.push_blocking(&target(1, torque_nm[0], 0.1, sample.sample)).unwrap();
         channel.push_blocking(&target(2, torque_nm[1], 0.01, sample.sample)).unwrap();
         channel.push_blocking(&Record::Sample(sample)).unwrap();

@@ -292,6 +292,7 @@ impl<'a> Bench<'a> {
                 let fault = self.fault_found(emergency);
                 (self.on_event)(RunEvent::Faulted { fault, partner });
             }
+            // Once a run: another network with the same base would report each of its frames.
             NodeEvent::OtherSender(identifier) if !self.other_sender_reported => {
                 self.other_sender_reported = true;
                 (self.on_event)(RunEvent::OtherSender { sample, identifier: *identifier });

@@ -164,6 +164,7 @@ impl<C: Clock> Run<'_, C> {
             }
             self.check_patience(now_ns)?;
             let due_ns = self.node.next_deadline_ns().saturating_sub(now_ns);
+            // Nothing tells when a full queue takes frames again, so it is tried again soon.
             self.wait(due_ns.min(if sent { LOOK_NS } else { RETRY_NS }))?;
         }
     }

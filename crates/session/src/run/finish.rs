@@ -46,6 +46,7 @@ pub(super) fn finish<C: Clock>(
         Err(_) => bench.fail_if_armed(now_ns),
     }
     let outcome = outcome(bench, &ended);
+    // Before the ramp, so that no further command acts while the load falls to zero.
     bench.node.leave(now_ns);
     let simulates = !matches!(ended, Err(RunError::Plant(_)));
     let ramped = if simulates { ramp(bench, bus, pace) } else { Ok(()) };

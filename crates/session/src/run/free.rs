@@ -64,6 +64,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.exciter.start(0);
         self.exchange()?;
         loop {
+            // In simulated time nobody may come later: who has not armed the plant by then never will.
             if !self.bench.was_armed() && self.now_ns() >= self.arming_ns {
                 return Err(RunError::Stalled { plant: self.bench.node.state(), exciter: self.exciter.state() });
             }

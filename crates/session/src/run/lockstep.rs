@@ -98,6 +98,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             // The time spent waiting for the answer is not work of the plant.
             let exec_ns = published_ns - begun_ns + (now_ns - answered_ns);
             self.exec.record(exec_ns);
+            // The plant has advanced since, so the sample that was published is the one before.
             self.bench.notify_pace(self.bench.sample() - 1, self.pace.lag_ns, exec_ns);
             self.bench.show(self.signals.gauges(), self.pace.lag_ns, exec_ns, 0);
             self.signals.set_done(self.bench.sample());

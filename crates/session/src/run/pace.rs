@@ -123,6 +123,7 @@ impl<'c, C: Clock> Pace<'c, C> {
 
     /// Returns the time on the clock at which `sample` is due, ns; `None` if the run does not wait for the clock.
     fn due_ns(&self, sample: u64) -> Option<u64> {
+        // Counted from the anchor and not from the sample before, so that no rounding and no delay adds up.
         let offset_ns = self.rate.offset_ns(sample.saturating_sub(self.anchor.0)) as f64 / self.speed.0;
         self.speed.is_paced().then(|| self.anchor.1.saturating_add(offset_ns as u64))
     }

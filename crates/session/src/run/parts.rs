@@ -80,6 +80,8 @@ impl Session {
             None => Box::new(node::carry(network, rate_hz, self.timing, controller)),
             Some(wire) => wire.exciter((rate_hz, self.time_base()), self.timing, controller)?,
         };
+        // A plant on a user protocol repeats the readings of sample 0 until it is armed. They are no samples to be
+        // answered.
         if self.wire.is_some() && self.mode == Mode::Lockstep {
             node.expect_unarmed_readings();
         }

@@ -61,6 +61,7 @@ fn ticks<C: Clock>(
         let bus_ns = work(bench, bus, &tick, now_ns, pace)?;
         let exec_ns = periodic.finish(&tick, bus_ns);
         let Tick { index: sample, wakeup_ns, missed, cause, .. } = tick;
+        // Behind `finish`, which takes the execution time: a tick can't contain the time of its own record.
         bench.record(&Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: missed, cause }));
         if let Some(overrun) = Overrun::of(&tick, pace.start_ns) {
             overruns(overrun);

@@ -252,6 +252,7 @@ const REMEDY: &str = "; to fix it: ";
 /// Replaces the sample modulo 65536 in the text of a fault by its full index.
 fn at_full_sample(text: String, emergency: &Emergency, sample: u64) -> String {
     let stated = format!("at sample {}", emergency.sample);
+    // Only in the first place: the fault of a partner, which may follow, states its own sample.
     if sample == u64::from(emergency.sample) { text } else { text.replacen(&stated, &format!("at sample {sample}"), 1) }
 }
 

@@ -376,6 +376,7 @@ impl Session {
     /// report.
     pub fn both(&self, signals: &Signals, on_event: impl FnMut(RunEvent)) -> Result<BothReport, RunError> {
         let mut session = self.clone();
+        // The exciter disarms the plant when its work is done, and nobody would arm it again.
         session.ending.on_disarm = true;
         match (self.mode, self.network) {
             (Mode::Free, _) => session.free(session.recorder(self.interface_of_both())?, signals, on_event),
@@ -457,6 +458,8 @@ impl Session {
             rate: self.rate,
             pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
             ending: self.ending,
+            // On an ideal bus both hellos and the request to arm are exchanged at time 0. A bus with bit rates takes
+            // its time for them, and so may a user protocol.
             arming_ns: if self.network == Network::Ideal && self.wire.is_none() { 0 } else { ARMING_NS },
             hands_over: self.hands_over(),
             signals,
@@ -522,6 +525,7 @@ fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> R
     if mode == Mode::RealTime && speed != Speed::UNPACED {
         return Err(SpeedError::RealTime { got });
     }
+    // The other half of the timeout is for a machine that is late with a sample.
     if period_s > 0.5 * timeout_s {
         let least = 2.0 / (rate.rate_hz() * timeout_s);
         return Err(SpeedError::TooSlow { got, period_s, timeout_s, least });

@@ -254,17 +254,21 @@ fn all_loops_give_the_same_states() {
     assert_eq!(lockstep.exciter.outcome(), Some(ExciterOutcome::Finished));
     assert_eq!((free.plant.outcome, lockstep.report.outcome), (PlantOutcome::Disarmed, PlantOutcome::Disarmed));
     assert_eq!((free.plant.samples, free.plant.steps), (lockstep.report.samples, lockstep.report.steps));
+    // One for each of the three frequencies.
     assert_eq!(free.exciter.responses.len(), 3);
     let states = lockstep.states();
     assert_eq!(states.len() as u64, lockstep.report.samples);
+    // Two steps a sample, by default, and none from the last sample on.
     assert_eq!(lockstep.report.steps, (lockstep.report.samples - 1) * 2);
     assert!(states_of(&Recording::open(&path).unwrap()) == states);
     // In real time the plant is armed some samples later, and moves in the same way from there.
+    // Eight zeros are four angles and rates, and four loads: the arm at rest.
     let moving = |states: &[Vec<u64>]| states.iter().skip_while(|state| **state == [0; 8]).cloned().collect::<Vec<_>>();
     let (late, prompt) = (moving(&real_time.states()), moving(&states));
     assert_eq!(late.iter().zip(&prompt).position(|(one, other)| one != other), None);
     // There the disarm is taken in with the sample after, so that there is one more at rest.
     assert_eq!(late.len(), prompt.len() + 1);
+    // Three dwells of half a second at 1 kHz.
     assert!(moving(&states).len() > 1500);
 }
 
@@ -306,6 +310,7 @@ fn a_stall_in_paced_lockstep_is_a_lag_and_changes_no_state() {
     assert!(stalled.states() == undisturbed.states());
     assert!(stalled.faults().is_empty());
     let pacing = stalled.report.pacing.unwrap();
+    // The stall, up to a few sample periods, and nothing of it at the end: the run has caught up.
     assert!((0.29..0.31).contains(&pacing.longest_lag_s) && pacing.lag_s < 1e-3, "{pacing:?}");
     assert!(stalled.report.wakeup_us.unwrap().max > 290e3);
 }
@@ -425,6 +430,7 @@ fn a_bus_that_stays_down_ends_the_run_and_says_so() {
     let rig = Rig { down_ns: 500 * MS..u64::MAX, ending: Ending::default(), ..Rig::new() };
     let run = rig.run(Mode::RealTime, &Signals::default());
     assert!(matches!(run.report.error, Some(RunError::Bus(BusError::InterfaceDown { .. }))), "{:?}", run.report);
+    // The bus is lost at 0.5 s, and a run waits ten seconds for it.
     assert!((10_500 * MS..12_000 * MS).contains(&run.ended_ns), "{}", run.ended_ns);
     assert_eq!(run.faults(), [EmergencyCode::BusLoss as u16]);
 }
@@ -488,6 +494,7 @@ fn code_of(ran: &Ran) -> Option<EmergencyCode> {
 
 /// The force went to zero step by step: at most a fiftieth of the amplitude beyond what the excitation does.
 fn assert_ramped(ran: &Ran) {
+    // Of a row of states the force along x is the seventh: four angles and rates and two torques come first.
     let forces: Vec<f64> = ran.states().iter().map(|state| f64::from_bits(state[6])).collect();
     let last = forces.len() - 1;
     assert_eq!(forces[last], 0.0);
@@ -498,6 +505,8 @@ fn assert_ramped(ran: &Ran) {
     );
     let steps = forces[last - 60..].windows(2).map(|pair| (pair[1] - pair[0]).abs());
     let largest = steps.fold(0.0, f64::max);
+    // The ramp takes a fiftieth a sample, and a sine of 20 Hz at 1 kHz changes by at most 2π · 20/1000 of its
+    // amplitude.
     assert!(largest < 40.0 * (1.0 / 50.0 + core::f64::consts::TAU * 20.0 / 1000.0), "a step of {largest} N");
 }
 

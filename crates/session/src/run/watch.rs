@@ -324,6 +324,7 @@ impl Watcher {
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
         for Opened { end, often, events, responses, tests, frames, .. } in &mut self.open {
+            // Counted before the first is taken, so that a loop as fast as this one can't keep the others waiting.
             for _ in 0..most.min(often.slots()) {
                 if slots::pop(often, |entry| hand(*end, &Notice::from(entry))).is_none() {
                     break;

@@ -12,6 +12,7 @@ pub fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync,
     let worker = || {
         let mut results = Vec::new();
         loop {
+            // Taken one by one and not divided beforehand, since some jobs take far longer than others.
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(index) else { return results };
             results.push((index, work(job)));

@@ -491,6 +491,7 @@ fn band(modes: &[Known], request: &SurveyRequest, rate_hz: f64) -> Result<Band, 
         (Some(given), _) => given,
         (None, Some(last)) => {
             let next = vibrating.iter().find(|mode| mode.number > last.number);
+            // On the logarithmic axis of a response this is halfway to the next mode.
             let between = next.map(|next| libm::sqrt(last.frequency_hz * next.frequency_hz));
             rounded(between.unwrap_or(f64::INFINITY).min(ABOVE_LAST * last.frequency_hz)).min(highest_hz)
         }

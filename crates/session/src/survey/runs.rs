@@ -34,6 +34,7 @@ impl Survey {
     pub fn begin(folder: &Path, plan: SurveyPlan, overwrite: bool) -> Result<Survey, SurveyError> {
         let failed = |source| SurveyError::Write { path: folder.to_path_buf(), source };
         fs::create_dir_all(folder).map_err(failed)?;
+        // The folder itself is locked: no file of a lock stays behind after a kill.
         let lock = File::open(folder).map_err(failed)?;
         match lock.try_lock() {
             Ok(()) => {}
@@ -114,6 +115,8 @@ impl Survey {
     }
 
     fn with_index<R>(&self, act: impl FnOnce(&mut SurveyIndex) -> R) -> R {
+        // Every change puts whole values in place of others, so the index is usable even if a thread has panicked with
+        // it.
         act(&mut self.index.lock().unwrap_or_else(PoisonError::into_inner))
     }
 

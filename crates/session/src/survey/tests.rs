@@ -81,6 +81,7 @@ fn a_plan_suits_the_structure() {
     assert!(run.scenario.limits.as_ref().unwrap().sensors.is_empty());
     // The highest mode alone decides on the band, up to between the two.
     let first = SurveyPlan::new(&scenario(), &SurveyRequest { highest_mode: Some(1), ..request() }).unwrap();
+    // 1.3 times 20 Hz, which is below the geometric mean of 20 and 40 Hz.
     assert!((first.summary.to_hz - 26.0).abs() < 1e-9);
     assert_eq!(first.summary.left_out, [LeftOut { mode: 2, place: String::from("above") }]);
 }
@@ -138,6 +139,7 @@ fn runs_rove_and_have_their_own_seeds() {
     seeds.sort_unstable();
     seeds.dedup();
     assert_eq!(seeds.len(), 2 * runs.len());
+    // JSON readers that take numbers for doubles must find the same seed in the index.
     assert!(seeds.iter().all(|seed| *seed < 1 << 53));
     let mid_y = &runs[3].scenario.rig.sensors;
     assert_eq!(mid_y.b.noise_rms, Some(0.5));
@@ -149,6 +151,7 @@ fn every_excitation_fits_the_band_and_the_duration() {
         let plan = SurveyPlan::new(&scenario(), &SurveyRequest { excitation, ..request() }).unwrap();
         let [run] = &plan.runs[..] else { panic!("{excitation}") };
         let profile = run.scenario.profile().unwrap();
+        // 20 s at 1 kHz, as the bandwidth of 0.8 Hz asks for.
         assert_eq!(profile.samples(), 20_000, "{excitation}");
         assert_eq!(
             run.entry.excitation_seed.is_some(),

@@ -49,6 +49,7 @@ fn a_free_run_takes_every_load_that_the_structure_takes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     for (structure, amplitude, part) in [
+        // The last number is the place of the load among all: eight torques, then the force along x, y and z.
         (CHAIN, "joint3 = 5.0", 2),
         (CHAIN, "joint1 = 4.0, joint3 = 5.0", 2),
         (MODAL, "exciter_z = 5.0", 10),

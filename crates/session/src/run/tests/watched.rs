@@ -115,6 +115,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let set = SetPoint { load: 0.25 * limit, frequency_hz: 15.0, phase_deg: 0.0 };
     let report = session.both(&Signals::default(), |event| {
         if matches!(event, RunEvent::Armed { .. }) {
+            // The first is beyond the limit and must be refused, without an effect on the second.
             watcher.ask(Request::Set(SetPoint { load: 2.0 * limit, ..set })).unwrap();
             watcher.ask(Request::Set(set)).unwrap();
         }
@@ -126,6 +127,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     assert!((point.load / set.load - 1.0).abs() < 1e-3 && point.frequency_hz == 15.0, "{point:?}");
     let (recording, _) = recorded(&report.plant);
     let largest_n = recording.states().unwrap().map(|state| state.unwrap().load.force_n[0].abs()).fold(0.0, f64::max);
+    // The force goes over the bus in counts, and the samples of a sine miss its peaks.
     assert!((largest_n / set.load - 1.0).abs() < 2e-3, "{largest_n}");
     let events = events(&recording);
     let thousandths = (set.load * 1e3).round() as i64;
