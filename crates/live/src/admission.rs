@@ -175,6 +175,7 @@ mod tests {
         }
         let own = "http://127.0.0.1:8080";
         assert_eq!(admitted("127.0.0.1:8081", Some(own)), Err(Refused::Origin(own.to_owned())));
+        // A name that somebody else can publish could be made to lead to this machine (DNS rebinding).
         for host in ["rebound.example.com:8080", "bench", "127.0.0.1.example.com", ""] {
             assert_eq!(admitted(host, Some(&format!("http://{host}"))), Err(Refused::Host(host.to_owned())));
         }

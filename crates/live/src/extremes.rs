@@ -41,6 +41,8 @@ impl Extremes {
                     stretch.least[place] = stretch.least[place].min(*value);
                     stretch.largest[place] = stretch.largest[place].max(*value);
                 }
+                // A stretch is marked if any of its samples is clipped, as its extremes are then not those of the
+                // motion.
                 stretch.clipped |= row.clipped;
                 None
             }
@@ -67,6 +69,7 @@ mod tests {
         let row = |value: f32| Row { numbers: [value; 12].into(), clipped: 0 };
         let mut stretches = Vec::new();
         for sample in 3..45_u64 {
+            // One sample of 42 is a peak, and the stretch around it must have it.
             let value = if sample == 27 { 9.0 } else { -(sample as f32) };
             stretches.extend(extremes.push(sample, &row(value)));
         }

@@ -33,6 +33,7 @@ impl Missed {
     pub fn tick(&mut self, tick: &TickRecord) {
         let missed = u64::from(tick.overruns);
         self.deadlines += missed;
+        // Recordings from before there were causes have missed deadlines without one: they count, and have no cause.
         let Some(cause) = tick.cause.filter(|_| missed > 0) else { return };
         match self.events.remove(&tick.sample) {
             Some(taken) => *taken(&mut self.causes) += missed,
@@ -91,6 +92,7 @@ mod tests {
         missed.tick(&tick(7, 1, Some(OverrunCause::BusLong)));
         assert_eq!(missed.in_words(), [("woke late", 2), ("step long", 3), ("bus long", 1)]);
         missed.event(6, "overrun.stolen");
+        // Events with other names change nothing.
         missed.event(6, "state.fault");
         missed.event(9, "overrun.preempted");
         assert_eq!(missed.in_words(), [("while the host had the core", 3), ("woke late", 2), ("bus long", 1)]);

@@ -166,6 +166,8 @@ impl Playing {
                 }
                 PlayerOrder::Pause => self.is_playing = false,
                 PlayerOrder::Speed { times } => self.speed = times,
+                // The conversion ends at the largest number, and at 0 below, and the sample is limited to the recording
+                // below.
                 PlayerOrder::Seek { time_s } => wanted = Some((time_s * self.rate_hz).round() as u64),
                 PlayerOrder::Step { samples } => {
                     self.is_playing = false;
@@ -343,6 +345,7 @@ mod tests {
                 _ => panic!("no status"),
             }
         };
+        // Also by far more than the recording is long, which must neither overflow nor leave it.
         let steps = [1, 1, -1, 500, -500, -1, i64::MAX, 1, -1, i64::MIN];
         assert_eq!(steps.map(&mut step), [1, 2, 1, 501, 1, 0, LAST, LAST, LAST - 1, 0]);
     }

@@ -387,6 +387,7 @@ mod tests {
     #[test]
     fn half_a_row_is_returned_in_the_end_and_an_earlier_sample_starts_over() {
         let mut rows = rows();
+        // One row more than the queue holds, and none of them complete.
         (0..=LONGEST_WAIT as u64).for_each(|sample| rows.readings(&readings(sample)));
         assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));
         assert_eq!(rows.pop(), None);

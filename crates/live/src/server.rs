@@ -197,6 +197,7 @@ async fn run(
             _ = &mut stopped => break,
         }
     }
+    // The viewers get the end of the run before the connections are closed.
     beats.end();
     tokio::time::sleep(FAREWELL).await;
     serving.abort();

@@ -125,6 +125,7 @@ impl TestPanel {
         };
         self.readings.push_back(f64::from(reading));
         let most = match &self.source.specification.test {
+            // Segments that overlap by half: n of them take n + 1 halves.
             Test::Random(test) => frame(test, self.rate_hz) / 2 * (SEGMENTS + 1),
             Test::Sine(test) => (2.0 / (test.tracking * test.band_hz()[0]) * self.rate_hz) as usize + 1,
             Test::Shock(_) | Test::Srs(_) => (SHOTS_S * self.rate_hz) as usize,

@@ -83,6 +83,7 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
             Ok(()) => send_updates(&mut socket, shared, &mut updates, &mut nonsense).await,
             Err(let_go) => Err(let_go),
         };
+        // A viewer that has lost updates is greeted anew: with everything that is kept there is no gap.
         let lost = match outcome {
             Ok(lost) => lost,
             // What still waits for it will not be sent.

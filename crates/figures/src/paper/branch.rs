@@ -303,6 +303,7 @@ mod tests {
         let arm = subject.bent(60.0).unwrap();
         let branch = Traced::joints(&subject, &arm, Drive::Torque1).over_frequency(60.0, [21.0, 23.5]).unwrap();
         let folds: Vec<f64> = branch.bifurcations(BifurcationKind::Fold).map(|fold| fold.frequency_hz).collect();
+        // The upper fold comes first, since the branch is followed from low frequencies on.
         assert!((folds[0] - 22.1349).abs() < 1e-4 && (folds[1] - 22.0635).abs() < 1e-4, "{folds:?}");
         let stable: Vec<bool> = branch.segments().map(|(.., is_stable)| is_stable).collect();
         assert_eq!(stable.chunk_by(|a, b| a == b).count(), 3);

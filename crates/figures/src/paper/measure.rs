@@ -155,6 +155,7 @@ mod tests {
         assert!((top.frequency_hz - f0).abs() < 1e-2 * half_width, "{top:?}");
         assert!((top.amplitude_rad - 1.0).abs() < 1e-5, "{top:?}");
         let width = resonance.half_power_width_hz(0).unwrap();
+        // Both flanks are found at 1/√2 of the peak, each by interpolation.
         assert!((width / (2.0 * half_width) - 1.0).abs() < 1e-4, "{width}");
         // A bifurcation beside the highest step, off by its location error, changes nothing.
         let (mut marked, highest) = (resonance.clone(), 15);

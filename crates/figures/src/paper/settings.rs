@@ -307,6 +307,7 @@ fn finite(key: &str, got: f64) -> Result<(), SettingsError> {
 }
 
 fn positive(key: &str, got: f64) -> Result<(), SettingsError> {
+    // Infinity is greater than zero, too, and TOML can state it.
     require(key, got, got.is_finite() && got > 0.0, "a positive number")
 }
 

@@ -116,6 +116,7 @@ fn data_range(coordinate: Coordinate, scale: Scale, panels: &[&Panel]) -> (f64, 
         Style::Line { .. } | Style::Markers { .. } => None,
     });
     let beyond = tiles.fold(0.0, f64::max);
+    // A map fills its panel: a margin would look like cells without a value.
     if beyond > 0.0 {
         return (low - beyond, high + beyond);
     }
@@ -129,6 +130,7 @@ fn data_range(coordinate: Coordinate, scale: Scale, panels: &[&Panel]) -> (f64, 
             (low / factor, high * factor)
         }
         Scale::Linear | Scale::Degrees if low == high => {
+            // Without a size of the values to go by, one unit to either side.
             let half = if low == 0.0 { 1.0 } else { low.abs() / 10.0 };
             (low - half, high + half)
         }

@@ -97,6 +97,7 @@ pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)>
 /// Series Data Aggregation", Proc. VLDB Endow. 7 (2014)); of points nearer than [`NEAR`] one is enough.
 fn thinned(points: &[Point]) -> Vec<Point> {
     let mut kept: Vec<Point> = Vec::new();
+    // Floor and not truncation, or the strip about 0 would be twice as wide.
     let strip = |point: &Point| libm::floor(point[0] / STRIP);
     for group in points.chunk_by(|a, b| strip(a) == strip(b)) {
         let by_y = |a: &usize, b: &usize| group[*a][1].total_cmp(&group[*b][1]);
@@ -161,6 +162,7 @@ mod tests {
 
     #[test]
     fn points_far_outside_do_not_disturb_the_arithmetic() {
+        // Between such ends a product would be infinite, and its difference not a number.
         assert_eq!(cut(&[[50.0, -1e300], [50.0, 1e300]]), [vec![[50.0, 0.0], [50.0, 50.0]]]);
     }
 

@@ -86,6 +86,7 @@ fn sample(style: Style, left: f64, y: f64) -> Option<Shape> {
             let stroke = Stroke { color: color.rgb(), width, dash };
             Some(Shape::Lines { runs: vec![vec![[left, y], [left + SAMPLE, y]]], stroke })
         }
+        // A tile of the map may be as small as a pixel, so that the legend has one of its own size.
         Style::Tiles { color, .. } => {
             let area = Rect { left: middle - 6.0, top: y - 6.0, right: middle + 6.0, bottom: y + 6.0 };
             Some(Shape::Rect { area, fill: color.rgb() })

@@ -15,6 +15,7 @@ const MINOR_TICK_LENGTH: f64 = 3.0;
 const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };
 /// Draws the panel with its axes, series, names and legend.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
+    // A least distance for short labels as well: single digits could be so dense that their ticks are a comb.
     let room = |label: &str| (fonts.width(label, TICK_SIZE, Weight::Regular) + 1.5 * TICK_SIZE).max(4.0 * TICK_SIZE);
     let x_ticks = ticks::of_axis(&cell.draft.panel.x, &cell.x, &room);
     // In the order of drawing: the data cover the grid, the names the data, and the frame cuts them all off.

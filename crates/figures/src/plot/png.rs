@@ -29,6 +29,7 @@ impl Canvas {
     /// Returns a white image for a scene. It has fewer than [`DPI`] dots per inch if its longer side would be longer than
     /// [`MAX_SIDE`].
     fn new(scene: &Scene) -> Result<Canvas, PlotError> {
+        // A long figure gets fewer dots and not a scaled scene, so that its lines and texts keep their sizes.
         let dpi = DPI.min(MAX_SIDE / scene.width.max(scene.height) * SCENE_DPI).max(LEAST_DPI);
         // Rounded up, so that nothing is cut off at the lower and the right edge.
         let size = [scene.width, scene.height].map(|length| libm::ceil(length * dpi / SCENE_DPI - ROUNDING));

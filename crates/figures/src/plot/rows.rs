@@ -103,6 +103,7 @@ mod tests {
         let widths = [20.0, 20.0, 20.0];
         assert_eq!(spread(&[50.0, 100.0, 150.0], &widths, (0.0, 200.0)), [50.0, 100.0, 150.0]);
         // Three with the same wanted position are centred on it, a space apart.
+        // 20 px wide and 7 px apart, their centres are 27 px from each other.
         assert_eq!(spread(&[100.0; 3], &widths, (0.0, 200.0)), [73.0, 100.0, 127.0]);
         // At a side they are moved inside, and keep their order.
         assert_eq!(spread(&[0.0, 5.0, 190.0], &widths, (0.0, 200.0)), [10.0, 37.0, 190.0]);

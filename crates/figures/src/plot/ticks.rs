@@ -52,11 +52,13 @@ fn decimal_steps(span: f64) -> Vec<Step> {
     // From at most a hundredth of the span, over four powers of ten, to more than the span.
     let first = libm::floor(libm::log10(span)) as i32 - 2;
     (first..first + 4)
+        // Minor ticks then are at 0.2, 0.5 and 1 of the same power, which are round, too.
         .flat_map(|exponent| [(1, 5), (2, 4), (5, 5)].map(|(mantissa, parts)| Step { mantissa, exponent, parts }))
         .collect()
 }
 
 fn degree_steps() -> Vec<Step> {
+    // Each is divided into parts that are fractions of a turn, too.
     let steps = [(15, 3), (30, 2), (45, 3), (90, 2), (180, 2), (360, 4), (720, 2), (3600, 5)];
     steps.map(|(mantissa, parts)| Step { mantissa, exponent: 0, parts }).to_vec()
 }

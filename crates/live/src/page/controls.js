@@ -107,9 +107,12 @@ export class Controls {
       Object.assign(this, { asked: null, isEdited: false });
       this.answer("");
     }
+    // A form in which somebody writes must not change under the hands.
     if (this.isEdited || form.contains(document.activeElement)) return;
     for (const [name, id] of Object.entries(FIELDS)) {
       const [rounded, [least, most]] = [Number(now[name].toPrecision(6)), this.about.steering[name]];
+      // Six digits are enough to read, but at the end of a range they may round beyond it, and the form would be
+      // invalid.
       element(id).value = rounded >= least && rounded <= most ? rounded : now[name];
     }
   }

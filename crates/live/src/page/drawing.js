@@ -1,6 +1,7 @@
 // Where the points of a drawing are in a motion, and where in the picture (crates/files/src/drawing.rs).
 
 // The largest vibration that is drawn: of links their turn, rad, of modes the displacement over the size.
+// The same numbers as in drawing.rs, so that the page and the Foxglove stream magnify alike.
 const DRAWN_RAD = 0.22;
 const DRAWN_OF_SIZE = 0.12;
 // A drawing with depth is seen from in front and above, turned about z and towards the viewer, rad.

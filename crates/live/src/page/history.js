@@ -126,6 +126,7 @@ function held(values, count, which) {
 
 // The place of the first of ascending `times` that is not before `time_s`.
 export function firstAtOrAfter(times, time_s) {
+  // By halving, since this is looked for in minutes of stretches for each plot and picture.
   let [low, high] = [0, times.length];
   while (low < high) {
     const middle = (low + high) >> 1;

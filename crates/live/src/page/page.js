@@ -222,7 +222,9 @@ function updated(buffer) {
     least.forEach((column, channel) => column.push(orNull(stretch.least[channel])));
     largest.forEach((column, channel) => column.push(orNull(stretch.largest[channel])));
   }
+  // A negative count removes nothing, so shorter columns stay as they are.
   [times, clipped, ...least, ...largest].forEach((column) => column.splice(0, column.length - STRETCHES_KEPT));
+  // The rows do not follow those that are kept, and drawn with them they would be joined over the gap.
   if (head.first !== data.newest + 1) [data.rows, data.rowsClipped] = [[], []];
   data.rows.push(...rows);
   data.rowsClipped.push(...head.rows_clipped);
@@ -267,6 +269,7 @@ function draw() {
   const { about, head, rows, rowsClipped, spectrum, test, branch, points } = shown;
   const peakHz = spectrum?.peak_hz ?? 0;
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
+  // Of the newest data, also while the display is paused: the time bar is of the recording.
   controls.time(data.head.time_s);
   const place = Number(document.querySelector("[name=response]:checked").value);
   // A paused recording shows its current sample.
@@ -278,6 +281,7 @@ function draw() {
   const ends = timeWindow.ends(known(shown));
   for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(shown, ends);
   if (seen.has("lissajous")) views.lissajous.draw(rows, rowsClipped, about.rate_hz, peakHz);
+  // Spectra come with every eighth update, and stay the same until then.
   if (seen.has("spectrum") && spectrum !== drawn.spectrum) drawSpectrum(spectrum);
   if (seen.has("test") && test !== drawn.test) drawTest(about.test, test);
   if (seen.has("response")) views.response.draw(branch, points, place, about.responses[place], peakHz);
@@ -337,6 +341,7 @@ function drawTiming({ head, timing }, ends) {
 // Pauses the display: the run goes on, and what is shown stays.
 function pause() {
   if (paused === null) {
+    // The columns are copied, since updates go on appending to those of `data`.
     const copied = (columns) => columns.map((column) => column.slice());
     const { timing } = data;
     paused = {
@@ -455,6 +460,7 @@ const stream = connect({
   },
   linked,
 });
+// That messages stay away is no event, so it is looked for.
 setInterval(showLink, 500);
 prepareDisplay();
 // For programs that inspect the page.

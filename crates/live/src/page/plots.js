@@ -75,6 +75,7 @@ function plot(place, height, { about, entries, values, zoomed, moved, returned, 
   };
   const select = (drawn) => {
     const { left, width } = drawn.select;
+    // A click with an unsteady hand is a drag of a few pixels.
     if (width < 5) return;
     const [from, to] = [drawn.posToVal(left, "x"), drawn.posToVal(left + width, "x")];
     drawn.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
@@ -153,6 +154,7 @@ export class BandPlot {
     named.forEach(([, label], k) => {
       const thin = (opacity) => () => `color-mix(in srgb, ${hue(k)} ${opacity}, transparent)`;
       const one = { label, stroke: thin(LINE), width: 1.2, show: k < SHOWN, points: { show: false } };
+      // The largest values first: uPlot fills a band from its first series down to the second.
       series.push({ ...one }, { ...one });
       bands.push({ series: [2 * k + 1, 2 * k + 2], fill: thin(BAND) });
     });
@@ -175,6 +177,7 @@ export class BandPlot {
     bits.forEach((one, k) => {
       if (!this.clipping.has(one)) return;
       const [from_s, latest] = [times[begin + k], this.marked[this.marked.length - 1]];
+      // Stretches that touch become one bar, also if their times differ by a rounding.
       if (latest && from_s - latest[1] < 0.5 * width_s) latest[1] = from_s + width_s; else this.marked.push([from_s, from_s + width_s]);
     });
     if (this.note) this.note.textContent = this.clipping.words(bits);
@@ -277,6 +280,7 @@ export class Lissajous {
 // A symmetric range that grows at once and shrinks slowly.
 function settle([, high], largest) {
   const wanted = Math.max(1.15 * largest, 1e-6);
+  // Three per cent for each of thirty pictures a second: it halves in three quarters of a second.
   const next = wanted > high ? wanted : Math.max(wanted, 0.97 * high);
   return [-next, next];
 }

@@ -57,6 +57,7 @@ export async function savePicture(name) {
     for (const canvas of section.querySelectorAll("canvas")) context.drawImage(canvas, ...at(canvas));
     for (const entry of section.querySelectorAll(".legend button[aria-pressed=true], .key > span, .numbers")) {
       const [left, top, , height] = at(entry);
+      // A key that the page does not show has no height.
       if (height > 0) write(entry.querySelector("i") ?? entry, entry, left, top + height / 2 + 4);
     }
   }

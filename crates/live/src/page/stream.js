@@ -6,6 +6,7 @@ const AGAIN_MS = 1000;
 export function decode(buffer, channels) {
   const headBytes = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, headBytes)));
+  // A `Float32Array` can begin only at a multiple of four bytes, up to which the program fills the head.
   const numbers = new Float32Array(buffer, Math.ceil((4 + headBytes) / 4) * 4);
   const row = (k) => numbers.subarray(k * channels, (k + 1) * channels);
   const stretches = head.stretches.map((first, k) => (
@@ -32,6 +33,7 @@ export function connect({ received, updated, linked }) {
     socket.onmessage = ({ data }) => {
       if (typeof data !== "string") return updated(data);
       const message = JSON.parse(data);
+      // After the end nothing more comes, so a connection that closes then is not opened again.
       over ||= message.kind === "ended";
       return received(message);
     };

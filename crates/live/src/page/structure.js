@@ -98,8 +98,11 @@ export class StructureView {
     const step = Math.ceil(latest.length / ROWS_WEIGHED);
     const weighed = latest.filter((_, k) => k % step === 0);
     const largest = weighed.reduce((most, coordinates) => Math.max(most, this.drawing.vibration(coordinates)), 0);
+    // At rest the noise of a few bits would be magnified to the size of the picture.
     if (!(largest > 5e-9)) return;
     const wanted = 1 / largest;
+    // Kept while it is about right: a factor that changed with every period would hide whether the vibration grows. The
+    // range is wider than a step, so that two factors do not alternate (moving.rs).
     if (this.factor > 1 && wanted >= this.factor * 0.8 && wanted < this.factor * 3.2) return;
     const power = 10 ** Math.floor(Math.log10(wanted));
     this.factor = Math.max(1, power * [5, 2, 1].find((digit) => digit * power <= wanted));
@@ -161,6 +164,7 @@ function furthest(rows) {
 // What is written beside points: what of the rig is there, and the name of the point.
 function names(about, drawing) {
   const rig = about.rig ?? [];
+  // If the force acts at C, one letter there is enough.
   const parts = rig[0] === rig[2] ? [[1, "B"], [2, "C"]] : [[1, "B"], [2, "C"], [0, "load"]];
   const named = drawing.points.map((name, point) => {
     const at = parts.filter(([part]) => rig[part] === name).map(([, letter]) => letter);
