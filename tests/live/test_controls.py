@@ -52,11 +52,13 @@ def test_the_set_point_is_shown_to_everybody_and_confirmed(browser, programs):
 def test_the_page_and_the_program_have_the_same_limits(browser, programs):
     page = open_page(browser, free_run(programs))
     page.until(f"{NOW}.startsWith('set: 0 N')")
+    # The highest frequency is 0.4995 of the sample rate.
     for name, least, most in (("load", 0, 100), ("frequency", 0.01, 499.5), ("phase", -360, 360)):
         for end in (least, most):
             assert write(page, load=1, frequency=15, phase=0) and write(page, **{name: end})
             press_set(page)
             page.until(f"{ANSWER} === '' && {NOW}.includes('{end:g}')")
+        # So little that a page which rounds before it compares would let it pass.
         step = (most - least) * 1e-6
         for beyond in (least - step, most + step):
             assert not write(page, **{name: beyond})

@@ -63,6 +63,7 @@ def test_the_time_bar_works_while_the_recording_is_halted_also_by_keys(browser, 
     assert shown == [(sample, [sample, True, False]) for sample, _ in shown]
     assert page.value("document.getElementById('seek').getAttribute('aria-valuetext')") == "0.897 s"
     # What was before is drawn as well, and of the arm the sample that is shown.
+    # Samples 0 to 897, which make 89 whole stretches of ten.
     assert page.value("[resonarm.data.times[0], resonarm.data.times.length, resonarm.data.rows.length]") == [0, 89, 898]
     tips, tip = set(), "[resonarm.data.frames, resonarm.views.structure.tip.join()]"
     first, _ = page.value(tip)

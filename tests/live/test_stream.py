@@ -59,9 +59,12 @@ def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
     for sample, (row, bits) in rows.items():
         assert np.allclose(row, recorded[sample - first], rtol=1e-6, atol=1e-12), sample
         assert bits == clipped[sample - first], sample
+    # The third of these channels is C along x, whose range is small: it is clipped alone at times, and at times nothing
+    # is.
     assert {0, 0b0100} <= {bits for _, bits in rows.values()}
     for begin, (least, largest, bits) in stretches.items():
         samples = recorded[begin - first : begin - first + 10]
+        # The stretches at either end may lack samples.
         if len(samples) == 10 and begin >= 10:
             assert np.allclose(least, samples.min(axis=0), rtol=1e-6, atol=1e-12), begin
             assert np.allclose(largest, samples.max(axis=0), rtol=1e-6, atol=1e-12), begin
@@ -135,6 +138,7 @@ def test_who_sends_no_whole_request_is_let_go_and_keeps_nobody_out(programs):
             most = max(most, open_files() - at_first)
             time.sleep(0.02)
         assert page.result()[0] == 200
+    # The server takes 64 connections at once, of which the viewer and the page may have some.
     assert 60 <= most <= 64
     for connection in idle:
         assert connection.recv(1) == b""

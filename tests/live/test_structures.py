@@ -224,6 +224,7 @@ def test_scenes_of_structures_are_streamed_and_exported(programs, tmp_path, text
     assert exported.wait() == 0, exported.stderr
     with (tmp_path / "x-foxglove.mcap").open("rb") as stream:
         copies = list(make_reader(stream, validate_crcs=True).iter_messages(topics=["/structure"]))
+    # At 1 kHz, both ends of the range included.
     assert len(copies) == 51
     scenes([(message.log_time, json.loads(message.data)) for _, _, message in copies], states, positions, 1e6)
 

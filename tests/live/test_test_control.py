@@ -40,6 +40,7 @@ def test_a_random_test_is_shown_in_its_tolerance_and_says_why_it_is_stopped(brow
     frequency_hz = np.arange(10, 201)
     demand = np.exp(np.interp(np.log(frequency_hz), np.log([10, 20, 100, 200]), np.log([0.02, 0.2, 0.2, 0.05])))
     assert plan["frequency_hz"] == pytest.approx(frequency_hz) and plan["demand"] == pytest.approx(demand)
+    # A tolerance of 3 dB either way: the demand is a density, so tenths of the exponent are decibels.
     assert plan["low"] == pytest.approx(demand / 10**0.3) and plan["high"] == pytest.approx(demand * 10**0.3)
     reached = page.until("resonarm.data.test?.level_db === 0 && resonarm.data.test.full_level_s > 8 && resonarm.data.test")
     # At full level a line of some 30 degrees of freedom scatters by 1.1 dB; the rms of all lines by 0.1 dB.

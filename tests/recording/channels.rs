@@ -83,6 +83,7 @@ fn a_record_of_other_channels_than_its_recording_is_refused() -> TestResult {
     let options = Options { channels: Channels::arm(true), ..options() };
     let refused = record(&directory.path().join("run.mcap"), options, &run(1)?).err().ok_or("it was written")?;
     let cause = refused.downcast_ref::<RecordingError>().ok_or("another error")?;
+    // Four states and four parts of the load are there; the coil of the table has its current as well.
     assert!(matches!(cause, RecordingError::Row { topic: "/plant/steps", expected: 9, got: 8, .. }), "{cause}");
     Ok(())
 }

@@ -81,6 +81,7 @@ fn record(path: &Path) -> TestResult {
     for sample in 0..60_000 {
         let deadline = start + Duration::from_millis(sample);
         while let Some(rest) = deadline.checked_sub(clock()).filter(|rest| !rest.is_zero()) {
+            // It may return early, so the loop looks at the clock again.
             thread::park_timeout(rest);
         }
         latest = latest.max(clock() - deadline);
@@ -144,6 +145,7 @@ fn kill_at(sample: u64, child: &mut Child) -> TestResult<(u64, u64)> {
     }
     child.kill()?;
     child.wait()?;
+    // The pipe still has what the child printed between that line and its death.
     while let Some(line) = said()? {
         last = last.max(line);
     }

@@ -45,9 +45,11 @@ fn every_cut_gives_what_was_flushed_before() -> TestResult {
     let recorded = states_recorded()?;
     let path = directory.path().join("cut.mcap");
     let mut most = 0;
+    // A prime number, so that the cuts come anywhere in records and not at their borders alone.
     for length in (0..whole.len()).step_by(61) {
         fs::write(&path, &whole[..length])?;
         let samples = read(&path, &recorded)?;
+        // A chunk that is cut off is not read in part, as its checksum is of the whole.
         assert!(samples >= most && samples.is_multiple_of(50), "{samples} samples in {length} bytes, {most} in fewer");
         most = samples;
         if let Ok(recording) = Recording::open(&path) {
@@ -186,6 +188,7 @@ fn a_recording_that_could_not_be_opened_is_not_recovered() -> TestResult {
     let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
     let key = b"dt_s";
     let place = whole.windows(key.len()).position(|bytes| bytes == key).ok_or("no such key")?;
+    // Between key and value are the four bytes of the length of the value.
     whole[place + key.len() + 4] = b'x';
     fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
     let message = |error: RecordingError| error.to_string().replace(&directory.path().display().to_string(), "DIR");
@@ -204,6 +207,7 @@ fn one_wrong_byte_costs_one_chunk() -> TestResult {
     let recorded = states_recorded()?;
     let second = chunk(&whole, 1).ok_or("no second chunk")?;
     let middle = usize::midpoint(second.start, second.end);
+    // A record begins with an opcode of one byte and a length of eight.
     for place in (second.start..second.start + 9).chain([second.start + 50, middle]) {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x41;
@@ -232,6 +236,7 @@ fn chunk(bytes: &[u8], number: usize) -> Option<Range<usize>> {
 fn records(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
     let mut offset = mcap::MAGIC.len();
     std::iter::from_fn(move || {
+        // Behind the opcode; it counts neither the opcode nor itself.
         let length = u64::from_le_bytes(bytes.get(offset + 1..offset + 9)?.try_into().ok()?);
         let record = offset..offset + 9 + usize::try_from(length).ok()?;
         offset = record.end;
@@ -290,6 +295,7 @@ fn a_wrong_message_is_refused_or_read() -> TestResult {
                 Err(_) => refused += 1,
             }
         }
+        // A wrong byte in a number mostly makes another valid number, so not all are refused.
         assert!(refused > 20, "{topic}: {refused} of 120 refused");
     }
     Ok(())

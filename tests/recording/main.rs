@@ -39,6 +39,7 @@ fn records_of(sample: u64) -> TestResult<Vec<Record>> {
         Record::State(StateRecord {
             sample,
             states: States::new(&[1e-3 * x, -1e-4 * x, 0.1 + x, 0.2 - x], &[]).unwrap(),
+            // A negative zero, and thirds, which use every digit of a double: with these a loss of any bit shows.
             load: Load::planar([0.0, -0.0], [x / 3.0, 1.0]),
             taken: LoadSet::NATIVE,
             is_end: false,
@@ -59,6 +60,7 @@ fn records_of(sample: u64) -> TestResult<Vec<Record>> {
             cause: sample.is_multiple_of(7).then_some(OverrunCause::WokeLate),
         }),
     ];
+    // Readings that the plant sends, and the command that answers them.
     for (id, direction) in [(0x203, Direction::Sent), (0x201, Direction::Received)] {
         let frame = Frame::classic(Id::Standard(id), &sample.to_le_bytes())?;
         let time_ns = sample * 1_000_000 + u64::from(id);

@@ -92,6 +92,8 @@ fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
 fn any_run() -> impl Strategy<Value = (bool, Vec<Record>)> {
     let samples = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
         let samples = jumps.into_iter().scan(0_u64, |sample, (chance, anywhere)| {
+            // One record in twenty jumps anywhere, and about half of the others are of the same sample as the one
+            // before.
             *sample = if chance == 0 { anywhere } else { sample.wrapping_add(u64::from(chance > 9)) };
             Some(*sample)
         });
@@ -176,6 +178,7 @@ proptest! {
 fn a_recording_says_what_was_said_of_it() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
+    // The metadata have the period as text: this one needs all its digits there.
     let options = Options { dt_s: 1.0 / 3000.0, ..options() };
     record(&path, options, &run(1001)?)?;
     let recording = Recording::open(&path)?;
@@ -189,6 +192,7 @@ fn a_recording_says_what_was_said_of_it() -> TestResult {
     assert!((summary.duration_s - 1.0 / 3.0).abs() < 1e-12);
     assert_eq!(summary.file_bytes, std::fs::metadata(&path)?.len());
     assert_eq!(summary.topics["/plant/steps"].records, 1001);
+    // Samples 0, 10, and so on to 1000.
     assert_eq!(summary.topics["/plant/state"].messages, 101);
     Ok(())
 }

@@ -72,8 +72,10 @@ def mutants(whole, count):
     found = mcap_files.records(whole)
     places = mcap_files.chunks(found)
     for number in range(count):
+        # In turn, so that a few mutants already have all kinds.
         kind = number % 6
         data = bytearray(whole)
+        # Between the magic bytes of both ends: a file without them is no recording at all, which would be too easy.
         place = chance.randrange(8, len(data) - 8)
         if kind == 0:
             bit = chance.randrange(8)
@@ -164,6 +166,7 @@ def rewritten(path, **options):
                 )
             writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
         for record in metadata:
+            # What was lost is known only at the end, and there a recording states it.
             if record.name == "resonarm.lost":
                 writer.add_metadata(record.name, record.metadata)
         writer.finish()
@@ -361,6 +364,7 @@ def test_a_pipe_without_a_reader_is_left_at_the_first_signal(tmp_path):
     # Until it is in open(2), as the kernel names the wait for the other end.
     until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until and "wait_for_partner" not in Path(f"/proc/{program.pid}/wchan").read_text():
+        # Where the kernel does not name what is waited for, that it sleeps must do.
         if Path(f"/proc/{program.pid}/stat").read_text().split(") ")[1][0] == "S":
             break
         time.sleep(0.01)

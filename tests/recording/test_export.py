@@ -69,6 +69,7 @@ def test_csv_has_every_value(recorded, tmp_path):
     assert (bits(columns(samples, SENSORS)) == bits(recording.samples)).all()
     assert [row["is_end"] for row in states] == ["0"] * (len(states) - 1) + ["1"]
     assert columns(states, ["sample", "time_s"]) == pytest.approx(np.array([[k, k * 1e-3] for k in range(len(states))]))
+    # The filter of the converter delays readings by 2.5 samples.
     assert columns(samples, ["time_s"])[:3, 0] == pytest.approx([-0.0025, -0.0015, -0.0005])
     clipped = [value for batch in recording.topics["/plant/samples"] for value in batch.clipped]
     assert [int(row["clipped"]) for row in samples] == clipped
@@ -99,6 +100,7 @@ def test_logs_have_every_frame(recorded, tmp_path, form, ending, reader):
     ]
     assert [content(message) for message in messages] == expected
     for message, frame in zip(messages, recording.frames, strict=True):
+        # The texts have microseconds.
         assert message.timestamp == pytest.approx(frame.time_ns * 1e-9, abs=1.1e-6)
 
 

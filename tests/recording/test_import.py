@@ -63,6 +63,7 @@ def test_logs_of_python_can_are_read(tmp_path, options):
     expected = [message for message in can.BLFReader(log) if not message.is_error_frame]
     frames, times_ns, said = imported(tmp_path, log)
     assert frames == [content(message) for message in expected]
+    # Of the eight kinds one is an error frame, which is no frame of a recording.
     assert len(frames) == 50 * 7 and "50 lines or objects that are no frames" in said
     since_first = [message.timestamp - expected[0].timestamp for message in expected]
     # python-can's times are floating-point numbers of the UNIX epoch, exact to a quarter of a microsecond.

@@ -85,6 +85,7 @@ def filtered(values, every=10):
     its end values."""
     half = 26 * every
     i = np.arange(-half, half + 1)
+    # A Kaiser window for a stop band of A = 80 dB has β = 0.1102 (A − 8.7).
     taps = np.kaiser(2 * half + 1, 0.1102 * (80 - 8.7)) * np.sinc(0.9 * i / every)
     return np.convolve(np.pad(values, half, mode="edge"), taps / taps.sum(), mode="valid")[::every]
 
@@ -95,6 +96,7 @@ def test_plot_topics_are_every_tenth_sample_filtered(messages):
         ("/plant/steps", "/plant/command", ("force_x_n",)),
         ("/plant/samples", "/plant/sensors", ("acceleration_c_y_m_s2", "head_force_x_n")),
     ):
+        # Of 1234 samples every tenth from the first on.
         assert [message.log_time for message, _ in messages[topic]] == [k * 10_000_000 for k in range(124)]
         assert [plotted.step for _, plotted in messages[topic]] == list(range(0, SAMPLES, 10))
         for name in names:
@@ -113,6 +115,7 @@ def test_frames_are_whole(messages):
         assert (frame.id, frame.direction, frame.flags) == ((0x201, 1, 0), (0x203, 2, 0))[index % 2]
         assert frame.bus_timestamp_ns is None
     assert {batch.interface for _, batch in messages["/can/frames"]} == {"memory"}
+    # A batch of half a second has the time of its first sample.
     log_times = [message.log_time for message, _ in messages["/can/frames"]]
     assert log_times == list(range(0, SAMPLES * 1_000_000, 500_000_000))
 

@@ -22,6 +22,7 @@ fn the_same_records_give_the_same_bytes() -> TestResult {
     assert!(bytes == fs::read(&two)?, "two recordings of the same records differ");
     assert_eq!(summary.bytes, bytes.len() as u64);
     assert_eq!(summary.samples, 2500);
+    // Batches hold 500 samples, and a plot topic has a message every tenth sample.
     assert_eq!(summary.messages[Topic::States.name()], 5);
     assert_eq!(summary.messages[Topic::State.name()], 250);
     assert_eq!(summary.messages[Topic::Frames.name()], 5);
@@ -87,6 +88,7 @@ fn several_channels_keep_the_order_of_each() -> TestResult {
     let recording = Recording::open(&path)?;
     assert_eq!(recording.states()?.count(), 500);
     assert_eq!(recording.samples()?.count(), 500);
+    // A command and its answer for each sample.
     assert_eq!(recording.frames()?.count(), 1000);
     Ok(())
 }

@@ -398,6 +398,7 @@ fn c_and_rust_end_alike_on_a_faithful_wire() {
             let sent = bench.both.both(&format!("leave {now_ns}"), |node| node.leave(now_ns));
             assert_eq!(
                 sent.last().map(Frame::id),
+                // Emergencies have the identifier 0x080 and the number of the node, as in CANopen.
                 Some(Id::Standard(0x080 + if wire == Wire::Classic { 2 } else { 4 }))
             );
             let number = match bench.outcome() {
@@ -461,6 +462,7 @@ fn the_window_of_the_sample_index_has_the_same_ends() {
     let wires = [Wire::Classic, Wire::Fd(SamplesPerFrame::One)];
     for (wire, (step, is_fault)) in wires.into_iter().flat_map(|wire| steps.map(|step| (wire, step))) {
         let mut bench = playing(wire);
+        // The tick adds one by itself.
         bench.sample = bench.sample.checked_add_signed(step - 1).unwrap();
         bench.tick();
         assert_eq!(bench.outcome().is_some(), is_fault, "{step}");

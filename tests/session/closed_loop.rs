@@ -27,6 +27,7 @@ fn a_walk_in_lockstep_is_the_free_one_bit_for_bit() {
 /// Gives up with a word of its own, and the plant is disarmed.
 #[test]
 fn a_controller_that_gives_up_disarms() {
+    // Ranges that the resonance exceeds: from clipped readings the walk learns nothing.
     let deaf = format!("{WALK}[rig]\nsensors.b.range_m_s2 = 50.0\nsensors.c.range_m_s2 = 50.0\n");
     let report = both(&deaf, Mode::Free);
     assert!(matches!(report.exciter.outcome, Some(ExciterOutcome::Aborted(_))), "{:?}", report.exciter.outcome);
@@ -49,6 +50,7 @@ impl Controller for Damper {
     }
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
+        // It forgets within 0.1 s, or the offset of the sensor would make the integral grow without end.
         self.velocity_m_s = 0.99 * self.velocity_m_s + 1e-3 * sample.acceleration_c_m_s2[0].value;
         if sample.sample < 2000 {
             Answer::Hold(Load::force_n(-400.0 * self.velocity_m_s, 0.0))

@@ -38,6 +38,7 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
         let whole = Recording::open(&whole).unwrap();
         let readings: Vec<_> = whole.samples().unwrap().map(Result::unwrap).collect();
         let (_, last) = whole.summary().samples.unwrap();
+        // A prime number, so that cuts begin at all phases of the vibration and of the filters.
         for first in (0..last).step_by(23) {
             cut::cut(&whole, first..=last, &part, Existing::Overwrite).unwrap();
             let part = Recording::open(&part).unwrap();

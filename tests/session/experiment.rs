@@ -37,6 +37,7 @@ fn a_folded_zone_is_measured_as_it_is_computed() {
     assert!(score.largest_frequency_deviation < 2e-5 && score.largest_amplitude_deviation < 1e-3, "{score:?}");
     assert!(score.largest_backbone_deviation < 2e-5, "{score:?}");
     for jump in score.jumps.unwrap() {
+        // A sine that goes in steps finds a fold only to within a step.
         assert!(jump.steps_off().unwrap() <= 1.0, "{jump:?}");
     }
     let sines = measured.up.points.iter().chain(&measured.down.points);

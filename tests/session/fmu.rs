@@ -166,6 +166,7 @@ fn its_readings_are_those_of_the_same_mass_as_a_mode() {
         let mut fmu = scenario(3, "");
         // φ = 1/√m with m = 2 kg, D = c/(2 m ω) with c = 5 N·s/m.
         let shape = 1.0 / 2.0_f64.sqrt();
+        // The stiffness of the FMU, with which its 2 kg have 20 Hz.
         let frequency_hz = (31582.734_f64 / 2.0).sqrt() / core::f64::consts::TAU;
         let damping_ratio = 5.0 / (4.0 * core::f64::consts::TAU * frequency_hz);
         let text = format!(

@@ -55,6 +55,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     assert!(free.outcome.is_good() && free.refused.rate_of_change == 0, "{free:?}");
     assert!(moments.iter().any(|moment| moment.load.force_n.x > 99.0));
 
+    // A limit just above the steepest change is no obstacle, and one below it is.
     let (fast, _) = run(&format!("{impulse}[rig.gate]\nforce_rate_limit_n_per_s = 6400.0\n"), Mode::Free, &path);
     assert!(fast.outcome.is_good() && fast.refused.rate_of_change == 0, "{fast:?}");
 
@@ -67,6 +68,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     assert!(slow.refused.rate_of_change > 0);
     assert_eq!(events(&path, "plant.command.rate_of_change") as u64, slow.refused.rate_of_change);
     let jump = |pair: &[Moment]| (pair[1].load.force_n - pair[0].load.force_n).amax();
+    // 5000 N/s for 1 ms, also where the load goes back to zero.
     assert!(moments.windows(2).all(|pair| jump(pair) <= 5.0 + 1e-9));
 }
 
@@ -120,6 +122,7 @@ fn an_arm_driven_beyond_its_travel_is_let_go_at_once() {
         assert!(moments[tripped - 1].load != Load::default());
         assert!(moments[tripped..].iter().all(|moment| moment.load == Load::default()));
         let furthest_m = moments.iter().map(|moment| moment.travel_m).fold(0.0, f64::max);
+        // The arm swings on by the velocity that it has, without a load.
         assert!(furthest_m < 1.5 * limit_m, "{furthest_m}");
     }
 }

@@ -8,6 +8,7 @@ use resonarm::scenario::Scenario;
 #[test]
 fn ticks_on_time_late_and_failed_allocate_nothing() {
     ThreadSetup::default().apply();
+    // Its period is no whole number of nanoseconds, so that the remainder is carried as well.
     let rate = SampleRate::new(1999.5).unwrap();
     let mut periodic = Periodic::start(&SystemClock, rate, OverrunPolicy::Fault).unwrap();
     let overruns = assert_no_alloc(|| {
@@ -21,6 +22,7 @@ fn ticks_on_time_late_and_failed_allocate_nothing() {
         }
         periodic.summary().overruns
     });
+    // Every fiftieth of 400 ticks is slow.
     assert!(overruns >= 8, "the slow ticks were not counted: {overruns}");
     let mut periodic = Periodic::start(&SystemClock, rate, OverrunPolicy::Stop).unwrap();
     let start_ns = periodic.start_ns();

@@ -61,6 +61,8 @@ fn twenty_accelerometers_read_the_motion_at_their_points() {
     let directory = tempfile::tempdir().unwrap();
     let (recording, samples, states) = run(&plate(0.0), &directory.path().join("run.mcap"));
     let names: Vec<String> =
+        // Head, B and C have the first six channels; behind them are twenty accelerometers, a velocity and a
+        // displacement.
         recording.channels().of(Topic::Samples).iter().skip(6).map(|channel| channel.name.to_string()).collect();
     assert_eq!((names.len(), names[0].as_str()), (22, "acceleration_a0_z_m_s2"));
     let place = |name: &str| names.iter().position(|of| of == name).unwrap();
@@ -84,6 +86,7 @@ fn twenty_accelerometers_read_the_motion_at_their_points() {
         for point in 0..20 {
             let got = sample.more.values()[place(&format!("acceleration_a{point}_z_m_s2"))];
             assert!((got - at(point, 2)).abs() < 1e-9 * at(point, 2).abs().max(1.0), "{point}: {got} {}", at(point, 2));
+            // Only readings that are well above zero count, since agreement on nothing shows nothing.
             checked += usize::from(got.abs() > 0.1);
         }
         let (v, x) = (sample.more.values()[velocity], sample.more.values()[displacement]);

@@ -74,6 +74,7 @@ fn faults() -> Vec<FaultSpec> {
         add(node, "reordering", all, "probability = 0.01\ndelay_s = 0.0025");
         add(node, "babble", all, "rate_hz = 97\nids = [0x080, 0x200, 0x201, 0x203, 0x208, 0x702]");
     }
+    // One of the four every seven seconds: 36 in all.
     for k in 0..9 {
         add("plant", "bus_off", (20 + 28 * k, 20 + 28 * k), "");
         add("exciter", "bus_off", (27 + 28 * k, 27 + 28 * k), "");

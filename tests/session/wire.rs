@@ -44,6 +44,7 @@ fn ages(scenario: &Scenario, path: &Path) -> (Vec<u64>, Bits) {
             continue;
         }
         if let Some(Message::Force(command)) = receiver.accept(&record.frame).unwrap() {
+            // A frame has the low 16 bits of the sample, which wrap.
             let age = usize::from((record.sample as u16).wrapping_sub(command.sample));
             ages.resize(ages.len().max(age + 1), 0);
             ages[age] += 1;
@@ -70,6 +71,7 @@ fn a_force_is_held_over_the_fd_bus_at_2_khz_with_2_mbit_s_and_at_3_9_khz_with_5(
         assert_eq!((report.plant.bus.dropped, report.plant.bus.refused), (0, 0));
         assert_eq!(report.exciter.responses.len(), 3);
         for point in &report.exciter.responses {
+            // The scenario asks for a force of 2 N.
             assert!(point.settled && (point.load / 2.0 - 1.0).abs() < 3e-3, "{rate_hz} Hz: {point:?}");
         }
         let (ages, bits) = ages(&scenario, &path);
