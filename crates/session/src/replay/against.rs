@@ -9,7 +9,6 @@
 
 mod wire;
 
-use core::fmt;
 use core::ops::ControlFlow;
 use core::time::Duration;
 
@@ -17,6 +16,7 @@ use alloc::collections::{BTreeMap, VecDeque};
 
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, Message, Network, Node, OperatorRequest, Receiver};
 use serde::Serialize;
+use thiserror::Error;
 
 use super::ReplayError;
 use super::player::{FRAMES_AT_ONCE, LOOK_NS, RETRY_NS, check_speed, due_ns};
@@ -74,10 +74,11 @@ pub struct Difference {
 }
 
 /// Kind of difference between the live controller and the recorded one.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Error, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum DifferenceKind {
     /// It commands another load.
+    #[error("the controller commands {got}; the recorded command is {expected}")]
     Command {
         /// Command of the recorded controller.
         expected: Load,
@@ -85,25 +86,33 @@ pub enum DifferenceKind {
         got: Load,
     },
     /// It does not answer a sample that the recorded controller answered.
+    #[error("the controller does not answer the sample; the recorded one did")]
     NoAnswer,
     /// It does not say hello.
+    #[error("the controller does not say hello; the recorded one did")]
     NoHello,
     /// It does not make a request that the recorded controller made.
+    #[error("the controller does not ask the plant to {expected}; the recorded one did")]
     NoRequest {
         /// Name of the request: `arm`, `disarm`, `reset` or `stop`.
         expected: &'static str,
     },
     /// It has not sent a command that the recorded controller sent, on a protocol whose commands name no sample.
+    #[error(
+        "the controller sends no further command; the recorded one is {expected:?} (force along x, y in N, torques in N·m)"
+    )]
     NoCommand {
         /// The load of the recorded command.
         expected: Load,
     },
     /// It has sent more commands than the recorded controller by then, on a protocol whose commands name no sample.
+    #[error("the controller has sent {ahead} more commands than the recorded one had by then")]
     MoreCommands {
         /// Number of commands that it is ahead.
         ahead: usize,
     },
     /// It reports a fault. If the fault is only that the plant has stopped, the difference is the expected action.
+    #[error("the controller faults: {cause}; the recorded one continues with: {expected}")]
     Fault {
         /// Cause in its emergency message.
         cause: String,
@@ -120,31 +129,6 @@ impl DifferenceKind {
             DifferenceKind::NoCommand { .. } | DifferenceKind::MoreCommands { .. } => "command",
             DifferenceKind::NoHello => "hello",
             DifferenceKind::NoRequest { expected } | DifferenceKind::Fault { expected, .. } => expected,
-        }
-    }
-}
-
-impl fmt::Display for DifferenceKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            DifferenceKind::Command { expected, got } => {
-                write!(f, "the controller commands {got}; the recorded command is {expected}")
-            }
-            DifferenceKind::NoAnswer => f.write_str("the controller does not answer the sample; the recorded one did"),
-            DifferenceKind::NoHello => f.write_str("the controller does not say hello; the recorded one did"),
-            DifferenceKind::NoRequest { expected } => {
-                write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
-            }
-            DifferenceKind::NoCommand { expected } => write!(
-                f,
-                "the controller sends no further command; the recorded one is {expected:?} (force along x, y in N, torques in N\u{b7}m)"
-            ),
-            DifferenceKind::MoreCommands { ahead } => {
-                write!(f, "the controller has sent {ahead} more commands than the recorded one had by then")
-            }
-            DifferenceKind::Fault { cause, expected } => {
-                write!(f, "the controller faults: {cause}; the recorded one continues with: {expected}")
-            }
         }
     }
 }
