@@ -2,7 +2,7 @@
 
 use core::fmt::Display;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -140,6 +140,11 @@ impl Failure {
     /// Makes the failure of a wrong request, or of wrong input.
     pub fn usage(problem: impl Into<String>) -> Failure {
         Failure::Usage(problem.into())
+    }
+
+    /// Makes the failure of writing a file or a folder from the system's reason.
+    pub fn write(path: &Path) -> impl Fn(io::Error) -> Failure {
+        move |source| Failure::Write { path: path.to_path_buf(), source }
     }
 
     /// Makes the failure of a flag with a value that it can't have.

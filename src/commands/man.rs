@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Command};
-use serde::Serialize;
+use serde_json::json;
 
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
@@ -20,15 +20,10 @@ pub(crate) struct Man {
     json: JsonFlag,
 }
 
-#[derive(Serialize)]
-struct Document {
-    pages: Vec<PathBuf>,
-}
-
 impl Man {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let failed = |source| Failure::Write { path: self.folder.clone(), source };
-        std::fs::create_dir_all(&self.folder).map_err(failed)?;
+        let failed = Failure::write(&self.folder);
+        std::fs::create_dir_all(&self.folder).map_err(&failed)?;
         // `help` repeats every command as its own subcommand, and each of these would get a page.
         let command = crate::whole().disable_help_subcommand(true);
         let mut pages = names(&command, "resonarm").into_iter().map(|name| self.folder.join(name)).collect::<Vec<_>>();
@@ -36,7 +31,7 @@ impl Man {
         pages.sort();
         let count = pages.len();
         let text = || format!("{count} pages: `man -l {}`\n", self.folder.join("resonarm.1").display());
-        self.json.show(&Document { pages }, text, &[])
+        self.json.show(&json!({ "pages": pages }), text, &[])
     }
 }
 

@@ -112,11 +112,9 @@ fn add(files: &mut Vec<(PathBuf, String)>, to: &Path, folder: &sources::Dir<'_>)
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    let written = fs::create_dir_all(folder).and_then(|()| fs::write(path, text));
-    written.map_err(|source| Failure::Write { path: path.to_owned(), source })
+    fs::create_dir_all(folder).and_then(|()| fs::write(path, text)).map_err(Failure::write(path))
 }
 
 fn make_executable(path: &Path) -> Result<(), Failure> {
-    let done = fs::set_permissions(path, fs::Permissions::from_mode(0o755));
-    done.map_err(|source| Failure::Write { path: path.to_owned(), source })
+    fs::set_permissions(path, fs::Permissions::from_mode(0o755)).map_err(Failure::write(path))
 }

@@ -8,7 +8,7 @@ use resonarm::conformance::{Check, REQUIREMENTS, Requirement, WIRE_REQUIREMENTS,
 use resonarm::protocol::Node;
 use resonarm::run::Mode;
 use resonarm::structure::{Channel, Kind, READINGS, known_states};
-use serde::Serialize;
+use serde_json::json;
 
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
@@ -25,24 +25,19 @@ pub(crate) struct Reference {
     json: JsonFlag,
 }
 
-#[derive(Serialize)]
-struct Document {
-    files: Vec<PathBuf>,
-}
-
 impl Reference {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let failed = |source| Failure::Write { path: self.folder.clone(), source };
-        std::fs::create_dir_all(&self.folder).map_err(failed)?;
+        let failed = Failure::write(&self.folder);
+        std::fs::create_dir_all(&self.folder).map_err(&failed)?;
         let documents = [("channels.md", channels()), ("requirements.md", requirements())];
         let mut files = Vec::new();
         for (name, text) in documents {
             let path = self.folder.join(name);
-            std::fs::write(&path, text).map_err(failed)?;
+            std::fs::write(&path, text).map_err(&failed)?;
             files.push(path);
         }
         let text = || files.iter().map(|path| format!("{}\n", path.display())).collect();
-        self.json.show(&Document { files: files.clone() }, text, &[])
+        self.json.show(&json!({ "files": files }), text, &[])
     }
 }
 
@@ -121,7 +116,6 @@ fn table(head: &str, requirements: &[Requirement], tested: impl Fn(&Requirement)
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 

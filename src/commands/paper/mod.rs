@@ -99,7 +99,7 @@ impl Paper {
         let start_ns = SystemClock.now_ns();
         if let Some(folder) = self.folder()? {
             self.overwrite.check(self.files(folder, &text), &Inputs::of(self.settings.iter().chain(&self.measured)))?;
-            fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.to_path_buf(), source })?;
+            fs::create_dir_all(folder).map_err(Failure::write(folder))?;
             output::write(folder.join("settings.toml"), &text)?;
         }
         let mut document = Document { figures: self.figures(&settings, measured.as_ref())?, claims: None, wall_s: 0.0 };
