@@ -10,6 +10,7 @@ use clap::{Arg, Args, Command, ValueEnum};
 use crate::failure::Failure;
 use crate::help::heading;
 use crate::numbers;
+use resonarm::analysis::Coordinate;
 use resonarm::integrate::Scheme;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
@@ -44,14 +45,25 @@ where
 /// Parses one of these values by its name.
 pub(crate) fn one_of<T, const N: usize>(
     wanted: [T; N],
-    name: impl Fn(T) -> &'static str + Clone + Send + Sync + 'static,
+    name: impl Fn(T) -> &'static str,
 ) -> impl TypedValueParser<Value = T>
 where
     T: Copy + Send + Sync + 'static,
 {
-    PossibleValuesParser::new(wanted.map(&name)).try_map(move |text| {
-        let found = wanted.into_iter().find(|one| name(*one) == text);
-        found.ok_or_else(|| format!("it must be one of {}", wanted.map(&name).join(", ")))
+    described(wanted.map(|one| (one, name(one), "")))
+}
+
+/// Parses one of these values by its name. The long help explains each name by the text behind it, unless that is empty.
+pub(crate) fn described<T, const N: usize>(
+    wanted: [(T, &'static str, &'static str); N],
+) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync + 'static,
+{
+    let shown = wanted.map(|(_, name, text)| PossibleValue::new(name).help((!text.is_empty()).then_some(text)));
+    PossibleValuesParser::new(shown).try_map(move |given| {
+        let found = wanted.into_iter().find(|(_, name, _)| *name == given);
+        found.map(|(value, ..)| value).ok_or("it must be one of these names")
     })
 }
 
@@ -62,13 +74,9 @@ pub(crate) struct NamedNumber {
     pub value: f64,
 }
 
-impl FromStr for NamedNumber {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<NamedNumber, String> {
-        let (name, value) = text.split_once('=').ok_or("it must be a name with a number, NAME=X")?;
-        Ok(NamedNumber { name: name.to_owned(), value: numbers::finite(value)? })
-    }
+fn named_number(text: &str) -> Result<NamedNumber, String> {
+    let (name, value) = text.split_once('=').ok_or("it must be a name with a number, NAME=X")?;
+    Ok(NamedNumber { name: name.to_owned(), value: numbers::finite(value)? })
 }
 
 /// The scenario, and what of its structure differs. [`defaults`](crate::defaults) adds each command's defaults to the
@@ -90,7 +98,7 @@ pub(crate) struct StructureFlags {
     /// Value of a structure's parameter, as link2.mass_kg=40; may be repeated.
     ///
     /// Modes and elements have parameters, too, as mode1.damping_ratio=0.01 and element1.gap_m=1e-3.
-    #[arg(long, value_name = "NAME=X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "NAME=X", allow_hyphen_values = true, value_parser = named_number)]
     pub set: Vec<NamedNumber>,
 }
 
@@ -232,11 +240,8 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
         }
     };
     if angles.len() != angles_deg.len() {
-        return Err(Failure::usage(format!(
-            "--angles-deg has {} numbers, expected {}, one for each link",
-            angles_deg.len(),
-            angles.len()
-        )));
+        let (got, expected) = (angles_deg.len(), angles.len());
+        return Err(Failure::usage(format!("--angles-deg has {got} numbers, expected {expected}, one for each link")));
     }
     angles.iter_mut().zip(angles_deg).for_each(|(angle, given)| **angle = *given);
     Ok(())
@@ -261,6 +266,12 @@ impl SessionFlags {
     }
 }
 
+/// Returns the first value of a repeatable flag that is the same as one before it.
+pub(crate) fn repeated<T>(values: &[T], is_same: impl Fn(&T, &T) -> bool) -> Option<&T> {
+    let mut known = values.iter().enumerate();
+    known.find(|(place, value)| values[..*place].iter().any(|before| is_same(before, value))).map(|(_, value)| value)
+}
+
 /// Returns the failure for a flag whose value was rejected with `error`.
 pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::usage(format!("{flag}: {error}"))
@@ -273,4 +284,45 @@ pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
         tracing::warn!("{}: {warning}", path.display());
     }
     Ok(scenario)
+}
+
+/// Returns both ends of the interval of a coordinate, `hz` of the frequency and `other` of any other one; with `None` no
+/// interval is allowed. Ends in the other unit are an error.
+pub(crate) fn interval(
+    parameter: &str,
+    coordinate: Option<Coordinate>,
+    hz: [Option<f64>; 2],
+    other: [Option<f64>; 2],
+) -> Result<Option<[f64; 2]>, Failure> {
+    let wanted = coordinate.map(|of| if of == Coordinate::FrequencyHz { "-hz" } else { "" });
+    let needs = wanted.map_or_else(String::new, |unit| format!("; give its interval by --from{unit} a --to{unit} b"));
+    for (unit, [from, to]) in [("-hz", hz), ("", other)].into_iter().filter(|(unit, _)| Some(*unit) != wanted) {
+        if let Some(end) = from.map(|_| "from").or(to.map(|_| "to")) {
+            return Err(Failure::usage(format!("--{end}{unit} is not for {parameter}{needs}")));
+        }
+    }
+    let Some(unit) = wanted else { return Ok(None) };
+    match if unit == "-hz" { hz } else { other } {
+        [Some(from), Some(to)] => Ok(Some([from, to])),
+        _ => Err(Failure::usage(format!("{parameter} needs an interval: give it by --from{unit} a --to{unit} b"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn takes_the_ends_in_the_unit_wanted_and_no_others() {
+        let (none, both) = ([None, None], [Some(20.0), Some(23.0)]);
+        let (hz, load) = (Some(Coordinate::FrequencyHz), Some(Coordinate::Amplitude));
+        assert_eq!(interval("a sweep", hz, both, none).unwrap(), Some([20.0, 23.0]));
+        assert_eq!(interval("a diagram", load, none, both).unwrap(), Some([20.0, 23.0]));
+        assert_eq!(interval("a section", None, none, none).unwrap(), None);
+        let says = |of, hz, other| interval("--parameter amplitude", of, hz, other).unwrap_err().to_string();
+        insta::assert_snapshot!(says(load, both, none), @"--from-hz is not for --parameter amplitude; give its interval by --from a --to b");
+        insta::assert_snapshot!(says(load, none, [None, Some(1.0)]), @"--parameter amplitude needs an interval: give it by --from a --to b");
+        insta::assert_snapshot!(says(load, none, none), @"--parameter amplitude needs an interval: give it by --from a --to b");
+        insta::assert_snapshot!(says(None, none, [None, Some(1.0)]), @"--to is not for --parameter amplitude");
+    }
 }

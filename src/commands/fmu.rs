@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use crate::failure::{Failure, Verdict};
-use crate::flags::read_scenario;
+use crate::flags::{self, read_scenario};
 use crate::help::heading;
 use crate::numbers;
 use crate::output::{Inputs, JsonFlag, OverwriteFlag};
@@ -25,14 +25,14 @@ pub(crate) struct Fmu {
     #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     out: PathBuf,
     /// Interface of the FMU.
-    #[arg(long, help_heading = heading::SIMULATED, value_name = "KIND", value_enum, default_value_t = InterfaceFlag::Signals)]
-    interface: InterfaceFlag,
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "KIND", value_parser = flags::described(INTERFACES), default_value = "signals")]
+    interface: Interface,
     /// What the FMU simulates; exciter and bus need `--interface can`.
-    #[arg(long, help_heading = heading::SIMULATED, value_name = "ROLE", value_enum, default_value_t = RoleFlag::Plant)]
-    role: RoleFlag,
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "ROLE", value_parser = flags::described(ROLES), default_value = "plant")]
+    role: Role,
     /// Clock by which frames leave the FMU.
-    #[arg(long, help_heading = heading::SIMULATED, value_name = "KIND", value_enum, default_value_t = ClockFlag::Triggered)]
-    clock: ClockFlag,
+    #[arg(long, help_heading = heading::SIMULATED, value_name = "KIND", value_parser = flags::described(CLOCKS), default_value = "triggered")]
+    clock: TxClock,
     /// Number of nodes for which a bus has terminals, from 2 to 32.
     #[arg(long, help_heading = heading::SIMULATED, value_name = "N", default_value_t = 2, value_parser = numbers::integer_checked_later(2..=32_u8))]
     nodes: u8,
@@ -46,65 +46,29 @@ pub(crate) struct Fmu {
     json: JsonFlag,
 }
 
-/// The values of the flag for an [`Interface`].
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum InterfaceFlag {
-    /// Loads are inputs, and readings are outputs.
-    Signals,
-    /// Frames by FMI-LS-BUS.
-    Can,
-}
-
-/// The values of the flag for a [`Role`].
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RoleFlag {
-    Plant,
-    Exciter,
-    Bus,
-}
-
-/// The values of the flag for a [`TxClock`].
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ClockFlag {
-    /// At the end of a step.
-    Triggered,
-    /// At a time that is stated beforehand.
-    Countdown,
-}
+const INTERFACES: [(Interface, &str, &str); 2] = [
+    (Interface::Signals, "signals", "Loads are inputs, and readings are outputs"),
+    (Interface::Can, "can", "Frames by FMI-LS-BUS"),
+];
+const ROLES: [(Role, &str, &str); 3] =
+    [(Role::Plant, "plant", ""), (Role::Exciter, "exciter", ""), (Role::Bus, "bus", "")];
+const CLOCKS: [(TxClock, &str, &str); 2] = [
+    (TxClock::Triggered, "triggered", "At the end of a step"),
+    (TxClock::Countdown, "countdown", "At a time that is stated beforehand"),
+];
 
 impl Fmu {
-    fn settings(&self) -> Settings {
-        let interface = match self.interface {
-            InterfaceFlag::Signals => Interface::Signals,
-            InterfaceFlag::Can => Interface::Can,
-        };
-        let (role, nodes) = match self.role {
-            RoleFlag::Plant => (Role::Plant, 0),
-            RoleFlag::Exciter => (Role::Exciter, 0),
-            RoleFlag::Bus => (Role::Bus, self.nodes),
-        };
-        let clock = match self.clock {
-            ClockFlag::Triggered => TxClock::Triggered,
-            ClockFlag::Countdown => TxClock::Countdown,
-        };
-        Settings { interface, role, clock, nodes }
-    }
-
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let inputs = Inputs::of(Scenario::files(&self.scenario).iter().chain(&self.library));
         OverwriteFlag { overwrite: self.overwrite }.check([self.out.clone()], &inputs)?;
-        let settings = self.settings();
+        // A plant and an exciter are one node each: only a bus has terminals for several.
+        let nodes = if self.role == Role::Bus { self.nodes } else { 0 };
+        let settings = Settings { interface: self.interface, role: self.role, clock: self.clock, nodes };
         let content = Content { settings, scenario: read_scenario(&self.scenario)? };
-        let library = match &self.library {
-            Some(path) => Library::read(path)?,
-            None => Library::beside_program()?,
-        };
+        let library = self.library.as_deref().map_or_else(Library::beside_program, Library::read)?;
         let summary = export(&content, library, &self.out)?;
         let Summary { path, bytes, platform, variables, .. } = &summary;
-        self.json.show(
-            &summary,
-            || format!("{}: {variables} variables, {platform}, {bytes} bytes\n", path.display()),
-            &[],
-        )
+        let text = || format!("{}: {variables} variables, {platform}, {bytes} bytes\n", path.display());
+        self.json.show(&summary, text, &[])
     }
 }

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use crate::failure::{Failure, Verdict};
+use crate::flags;
 use crate::help::heading;
 use crate::live::{self, LiveFlags, Showing};
 use crate::numbers;
@@ -61,8 +62,8 @@ pub(crate) struct Replay {
 #[derive(Debug, Args)]
 struct SelectionFlags {
     /// Direction of the frames, from the plant's point of view.
-    #[arg(long, help_heading = heading::RECORDS, value_enum, value_name = "DIRECTION", default_value_t = Which::Both, conflicts_with = "live")]
-    direction: Which,
+    #[arg(long, help_heading = heading::RECORDS, value_parser = flags::described(DIRECTIONS), value_name = "DIRECTION", default_value = "both", conflicts_with = "live")]
+    direction: SentOnly,
     /// Only frames with these identifiers, hexadecimal, separated by commas.
     ///
     /// An identifier has 3 digits, an extended one 8, as in candump.
@@ -100,15 +101,15 @@ struct AgainstFlags {
     patience_s: f64,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Which {
-    /// Those the plant received and those it sent.
-    Both,
-    /// Those the plant received: the exciter's commands.
-    Received,
-    /// Those the plant sent: the sensors.
-    Sent,
-}
+/// The direction of the frames that are sent; none if all are. clap would take an `Option` itself for a flag without a
+/// default.
+type SentOnly = Option<Direction>;
+
+const DIRECTIONS: [(SentOnly, &str, &str); 3] = [
+    (None, "both", "Those the plant received and those it sent"),
+    (Some(Direction::Received), "received", "Those the plant received: the exciter's commands"),
+    (Some(Direction::Sent), "sent", "Those the plant sent: the sensors"),
+];
 
 /// Parses an identifier as candump writes it.
 fn identifier(text: &str) -> Result<Id, String> {
@@ -148,11 +149,9 @@ impl Replay {
         let playback = self.playback(&recording)?;
         let played = on_bus(&address, move |bus, signals| play(&recording, bus, &SystemClock, &playback, signals))?;
         let text = || {
+            let (frames, length_s, late_ms) = (played.frames, played.recorded_s, played.latest_s * 1e3);
             format!(
-                "{} frames of {:.3} recorded seconds sent to {address}, the latest {:.3} ms late\n",
-                played.frames,
-                played.recorded_s,
-                played.latest_s * 1e3
+                "{frames} frames of {length_s:.3} recorded seconds sent to {address}, the latest {late_ms:.3} ms late\n"
             )
         };
         json.show(&played, text, &[])?;
@@ -165,12 +164,8 @@ impl Replay {
             (None, None) => None,
             _ => Some(export::samples(recording, *from_s, *to_s)?),
         };
-        let direction = match direction {
-            Which::Both => None,
-            Which::Received => Some(Direction::Received),
-            Which::Sent => Some(Direction::Sent),
-        };
-        Ok(Playback { speed: self.speed, direction, ids: id.clone(), mapped: map.clone(), samples, times: *times })
+        let (direction, ids, mapped, times) = (*direction, id.clone(), map.clone(), *times);
+        Ok(Playback { speed: self.speed, direction, ids, mapped, samples, times })
     }
 
     fn regression(&self) -> Result<Regression, Failure> {

@@ -1,7 +1,6 @@
 //! `resonarm survey`: runs that measure the modes of a structure, as one folder of recordings with an index.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 
 use clap::Args;
@@ -66,7 +65,7 @@ pub(crate) struct Survey {
     #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_delimiter = ',')]
     exciters: Vec<String>,
     /// Points or degrees of freedom of the accelerometers, as tip.x,mid; a run for each [default: all degrees of freedom].
-    #[arg(long, help_heading = heading::LOADS, value_name = "DOF")]
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF", value_parser = sensor_group)]
     sensors: Vec<SensorGroup>,
     /// What the exciter plays.
     ///
@@ -109,20 +108,15 @@ pub(crate) struct Survey {
     json: JsonFlag,
 }
 
-/// Places of the accelerometers in a run.
-#[derive(Clone, Debug, PartialEq)]
-struct SensorGroup(Vec<String>);
+/// Places of the accelerometers in a run. clap would take a list of lists apart itself.
+type SensorGroup = Vec<String>;
 
-impl FromStr for SensorGroup {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<SensorGroup, String> {
-        let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
-        if names.iter().any(String::is_empty) {
-            return Err(String::from("it must be points or degrees of freedom with commas between them, as tip.x,mid"));
-        }
-        Ok(SensorGroup(names))
+fn sensor_group(text: &str) -> Result<SensorGroup, String> {
+    let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
+    if names.iter().any(String::is_empty) {
+        return Err(String::from("it must be points or degrees of freedom with commas between them, as tip.x,mid"));
     }
+    Ok(names)
 }
 
 impl Survey {
@@ -148,7 +142,7 @@ impl Survey {
         let scenario = flags::read_scenario(path)?;
         let request = SurveyRequest {
             exciters: self.exciters.clone(),
-            sensors: self.sensors.iter().map(|group| group.0.clone()).collect(),
+            sensors: self.sensors.clone(),
             levels: if self.levels.is_empty() { vec![1.0] } else { self.levels.clone() },
             force_n: self.force_n,
             excitation: self.excitation,
@@ -196,9 +190,8 @@ impl Survey {
     fn list(&self) -> Result<SurveyIndex, Failure> {
         let index = self.out.join(SurveyIndex::FILE);
         self.overwrite.check([index], &Inputs::of(&self.from))?;
-        let written = |source| Failure::Write { path: self.out.clone(), source };
         let index = SurveyIndex::of_recordings(&self.out, &self.from, &self.levels)?;
-        std::fs::create_dir_all(&self.out).map_err(written)?;
+        std::fs::create_dir_all(&self.out).map_err(Failure::write(&self.out))?;
         index.write(&self.out)?;
         Ok(index)
     }

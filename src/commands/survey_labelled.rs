@@ -16,6 +16,7 @@ use resonarm::identification::{averaging, record};
 use resonarm::identify::{Direction, RigPlaces, frequency_response};
 use resonarm::modal_file::{FileResponse, ModalFile};
 use resonarm::plant::TestedAssembly;
+use resonarm::recording::Recording;
 use resonarm::responses::MeasuredQuantity;
 use resonarm::rig::RigSpec;
 use resonarm::scenario::Scenario;
@@ -98,7 +99,7 @@ fn time_file(run: &SurveyRun) -> PathBuf {
 pub(super) fn write(folder: &Path, index: &SurveyIndex) -> Result<Vec<PathBuf>, Failure> {
     let done: Vec<&SurveyRun> = index.runs.iter().filter(|run| run.state == RunState::Done).collect();
     let Some(first) = done.first() else { return Ok(Vec::new()) };
-    let (scenario, tested) = opened(&folder.join(&first.file))?;
+    let (_, scenario, tested) = opened(&folder.join(&first.file))?;
     let geometry = geometry(&scenario, &tested);
     let mut written = Vec::new();
     let mut runs = Vec::new();
@@ -116,11 +117,11 @@ pub(super) fn write(folder: &Path, index: &SurveyIndex) -> Result<Vec<PathBuf>, 
     Ok(written)
 }
 
-fn opened(path: &Path) -> Result<(Scenario, TestedAssembly), Failure> {
+fn opened(path: &Path) -> Result<(Recording, Scenario, TestedAssembly), Failure> {
     let recording = recordings::open_one(path)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let tested = scenario.under_test()?;
-    Ok((scenario, tested))
+    Ok((recording, scenario, tested))
 }
 
 /// Returns what the UFF files of all runs share: points, lines, and the numbers of the nodes, which all degrees of freedom of the
@@ -164,9 +165,7 @@ fn modes(tested: &TestedAssembly, runs: &[&SurveyRun]) -> Vec<TrueMode> {
 
 /// Writes readings and responses of a run.
 fn labelled(folder: &Path, index: &SurveyIndex, run: &SurveyRun, geometry: &ModalFile) -> Result<LabelledRun, Failure> {
-    let recording = recordings::open_one(folder.join(&run.file))?;
-    let scenario = Scenario::from_configuration(recording.configuration())?;
-    let tested = scenario.under_test()?;
+    let (recording, scenario, tested) = opened(&folder.join(&run.file))?;
     let selection = Selection::of(&recording, ExportFormat::Csv, &[RecordingPart::Samples], None, None)?;
     export(&recording, ExportFormat::Csv, &selection, &folder.join(stem(run)))?;
     let record = record(&recording, &scenario, Some(&tested), Direction::Principal)?;
@@ -183,7 +182,7 @@ fn labelled(folder: &Path, index: &SurveyIndex, run: &SurveyRun, geometry: &Moda
     });
     let file = ModalFile { title: run.file.display().to_string(), responses: responses.collect(), ..geometry.clone() };
     let path = folder.join(responses_file(run));
-    file.write(&path).map_err(|source| Failure::Write { path, source })?;
+    file.write(&path).map_err(Failure::write(&path))?;
     Ok(LabelledRun {
         run: run.clone(),
         time: time_file(run),
