@@ -7,8 +7,7 @@ use crate::failure::Failure;
 use crate::figures::branches::stretches;
 use crate::measured_points::{MeasuredPoint, size};
 use crate::read_at::{ReadAt, dof};
-use resonarm::analysis::Distances;
-use resonarm::analysis::{Branch, Coordinate, Nearest, Orbit, TraceOptions, nearest, trace};
+use resonarm::analysis::{Branch, Coordinate, Distances, Nearest, Orbit, TraceOptions, nearest, trace};
 use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 
@@ -25,8 +24,10 @@ pub(crate) const CLIPPED: &str = "from clipped readings";
 /// The computed branch at the load of measured points, around them.
 pub(crate) struct ComputedBranch {
     branch: Branch,
-    at: ReadAt,
-    drive: Drive,
+    /// The degree of freedom whose fundamental is compared.
+    pub at: ReadAt,
+    /// The load of the branch.
+    pub drive: Drive,
 }
 
 /// The largest deviations of points from the computed branch of the same load. Points that have not settled, and those
@@ -134,21 +135,6 @@ impl ComputedBranch {
         Ok(())
     }
 
-    /// Returns the name of the degree of freedom whose fundamental is compared.
-    pub fn at(&self) -> &str {
-        &self.at.name
-    }
-
-    /// Returns the unit of the displacement that is compared.
-    pub fn unit(&self) -> &'static str {
-        self.at.unit()
-    }
-
-    /// Returns the load of the branch, with its unit and place.
-    pub fn load(&self) -> String {
-        self.drive.rounded_words()
-    }
-
     /// Returns the place of the branch that is nearest to a point; `None` if the point was not measured there, or its
     /// reading is zero.
     pub fn nearest(&self, point: &MeasuredPoint) -> Option<Nearest> {
@@ -206,21 +192,18 @@ impl ComputedBranch {
         }
         let clipped = Series::markers(CLIPPED, Color::Black, Marker::Cross, places(&|point| point.is_clipped(name)));
         panel = panel.with_any(clipped.marked(11.0, false));
-        Figure::new(title).subtitle(conditions.and(self.load())).with(panel)
+        Figure::new(title).subtitle(conditions.and(self.drive.rounded_words())).with(panel)
     }
 }
 
 impl Score {
     /// States the score in a line.
     pub fn line(&self) -> String {
+        let Score { at, settled_points, unstable_points, .. } = self;
+        let (frequency, amplitude) = (self.largest_frequency_deviation, self.largest_amplitude_deviation);
         format!(
-            "{} settled points on the computed branch of {} within {:.1e} of the frequency and {:.1e} of the amplitude, \
-             {} of them where it is unstable\n",
-            self.settled_points,
-            self.at,
-            self.largest_frequency_deviation,
-            self.largest_amplitude_deviation,
-            self.unstable_points,
+            "{settled_points} settled points on the computed branch of {at} within {frequency:.1e} of the frequency and \
+             {amplitude:.1e} of the amplitude, {unstable_points} of them where it is unstable\n"
         )
     }
 }

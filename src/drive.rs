@@ -1,17 +1,17 @@
 //! The excitation of the commands that analyse a structure: loads A·sin(2πft) at its degrees of freedom.
 
 use std::collections::BTreeMap;
-use std::str::FromStr;
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
+use crate::flags::repeated;
 use crate::help::heading;
 use crate::numbers;
 use crate::read_at::{ReadAt, dof};
-use resonarm::analysis::Forced;
+use resonarm::analysis::{Coordinate, Forced};
 use resonarm::plant::TestedAssembly;
 use resonarm::rig;
 use resonarm::structure::{Assembly, Dof, LoadHarmonic, MOST_LOAD_HARMONICS};
@@ -24,7 +24,7 @@ pub(crate) struct DriveFlags {
     /// Load A·sin(2πft), as tip.x=20, N, or joint1=60, N·m; may be repeated.
     ///
     /// DOF is a degree of freedom: a point and an axis, as tip.x, or a joint, as joint1. Several loads are in phase.
-    #[arg(long = "drive", value_name = "DOF=A", allow_hyphen_values = true)]
+    #[arg(long = "drive", value_name = "DOF=A", allow_hyphen_values = true, value_parser = load_flag)]
     loads: Vec<LoadFlag>,
     /// Harmonic K of the loads, as 3=2 or 3=2@90: 2 N at 3 times f, 90° ahead.
     ///
@@ -35,6 +35,7 @@ pub(crate) struct DriveFlags {
         value_name = "K=A",
         requires = "loads",
         allow_hyphen_values = true,
+        value_parser = harmonic_flag,
         hide_short_help = true
     )]
     harmonics: Vec<HarmonicFlag>,
@@ -51,20 +52,18 @@ struct HarmonicFlag {
     phase_deg: f64,
 }
 
-impl FromStr for HarmonicFlag {
-    type Err = String;
+fn harmonic_flag(text: &str) -> Result<HarmonicFlag, String> {
+    let (order, rest) = text.split_once('=').ok_or("it must be a harmonic with its amplitude, as 3=2")?;
+    let known = || format!("harmonic {order}: expected a whole number from 2 to {MOST_ORDER}");
+    let order = order.parse().ok().filter(|order| (2..=MOST_ORDER).contains(order)).ok_or_else(known)?;
+    let (amplitude, phase) = rest.split_once('@').unwrap_or((rest, "0"));
+    let (amplitude, phase_deg) = (numbers::finite(amplitude)?, numbers::finite(phase)?);
+    Ok(HarmonicFlag { order, amplitude: nonzero(amplitude)?, phase_deg })
+}
 
-    fn from_str(text: &str) -> Result<HarmonicFlag, String> {
-        let (order, rest) = text.split_once('=').ok_or("it must be a harmonic with its amplitude, as 3=2")?;
-        let known = || format!("harmonic {order}: expected a whole number from 2 to {MOST_ORDER}");
-        let order = order.parse().ok().filter(|order| (2..=MOST_ORDER).contains(order)).ok_or_else(known)?;
-        let (amplitude, phase) = rest.split_once('@').unwrap_or((rest, "0"));
-        let (amplitude, phase_deg) = (numbers::finite(amplitude)?, numbers::finite(phase)?);
-        if amplitude == 0.0 {
-            return Err(String::from("the amplitude must be a number other than 0"));
-        }
-        Ok(HarmonicFlag { order, amplitude, phase_deg })
-    }
+/// Rejects an amplitude of 0: it would drive nothing, and the other loads are stated by their ratio to the first.
+fn nonzero(amplitude: f64) -> Result<f64, String> {
+    if amplitude == 0.0 { Err(String::from("the amplitude must be a number other than 0")) } else { Ok(amplitude) }
 }
 
 /// A degree of freedom, with an amplitude or without.
@@ -74,18 +73,11 @@ pub(crate) struct LoadFlag {
     pub amplitude: Option<f64>,
 }
 
-impl FromStr for LoadFlag {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<LoadFlag, String> {
-        let Some((name, amplitude)) = text.split_once('=') else {
-            return Ok(LoadFlag { name: text.to_owned(), amplitude: None });
-        };
-        match numbers::finite(amplitude)? {
-            0.0 => Err(String::from("the amplitude must be a number other than 0")),
-            amplitude => Ok(LoadFlag { name: name.to_owned(), amplitude: Some(amplitude) }),
-        }
-    }
+pub(crate) fn load_flag(text: &str) -> Result<LoadFlag, String> {
+    let Some((name, amplitude)) = text.split_once('=') else {
+        return Ok(LoadFlag { name: text.to_owned(), amplitude: None });
+    };
+    Ok(LoadFlag { name: name.to_owned(), amplitude: Some(nonzero(numbers::finite(amplitude)?)?) })
 }
 
 /// A load at a degree of freedom.
@@ -134,9 +126,15 @@ impl DriveFlags {
         if self.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
     }
 
+    /// Returns the loads of responses that are followed in a coordinate. Where it is the amplitude, --drive states only
+    /// where the loads act, and their ratio.
+    pub fn along(&self, coordinate: Coordinate, assembly: &Assembly) -> Result<Drive, Failure> {
+        if coordinate == Coordinate::Amplitude { self.direction(assembly) } else { self.drive(assembly) }
+    }
+
     /// Returns the loads whose common amplitude varies: one without an amplitude, which counts as 1, or several, whose
     /// ratio their amplitudes are.
-    pub fn direction(&self, assembly: &Assembly) -> Result<Drive, Failure> {
+    fn direction(&self, assembly: &Assembly) -> Result<Drive, Failure> {
         self.check_given(assembly)?;
         match &self.loads[..] {
             [LoadFlag { name, amplitude: Some(_) }] => Err(Failure::usage(format!(
@@ -165,15 +163,7 @@ impl DriveFlags {
     }
 
     fn check_given(&self, assembly: &Assembly) -> Result<(), Failure> {
-        let twice = |(index, load): (usize, &LoadFlag)| {
-            self.loads[..index].iter().any(|before| before.name == load.name).then(|| load.name.clone())
-        };
-        if let Some(of) =
-            self.harmonics.iter().enumerate().find_map(|(index, of)| {
-                self.harmonics[..index].iter().any(|before| before.order == of.order).then_some(of)
-            })
-        {
-            let order = of.order;
+        if let Some(HarmonicFlag { order, .. }) = repeated(&self.harmonics, |a, b| a.order == b.order) {
             return Err(Failure::usage(format!("--drive-harmonic {order} is given twice: give each harmonic once")));
         }
         if self.harmonics.len() > MOST_LOAD_HARMONICS {
@@ -182,8 +172,10 @@ impl DriveFlags {
                 "{got} harmonics are given by --drive-harmonic: a load can have at most {MOST_LOAD_HARMONICS}"
             )));
         }
-        match self.loads.iter().enumerate().find_map(twice) {
-            Some(name) => Err(Failure::usage(format!("--drive {name} is given twice: give each load once"))),
+        match repeated(&self.loads, |a, b| a.name == b.name) {
+            Some(LoadFlag { name, .. }) => {
+                Err(Failure::usage(format!("--drive {name} is given twice: give each load once")))
+            }
             None if self.loads.is_empty() => Err(missing("--drive DOF=A", assembly)),
             None => Ok(()),
         }
@@ -206,10 +198,8 @@ impl DriveFlags {
 
     /// Fails if harmonics are given; `why` says what the command needs.
     pub fn refuse_harmonics(&self, why: &str) -> Result<(), Failure> {
-        match self.harmonics.first() {
-            Some(_) => Err(Failure::usage(format!("{why}: leave --drive-harmonic out"))),
-            None => Ok(()),
-        }
+        let refused = |_: &HarmonicFlag| Err(Failure::usage(format!("{why}: leave --drive-harmonic out")));
+        self.harmonics.first().map_or(Ok(()), refused)
     }
 }
 
@@ -297,6 +287,11 @@ impl Drive {
     /// States the loads in words: `60 N·m at joint1`.
     pub fn words(&self) -> String {
         self.words_by(|amplitude| short(&amplitude).to_string())
+    }
+
+    /// States the loads in words, without their amplitudes if these are among the coordinates that vary.
+    pub fn words_without(&self, varied: &[Coordinate]) -> String {
+        if varied.contains(&Coordinate::Amplitude) { format!("driven at {}", self.at()) } else { self.words() }
     }
 
     /// States loads that were measured in words, with at most three decimals.

@@ -6,31 +6,11 @@ use serde_json::{Value, json};
 
 use crate::failure::{Failure, Verdict};
 use crate::output;
-use resonarm::analysis::{AnalysisError, EndedEarly};
-use resonarm::analysis::{Backbone, Branch, SingularCurve};
+use resonarm::analysis::{AnalysisError, Branch, EndedEarly};
 
-/// A result that a continuation builds point by point.
-pub(crate) trait CountResponses {
-    /// Returns the number of responses in it.
-    fn responses(&self) -> usize;
-}
-
-impl CountResponses for Branch {
-    fn responses(&self) -> usize {
-        self.orbits.len()
-    }
-}
-
-impl CountResponses for SingularCurve {
-    fn responses(&self) -> usize {
-        self.points.len()
-    }
-}
-
-impl CountResponses for Backbone {
-    fn responses(&self) -> usize {
-        self.points.len()
-    }
+/// Counts the responses of a branch.
+pub(crate) fn of_branch(branch: &Branch) -> usize {
+    branch.orbits.len()
 }
 
 /// The reasons why a command's continuations ended early.
@@ -38,17 +18,19 @@ impl CountResponses for Backbone {
 pub(crate) struct Early(Vec<Failure>);
 
 impl Early {
-    /// Returns the result of a continuation, complete or not. `along` names the quantity that varied.
+    /// Returns the result of a continuation, complete or not. `along` names the quantity that varied, and `responses`
+    /// counts the responses in the result.
     ///
     /// # Errors
     /// [`Failure::BranchEndedEarly`] if it holds no response.
-    pub fn keep<T: CountResponses + Debug>(
+    pub fn keep<T: Debug>(
         &mut self,
         along: &str,
         traced: Result<T, EndedEarly<T>>,
+        responses: fn(&T) -> usize,
     ) -> Result<T, Failure> {
         traced.or_else(|EndedEarly { reason, so_far }| {
-            let kept = so_far.responses();
+            let kept = responses(&so_far);
             let failure = Failure::BranchEndedEarly { along: along.to_owned(), source: reason, kept };
             if kept == 0 {
                 return Err(failure);
@@ -63,12 +45,13 @@ impl Early {
     ///
     /// # Errors
     /// [`Failure::BranchEndedEarly`] if the interval is invalid.
-    pub fn keep_any<T: CountResponses + Debug>(
+    pub fn keep_any<T: Debug>(
         &mut self,
         along: &str,
         traced: Result<T, EndedEarly<T>>,
+        responses: fn(&T) -> usize,
     ) -> Result<Option<T>, Failure> {
-        match self.keep(along, traced) {
+        match self.keep(along, traced, responses) {
             Ok(found) => Ok(Some(found)),
             Err(wrong @ Failure::BranchEndedEarly { source: AnalysisError::Interval { .. }, .. }) => Err(wrong),
             Err(failure) => {

@@ -56,7 +56,6 @@ fn position(arg: &Arg) -> Option<usize> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 pub(crate) mod tests {
     use super::*;
     use crate::whole;

@@ -59,7 +59,6 @@ fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use tracing::Level;
 

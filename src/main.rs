@@ -3,14 +3,11 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
 //! input, 3 the environment lacks something.
 
-mod basin_cells;
-mod basin_grid;
 mod commands;
 mod computed_branch;
 mod configuration;
 mod continuation_flags;
 mod defaults;
-mod detached;
 mod drive;
 mod ended_early;
 mod failure;
@@ -30,7 +27,6 @@ mod numbers;
 mod output;
 mod page;
 mod progress;
-mod quantity;
 mod read_at;
 mod recordings;
 mod responses;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::output::or_empty;
 use crate::read_at::displacement_unit;
 use resonarm::control::ResponsePoint;
 use resonarm::excitation::Phasor;
@@ -150,12 +151,11 @@ pub(crate) fn columns(points: &[MeasuredPoint], unit: &str) -> String {
 impl MeasuredPoint {
     /// Returns the cells of the point in the order of [`columns`]; what is unknown is empty.
     pub fn cells(&self) -> String {
-        let or_empty = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let mut text = format!("{},{},{}", self.frequency_hz, or_empty(self.lag_deg), or_empty(self.excitation));
         for reading in self.readings.values() {
             text += &format!(",{:e},{},{}", reading.amplitude, or_empty(reading.phase_deg), reading.clipped);
         }
-        text + &format!(",{},{}", self.settled, self.tries.map_or(String::new(), |tries| tries.to_string()))
+        text + &format!(",{},{}", self.settled, or_empty(self.tries))
     }
 }
 

@@ -30,13 +30,8 @@ fn holds<T: 'static>(arg: &Arg) -> bool {
 }
 
 fn holds_integer(arg: &Arg) -> bool {
-    holds::<u8>(arg)
-        || holds::<u16>(arg)
-        || holds::<u32>(arg)
-        || holds::<u64>(arg)
-        || holds::<usize>(arg)
-        || holds::<i32>(arg)
-        || holds::<i64>(arg)
+    let is_unsigned = holds::<u8>(arg) || holds::<u16>(arg) || holds::<u32>(arg) || holds::<u64>(arg);
+    is_unsigned || holds::<usize>(arg) || holds::<i32>(arg) || holds::<i64>(arg)
 }
 
 /// Parses a finite number for an argument.
@@ -73,7 +68,6 @@ fn out_of<T: Display>(bounds: &RangeInclusive<T>) -> String {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use crate::help::tests::commands_of_the_program;

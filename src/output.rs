@@ -8,8 +8,9 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::Args;
+use clap::{Arg, Args};
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 use crate::failure::{Failure, Verdict};
 use crate::help::heading;
@@ -63,6 +64,19 @@ pub(crate) fn listed(files: &[PathBuf]) -> String {
     files.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
+/// Returns the keys of a JSON object, to add them to another one.
+pub(crate) fn map(object: Value) -> Map<String, Value> {
+    match object {
+        Value::Object(map) => map,
+        _ => Map::new(),
+    }
+}
+
+/// Returns the cell of a value in a table; empty if there is none.
+pub(crate) fn or_empty(value: Option<impl ToString>) -> String {
+    value.map_or(String::new(), |value| value.to_string())
+}
+
 /// Writes one JSON document to standard output.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     // Control characters that JSON leaves unescaped occur only in strings, where JSON has an escape for each.
@@ -101,10 +115,8 @@ fn escape(text: &str, is_wanted: impl Fn(char) -> bool, escaped: impl Fn(char) -
 
 /// Writes a text file, replacing an existing one when the new one is whole, and returns its path.
 pub(crate) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
-    match write_whole(&path, text.as_bytes()) {
-        Ok(()) => Ok(path),
-        Err(source) => Err(Failure::Write { path, source }),
-    }
+    write_whole(&path, text.as_bytes()).map_err(Failure::write(&path))?;
+    Ok(path)
 }
 
 /// Writes one JSON document to a file, replacing an existing file when the new one is whole.
@@ -142,6 +154,46 @@ pub(crate) fn plot(
     files.push(write(beside(stem, ".csv"), &csv)?);
     files.push(write_json(beside(stem, ".json"), document)?);
     Ok(files)
+}
+
+/// Where the figure and the data of a command go, and whether its results are printed as JSON.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PlotFlags {
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM", help = PLOT)]
+    pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub overwrite: OverwriteFlag,
+    #[command(flatten)]
+    pub json: JsonFlag,
+}
+
+/// Help of --plot, unless a command [`explains`](explained) it by a text of its own.
+pub(crate) const PLOT: &str = "Plot to STEM.svg and STEM.png, with caption, CSV and JSON";
+
+/// Returns the flag --plot with a command's help, to which the long help adds `more`.
+pub(crate) fn explained(help: &'static str, more: &'static str) -> impl FnOnce(Arg) -> Arg {
+    move |plot| match more {
+        "" => plot.help(help),
+        more => plot.help(help).long_help(format!("{help}.\n\n{more}")),
+    }
+}
+
+impl PlotFlags {
+    /// Checks the files STEM + ending as [`OverwriteFlag::check`] does.
+    pub fn check(&self, endings: &[&str], inputs: &Inputs) -> Result<(), Failure> {
+        self.overwrite.check_stem(self.plot.as_deref(), endings, inputs)
+    }
+
+    /// Writes the files of [`plot`] if they are wanted, then prints the document as [`JsonFlag::show`] does.
+    pub fn show(
+        &self,
+        document: &impl Serialize,
+        figure_and_csv: impl FnOnce() -> (Figure, String),
+        text: impl FnOnce() -> String,
+    ) -> Result<Verdict, Failure> {
+        let files = plot(self.plot.as_deref(), document, figure_and_csv)?;
+        self.json.show(document, text, &files)
+    }
 }
 
 /// Writes a line to standard error, with its control characters escaped.
@@ -219,8 +271,6 @@ impl OverwriteFlag {
 pub(crate) fn check_folder(stem: &Path) -> Result<(), Failure> {
     let folder = stem.parent().filter(|folder| !folder.as_os_str().is_empty());
     // Reading the folder gives the system's reason, which `exists` does not.
-    match folder.map(std::fs::read_dir) {
-        Some(Err(source)) => Err(Failure::Write { path: stem.to_path_buf(), source }),
-        _ => Ok(()),
-    }
+    folder.map(std::fs::read_dir).transpose().map_err(Failure::write(stem))?;
+    Ok(())
 }

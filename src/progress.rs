@@ -151,7 +151,6 @@ fn is_still_running(ended: &Receiver<()>, pace: &Pace) -> bool {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
+use crate::measured_points::size;
 use resonarm::analysis::Reading;
 use resonarm::structure::{Assembly, Dof};
 
@@ -58,7 +59,7 @@ pub(crate) fn displacement_unit(dof: Dof) -> &'static str {
 
 /// Returns the amplitude of the component at the frequency of the drive.
 pub(crate) fn amplitude(reading: &Reading) -> f64 {
-    libm::hypot(reading.harmonic1.re, reading.harmonic1.im)
+    size(reading.harmonic1)
 }
 
 /// Returns the angle by which this component leads the drive, degrees.

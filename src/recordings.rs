@@ -44,12 +44,7 @@ pub(crate) fn warn_of_one(recording: &Recording) {
 /// Returns the verdict of a command that has used the readable part of a recording: negative if it is not whole,
 /// however well the rest went.
 pub(crate) fn verdict(recording: &Recording) -> Verdict {
-    verdict_of(recording.integrity())
-}
-
-/// Returns this verdict from the integrity of the recording.
-pub(crate) fn verdict_of(integrity: &Integrity) -> Verdict {
-    Verdict::of(*integrity == Integrity::Complete)
+    Verdict::of(*recording.integrity() == Integrity::Complete)
 }
 
 /// Returns the note on a recording that is not whole.
@@ -78,5 +73,5 @@ pub(crate) const fn existing(overwrite: bool) -> Existing {
 /// Waits for the reader of a named pipe to which a command will record, and keeps the pipe open until the returned value
 /// is dropped: the recorder, which has no way to give up, then doesn't wait. Until here signals end the process.
 pub(crate) fn wait_for_reader(path: &Path) -> Result<Option<File>, Failure> {
-    resonarm::wait_for_reader(path).map_err(|source| Failure::Write { path: path.to_path_buf(), source })
+    resonarm::wait_for_reader(path).map_err(Failure::write(path))
 }

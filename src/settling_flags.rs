@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -11,7 +11,7 @@ use crate::drive::{Drive, DriveFlags};
 use crate::failure::Failure;
 use crate::flags::StructureFlags;
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use resonarm::analysis::time_domain::{Direction, SettleOptions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -19,6 +19,10 @@ use resonarm_figures::plot::{Figure, beside};
 
 /// The structure, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
+#[command(mut_arg(
+    "plot",
+    output::explained(output::PLOT, "A command that was stopped resumes from STEM.partial.jsonl.")
+))]
 pub(crate) struct SettlingFlags {
     #[command(flatten)]
     pub structure: StructureFlags,
@@ -32,38 +36,16 @@ pub(crate) struct SettlingFlags {
     /// Longest settling time, in time constants of the slowest mode.
     #[arg(long, help_heading = heading::COMPUTATION, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
     pub time_constants: f64,
-    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
-    ///
-    /// A command that was stopped resumes from STEM.partial.jsonl.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
-/// The directions in which a quantity is stepped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum DirectionFlag {
-    /// From the lowest value.
-    Up,
-    /// From the highest value.
-    Down,
-    /// Both, each from the initial state.
-    #[default]
-    Both,
-}
-
-impl DirectionFlag {
-    pub const fn directions(self) -> &'static [Direction] {
-        match self {
-            DirectionFlag::Up => &[Direction::Up],
-            DirectionFlag::Down => &[Direction::Down],
-            DirectionFlag::Both => &[Direction::Up, Direction::Down],
-        }
-    }
-}
+/// The directions in which a quantity is stepped, in order, with the names by which the user chooses them.
+pub(crate) const DIRECTIONS: [(&[Direction], &str, &str); 3] = [
+    (&[Direction::Up], "up", "From the lowest value"),
+    (&[Direction::Down], "down", "From the highest value"),
+    (&[Direction::Up, Direction::Down], "both", "Both, each from the initial state"),
+];
 
 impl SettlingFlags {
     /// Returns the initial state: coordinates and rates of --initial or the scenario, and elements at rest.
@@ -72,18 +54,12 @@ impl SettlingFlags {
         Ok([initial, vec![0.0; tested.assembly.element_states()]].concat())
     }
 
-    /// Returns the options of settling: how long to wait, and how many points of the section to keep if a response
-    /// doesn't settle.
-    pub fn options(&self, section_points: usize) -> SettleOptions {
-        SettleOptions { time_constants: self.time_constants, section_points }
-    }
-
     /// Returns the journal from which a stopped command resumes, if results are written to files. Fails if one of the
     /// files to be written exists and may not be overwritten, or if there is no folder for them.
     pub fn journal(&self) -> Result<Option<PathBuf>, Failure> {
-        let Some(stem) = &self.plot else { return Ok(None) };
+        let Some(stem) = &self.output.plot else { return Ok(None) };
         let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
-        self.overwrite.check_stem(Some(stem), output::PLOTTED, &inputs)?;
+        self.output.check(output::PLOTTED, &inputs)?;
         inputs.check(&beside(stem, ".partial.jsonl"))?;
         output::check_folder(stem)?;
         Ok(Some(beside(stem, ".partial.jsonl")))
@@ -98,12 +74,12 @@ impl SettlingFlags {
         figure: impl FnOnce() -> Result<Figure, Failure>,
     ) -> Result<(), Failure> {
         // Printed first: a full disk must not take the results of a long computation as well.
-        self.json.show(document, text, &[])?;
-        let Some(stem) = &self.plot else { return Ok(()) };
+        self.output.json.show(document, text, &[])?;
+        let Some(stem) = &self.output.plot else { return Ok(()) };
         let csv = output::write(beside(stem, ".csv"), &csv())?;
         let json = output::write_json(beside(stem, ".json"), document)?;
         let drawn = output::draw(figure()?, stem)?;
-        self.json.list(&[&[csv, json][..], &drawn].concat())
+        self.output.json.list(&[&[csv, json][..], &drawn].concat())
     }
 
     /// Returns everything in these flags that results depend on.
@@ -114,11 +90,6 @@ impl SettlingFlags {
         configuration["time_constants"] = json!(self.time_constants);
         configuration
     }
-}
-
-/// Writes a number in a table; empty if there is none.
-pub(crate) fn or_empty(value: Option<impl ToString>) -> String {
-    value.map_or(String::new(), |value| value.to_string())
 }
 
 /// Says how many responses there are with these periods, and how many of them have another period than the excitation.

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use serde_json::Value;
 
@@ -26,10 +25,8 @@ pub(crate) enum StateFlag {
     File(PathBuf, String),
 }
 
-impl FromStr for StateFlag {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<StateFlag, String> {
+impl StateFlag {
+    pub fn parse(text: &str) -> Result<StateFlag, String> {
         let listed: Result<Vec<f64>, _> = text.split(',').map(numbers::finite).collect();
         match (listed, text.rsplit_once(':')) {
             (Ok(listed), _) => Ok(StateFlag::Numbers(listed)),
@@ -37,9 +34,7 @@ impl FromStr for StateFlag {
             _ => Err(format!("it must be numbers, as 0.01,0,0.3,0, or FILE:PLACE, with PLACE {PLACES}")),
         }
     }
-}
 
-impl StateFlag {
     /// Returns the file that is read, if there is one.
     pub fn path(&self) -> Option<&Path> {
         match self {
@@ -110,10 +105,8 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
         }
     }
     if (records.len() as f64) < count {
-        return Err(refused(format!(
-            "the recording must go on for two periods of {} Hz from there",
-            short(&frequency_hz)
-        )));
+        let hz = short(&frequency_hz);
+        return Err(refused(format!("the recording must go on for two periods of {hz} Hz from there")));
     }
     let omega = core::f64::consts::TAU * frequency_hz;
     let phase = |index: usize| libm::sincos(omega * index as f64 * period_s);

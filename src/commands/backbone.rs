@@ -1,7 +1,5 @@
 //! `resonarm backbone`: how the frequency of a resonance changes with its amplitude.
 
-use std::path::PathBuf;
-
 use clap::Args;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -9,14 +7,14 @@ use serde_json::{Map, Value, json};
 use crate::configuration;
 use crate::continuation_flags::ContinuationFlags;
 use crate::drive::{Drive, DriveFlags};
-use crate::ended_early::Early;
+use crate::ended_early::{Early, of_branch};
 use crate::failure::{Failure, Verdict};
 use crate::figures::branches::{of_each, table, with_branches};
 use crate::figures::captions;
 use crate::flags::StructureFlags;
 use crate::help::heading;
 use crate::numbers;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use crate::progress::timed;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
 use resonarm::analysis::{
@@ -47,6 +45,13 @@ A curve that ends early is printed as far as it came; standard error says why, a
 /// a chain; the amplitude of a load may be left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
+#[command(mut_arg(
+    "plot",
+    output::explained(
+        output::PLOT,
+        "If an amplitude of the excitation is given, the forced response is drawn, too; its data are in STEM-response.csv."
+    )
+))]
 pub(crate) struct Backbone {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
@@ -72,15 +77,8 @@ pub(crate) struct Backbone {
     to: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
-    ///
-    /// If an amplitude of the excitation is given, the forced response is drawn, too; its data are in STEM-response.csv.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// The angle of a joint at which the curve ends without another limit, rad.
@@ -121,7 +119,7 @@ impl Backbone {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         let endings = [output::PLOTTED, &["-response.csv"]].concat();
-        self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
+        self.output.check(&endings, &inputs)?;
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
         let walk = self.walk(&tested)?;
@@ -134,15 +132,15 @@ impl Backbone {
             _ => Forced::free(&tested.assembly, self.mode())?,
         };
         if let (Some(drive), true) = (&walk.drive, self.undamped) {
-            let is_drawn = walk.amplitude.is_some() && self.plot.is_some();
+            let is_drawn = walk.amplitude.is_some() && self.output.plot.is_some();
             let (at, but) = (drive.at(), if is_drawn { " but for the forced response" } else { "" });
             tracing::warn!("a free vibration has no excitation: the load at {at} changes nothing{but}");
         }
         let options = self.options(&forced, &walk)?;
         let mut early = Early::default();
         let (followed, wall_s) = timed(|| backbone(&forced, &options));
-        let curve = early.keep("the backbone", followed)?;
-        let response = match (&self.plot, walk.amplitude, &damped) {
+        let curve = early.keep("the backbone", followed, |curve| curve.points.len())?;
+        let response = match (&self.output.plot, walk.amplitude, &damped) {
             (Some(_), Some(_), Some(damped)) => self.response(damped, &curve, &walk.read, &mut early)?,
             _ => None,
         };
@@ -163,18 +161,18 @@ impl Backbone {
         };
         let conditions = captions::structure(&scenario, &tested, &[]);
         let drawn = || (self.figure(conditions, &curve, response.as_ref(), &walk), self.csv(&curve, &walk.read));
-        let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        if let (Some(stem), Some(response)) = (&self.plot, &response) {
+        let mut files = output::plot(self.output.plot.as_deref(), &document, drawn)?;
+        if let (Some(stem), Some(response)) = (&self.output.plot, &response) {
             let table = table(Coordinate::FrequencyHz, &[response], &walk.read);
             files.push(output::write(beside(stem, "-response.csv"), &table)?);
         }
         let text = || {
             // With --plot the points are in the files.
-            let table = if self.plot.is_none() { self.table(&curve, &walk) } else { String::new() };
+            let table = if self.output.plot.is_none() { self.table(&curve, &walk) } else { String::new() };
             let head = self.head(&captions::label(&scenario, &tested), &document, &walk);
             format!("{head}\n\n{table}{}\n", reading_of(&document, &curve, &walk.read))
         };
-        self.json.show(&document, text, &files)?;
+        self.output.json.show(&document, text, &files)?;
         early.verdict()
     }
 
@@ -242,7 +240,7 @@ impl Backbone {
         let load = walk.amplitude.map_or(f64::INFINITY, f64::abs);
         let mut options = BackboneOptions::new(forced, self.mode(), largest, load, dofs(&walk.read));
         options.branch = self.walk.options(options.branch)?;
-        if self.plot.is_some() {
+        if self.output.plot.is_some() {
             smooth(&mut options.branch);
         }
         Ok(options)
@@ -269,7 +267,7 @@ impl Backbone {
         options.branch = self.walk.options(options.branch)?;
         smooth(&mut options.branch);
         let traced = trace(forced, options.branch.from, Coordinate::FrequencyHz, &options);
-        early.keep_any("frequency_hz of the forced response", traced)
+        early.keep_any("frequency_hz of the forced response", traced, of_branch)
     }
 
     /// Returns a response with its readings by the names of the degrees of freedom.
@@ -359,14 +357,11 @@ fn smooth(options: &mut BranchOptions) {
 /// Says whether the curve hardens or softens, and by how much.
 fn reading_of(document: &Document, curve: &Curve, read: &[ReadAt]) -> String {
     let (Some(last), Some(at)) = (curve.points.last(), read.first()) else { return String::from("no points") };
-    let (shift_hz, part) = (document.frequency_shift_hz, document.frequency_shift_hz / document.linear_frequency_hz);
-    let (name, unit) = (&at.name, at.unit());
-    let mut text = format!(
-        "{}: {shift_hz:+.6} Hz ({:+.4} %) at {name} {:.6e} {unit}",
-        document.bending.unwrap_or("straight"),
-        100.0 * part,
-        last.readings[0].largest,
-    );
+    let shift_hz = document.frequency_shift_hz;
+    let percent = 100.0 * (shift_hz / document.linear_frequency_hz);
+    let (name, unit, largest) = (&at.name, at.unit(), last.readings[0].largest);
+    let bending = document.bending.unwrap_or("straight");
+    let mut text = format!("{bending}: {shift_hz:+.6} Hz ({percent:+.4} %) at {name} {largest:.6e} {unit}");
     if let Some(curvature) = curve.curvature(0) {
         text += &format!("; at small amplitudes a of {name}, df/d(a²) = {curvature:+.6e} Hz/{unit}²");
     }

@@ -4,22 +4,19 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::basin_cells::Cells;
-use crate::basin_grid::{GridFlags, pair};
 use crate::configuration;
-use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::help::heading;
+use crate::numbers;
+use crate::output::or_empty;
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use crate::settling_flags::SettlingFlags;
 use crate::study;
-use resonarm::analysis::time_domain::{StableOrbit, reach, stable_orbits};
-use resonarm::plant::TestedAssembly;
-use resonarm::scenario::Scenario;
+use resonarm::analysis::time_domain::{BasinOutcome, StableOrbit, reach, stable_orbits};
 use resonarm::structure::Assembly;
 use resonarm::study::StateGrid;
-use resonarm_figures::plot::{Figure, Subtitle};
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Subtitle};
 use resonarm_numeric::number::{short, significant};
 
 const EXAMPLES: &str = "\
@@ -63,6 +60,53 @@ pub(crate) struct Basins {
     grid: GridFlags,
 }
 
+/// The largest number of values of a coordinate.
+const MOST: u32 = 1000;
+
+/// The grid of initial states.
+#[derive(Debug, Args)]
+#[command(next_help_heading = heading::RANGE)]
+struct GridFlags {
+    /// First value of each coordinate [default: the negative of --to].
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
+    from: Option<Vec<f64>>,
+    /// Last value of each coordinate [default: 1.5 times as far as the largest stable response reaches].
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
+    to: Option<Vec<f64>>,
+    /// Number of values of each coordinate, evenly spaced, from 2 to 1000.
+    #[arg(
+        long,
+        value_name = "NX,NY",
+        default_value = "41,41",
+        allow_hyphen_values = true,
+        value_delimiter = ',',
+        num_args = 1,
+        value_parser = numbers::integer_checked_later(2..=MOST)
+    )]
+    points: Vec<u32>,
+}
+
+/// An initial state of the grid, as the results state it.
+#[derive(Serialize)]
+struct Cell {
+    at: [f64; 2],
+    /// The number of the response that it reaches, counted from 1.
+    #[serde(rename = "motion")]
+    orbit: Option<usize>,
+    /// Periods of the excitation until this was certain.
+    periods: Option<u64>,
+    /// `reaches`, `undecided` or `diverges`.
+    outcome: &'static str,
+}
+
+/// The cells of a grid, and the numbers of those without a response.
+#[derive(Serialize)]
+struct Cells {
+    undecided: usize,
+    diverging: usize,
+    cells: Vec<Cell>,
+}
+
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
@@ -100,7 +144,14 @@ impl Basins {
         }
         let far = over.map(|index| reach(&orbits, index, self.frequency_hz));
         let grid = self.grid.grid(over, [&names[0], &names[1]], far, others.clone())?;
-        let configuration = self.configuration(&scenario, &tested, &drive, &grid, &names);
+        let mut configuration = self.settling.configuration(&scenario, &tested, &drive, &grid.others);
+        configuration["basins"] = json!({
+            "frequency_hz": self.frequency_hz,
+            "coordinates": names,
+            "from": grid.ends.map(|ends| ends[0]),
+            "to": grid.ends.map(|ends| ends[1]),
+            "points": grid.counts,
+        });
         let journal = self.settling.journal()?;
         let basins = resonarm::study::Basins {
             forced,
@@ -113,7 +164,15 @@ impl Basins {
         let Some((walk, outcomes)) = walked else { return Ok(Verdict::Negative) };
         let cells = Cells::new(&grid, &outcomes);
         let orbits = walk.orbits();
-        let orbit = |(k, orbit): (usize, &StableOrbit)| orbit_document(orbit, &read, cells.reaching(k));
+        let orbit = |(k, orbit): (usize, &StableOrbit)| {
+            json!({
+                "period": orbit.period,
+                "largest_multiplier": orbit.largest_multiplier,
+                "readings": readings(&orbit.readings, &read),
+                "section": orbit.section,
+                "reached_by": cells.reaching(k),
+            })
+        };
         let documents = orbits.iter().enumerate().map(orbit).collect();
         let coordinates = configuration::coordinates(assembly);
         let document = Document { configuration, coordinates, over: names, orbits: documents, cells };
@@ -148,28 +207,9 @@ impl Basins {
         Ok((over, over.map(|index| known[index].to_string())))
     }
 
-    fn configuration(
-        &self,
-        scenario: &Scenario,
-        tested: &TestedAssembly,
-        drive: &Drive,
-        grid: &StateGrid,
-        names: &[String; 2],
-    ) -> Value {
-        let mut configuration = self.settling.configuration(scenario, tested, drive, &grid.others);
-        configuration["basins"] = json!({
-            "frequency_hz": self.frequency_hz,
-            "coordinates": names,
-            "from": grid.ends.map(|ends| ends[0]),
-            "to": grid.ends.map(|ends| ends[1]),
-            "points": grid.counts,
-        });
-        configuration
-    }
-
     /// Lists the responses, and how many of the grid's states reach each.
     fn text(&self, document: &Document, grid: &StateGrid, orbits: &[StableOrbit], read: &[ReadAt]) -> String {
-        let all = document.cells.len();
+        let all = document.cells.cells.len();
         let span = |axis: usize| {
             let [from, to] = grid.ends[axis].map(|end| significant(&end, 4));
             format!("{} from {from} to {to}", document.over[axis])
@@ -177,25 +217,12 @@ impl Basins {
         let mut text = format!("{all} states: {}, {}\n", span(0), span(1));
         for (k, orbit) in orbits.iter().enumerate() {
             let period = if orbit.period == 1 { String::new() } else { format!(", {} periods", orbit.period) };
-            text += &format!(
-                "response {}: largest {}{period}; reached by {} of these {all} states\n",
-                k + 1,
-                words(&orbit.readings, read),
-                document.cells.reaching(k)
-            );
+            let (number, largest, reached) = (k + 1, words(&orbit.readings, read), document.cells.reaching(k));
+            text +=
+                &format!("response {number}: largest {largest}{period}; reached by {reached} of these {all} states\n");
         }
         text + &document.cells.others(self.settling.time_constants)
     }
-}
-
-fn orbit_document(orbit: &StableOrbit, read: &[ReadAt], reached_by: usize) -> Value {
-    json!({
-        "period": orbit.period,
-        "largest_multiplier": orbit.largest_multiplier,
-        "readings": readings(&orbit.readings, read),
-        "section": orbit.section,
-        "reached_by": reached_by,
-    })
 }
 
 impl Document {
@@ -217,5 +244,117 @@ impl Document {
         let sections = orbits.iter().flat_map(|orbit| &orbit.section).map(|state| (state[x], state[y])).collect();
         let [x_label, y_label] = grid.coordinates.map(|index| configuration::state_label(assembly, index));
         self.cells.figure([&x_label, &y_label], grid.spacing(), labels, sections).subtitle(conditions)
+    }
+}
+
+impl GridFlags {
+    /// Returns the grid in two coordinates; without flags each of them extends as far as `reach`.
+    fn grid(
+        &self,
+        coordinates: [usize; 2],
+        names: [&str; 2],
+        reach: [f64; 2],
+        others: Vec<f64>,
+    ) -> Result<StateGrid, Failure> {
+        if names[0] == names[1] {
+            return Err(Failure::usage(format!("--coordinates names {} twice: give two different ones", names[0])));
+        }
+        let counts = pair("--points", &self.points)?;
+        if let Some(count) = counts.iter().find(|count| !(2..=MOST).contains(*count)) {
+            return Err(Failure::usage(format!("--points has the value {count}: it must be from 2 to {MOST}")));
+        }
+        let to = self.to.as_ref().map_or(Ok(reach), |to| pair("--to", to))?;
+        // Coordinates count from rest, so a grid without --from is symmetric about the state of rest.
+        let from = self.from.as_ref().map_or_else(|| Ok(to.map(|to| -to)), |from| pair("--from", from))?;
+        let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
+        match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
+            Some([from, to]) => {
+                let (from, to) = (short(from), short(to));
+                Err(Failure::usage(format!("invalid grid from {from} to {to}: the ends must be two different numbers")))
+            }
+            None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),
+        }
+    }
+}
+
+/// Returns the two values of a flag.
+fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
+    let count = values.len();
+    <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values, expected two: X,Y")))
+}
+
+impl Cells {
+    /// Lists the fates of the states of a grid.
+    fn new(grid: &StateGrid, outcomes: &[BasinOutcome]) -> Cells {
+        let cell = |(index, outcome): (usize, &BasinOutcome)| {
+            let (orbit, periods, name) = match outcome {
+                BasinOutcome::Reaches { orbit, periods } => (Some(orbit + 1), Some(*periods), "reaches"),
+                BasinOutcome::Undecided => (None, None, "undecided"),
+                BasinOutcome::Diverges => (None, None, "diverges"),
+            };
+            Cell { at: grid.values(index), orbit, periods, outcome: name }
+        };
+        let cells: Vec<Cell> = outcomes.iter().enumerate().map(cell).collect();
+        let count = |name: &str| cells.iter().filter(|cell| cell.outcome == name).count();
+        Cells { undecided: count("undecided"), diverging: count("diverges"), cells }
+    }
+
+    /// Returns the number of states that reach a response, which is counted from 0.
+    fn reaching(&self, orbit: usize) -> usize {
+        self.cells.iter().filter(|cell| cell.orbit == Some(orbit + 1)).count()
+    }
+
+    /// Says in words how many states reach no response, and what to try.
+    fn others(&self, time_constants: f64) -> String {
+        let mut text = String::new();
+        if self.undecided > 0 {
+            text += &format!(
+                "undecided: {} states reach none of these within {time_constants} time constants (try more \
+                 --time-constants)\n",
+                self.undecided
+            );
+        }
+        if self.diverging > 0 {
+            text += &format!("beyond all bounds: {} states\n", self.diverging);
+        }
+        text
+    }
+
+    /// Returns a line for each state, whose coordinates have these names.
+    fn csv(&self, [x, y]: [&str; 2]) -> String {
+        let mut text = format!("{x},{y},outcome,motion,periods\n");
+        for Cell { at: [x, y], orbit, periods, outcome } in &self.cells {
+            let (orbit, periods) = (or_empty(*orbit), or_empty(*periods));
+            text += &format!("{x},{y},{outcome},{orbit},{periods}\n");
+        }
+        text
+    }
+
+    /// Draws a tile for each state, in the colour of the response it reaches, which `labels` name; the sections of the
+    /// responses are drawn over them. `spacing` is the distance of neighbouring states along each axis.
+    fn figure(&self, [x, y]: [&str; 2], spacing: [f64; 2], labels: Vec<String>, sections: Vec<(f64, f64)>) -> Figure {
+        let mut panel = Panel::new(Axis::linear(x), Axis::linear(y)).legend(Legend::Below);
+        let cells = |wanted: &dyn Fn(&Cell) -> bool| {
+            self.cells.iter().filter(|cell| wanted(cell)).map(|cell| (cell.at[0], cell.at[1])).collect::<Vec<_>>()
+        };
+        let colors = [Color::SkyBlue, Color::Vermillion, Color::Yellow, Color::Green, Color::Purple, Color::Blue];
+        for (k, label) in labels.into_iter().enumerate() {
+            // Seven stable orbits at one frequency would repeat a colour; grey and black are kept for the states that
+            // reach none.
+            let color = colors[k % colors.len()];
+            let points = cells(&|cell| cell.orbit == Some(k + 1));
+            panel = panel.with_any(Series::tiles(label, color, spacing, points));
+        }
+        for (outcome, label, color) in
+            [("undecided", "undecided", Color::Grey), ("diverges", "beyond all bounds", Color::Black)]
+        {
+            let points = cells(&|cell| cell.outcome == outcome);
+            panel = panel.with_any(Series::tiles(label, color, spacing, points));
+        }
+        // Drawn last, over the tiles. The other coordinates of an orbit are usually not those of the plane of the
+        // grid, so that its mark is a projection and may lie in a tile of another colour.
+        let sections = Series::markers("stable responses, projected", Color::Black, Marker::Diamond, sections);
+        let panel = panel.with(sections.marked(8.0, false));
+        Figure::new("Basins of attraction: where each initial state ends").with(panel)
     }
 }

@@ -1,36 +1,32 @@
 //! `resonarm continue`: branches of periodic responses, their stability and bifurcations.
 
-use std::path::PathBuf;
-
 use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::configuration;
 use crate::continuation_flags::ContinuationFlags;
-use crate::detached;
 use crate::drive::{Drive, DriveFlags};
-use crate::ended_early::Early;
+use crate::ended_early::{Early, of_branch};
 use crate::failure::{Failure, Verdict};
 use crate::figures::branches::{of_each, table, with_branches};
 use crate::figures::captions;
 use crate::figures::singular_curves::{BifurcationCurve, CurveFlags, Curves, LARGEST_STEP, coordinate, title, unit};
-use crate::flags::StructureFlags;
+use crate::flags::{StructureFlags, interval};
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use crate::progress::timed;
-use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use crate::start_state::StateFlag;
 use resonarm::analysis::{
     self, Assess, Beat, Bifurcation, Branch, BranchEnd, Coordinate, EndedEarly, Forced, NotFollowed, Orbit, Origin,
-    OriginKind, OtherBranch, OtherOptions, SearchOptions, Searched, Stability, TraceOptions, Unlocated,
-    phase_zero_state, trace, trace_branches, trace_singular_curves,
+    OriginKind, OtherBranch, OtherOptions, SearchOptions, Searched, Stability, SubHarmonicSearch, TraceOptions,
+    Unlocated, phase_zero_state, trace, trace_branches, trace_singular_curves,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Figure, Subtitle, beside};
-use resonarm_numeric::number::{rounded, short};
+use resonarm_numeric::number::{rounded, short, significant};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -60,6 +56,10 @@ A walk that ends early prints what it found, says why on standard error, and end
 /// structure.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
+#[command(mut_arg(
+    "plot",
+    output::explained(output::PLOT, "The curves of --curves-in are in STEM-curves.svg and STEM-curves.png.")
+))]
 pub(crate) struct Continue {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
@@ -87,7 +87,7 @@ pub(crate) struct Continue {
     /// points/17 in the JSON of this command, sweeps/0/points/3 in that of sweep, motions/0 in that of basins, or a time
     /// in seconds in a recording, from which on the load comes to phase 0. A response may repeat after several periods of
     /// the load, up to 12.
-    #[arg(long, help_heading = heading::COMPUTATION, value_name = "STATE", allow_hyphen_values = true, hide_short_help = true)]
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "STATE", allow_hyphen_values = true, value_parser = StateFlag::parse, hide_short_help = true)]
     from_state: Option<StateFlag>,
     /// Frequency of the excitation if it does not vary, Hz.
     #[arg(long, help_heading = heading::LOADS, value_name = "F")]
@@ -111,15 +111,8 @@ pub(crate) struct Continue {
     search: bool,
     #[command(flatten)]
     curves: CurveFlags,
-    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
-    ///
-    /// The curves of --curves-in are in STEM-curves.svg and STEM-curves.png.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// The interval of the quantity that varies.
@@ -243,12 +236,6 @@ struct OtherDocument {
     branch: BranchDocument,
 }
 
-impl OtherDocument {
-    fn new(number: usize, origin: &Origin, branch: BranchDocument) -> OtherDocument {
-        OtherDocument { number, from: beginning(origin), period: origin.period, mirrored: origin.is_mirrored, branch }
-    }
-}
-
 /// Returns the place where a branch begins: the kind and the value of the bifurcation, and the number of the branch on
 /// which it is, 0 for the first; or the value at which an isola was found.
 fn beginning(origin: &Origin) -> Value {
@@ -260,7 +247,7 @@ impl Continue {
         let endings = [output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat();
         let from_state = self.from_state.as_ref().and_then(StateFlag::path);
         let inputs = Inputs::of_scenario(self.structure.scenario.as_deref()).and(from_state);
-        self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
+        self.output.check(&endings, &inputs)?;
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
         let walk = self.walk(&tested)?;
@@ -269,8 +256,13 @@ impl Continue {
         let found = found?;
         let forced = walk.drive.forced(&tested.assembly);
         let of_branch = |branch: &Branch| BranchDocument::new(branch, &walk.read, (&forced, walk.coordinate));
-        let other =
-            |(number, origin, branch): (usize, &Origin, &Branch)| OtherDocument::new(number, origin, of_branch(branch));
+        let other = |(number, origin, branch): (usize, &Origin, &Branch)| OtherDocument {
+            number,
+            from: beginning(origin),
+            period: origin.period,
+            mirrored: origin.is_mirrored,
+            branch: of_branch(branch),
+        };
         let document = Document {
             configuration: self.configuration(&scenario, &tested, &walk, found.tolerance),
             coordinates: configuration::coordinates(&tested.assembly),
@@ -280,7 +272,7 @@ impl Continue {
             isolas: found.numbered(false).map(other).collect(),
             branches: found.numbered(true).map(other).collect(),
             left_out: found.left_out.iter().map(left_out).collect(),
-            searched: detached::document(&found.searched, &walk.read),
+            searched: searched_document(&found.searched, &walk.read),
             curves: found.curves.as_ref().map(|curves| curves.document(&walk.read)),
             ended_early: early.document(),
             wall_s,
@@ -290,16 +282,19 @@ impl Continue {
         let isolas = found.numbered(false).count();
         let drawn = || {
             let conditions = self.conditions(&scenario, &tested, &walk, &[walk.coordinate]);
-            (walk.figure(conditions, &branches, isolas), table(walk.coordinate, &branches, &walk.read))
+            let figure = Figure::new("Periodic responses").subtitle(conditions);
+            let drawn = |panel, index| with_branches(panel, &branches, isolas, index);
+            let figure = of_each(figure, &title(walk.coordinate, &walk.drive), &walk.read, drawn);
+            (figure, table(walk.coordinate, &branches, &walk.read))
         };
-        let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        if let (Some(stem), Some(curves)) = (&self.plot, &found.curves) {
+        let mut files = output::plot(self.output.plot.as_deref(), &document, drawn)?;
+        if let (Some(stem), Some(curves)) = (&self.output.plot, &found.curves) {
             let stem = beside(stem, "-curves");
             let conditions = self.conditions(&scenario, &tested, &walk, &curves.coordinates);
             files.extend(output::draw(curves.figure(conditions, &walk.drive), &stem)?);
             files.push(output::write(beside(&stem, ".csv"), &curves.table(&walk.read))?);
         }
-        self.json.show(&document, || self.text(&found, &walk, wall_s), &files)?;
+        self.output.json.show(&document, || self.text(&found, &walk, wall_s), &files)?;
         early.verdict()
     }
 
@@ -307,11 +302,7 @@ impl Continue {
     fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
         let assembly = &tested.assembly;
         let coordinate = coordinate("--parameter", &self.parameter, assembly)?;
-        let drive = match coordinate {
-            // Where the amplitude varies, --drive states only where the loads act, and their ratio.
-            Coordinate::Amplitude => self.drive.direction(assembly)?,
-            Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.drive.drive(assembly)?,
-        };
+        let drive = self.drive.along(coordinate, assembly)?;
         let frequency_hz = match (coordinate, self.frequency_hz) {
             (Coordinate::FrequencyHz, Some(_)) => {
                 return Err(Failure::usage(
@@ -322,18 +313,16 @@ impl Continue {
             (Coordinate::Amplitude | Coordinate::Parameter(_), _) => Some(self.positive_frequency_hz()?),
         };
         let RangeFlags { from_hz, to_hz, from, to } = self.range;
-        let given = [Ends { unit: "-hz", from: from_hz, to: to_hz }, Ends { unit: "", from, to }];
-        let unit = if coordinate == Coordinate::FrequencyHz { "-hz" } else { "" };
         let parameter = format!("--parameter {}", self.parameter);
-        let (from, to) = quantity::interval(&parameter, Some(unit), &given)?.unwrap_or_default();
+        let ends = interval(&parameter, Some(coordinate), [from_hz, to_hz], [from, to])?.unwrap_or_default();
         // A walk in the frequency starts at the first end of its range.
-        let frequency_hz = frequency_hz.unwrap_or(from);
+        let frequency_hz = frequency_hz.unwrap_or(ends[0]);
         Ok(Walk {
             read: read_at(&self.at, &drive.driven(), assembly)?,
             second: self.curves.second(coordinate, assembly)?,
             near: self.from_state.as_ref().map(|state| state.state(frequency_hz)).transpose()?,
             frequency_hz,
-            ends: [from, to],
+            ends,
             coordinate,
             drive,
         })
@@ -349,20 +338,16 @@ impl Continue {
         }
     }
 
-    fn assess(&self) -> Assess {
-        if self.no_stability { Assess::Nothing } else { Assess::Multipliers }
-    }
-
     /// Follows the branch, and the branches and curves that leave it.
     fn follow(&self, tested: &TestedAssembly, walk: &Walk, early: &mut Early) -> Result<Found, Failure> {
         let Walk { coordinate, ends, frequency_hz, .. } = *walk;
         let forced = walk.drive.forced(&tested.assembly);
         let mut options = TraceOptions::new(&forced, coordinate, ends, dofs(&walk.read));
         options.branch = self.walk.options(options.branch)?;
-        options.assess = self.assess();
+        options.assess = if self.no_stability { Assess::Nothing } else { Assess::Multipliers };
         options.near.clone_from(&walk.near);
         let name = coordinate.to_string();
-        let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
+        let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options), of_branch)?;
         let mut search = if self.search { SearchOptions::further() } else { SearchOptions::default() };
         search.sub_harmonics |= self.branches;
         let wanted = OtherOptions { leaving: self.branches, search: Some(search) };
@@ -372,18 +357,15 @@ impl Continue {
         let as_far = |traced: Result<Branch, EndedEarly<Branch>>| traced.unwrap_or_else(|ended| *ended.so_far);
         let mut others = Vec::new();
         for OtherBranch { origin, traced } in found.branches {
-            others.push((origin, if asked { early.keep(&name, traced)? } else { as_far(traced) }));
+            others.push((origin, if asked { early.keep(&name, traced, of_branch)? } else { as_far(traced) }));
         }
         // A branch that can't be followed is reported at the end: the rest are results all the same.
         for (_, reason) in &found.left_out {
             if let (NotFollowed::Failed(reason), true) = (reason, asked) {
-                early.keep_any::<Branch>(&name, Err(reason.clone().into()))?;
+                early.keep_any(&name, Err(reason.clone().into()), of_branch)?;
             }
         }
-        let curves = match walk.second {
-            Some(second) => Some(self.curves(&forced, &branch, walk, second, early)?),
-            None => None,
-        };
+        let curves = walk.second.map(|second| self.curves(&forced, &branch, walk, second, early)).transpose()?;
         let (tolerance, left_out) = (options.branch.truncation, found.left_out);
         let searched = found.searched.unwrap_or_default();
         Ok(Found { branch, tolerance, others, left_out, searched, curves })
@@ -405,7 +387,7 @@ impl Continue {
         *largest_step = largest_step.min(LARGEST_STEP);
         let (coordinates, mut curves) = ([walk.coordinate, second], Vec::new());
         for (kind, traced) in trace_singular_curves(forced, branch, coordinates, &along) {
-            let curve = early.keep_any(&second.to_string(), traced)?;
+            let curve = early.keep_any(&second.to_string(), traced, |curve| curve.points.len())?;
             curves.extend(curve.map(|curve| BifurcationCurve { kind, curve }));
         }
         Ok(Curves { coordinates, curves })
@@ -429,8 +411,7 @@ impl Continue {
     fn conditions(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk, varied: &[Coordinate]) -> Subtitle {
         // What varies is on an axis; the caption must not state a single value of it.
         let names: Vec<String> = varied.iter().map(Coordinate::to_string).collect();
-        let is_in_amplitude = varied.contains(&Coordinate::Amplitude);
-        let load = if is_in_amplitude { format!("driven at {}", walk.drive.at()) } else { walk.drive.words() };
+        let load = walk.drive.words_without(varied);
         let hz = self.frequency_hz.filter(|_| !varied.contains(&Coordinate::FrequencyHz));
         let hz = hz.map_or(String::new(), |hz| format!("{hz} Hz"));
         captions::structure(scenario, tested, &names).and(load).and(hz)
@@ -470,7 +451,7 @@ impl Continue {
             text += &format!("largest response of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
         }
         let of_period_1 = found.numbered(false).filter(|(_, origin, _)| origin.period == 1).count();
-        text += &detached::text(&found.searched, of_period_1, read, [walk.drive.unit(), unit]);
+        text += &searched_text(&found.searched, of_period_1, read, [walk.drive.unit(), unit]);
         for isola in found.numbered(false).chain(found.numbered(true)) {
             text += &other_in_words(isola, read, unit);
         }
@@ -486,7 +467,7 @@ fn other_in_words((number, origin, branch): (usize, &Origin, &Branch), read: &[R
     let period = if origin.period > 1 { format!(", {} periods of the load", origin.period) } else { String::new() };
     let mirrored = if origin.is_mirrored { ", one of two mirror images" } else { "" };
     let is_detached = origin.parent.is_none();
-    let begins = if is_detached { interval(branch, unit) } else { format!("from {}", from(origin, unit)) };
+    let begins = if is_detached { extent(branch, unit) } else { format!("from {}", from(origin, unit)) };
     let kind = if is_detached && branch.end == BranchEnd::Closed { "isola" } else { "branch" };
     let mut text = format!("{kind} {number} {begins}{period}{mirrored}: {}\n", counted(branch));
     for found in &branch.bifurcations {
@@ -506,7 +487,7 @@ fn other_in_words((number, origin, branch): (usize, &Origin, &Branch), read: &[R
 }
 
 /// Returns the interval of the coordinate on a branch in words.
-fn interval(branch: &Branch, unit: &str) -> String {
+fn extent(branch: &Branch, unit: &str) -> String {
     let orbits = || branch.orbits.iter().chain(branch.bifurcations.iter().map(|found| &found.orbit));
     let [least, most] = [f64::min, f64::max].map(|of| orbits().map(|orbit| orbit.value).fold(f64::NAN, of));
     format!("between {} and {} {unit}", rounded(&least, 7), rounded(&most, 7))
@@ -566,17 +547,6 @@ fn truncated(branch: &Branch, tolerance: f64, unit: &str) -> String {
     )
 }
 
-impl Walk {
-    /// Draws the largest displacement over the quantity that varies; unstable periodic responses dashed, bifurcations
-    /// as marks. After the first branch come this many isolas.
-    fn figure(&self, conditions: Subtitle, branches: &[&Branch], isolas: usize) -> Figure {
-        let figure = Figure::new("Periodic responses").subtitle(conditions);
-        let title = title(self.coordinate, &self.drive);
-        let drawn = |panel, index| with_branches(panel, branches, isolas, index);
-        of_each(figure, &title, &self.read, drawn)
-    }
-}
-
 /// Returns a response with its readings.
 fn point(orbit: &Orbit, read: &[ReadAt]) -> Value {
     let multipliers = orbit.stability.as_ref().map(|stability| {
@@ -632,4 +602,76 @@ fn is_at_end(branch: &Branch, orbit: &Orbit) -> bool {
 
 fn unlocated(found: &Unlocated) -> Value {
     json!({ "kind": found.kind.name(), "between": found.between, "index": found.index })
+}
+
+/// Returns what was searched, or why nothing was.
+fn searched_document(searched: &Searched, read: &[ReadAt]) -> Value {
+    let mut document = match searched.not_searched {
+        Some(reason) => json!({ "not_searched": reason.name() }),
+        None => {
+            let largest = searched.largest.iter().zip(read);
+            let largest = largest.map(|(size, at)| (at.name.clone(), json!({ "largest": size, "unit": at.unit() })));
+            json!({
+                "frequencies_hz": searched.frequencies_hz, "starts": searched.starts,
+                "largest": Value::Object(largest.collect()), "loads": searched.loads,
+                "attached": searched.attached, "evaluations": searched.work.evaluations,
+            })
+        }
+    };
+    if let Some(SubHarmonicSearch { values, error }) = &searched.sub_harmonics {
+        document["sub_harmonics"] = json!({
+            "periods": SubHarmonicSearch::PERIODS, "values": values, "error": error.as_ref().map(ToString::to_string),
+        });
+    }
+    document
+}
+
+/// Says what was searched, or why nothing was, and how many branches with the period of the load were found. The load has
+/// the first unit, the coordinate that varies the second.
+fn searched_text(searched: &Searched, found: usize, read: &[ReadAt], [load, varied]: [&str; 2]) -> String {
+    let mut text = match searched.not_searched {
+        Some(reason) => format!("{reason}\n"),
+        None => searched_in_words(searched, found, read, load),
+    };
+    match searched.attached {
+        0 => {}
+        1 => text += "a branch that leaves a known one was found and is not listed (--branches)\n",
+        count => {
+            text += &format!("{count} branches that leave known ones were found and are not listed (--branches)\n")
+        }
+    }
+    text + &searched.sub_harmonics.as_ref().map_or_else(String::new, |search| sub_harmonics_text(search, varied))
+}
+
+/// Says where responses with the period of the load were searched.
+fn searched_in_words(searched: &Searched, found: usize, read: &[ReadAt], load: &str) -> String {
+    let (frequencies, starts) = (searched.frequencies_hz.len(), searched.starts);
+    let mut text = format!("responses were searched at {frequencies} frequencies with {starts} starts each");
+    if let (Some(largest), Some(at)) = (searched.largest.first(), read.first()) {
+        text += &format!(", up to {largest:.2e} {} at {}", at.unit(), at.name);
+    }
+    if let Some([from, to]) = searched.loads {
+        text +=
+            &format!(", and along folds for loads from {} to {} {load}", significant(&from, 3), significant(&to, 3));
+    }
+    let found = if found == 0 { String::from("none") } else { found.to_string() };
+    text + &format!(": found {found}; others may exist\n")
+}
+
+/// Says where sub-harmonic responses were sought.
+fn sub_harmonics_text(search: &SubHarmonicSearch, unit: &str) -> String {
+    match (&search.error, search.values.as_slice()) {
+        (Some(error), _) => format!("sub-harmonic responses were not sought: {error}\n"),
+        (None, []) => String::from(
+            "sub-harmonic responses were not sought: no free vibration has a half or a third of the frequency\n",
+        ),
+        (None, values @ [first, ..]) => {
+            let [from, to] = [first, values.last().unwrap_or(first)].map(|value| rounded(value, 7));
+            format!(
+                "sub-harmonic responses of 2 and 3 periods were sought near free vibrations at {} values from {from} to {to} \
+                 {unit}; others may exist\n",
+                values.len()
+            )
+        }
+    }
 }

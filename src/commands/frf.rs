@@ -1,7 +1,5 @@
 //! `resonarm frf`: frequency responses of the linear part of the structure.
 
-use std::path::PathBuf;
-
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
@@ -13,11 +11,9 @@ use crate::figures::captions;
 use crate::figures::response_curves::{csv, style};
 use crate::flags::{self, StructureFlags};
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use crate::read_at::{ReadAt, displacement_unit, dof, read_at};
-use resonarm::analysis::LinearResponse;
-use resonarm::analysis::{Quantity, continuous_phase, frequencies_hz};
-use resonarm::plant::TestedAssembly;
+use resonarm::analysis::{LinearResponse, Quantity, continuous_phase, frequencies_hz};
 use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series, Subtitle};
 use resonarm_numeric::number::short;
@@ -30,6 +26,10 @@ use resonarm_numeric::number::short;
 /// CSV has a line for each frequency, with modulus and phase; JSON has complex values, [real, imaginary]. Every
 /// response names its unit. With --plot both go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
+#[command(mut_arg(
+    "plot",
+    output::explained(output::PLOT, "Standard output then lists the files in place of the CSV.")
+))]
 pub(crate) struct Frf {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
@@ -53,15 +53,8 @@ pub(crate) struct Frf {
     /// It must be from 2 to 1000000.
     #[arg(long, help_heading = heading::RANGE, value_name = "N", value_parser = flags::points())]
     points: Option<u32>,
-    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
-    ///
-    /// Standard output then lists the files in place of the CSV.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// The highest frequency: beyond any vibration of a structure, and with a finite square.
@@ -93,23 +86,23 @@ struct ResponseCurve {
 
 impl Frf {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.output.check(output::PLOTTED, &Inputs::of_scenario(self.structure.scenario.as_deref()))?;
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
         let (assembly, linear) = (&tested.assembly, LinearResponse::new(&tested.assembly));
         let drive = self.drive(assembly)?;
+        let frequency_hz = self.frequencies(assembly)?;
         let document = Document {
             configuration: configuration::of_structure(&scenario, &tested),
             coordinates: configuration::coordinates(assembly),
-            responses: self.responses(&tested, &linear, &drive)?,
-            frequency_hz: self.frequencies(assembly)?,
+            responses: self.responses(assembly, &linear, &drive, &frequency_hz)?,
+            frequency_hz,
             drive: drive.name.clone(),
             quantity: self.quantity,
         };
         // Zeros have no place on a logarithmic axis: the figure would be empty. The table can state them.
         let is_still = document.responses.iter().all(|curve| curve.value.iter().all(|z| *z == [0.0; 2]));
-        if is_still && self.plot.is_some() {
+        if is_still && self.output.plot.is_some() {
             let at: Vec<_> = document.responses.iter().map(|curve| curve.at.as_str()).collect();
             let (drive, at) = (&drive.name, at.join(", "));
             return Err(Failure::usage(format!(
@@ -118,9 +111,8 @@ impl Frf {
         }
         let conditions = captions::structure(&scenario, &tested, &[]);
         let drawn = || (self.figure(conditions, &document, (assembly, &linear, &drive)), table(&document));
-        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        let text = || if files.is_empty() { table(&document) } else { String::new() };
-        self.json.show(&document, text, &files)
+        let text = || if self.output.plot.is_none() { table(&document) } else { String::new() };
+        self.output.show(&document, drawn, text)
     }
 
     /// Finds the degree of freedom on which the load acts: the one named, or joint 1.
@@ -153,11 +145,11 @@ impl Frf {
     /// Computes the responses at the degrees of freedom of `--at`, or where the load acts, even at a base.
     fn responses(
         &self,
-        tested: &TestedAssembly,
+        assembly: &Assembly,
         linear: &LinearResponse,
         drive: &ReadAt,
+        frequency_hz: &[f64],
     ) -> Result<Vec<ResponseCurve>, Failure> {
-        let frequency_hz = self.frequencies(&tested.assembly)?;
         let time = match self.quantity {
             Quantity::Receptance => "",
             Quantity::Mobility => "/s",
@@ -170,8 +162,7 @@ impl Frf {
             let unit = format!("{}{time} per {}", displacement_unit(read.dof), drive.dof.load_unit());
             Ok(ResponseCurve { at: read.name.clone(), unit, value, read })
         };
-        let driven = core::slice::from_ref(drive);
-        read_at(&self.at, driven, &tested.assembly)?.into_iter().map(curve).collect()
+        read_at(&self.at, core::slice::from_ref(drive), assembly)?.into_iter().map(curve).collect()
     }
 
     /// Draws the moduli, a panel for each unit, above the phases of all.

@@ -1,7 +1,6 @@
 //! `resonarm modes`: the natural modes of the structure, or over a range of one of its parameters.
 
 use core::f64::consts::TAU;
-use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
@@ -12,7 +11,7 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, StructureFlags};
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use resonarm::analysis::{Pole, structure_poles};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -32,6 +31,14 @@ use resonarm_numeric::number::short;
 /// With --over it prints CSV, a line for each value; shapes are normalised to unit modal mass. With --plot CSV and JSON
 /// go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
+#[command(mut_arg(
+    "plot",
+    output::explained(
+        "Plot the natural frequencies over the parameter to STEM.svg and STEM.png, with caption, CSV and JSON",
+        ""
+    )
+))]
+#[command(mut_arg("plot", |plot| plot.requires("over")))]
 pub(crate) struct Modes {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,
@@ -47,13 +54,8 @@ pub(crate) struct Modes {
     /// Number of values, evenly spaced, from 2 to 1000000.
     #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 181, requires = "over", value_parser = flags::points())]
     points: u32,
-    /// Plot the natural frequencies over the parameter to STEM.svg and STEM.png, with caption, CSV and JSON.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM", requires = "over")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 #[derive(Serialize)]
@@ -101,17 +103,6 @@ impl Mode {
     }
 }
 
-impl ModeAndPole {
-    fn new(mode: Mode, pole: Option<Pole>) -> ModeAndPole {
-        ModeAndPole {
-            mode,
-            pole_frequency_hz: pole.map(|pole| pole.pole_frequency_hz),
-            // Without damping it is 0, not −0.
-            pole_damping_ratio: pole.map(|pole| pole.pole_damping_ratio + 0.0),
-        }
-    }
-}
-
 #[derive(Serialize)]
 struct RangeDocument {
     /// The structure, in which the parameter has its value without the range.
@@ -130,8 +121,7 @@ struct AtValue {
 
 impl Modes {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.output.check(output::PLOTTED, &Inputs::of_scenario(self.structure.scenario.as_deref()))?;
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
         match (&self.over, self.from, self.to) {
@@ -143,13 +133,18 @@ impl Modes {
     /// Computes the modes of the structure as it is.
     fn alone(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
         let assembly = &tested.assembly;
-        let poles = structure_poles(assembly);
+        let with_pole = |(mode, pole): (Mode, Option<Pole>)| ModeAndPole {
+            mode,
+            pole_frequency_hz: pole.map(|pole| pole.pole_frequency_hz),
+            // Without damping it is 0, not −0.
+            pole_damping_ratio: pole.map(|pole| pole.pole_damping_ratio + 0.0),
+        };
         let document = Document {
             configuration: configuration::of_structure(scenario, tested),
             coordinates: configuration::coordinates(assembly),
-            modes: Mode::of(assembly).into_iter().zip(poles).map(|(mode, pole)| ModeAndPole::new(mode, pole)).collect(),
+            modes: Mode::of(assembly).into_iter().zip(structure_poles(assembly)).map(with_pole).collect(),
         };
-        self.json.show(&document, || document.text(&captions::label(scenario, tested), assembly), &[])
+        self.output.json.show(&document, || document.text(&captions::label(scenario, tested), assembly), &[])
     }
 
     /// Computes the modes over the values of a parameter.
@@ -181,9 +176,8 @@ impl Modes {
         };
         let conditions = captions::structure(scenario, tested, core::slice::from_ref(&document.over));
         let drawn = || (document.figure(conditions, parameter), document.csv(assembly));
-        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        let text = || if files.is_empty() { document.csv(assembly) } else { String::new() };
-        self.json.show(&document, text, &files)
+        let text = || if self.output.plot.is_none() { document.csv(assembly) } else { String::new() };
+        self.output.show(&document, drawn, text)
     }
 }
 
@@ -197,9 +191,10 @@ impl Document {
             sag_text(assembly)
         );
         for (ModeAndPole { mode, pole_frequency_hz, pole_damping_ratio }, number) in self.modes.iter().zip(1..) {
-            let pole = match mode.frequency_hz == 0.0 {
-                true => format!("{:>21}   {:>9}", "rigid", "–"),
-                false => pole_text(*pole_frequency_hz, *pole_damping_ratio),
+            let pole = match (pole_frequency_hz, pole_damping_ratio) {
+                _ if mode.frequency_hz == 0.0 => format!("{:>21}   {:>9}", "rigid", "–"),
+                (Some(hz), Some(ratio)) => format!("{hz:18.4} Hz   {ratio:9.3e}"),
+                _ => format!("{:>21}   {:>9}", "overdamped", "–"),
             };
             let shape = if is_chain { format!("   {}", shape_text(&mode.shape)) } else { String::new() };
             let Mode { frequency_hz, damping_ratio, .. } = mode;
@@ -218,14 +213,6 @@ fn symbols(assembly: &Assembly, letter: &str) -> Vec<String> {
 fn shape_text(shape: &[f64]) -> String {
     let largest = shape.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
     shape.iter().map(|part| format!("{:+.4}", part / largest)).collect::<Vec<_>>().join(" ")
-}
-
-/// Returns the columns of a mode's pole in a table.
-fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -> String {
-    match (frequency_hz, damping_ratio) {
-        (Some(hz), Some(ratio)) => format!("{hz:18.4} Hz   {ratio:9.3e}"),
-        _ => format!("{:>21}   {:>9}", "overdamped", "–"),
-    }
 }
 
 /// Returns a line with the joints' deflection under the weight; empty without gravity.

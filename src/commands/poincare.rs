@@ -9,15 +9,15 @@ use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::singular_curves::{coordinate, title};
+use crate::flags::{described, interval};
 use crate::help::heading;
 use crate::numbers;
-use crate::quantity::{Ends, interval};
+use crate::output::or_empty;
 use crate::read_at::{ReadAt, dofs, read_at, readings};
-use crate::settling_flags::{DirectionFlag, SettlingFlags, or_empty};
+use crate::settling_flags::{DIRECTIONS, SettlingFlags};
 use crate::study;
 use resonarm::analysis::Coordinate;
-use resonarm::analysis::time_domain::{Direction, Grid};
-use resonarm::analysis::time_domain::{Sweep, path, section_point};
+use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Sweep, path, section_point};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;
@@ -62,8 +62,8 @@ pub(crate) struct Poincare {
     #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 101, requires = "parameter", value_parser = numbers::integer_checked_later(2..=1_000_000_u32))]
     points: u32,
     /// Direction of steps.
-    #[arg(long, help_heading = heading::RANGE, value_enum, default_value_t, requires = "parameter")]
-    direction: DirectionFlag,
+    #[arg(long, help_heading = heading::RANGE, value_parser = described(DIRECTIONS), default_value = "both", requires = "parameter")]
+    direction: &'static [Direction],
     /// Points of a section to keep if a response does not settle [default: 2000, in a diagram 200].
     ///
     /// It must be from 1 to 1000000.
@@ -136,7 +136,7 @@ impl Poincare {
         configuration["poincare"] = json!({
             "parameter": self.parameter, "frequency_hz": self.frequency_hz,
             "ends": plan.grid.as_ref().map(|grid| [grid.values().first().copied(), grid.values().last().copied()]),
-            "directions": plan.grid.as_ref().map(|_grid| self.direction.directions()),
+            "directions": plan.grid.as_ref().map(|_grid| self.direction),
             "points": plan.grid.as_ref().map(|_grid| self.points),
             "section_points": self.section_points(), "at": self.at,
         });
@@ -145,7 +145,10 @@ impl Poincare {
             sweeps: self.sweeps(&tested, &plan),
             read: dofs(&plan.read),
             start,
-            options: self.settling.options(self.section_points()),
+            options: SettleOptions {
+                time_constants: self.settling.time_constants,
+                section_points: self.section_points(),
+            },
         };
         let walked = study::sweeps("section", sweeps, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
@@ -174,22 +177,18 @@ impl Poincare {
     fn plan(&self, tested: &TestedAssembly) -> Result<Plan, Failure> {
         let assembly = &tested.assembly;
         let RangeFlags { from_hz, to_hz, from, to } = self.range;
-        let given = [Ends { unit: "-hz", from: from_hz, to: to_hz }, Ends { unit: "", from, to }];
+        let (hz, other) = ([from_hz, to_hz], [from, to]);
         let Some(name) = &self.parameter else {
             // Rejects an interval, through which nothing would be stepped.
-            interval("a section without --parameter", None, &given)?;
+            interval("a section without --parameter", None, hz, other)?;
             let drive = self.settling.drive.drive(assembly)?;
             let read = read_at(&self.at, &drive.driven(), assembly)?;
             let frequency_hz = self.frequency()?;
             return Ok(Plan { drive, read, over: Coordinate::FrequencyHz, grid: None, frequency_hz });
         };
         let over = coordinate("--parameter", name, assembly)?;
-        let drive = match over {
-            Coordinate::Amplitude => self.settling.drive.direction(assembly)?,
-            Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.settling.drive.drive(assembly)?,
-        };
-        let unit = if over == Coordinate::FrequencyHz { "-hz" } else { "" };
-        let (from, to) = interval(&format!("--parameter {name}"), Some(unit), &given)?.unwrap_or_default();
+        let drive = self.settling.drive.along(over, assembly)?;
+        let [from, to] = interval(&format!("--parameter {name}"), Some(over), hz, other)?.unwrap_or_default();
         let frequency_hz = match over {
             Coordinate::FrequencyHz if self.frequency_hz.is_some() => {
                 return Err(Failure::usage(
@@ -213,9 +212,7 @@ impl Poincare {
         };
         match &plan.grid {
             None => vec![sweep(vec![plan.frequency_hz])],
-            Some(grid) => {
-                self.direction.directions().iter().map(|direction| sweep(grid.in_order(*direction))).collect()
-            }
+            Some(grid) => self.direction.iter().map(|direction| sweep(grid.in_order(*direction))).collect(),
         }
     }
 
@@ -231,7 +228,7 @@ impl Poincare {
         };
         let mut responses = Vec::new();
         // A single section has one chain of points: `zip` ends after it, and its direction is not used.
-        for (chain, direction) in points.iter().zip(self.direction.directions()) {
+        for (chain, direction) in points.iter().zip(self.direction) {
             let (direction, values) = match &plan.grid {
                 None => (None, vec![plan.frequency_hz]),
                 Some(grid) => (Some(*direction), grid.in_order(*direction)),
@@ -249,8 +246,7 @@ impl Poincare {
         document: &Document,
     ) -> Result<Figure, Failure> {
         let varied: Vec<String> = plan.grid.iter().map(|_grid| plan.over.to_string()).collect();
-        let is_in_amplitude = plan.over == Coordinate::Amplitude;
-        let load = if is_in_amplitude { format!("driven at {}", plan.drive.at()) } else { plan.drive.words() };
+        let load = plan.drive.words_without(&[plan.over]);
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!("{hz} Hz"));
         let conditions = captions::structure(scenario, tested, &varied).and(load).and(hz);
         let figure = match &plan.grid {
@@ -295,7 +291,7 @@ impl Poincare {
         for (index, at) in plan.read.iter().enumerate() {
             let y = Axis::linear(format!("{} ({})", at.name, at.unit()));
             let mut panel = Panel::new(Axis::linear(title(plan.over, &plan.drive)), y);
-            for direction in self.direction.directions() {
+            for direction in self.direction {
                 let (color, size) = match direction {
                     Direction::Up => (Color::Blue, 3.5),
                     Direction::Down => (Color::Vermillion, 2.0),

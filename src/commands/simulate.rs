@@ -82,7 +82,10 @@ impl Simulate {
         let assembly = &tested.assembly;
         let drive = self.drive.any(assembly)?;
         let loads = drive.as_ref().map_or(&[][..], |drive| &drive.loads[..]);
-        self.check_frequency(!loads.is_empty())?;
+        if self.frequency_hz <= 0.0 && !loads.is_empty() {
+            let why = "an excitation A·sin(2πft) needs a positive frequency";
+            return Err(Failure::value("--frequency-hz", self.frequency_hz, why));
+        }
         let (scheme, rate_hz) = self.scheme_and_rate(&scenario)?;
         let dofs: Vec<Dof> = loads.iter().map(|load| load.at.dof).collect();
         let stepper = Stepper::new(assembly, &dofs, scheme, rate_hz);
@@ -141,30 +144,17 @@ impl Simulate {
             format!("--duration-s {duration_s} is {} steps at {rate_hz} Hz", short(&count))
         };
         if steps > MOST_STEPS as f64 {
-            return Err(Failure::usage(format!(
-                "{}: at most {MOST_STEPS} are possible; choose a shorter time or a lower rate",
-                steps_text(steps)
-            )));
+            let why = format!("at most {MOST_STEPS} are possible; choose a shorter time or a lower rate");
+            return Err(Failure::usage(format!("{}: {why}", steps_text(steps))));
         }
         // The product of two decimal fractions carries a rounding error of some 1e-16 of it. The tolerance is above
         // that up to 1e9 steps, and far below any fraction that is meant.
         if (exact - steps).abs() > 1e-6 {
-            let nearest_s = steps / rate_hz;
-            return Err(Failure::usage(format!(
-                "{}, not a whole number: choose {}, or another rate",
-                steps_text(exact),
-                short(&nearest_s)
-            )));
+            let (got, nearest_s) = (steps_text(exact), steps / rate_hz);
+            let nearest = short(&nearest_s);
+            return Err(Failure::usage(format!("{got}, not a whole number: choose {nearest}, or another rate")));
         }
         Ok(steps as u64)
-    }
-
-    fn check_frequency(&self, is_driven: bool) -> Result<(), Failure> {
-        if self.frequency_hz <= 0.0 && is_driven {
-            let why = "an excitation A·sin(2πft) needs a positive frequency";
-            return Err(Failure::value("--frequency-hz", self.frequency_hz, why));
-        }
-        Ok(())
     }
 }
 

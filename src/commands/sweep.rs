@@ -1,7 +1,5 @@
 //! `resonarm sweep`: stepped-sine sweeps in the time domain.
 
-use std::str::FromStr;
-
 use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -11,14 +9,16 @@ use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::branches::of_each;
 use crate::figures::captions;
-use crate::flags;
+use crate::flags::{self, repeated};
 use crate::help::heading;
 use crate::numbers;
+use crate::output::or_empty;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
-use crate::settling_flags::{DirectionFlag, SettlingFlags, or_empty, periods};
+use crate::settling_flags::{DIRECTIONS, SettlingFlags, periods};
 use crate::study;
-use resonarm::analysis::time_domain::{Direction, Grid, hysteresis};
-use resonarm::analysis::time_domain::{Resonance, Sweep as SteppedSweep, SweepFrequencies};
+use resonarm::analysis::time_domain::{
+    Direction, Grid, Resonance, SettleOptions, Sweep as SteppedSweep, SweepFrequencies, hysteresis,
+};
 use resonarm::analysis::{Coordinate, Reading};
 use resonarm::plant::TestedAssembly;
 use resonarm::study::{SweepPoint, Sweeps};
@@ -63,10 +63,10 @@ pub(crate) struct Sweep {
     #[arg(long, help_heading = heading::RANGE, value_name = "N", value_parser = numbers::integer_checked_later(2..=1_000_000_u32))]
     points: Option<u32>,
     /// Direction of steps.
-    #[arg(long, help_heading = heading::RANGE, value_enum, default_value_t)]
-    direction: DirectionFlag,
+    #[arg(long, help_heading = heading::RANGE, value_parser = flags::described(DIRECTIONS), default_value = "both")]
+    direction: &'static [Direction],
     /// Sweep at each of these values of a parameter, as link2.angle_deg=60,70.
-    #[arg(long, help_heading = heading::RANGE, value_name = "NAME=X,…", allow_hyphen_values = true)]
+    #[arg(long, help_heading = heading::RANGE, value_name = "NAME=X,…", allow_hyphen_values = true, value_parser = over_flag)]
     over: Option<OverFlag>,
 }
 
@@ -77,18 +77,13 @@ struct OverFlag {
     values: Vec<f64>,
 }
 
-impl FromStr for OverFlag {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<OverFlag, String> {
-        let (name, values) = text.split_once('=').ok_or("it must be a parameter with its values, NAME=X,X")?;
-        let values: Vec<f64> = values.split(',').map(numbers::finite).collect::<Result<_, _>>()?;
-        // Two sweeps at the same value could not be distinguished.
-        let twice = values.iter().enumerate().find(|(index, value)| values[..*index].contains(value));
-        match twice {
-            Some((_, value)) => Err(format!("{} is given twice: give each value once", short(value))),
-            None => Ok(OverFlag { name: name.to_owned(), values }),
-        }
+fn over_flag(text: &str) -> Result<OverFlag, String> {
+    let (name, values) = text.split_once('=').ok_or("it must be a parameter with its values, NAME=X,X")?;
+    let values: Vec<f64> = values.split(',').map(numbers::finite).collect::<Result<_, _>>()?;
+    // Two sweeps at the same value could not be distinguished.
+    match repeated(&values, |a, b| a == b) {
+        Some(value) => Err(format!("{} is given twice: give each value once", short(value))),
+        None => Ok(OverFlag { name: name.to_owned(), values }),
     }
 }
 
@@ -124,6 +119,9 @@ struct SweepDocument {
     /// Resonances of the forced response in whose half-power band no step lies: their peaks are not in the points.
     stepped_over: Vec<Value>,
     points: Vec<Value>,
+    /// The value in words, with the name of the parameter.
+    #[serde(skip)]
+    at_value: Option<String>,
     #[serde(skip)]
     missed: Vec<Resonance>,
     #[serde(skip)]
@@ -149,7 +147,7 @@ impl Sweep {
         let mut configuration = self.settling.configuration(&scenario, &tested, &drive, &start);
         configuration["sweep"] = json!({
             "from_hz": self.from_hz, "to_hz": self.to_hz, "points": self.points, "at": self.at,
-            "directions": self.direction.directions(),
+            "directions": self.direction,
             "over": self.over.as_ref().map(|over| json!({ &*over.name: over.values })),
         });
         let journal = self.settling.journal()?;
@@ -157,7 +155,7 @@ impl Sweep {
             sweeps: self.sweeps(&variants, &drive),
             read: dofs(&read),
             start,
-            options: self.settling.options(0),
+            options: SettleOptions { time_constants: self.settling.time_constants, section_points: 0 },
         };
         let walked = study::sweeps("sweep", sweeps, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
@@ -197,41 +195,42 @@ impl Sweep {
             let SweepFrequencies { grid, stepped_over, unknown_beyond } =
                 SweepFrequencies::new(&forced, &dofs(read), [self.from_hz, self.to_hz], self.points)?;
             if let Some(reason) = unknown_beyond {
-                tracing::warn!("{}the search for resonances ended early: {reason}", self.at_value(value));
+                let at = self.at_value(value).map_or(String::new(), |value| value + ": ");
+                tracing::warn!("{at}the search for resonances ended early: {reason}");
             }
             Ok(Variant { value, structure, grid, stepped_over })
         };
         structures.into_iter().map(variant).collect()
     }
 
-    /// Returns the prefix of a message, `link2.angle_deg = 60: `; empty without `--over`.
-    fn at_value(&self, value: Option<f64>) -> String {
-        match (&self.over, value) {
-            (Some(over), Some(value)) => format!("{} = {}: ", over.name, short(&value)),
-            _ => String::new(),
-        }
+    /// Returns the value of the parameter in words, `link2.angle_deg = 60`; none without `--over`.
+    fn at_value(&self, value: Option<f64>) -> Option<String> {
+        Some(format!("{} = {}", self.over.as_ref()?.name, short(&value?)))
+    }
+
+    /// Returns each structure with each direction, in the order of the sweeps.
+    fn each<'a>(&'a self, variants: &'a [Variant]) -> impl Iterator<Item = (&'a Variant, Direction)> {
+        variants.iter().flat_map(|variant| self.direction.iter().map(move |direction| (variant, *direction)))
     }
 
     /// Returns a sweep for each direction and structure.
     fn sweeps(&self, variants: &[Variant], drive: &Drive) -> Vec<SteppedSweep> {
-        let sweep = |variant: &Variant, direction: Direction| SteppedSweep {
+        let sweep = |(variant, direction): (&Variant, Direction)| SteppedSweep {
             forced: drive.forced(&variant.structure.assembly),
             frequency_hz: self.from_hz,
             over: Coordinate::FrequencyHz,
             values: variant.grid.in_order(direction),
         };
-        let of = |variant| self.direction.directions().iter().map(move |direction| sweep(variant, *direction));
-        variants.iter().flat_map(of).collect()
+        self.each(variants).map(sweep).collect()
     }
 
     fn documents(&self, variants: &[Variant], points: &[Vec<SweepPoint>], read: &[ReadAt]) -> Vec<SweepDocument> {
-        let of = |variant| self.direction.directions().iter().map(move |direction| (variant, *direction));
-        let each = variants.iter().flat_map(of);
         let document = |((variant, direction), points): ((&Variant, Direction), &Vec<SweepPoint>)| {
             let hz = variant.grid.in_order(direction).into_iter();
             let responses: Vec<Response> = hz.zip(points).map(Response::new).collect();
             SweepDocument {
                 value: variant.value,
+                at_value: self.at_value(variant.value),
                 direction,
                 stepped_over: variant.stepped_over.iter().map(|found| missed(found, read)).collect(),
                 points: responses.iter().map(|response| response.document(read)).collect(),
@@ -239,7 +238,7 @@ impl Sweep {
                 responses,
             }
         };
-        each.zip(points).map(document).collect()
+        self.each(variants).zip(points).map(document).collect()
     }
 }
 
@@ -252,10 +251,6 @@ fn missed(found: &Resonance, read: &[ReadAt]) -> Value {
 impl Response {
     fn new((frequency_hz, point): (f64, &SweepPoint)) -> Response {
         Response { frequency_hz, readings: point.readings(), point: point.clone() }
-    }
-
-    fn largest(&self) -> Vec<f64> {
-        self.readings.iter().map(|reading| reading.largest).collect()
     }
 
     fn document(&self, read: &[ReadAt]) -> Value {
@@ -300,18 +295,13 @@ impl Document {
         self.sweeps.chunk_by(|a, b| a.value == b.value)
     }
 
-    /// Returns the value of the parameter in words, `link2.angle_deg = 60`; none without `--over`.
-    fn at_value(&self, value: Option<f64>) -> Option<String> {
-        Some(format!("{} = {}", self.over.as_ref()?, short(&value?)))
-    }
-
     /// Describes the sweeps in words.
     fn text(&self, label: &str, read: &[ReadAt], time_constants: f64) -> String {
         let mut text = String::new();
         for same in self.of_structures() {
             for sweep in same {
                 let of: Vec<Option<u32>> = sweep.responses.iter().map(|response| response.point.period).collect();
-                let value = self.at_value(sweep.value).map_or(String::new(), |value| format!(", {value}"));
+                let value = sweep.at_value.as_ref().map_or(String::new(), |value| format!(", {value}"));
                 let direction = sweep.direction.name();
                 text += &format!("{label}{value}, stepped {direction}: {}", periods(&of, time_constants));
                 for (index, at) in read.iter().enumerate() {
@@ -333,7 +323,10 @@ impl Document {
                 );
             }
             if let [up, down] = same {
-                let response = |response: &Response| (response.frequency_hz, response.largest());
+                let largest = |reading: &Reading| reading.largest;
+                let response = |response: &Response| {
+                    (response.frequency_hz, response.readings.iter().map(largest).collect::<Vec<_>>())
+                };
                 let rising: Vec<_> = up.responses.iter().map(response).collect();
                 // Both directions must list the frequencies in the same order to be compared place by place.
                 let falling: Vec<_> = down.responses.iter().rev().map(response).collect();
@@ -381,7 +374,7 @@ impl Document {
             return drawn(figure, &self.sweeps);
         }
         for same in self.of_structures() {
-            let title = same.first().and_then(|sweep| self.at_value(sweep.value)).unwrap_or_default();
+            let title = same.first().and_then(|sweep| sweep.at_value.clone()).unwrap_or_default();
             for (index, panel) in drawn(Figure::new(""), same).panels.into_iter().enumerate() {
                 // One legend below all panels.
                 let is_first = figure.panels.is_empty();

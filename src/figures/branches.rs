@@ -1,9 +1,8 @@
 //! Branches of periodic responses as figures, stable blue, unstable red and dashed, those that leave others or have
 //! another period in thin lines; and as tables.
 
-use resonarm::analysis::{self, BifurcationKind};
-use resonarm::analysis::{Branch, Coordinate, Orbit, Stability, Verdict};
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
+use resonarm::analysis::{self, BifurcationKind, Branch, Coordinate, Orbit, Stability, Verdict};
+use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
 
 use crate::read_at::{ReadAt, cells, columns};
 
@@ -111,14 +110,11 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], isolas: usiz
             if !neither.is_empty() {
                 let conservative = rows.iter().any(|row| row.verdict() == Some(Verdict::Conservative));
                 let label = if conservative { "neither stable nor unstable" } else { "stability undecided" };
-                let style = Style::Line { color: Color::Black, width: 1.6, dash: Dash::Solid };
-                lines.push(Series::line(label, Color::Black, neither).style(style));
+                lines.push(Series::line(label, Color::Black, neither));
             }
             lines
         } else {
-            let style = Style::Line { color: Color::Black, width: 1.6, dash: Dash::Solid };
-            let points = rows.iter().map(at).collect();
-            vec![Series::line("stability not computed", Color::Black, points).style(style)]
+            vec![Series::line("stability not computed", Color::Black, rows.iter().map(at).collect())]
         };
         for series in lines {
             let series = if k <= isolas && period == 1 { series } else { other(series, period) };
@@ -187,11 +183,11 @@ pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use resonarm::analysis::{Forced, OtherOptions, TraceOptions, trace, trace_branches};
     use resonarm::scenario::Scenario;
+    use resonarm_figures::plot::Dash;
 
     /// Strong excitation at the 1:2 resonance: its branch and those that leave it.
     fn strongly_forced() -> (Branch, Vec<Branch>) {

@@ -5,4 +5,3 @@ pub mod captions;
 pub mod latency_figure;
 pub mod response_curves;
 pub mod singular_curves;
-pub mod zone_figure;

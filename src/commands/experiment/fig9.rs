@@ -1,25 +1,25 @@
 //! `resonarm experiment fig9`: both resonance zones of the paper's measured position, on the emulated bench.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::zone_figure;
 use crate::configuration;
 use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
-use crate::figures::{captions, zone_figure};
+use crate::figures::captions;
 use crate::flags::SessionFlags;
 use crate::help::heading;
 use crate::measured_points::{self, MeasuredPoint};
 use crate::numbers;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use crate::progress::timed;
 use crate::supervise::{Line, supervise};
 use resonarm::control::{CancelHarmonics, Length, ModeNumber};
-use resonarm::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
+use resonarm::experiment::{Jump, Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
 use resonarm::plant::TestedAssembly;
 use resonarm::rig::Load;
 use resonarm::run::{ExciterEnd, Signals};
@@ -32,6 +32,13 @@ use resonarm_numeric::number::short;
 /// sines up and down at controlled force. The measurement goes through shaker, impedance head, frames and
 /// accelerometers, with the force's harmonics 2 and 3 cancelled. All results are compared with the computed response.
 #[derive(Debug, Args)]
+#[command(mut_arg(
+    "plot",
+    output::explained(
+        "Plot everything to STEM.svg and STEM.png",
+        "The caption is in STEM.txt, the data are in STEM.csv and STEM.json."
+    )
+))]
 pub(crate) struct Fig9 {
     #[command(flatten)]
     session: SessionFlags,
@@ -57,15 +64,8 @@ pub(crate) struct Fig9 {
     /// Number of points of each walk, from 3 to 1000.
     #[arg(long, help_heading = heading::RANGE, value_name = "N", default_value_t = 40, value_parser = numbers::integer(3..=1000_u16))]
     points: u16,
-    /// Plot everything to STEM.svg and STEM.png.
-    ///
-    /// The caption is in STEM.txt, the data are in STEM.csv and STEM.json.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// The largest number of steps of a stepped sine, in addition to those of the walk.
@@ -84,17 +84,20 @@ struct Document<'a> {
 }
 
 #[derive(Serialize)]
-struct ZoneDocument<'a> {
+pub(super) struct ZoneDocument<'a> {
     mode_number: u8,
     /// The loads by the degrees of freedom, N.
     drive: Value,
     #[serde(skip)]
-    force_n: f64,
+    pub force_n: f64,
+    /// The computed response, as the figure shows it: also that of a zone whose runs have not finished.
+    #[serde(skip)]
+    pub score: &'a Score,
     range_hz: [f64; 2],
-    walk: Run,
-    backbone: Run,
-    up: Run,
-    down: Run,
+    pub walk: Run,
+    pub backbone: Run,
+    pub up: Run,
+    pub down: Run,
     /// The comparison with the computed response; none if a run did not finish, since the measurement is then
     /// incomplete.
     computed: Option<Computed<'a>>,
@@ -102,8 +105,8 @@ struct ZoneDocument<'a> {
 
 /// The responses that a controller read, and how it ended.
 #[derive(Serialize)]
-struct Run {
-    points: Vec<MeasuredPoint>,
+pub(super) struct Run {
+    pub points: Vec<MeasuredPoint>,
     #[serde(flatten)]
     end: ExciterEnd,
 }
@@ -128,8 +131,8 @@ impl Fig9 {
         let experiment = ZoneExperiment::new(&zones);
         experiment.check(&scenario)?;
         let inputs = Inputs::of_scenario(self.session.structure.scenario.as_deref());
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
-        self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
+        self.output.check(output::PLOTTED, &inputs)?;
+        self.output.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let (measured, wall_s) = timed(|| measure(&scenario, &zones, experiment));
         let measured = measured?;
         let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&tested, zone, measured));
@@ -147,14 +150,10 @@ impl Fig9 {
             wall_s,
         };
         let drawn = || {
-            let views: Vec<_> = document.zones.iter().zip(&scores).map(|(zone, score)| zone.view(score)).collect();
-            (
-                zone_figure::figure(captions::structure(&scenario, &tested, &[]), &views, interrupted),
-                csv(&document.zones),
-            )
+            let conditions = captions::structure(&scenario, &tested, &[]);
+            (zone_figure::figure(conditions, &document.zones, interrupted), csv(&document.zones))
         };
-        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        self.json.show(&document, || text(&document), &files)?;
+        self.output.show(&document, drawn, || text(&document))?;
         if interrupted {
             tracing::error!(
                 "interrupted: zones with unfinished runs are not compared with the computed response; the same command begins from the start"
@@ -248,7 +247,7 @@ impl<'a> ZoneDocument<'a> {
     fn new(zone: &Zone, measured: &ZoneMeasured, score: &'a Score, tested: &TestedAssembly) -> ZoneDocument<'a> {
         let [walk, backbone, up, down] = measured.runs().map(|run| Run::new(run, tested));
         let jumps = score.jumps.map(|[up, down]| {
-            let jump = |jump: resonarm::experiment::Jump| {
+            let jump = |jump: Jump| {
                 json!({ "between_hz": jump.between_hz, "fold_hz": jump.fold_hz, "steps_off": jump.steps_off() })
             };
             json!({ "up": jump(up), "down": jump(down) })
@@ -260,6 +259,7 @@ impl<'a> ZoneDocument<'a> {
             mode_number: zone.mode_number.into(),
             drive: Drive::of_exciter(&zone.amplitude, tested).map_or(Value::Null, |drive| drive.document()),
             force_n: zone.amplitude.force_n.x,
+            score,
             range_hz: zone.range_hz,
             walk,
             backbone,
@@ -272,17 +272,6 @@ impl<'a> ZoneDocument<'a> {
     fn runs(&self) -> [(&'static str, &Run); 4] {
         [("walk", &self.walk), ("backbone", &self.backbone), ("up", &self.up), ("down", &self.down)]
     }
-
-    fn view(&'a self, score: &'a Score) -> zone_figure::View<'a> {
-        zone_figure::View {
-            force_n: self.force_n,
-            score,
-            walk: &self.walk.points,
-            backbone: &self.backbone.points,
-            up: &self.up.points,
-            down: &self.down.points,
-        }
-    }
 }
 
 fn text(document: &Document) -> String {
@@ -294,12 +283,8 @@ fn text(document: &Document) -> String {
             let distortion = run.distortion().map_or(String::new(), |distortion| {
                 format!(", distortion of the force up to {:.1} %", 100.0 * distortion)
             });
-            text += &format!(
-                "  {name:<9} {:4} points, {} settled{distortion}, {}{reason}\n",
-                run.points.len(),
-                run.settled(),
-                run.end.outcome
-            );
+            let (points, settled, outcome) = (run.points.len(), run.settled(), &run.end.outcome);
+            text += &format!("  {name:<9} {points:4} points, {settled} settled{distortion}, {outcome}{reason}\n");
         }
         text.push_str(
             &zone
@@ -318,12 +303,9 @@ impl Computed<'_> {
     fn text(&self) -> String {
         let folds: Vec<_> = self.score.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
         let folds = if folds.is_empty() { String::from("none") } else { folds.join(", ") };
-        let jumps = self.jumps.as_ref().map_or(String::from("none: up and down are the same"), |jumps| {
-            let between = |way: &str| {
-                let hz = |i: usize| jumps[way]["between_hz"][i].as_f64().unwrap_or(f64::NAN);
-                format!("{way} between {:.6} and {:.6} Hz", hz(0), hz(1))
-            };
-            format!("{}, {}", between("up"), between("down"))
+        let jumps = self.score.jumps.map_or(String::from("none: up and down are the same"), |[up, down]| {
+            let between = |jump: Jump| format!("between {:.6} and {:.6} Hz", jump.between_hz[0], jump.between_hz[1]);
+            format!("up {}, down {}", between(up), between(down))
         });
         format!(
             "  folds     computed: {folds}\n  jumps     measured: {jumps}\n  \

@@ -2,6 +2,7 @@
 
 pub(crate) mod fig9;
 mod walk;
+mod zone_figure;
 
 use clap::{Args, Subcommand};
 

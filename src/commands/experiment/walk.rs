@@ -9,14 +9,14 @@ use serde_json::Value;
 
 use crate::computed_branch::{ComputedBranch, Score};
 use crate::configuration;
-use crate::drive::{Drive, LoadFlag, lacks_amplitude, missing};
+use crate::drive::{Drive, LoadFlag, lacks_amplitude, load_flag, missing};
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::SessionFlags;
 use crate::help::heading;
 use crate::measured_points::{self, MeasuredPoint};
 use crate::numbers;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags};
 use crate::progress::timed;
 use crate::read_at::dof;
 use crate::recordings::{existing, wait_for_reader};
@@ -48,6 +48,13 @@ const SHAKER: &str = "shaker";
 /// lag of the response behind the load goes from 10° to 170°. Displacements are computed from the accelerometers.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
+#[command(mut_arg(
+    "plot",
+    output::explained(
+        "Plot the points over the computed branch to STEM.svg and STEM.png",
+        "The caption is in STEM.txt, the data are in STEM.csv and STEM.json."
+    )
+))]
 pub(crate) struct WalkExperiment {
     #[command(flatten)]
     session: SessionFlags,
@@ -56,7 +63,7 @@ pub(crate) struct WalkExperiment {
     /// The load is a torque at a joint, as joint1=20, N·m; a force where the exciter is, along an axis, as tip.x=14, or
     /// along the scenario's shaker, as shaker=100, N. Several loads are in phase. Without this option the walk takes the
     /// load of the scenario's control or excitation.
-    #[arg(long, help_heading = heading::LOADS, value_name = "DOF=A", allow_hyphen_values = true)]
+    #[arg(long, help_heading = heading::LOADS, value_name = "DOF=A", allow_hyphen_values = true, value_parser = load_flag)]
     drive: Vec<LoadFlag>,
     /// Mode whose resonance is measured, from 1, by frequency.
     #[arg(long, help_heading = heading::LOADS, value_name = "N", value_parser = numbers::integer_checked_later(1..=32_u8))]
@@ -70,15 +77,8 @@ pub(crate) struct WalkExperiment {
     /// Record everything into this MCAP file.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Plot the points over the computed branch to STEM.svg and STEM.png.
-    ///
-    /// The caption is in STEM.txt, the data are in STEM.csv and STEM.json.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 #[derive(Serialize)]
@@ -106,10 +106,10 @@ impl WalkExperiment {
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let inputs = Inputs::of_scenario(self.session.structure.scenario.as_deref());
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.output.check(output::PLOTTED, &inputs)?;
         self.record.as_deref().map_or(Ok(()), |path| inputs.check(path))?;
         let scenario = self.scenario()?;
-        let existing = existing(self.overwrite.overwrite);
+        let existing = existing(self.output.overwrite.overwrite);
         let record = self.record.clone().map(|path| RecordTo { path, existing });
         let options = Options { record, ..Options::default() };
         let session = Session::new(scenario.clone(), Mode::Free, options)?;
@@ -208,7 +208,7 @@ impl WalkExperiment {
         };
         let unit = amplitude.unit();
         let mut files = Vec::new();
-        if let (Some(stem), Some(computed)) = (&self.plot, &computed) {
+        if let (Some(stem), Some(computed)) = (&self.output.plot, &computed) {
             let conditions = captions::structure(scenario, &tested, &[]);
             let figure = computed.figure("Phase walk over the resonance", conditions, &points);
             files = output::plot(Some(stem), &document, || (figure, measured_points::csv(&points, unit)))?;
@@ -223,7 +223,7 @@ impl WalkExperiment {
                 points.len()
             )
         };
-        self.json.show(&document, text, &files)?;
+        self.output.json.show(&document, text, &files)?;
         if let Some(reason) = &end.reason {
             tracing::error!("{reason}");
         }

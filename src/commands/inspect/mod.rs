@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag, in_line};
-use crate::recordings::{integrity_note, verdict_of};
+use crate::output::{self, Inputs, PlotFlags, in_line};
+use crate::recordings::{integrity_note, verdict};
 use resonarm::recording::{Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, RecordingStatistics, statistics};
 use resonarm_figures::plot::Figure;
@@ -19,6 +19,13 @@ use resonarm_figures::plot::Figure;
 ///
 /// If it is not whole, the exit code is 1.
 #[derive(Debug, Args)]
+#[command(mut_arg(
+    "plot",
+    output::explained(
+        "Plot angles, load and readings over time to STEM.svg and STEM.png",
+        "The caption is in STEM.txt."
+    )
+))]
 pub(crate) struct Inspect {
     /// Recording, an MCAP file.
     file: PathBuf,
@@ -27,15 +34,8 @@ pub(crate) struct Inspect {
     /// The statistics are minimum, maximum, mean and root mean square. Rejected and lost frames are counted, too.
     #[arg(long, help_heading = heading::OUTPUT)]
     statistics: bool,
-    /// Plot angles, load and readings over time to STEM.svg and STEM.png.
-    ///
-    /// The caption is in STEM.txt.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 #[derive(Serialize)]
@@ -50,18 +50,18 @@ struct Document<'a> {
 
 impl Inspect {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &Figure::ENDINGS, &Inputs::of([&self.file]))?;
+        self.output.check(&Figure::ENDINGS, &Inputs::of([&self.file]))?;
         let recording = Recording::open(&self.file)?;
         let summary = recording.summary();
         let statistics = if self.statistics { Some(statistics(&recording)?) } else { None };
         let problems = problems(&summary, statistics.as_ref());
-        let written = match &self.plot {
+        let written = match &self.output.plot {
             Some(stem) => output::draw(plot::figure(&recording, &summary)?, stem)?,
             None => Vec::new(),
         };
         let document = Document { summary: &summary, problems, statistics };
-        self.json.show(&document, || document.text(), &written)?;
-        Ok(verdict_of(&summary.integrity))
+        self.output.json.show(&document, || document.text(), &written)?;
+        Ok(verdict(&recording))
     }
 }
 
@@ -78,12 +78,9 @@ fn problems(summary: &RecordingSummary, statistics: Option<&RecordingStatistics>
     let mut problems = Vec::new();
     let mut problem = |kind, what| problems.push(Problem { kind, what });
     summary.faults.iter().for_each(|fault| problem("fault", fault.to_string()));
-    if summary.other_sender_frames > 0 {
-        let frames = summary.other_sender_frames;
-        problem(
-            "other sender",
-            format!("{frames} frames of another network under identifiers that only the plant sends"),
-        );
+    if let frames @ 1.. = summary.other_sender_frames {
+        let what = format!("{frames} frames of another network under identifiers that only the plant sends");
+        problem("other sender", what);
     }
     if let clipped @ 1.. = summary.clipped_samples {
         problem("clipped", format!("{clipped} samples with a reading beyond the range of its sensor"));
@@ -129,6 +126,7 @@ fn plotting_text(origin: &Origin) -> String {
 impl Document<'_> {
     fn text(&self) -> String {
         let Document { summary, problems, statistics } = self;
+        let RecordingSummary { origin, duration_s, .. } = summary;
         let mut text = String::new();
         let mut line = |name: &str, value: String| {
             text += &format!("{:12} {}\n", in_line(name), in_line(&value));
@@ -136,29 +134,18 @@ impl Document<'_> {
         line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
         line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
         if let Some((first, last)) = summary.samples {
-            line(
-                "samples",
-                format!("{first} to {last}, {:.3} s at {} s a sample", summary.duration_s, summary.origin.dt_s),
-            );
+            line("samples", format!("{first} to {last}, {duration_s:.3} s at {} s a sample", origin.dt_s));
         }
         for problem in problems {
             line(problem.kind, problem.what.clone());
         }
-        line("format", format!("{}, {}", summary.origin.format, time_text(&summary.origin)));
-        line("plotting", plotting_text(&summary.origin));
-        line("bus", summary.origin.interface.clone());
-        line(
-            "build",
-            format!(
-                "{} {}, {}",
-                summary.origin.build.version, summary.origin.build.git_commit, summary.origin.build.target
-            ),
-        );
-        for (topic, contents) in &summary.topics {
-            line(
-                topic,
-                format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes),
-            );
+        line("format", format!("{}, {}", origin.format, time_text(origin)));
+        line("plotting", plotting_text(origin));
+        line("bus", origin.interface.clone());
+        let build = &origin.build;
+        line("build", format!("{} {}, {}", build.version, build.git_commit, build.target));
+        for (topic, has) in &summary.topics {
+            line(topic, format!("{} messages, {} records, {} bytes", has.messages, has.records, has.bytes));
         }
         for (key, value) in &summary.statistics {
             line(key, value.clone());

@@ -1,9 +1,7 @@
 //! `resonarm compare`: measured points against the computed branch.
 
-mod recording;
-
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -15,11 +13,15 @@ use crate::drive::{Drive, LoadDocument};
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::help::heading;
-use crate::measured_points::MeasuredPoint;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::measured_points::{MeasuredPoint, points};
+use crate::output::{self, Inputs, PlotFlags, or_empty};
 use crate::read_at::displacement_unit;
+use crate::recordings;
 use resonarm::analysis::Nearest;
+use resonarm::control::ResponsePoint;
+use resonarm::identification::acting_load;
 use resonarm::plant::TestedAssembly;
+use resonarm::replay;
 use resonarm::scenario::{Scenario, StructureSection};
 use resonarm_numeric::number::short;
 use resonarm_scenario::text_file;
@@ -45,6 +47,13 @@ Examples:
 /// The points are those of a document of `experiment walk`, of any other with the same keys, or of a recording.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
+#[command(mut_arg(
+    "plot",
+    output::explained(
+        "Plot the points over the branch to STEM.svg and STEM.png",
+        "The deviations are in STEM.csv and STEM.json."
+    )
+))]
 pub(crate) struct Compare {
     /// JSON document with the points, - for standard input; or a recording, an MCAP file.
     #[arg(value_name = "FILE")]
@@ -54,15 +63,8 @@ pub(crate) struct Compare {
     /// It is one at which the points were measured. By default one without clipped readings is taken if there is one.
     #[arg(long, help_heading = heading::LOADS, value_name = "DOF")]
     at: Option<String>,
-    /// Plot the points over the branch to STEM.svg and STEM.png.
-    ///
-    /// The deviations are in STEM.csv and STEM.json.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// Measured points, with the structure and the load at which they were measured.
@@ -119,11 +121,11 @@ struct Document<'a> {
 
 impl Compare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &Inputs::of([&self.file]))?;
+        self.output.check(output::PLOTTED, &Inputs::of([&self.file]))?;
         let (measured, whole) = if self.file.extension().is_some_and(|extension| extension == "mcap") {
-            let (scenario, responses, whole) = recording::responses(&self.file)?;
+            let (scenario, responses, whole) = recorded_responses(&self.file)?;
             let tested = scenario.under_test()?;
-            let (drive, points) = recording::measured(&self.file, (&scenario, &tested), &responses)?;
+            let (drive, points) = recorded_points(&self.file, (&scenario, &tested), &responses)?;
             let mut configuration = configuration::of_structure(&scenario, &tested);
             configuration["drive"] = drive.document();
             (Measured { configuration, scenario, tested, drive, points }, whole)
@@ -141,16 +143,15 @@ impl Compare {
         let document = Document {
             configuration: configuration.clone(),
             coordinates: configuration::coordinates(&tested.assembly),
-            at: computed.at(),
-            unit: computed.unit(),
-            load: computed.load(),
+            at: &computed.at.name,
+            unit: computed.at.unit(),
+            load: computed.drive.rounded_words(),
             points: points.iter().filter_map(|point| Compared::new(point, &computed)).collect(),
             score: computed.score(points),
         };
         let conditions = captions::structure(scenario, tested, &[]);
         let figure = || computed.figure("Measured on computed", conditions, points);
-        let files = output::plot(self.plot.as_deref(), &document, || (figure(), document.csv()))?;
-        self.json.show(&document, || document.text(), &files)?;
+        self.output.show(&document, || (figure(), document.csv()), || document.text())?;
         Ok(whole)
     }
 
@@ -237,6 +238,46 @@ impl Compare {
     }
 }
 
+/// The advice on recordings that can be compared.
+const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
+                   `resonarm experiment walk --drive DOF=A --record walk.mcap` makes such a recording";
+
+/// Reads the responses in a recording, with its scenario, and whether the recording is whole.
+fn recorded_responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Verdict), Failure> {
+    let recording = recordings::open(file)?;
+    let scenario = Scenario::from_configuration(recording.configuration())?;
+    let name = file.display();
+    let none = |why: &str| Failure::usage(format!("{name} holds no responses: {why}; {HOW}"));
+    if scenario.excitation.is_none() && scenario.control.is_none() {
+        return Err(none("its scenario does not state what the exciter played"));
+    }
+    let responses = replay::responses(&recording)?;
+    if responses.is_empty() {
+        return Err(none("no response was read before its end"));
+    }
+    Ok((scenario, responses, recordings::verdict(&recording)))
+}
+
+/// Returns the points of a recording with the load that acted: in open loop a shaker's force on the structure is not
+/// the commanded one.
+fn recorded_points(
+    file: &Path,
+    (scenario, tested): (&Scenario, &TestedAssembly),
+    responses: &[ResponsePoint],
+) -> Result<(Drive, Vec<MeasuredPoint>), Failure> {
+    let acting = |response: &ResponsePoint| {
+        let load = acting_load(response, scenario, tested).map_err(|error| Failure::usage(error.to_string()))?;
+        Ok(ResponsePoint { load, ..*response })
+    };
+    let acted = responses.iter().map(acting).collect::<Result<Vec<_>, Failure>>()?;
+    // Without an amplitude all loads are 0, which drives nothing and is rejected in the next statement.
+    let amplitude = scenario.amplitude().copied().unwrap_or_default();
+    let drive = Drive::of_exciter(&amplitude, tested).ok_or_else(|| {
+        Failure::usage(format!("{}: the load of its scenario acts at no point of the structure", file.display()))
+    })?;
+    Ok((drive, points(tested, &acted)))
+}
+
 /// Names the preset and the angles that a document states, as `irb1600-fitted at 0°, 60°`.
 fn preset_name(structure: &Value) -> Option<String> {
     let (preset, angles) = (structure["preset"].as_str()?, structure["angles_deg"].as_array()?);
@@ -247,7 +288,7 @@ fn preset_name(structure: &Value) -> Option<String> {
 impl Compared {
     fn new(point: &MeasuredPoint, computed: &ComputedBranch) -> Option<Compared> {
         let Nearest { frequency_deviation, amplitude_deviation, phase_rad, is_stable } = computed.nearest(point)?;
-        let measured_deg = point.readings.get(computed.at()).and_then(|reading| reading.phase_deg);
+        let measured_deg = point.readings.get(&computed.at.name).and_then(|reading| reading.phase_deg);
         let off_deg = |measured_deg: f64| {
             let off_deg = measured_deg - phase_rad.to_degrees();
             // Both phases are known up to whole turns: the difference is brought to −180° to 180°.
@@ -303,8 +344,7 @@ impl Document<'_> {
         for compared in &self.points {
             let Compared { point, frequency_deviation, amplitude_deviation, .. } = compared;
             let amplitude = point.amplitude(self.at).map_or(String::new(), |amplitude| format!("{amplitude:e}"));
-            let phase = compared.phase_deviation_deg.map_or(String::new(), |off_deg| off_deg.to_string());
-            let stable = compared.computed_stable.map_or(String::new(), |stable| stable.to_string());
+            let (phase, stable) = (or_empty(compared.phase_deviation_deg), or_empty(compared.computed_stable));
             text += &format!(
                 "{},{amplitude},{},{},{frequency_deviation},{amplitude_deviation},{phase},{stable}\n",
                 point.frequency_hz,

@@ -1,29 +1,17 @@
 //! Measured resonance zones over the computed responses.
 
+use super::fig9::{Run, ZoneDocument};
 use crate::computed_branch::CLIPPED;
 use crate::figures::branches::stretches;
 use crate::measured_points::{MeasuredPoint, size};
 use crate::read_at::displacement_unit;
 use resonarm::analysis::Reading;
-use resonarm::experiment::Score;
 use resonarm::plant::ReadDof;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style, Subtitle};
 
-/// A zone with its computed response and its measured points.
-pub(crate) struct View<'a> {
-    pub force_n: f64,
-    pub score: &'a Score,
-    pub walk: &'a [MeasuredPoint],
-    pub backbone: &'a [MeasuredPoint],
-    pub up: &'a [MeasuredPoint],
-    pub down: &'a [MeasuredPoint],
-}
-
-impl View<'_> {
-    /// Returns the largest computed amplitude at the reading of this number.
-    fn peak(&self, at: usize) -> f64 {
-        self.score.branch.orbits.iter().map(|orbit| size_at(&orbit.readings, at)).fold(0.0, f64::max)
-    }
+/// Returns the largest computed amplitude of a zone at the reading of this number.
+fn peak(zone: &ZoneDocument, at: usize) -> f64 {
+    zone.score.branch.orbits.iter().map(|orbit| size_at(&orbit.readings, at)).fold(0.0, f64::max)
 }
 
 /// Returns the amplitude of the reading of this number.
@@ -32,9 +20,9 @@ fn size_at(readings: &[Reading], at: usize) -> f64 {
 }
 
 /// Returns the numbers of the readings that are drawn: of each accelerometer the axis along which it moves most.
-fn drawn(views: &[View]) -> Vec<usize> {
-    let read: &[ReadDof] = views.first().map_or(&[], |view| &view.score.read);
-    let most = |at: &usize| views.iter().map(|view| view.peak(*at)).fold(0.0, f64::max);
+fn drawn(zones: &[ZoneDocument]) -> Vec<usize> {
+    let read: &[ReadDof] = zones.first().map_or(&[], |zone| &zone.score.read);
+    let most = |at: &usize| zones.iter().map(|zone| peak(zone, *at)).fold(0.0, f64::max);
     // Channels count head x, y; B x, y; C x, y.
     let of = |accelerometer: usize| {
         let axes = (0..read.len()).filter(|at| read[*at].channel / 2 == accelerometer);
@@ -50,40 +38,40 @@ fn amplitude_axis(read: &ReadDof) -> Axis {
 
 /// Draws above the amplitudes of both accelerometers over all frequencies, and below each zone where its response
 /// bends, at the degree of freedom that is compared. `conditions` name the structure.
-pub(crate) fn figure(conditions: Subtitle, views: &[View], interrupted: bool) -> Figure {
-    let forces: Vec<_> = views.iter().map(|view| format!("{} N", view.force_n)).collect();
+pub(super) fn figure(conditions: Subtitle, zones: &[ZoneDocument], interrupted: bool) -> Figure {
+    let forces: Vec<_> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
     let conditions = conditions.and(format!("along x at the exciter: {}", forces.join(" and ")));
     let conditions = conditions.and(if interrupted { "interrupted" } else { "" });
     let mut figure = Figure::new("Resonance zones, measured on the bench and computed").subtitle(conditions);
     figure.columns = 2;
-    let all = drawn(views);
+    let all = drawn(zones);
     for (place, &at) in all.iter().enumerate() {
-        let Some(read) = views.first().and_then(|view| view.score.read.get(at)) else { continue };
+        let Some(read) = zones.first().and_then(|zone| zone.score.read.get(at)) else { continue };
         let panel = Panel::new(Axis::linear("frequency (Hz)"), amplitude_axis(read));
         // One legend, of a panel that has both zones.
         let panel = panel.legend(if place + 1 == all.len() { Legend::Bottom } else { Legend::None });
-        let mut panel = views.iter().fold(panel, |panel, view| with_view(panel, view, at, &read.name));
-        panel = between_zones(panel, views, at);
+        let mut panel = zones.iter().fold(panel, |panel, zone| with_view(panel, zone, at, &read.name));
+        panel = between_zones(panel, zones, at);
         figure = figure.with(panel);
     }
-    for (index, view) in views.iter().enumerate() {
-        let name = &view.score.at;
-        let Some(at) = view.score.read.iter().position(|read| read.name == *name) else { continue };
-        let (low_hz, high_hz) = range(view);
+    for (index, zone) in zones.iter().enumerate() {
+        let name = &zone.score.at;
+        let Some(at) = zone.score.read.iter().position(|read| read.name == *name) else { continue };
+        let (low_hz, high_hz) = range(zone);
         let x = Axis::linear("frequency (Hz)").range(low_hz, high_hz);
-        let panel = Panel::new(x, amplitude_axis(&view.score.read[at]));
-        let panel = panel.title(format!("Zone {}, {} N", index + 1, view.force_n)).legend(Legend::None);
-        figure = figure.with(with_view(panel, view, at, name));
+        let panel = Panel::new(x, amplitude_axis(&zone.score.read[at]));
+        let panel = panel.title(format!("Zone {}, {} N", index + 1, zone.force_n)).legend(Legend::None);
+        figure = figure.with(with_view(panel, zone, at, name));
     }
     figure
 }
 
 /// Draws a vertical line where one zone ends and the next begins, with the load on either side: the response jumps
 /// there because the load does.
-fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
-    let top = views.iter().map(|view| view.peak(at)).fold(0.0, f64::max);
-    let hz = |view: &View| view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz).collect::<Vec<_>>();
-    for pair in views.windows(2) {
+fn between_zones(mut panel: Panel, zones: &[ZoneDocument], at: usize) -> Panel {
+    let top = zones.iter().map(|zone| peak(zone, at)).fold(0.0, f64::max);
+    let hz = |zone: &ZoneDocument| zone.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz).collect::<Vec<_>>();
+    for pair in zones.windows(2) {
         let [Some(end), Some(start)] =
             [hz(&pair[0]).into_iter().reduce(f64::max), hz(&pair[1]).into_iter().reduce(f64::min)]
         else {
@@ -96,13 +84,12 @@ fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
         let line = Series::line("load changes", Color::Grey, vec![(border, 0.0), (border, top)]).style(style);
         panel = panel.with(line);
         // The loads stand beside the line, in the middle of the free half of each zone.
-        let beside = |view: &View, towards: f64| {
-            let zone = hz(view);
-            let orbits = view.score.branch.orbits.iter();
-            let peak = orbits.max_by(|a, b| size_at(&a.readings, at).total_cmp(&size_at(&b.readings, at)));
+        let beside = |zone: &ZoneDocument, towards: f64| {
+            let orbits = &zone.score.branch.orbits;
+            let peak = orbits.iter().max_by(|a, b| size_at(&a.readings, at).total_cmp(&size_at(&b.readings, at)));
             let peak = peak.map_or(towards, |orbit| orbit.frequency_hz);
-            (!zone.is_empty())
-                .then(|| Note { at: ((peak + towards) / 2.0, 0.6 * top), text: format!("{} N", view.force_n) })
+            (!orbits.is_empty())
+                .then(|| Note { at: ((peak + towards) / 2.0, 0.6 * top), text: format!("{} N", zone.force_n) })
         };
         panel.notes.extend(beside(&pair[0], border).into_iter().chain(beside(&pair[1], border)));
     }
@@ -110,49 +97,49 @@ fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
 }
 
 /// Draws the computed response and backbone, and the measured points over them, at the reading of this number and name.
-fn with_view(mut panel: Panel, view: &View, at: usize, name: &str) -> Panel {
-    for (stretch, is_stable) in stretches(&view.score.branch) {
+fn with_view(mut panel: Panel, zone: &ZoneDocument, at: usize, name: &str) -> Panel {
+    for (stretch, is_stable) in stretches(&zone.score.branch) {
         let points = stretch.iter().map(|orbit| (orbit.frequency_hz, size_at(&orbit.readings, at))).collect();
         panel = panel.with(if is_stable == Some(false) { Series::unstable(points) } else { Series::stable(points) });
     }
-    let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, size_at(&point.readings, at)));
+    let backbone = zone.score.backbone.points.iter().map(|point| (point.frequency_hz, size_at(&point.readings, at)));
     let thin = Style::Line { color: Color::Black, width: 0.8, dash: Dash::Chain };
     panel = panel.with(Series::line("backbone", Color::Black, backbone.collect()).style(thin));
     // Only settled points are drawn; the others are in the data.
-    let places = |points: &[MeasuredPoint], wanted: &dyn Fn(&MeasuredPoint) -> bool| -> Vec<(f64, f64)> {
-        let settled = points.iter().filter(|point| point.settled && wanted(point));
+    let places = |run: &Run, wanted: &dyn Fn(&MeasuredPoint) -> bool| -> Vec<(f64, f64)> {
+        let settled = run.points.iter().filter(|point| point.settled && wanted(point));
         settled.filter_map(|point| Some((point.frequency_hz, point.amplitude(name)?))).collect()
     };
-    for (label, color, shape, points) in [
-        ("sine up", Color::Vermillion, Marker::Triangle, view.up),
-        ("sine down", Color::Purple, Marker::Square, view.down),
-        ("phase walk", Color::Green, Marker::Circle, view.walk),
-        ("phase lock", Color::Black, Marker::Diamond, view.backbone),
+    for (label, color, shape, run) in [
+        ("sine up", Color::Vermillion, Marker::Triangle, &zone.up),
+        ("sine down", Color::Purple, Marker::Square, &zone.down),
+        ("phase walk", Color::Green, Marker::Circle, &zone.walk),
+        ("phase lock", Color::Black, Marker::Diamond, &zone.backbone),
     ] {
-        let read = places(points, &|_| true);
+        let read = places(run, &|_| true);
         panel = panel.with_any(Series::markers(label, color, shape, read).marked(5.0, false));
     }
-    let all = [view.walk, view.backbone, view.up, view.down];
-    let clipped = all.into_iter().flat_map(|points| places(points, &|point| point.is_clipped(name))).collect();
+    let all = [&zone.walk, &zone.backbone, &zone.up, &zone.down];
+    let clipped = all.into_iter().flat_map(|run| places(run, &|point| point.is_clipped(name))).collect();
     panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, clipped).marked(9.0, false))
 }
 
 /// Returns the range of frequencies where a zone bends: five times the distance of its folds, or where the walk's lag
 /// is from 20° to 160°, or the whole zone.
-fn range(view: &View) -> (f64, f64) {
+fn range(zone: &ZoneDocument) -> (f64, f64) {
     let ends = |hz: &mut dyn Iterator<Item = f64>| {
         hz.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), hz| (low.min(hz), high.max(hz)))
     };
-    let folds = ends(&mut view.score.folds_hz.iter().copied());
+    let folds = ends(&mut zone.score.folds_hz.iter().copied());
     let within = |point: &&MeasuredPoint| point.lag_deg.is_some_and(|lag_deg| (20.0..=160.0).contains(&lag_deg));
-    let inner = view.walk.iter().filter(within);
+    let inner = zone.walk.points.iter().filter(within);
     let inner = ends(&mut inner.map(|point| point.frequency_hz));
     let ((low, high), margin) = if folds.0 < folds.1 {
         (folds, 2.0)
     } else if inner.0 <= inner.1 {
         (inner, 0.1)
     } else {
-        (ends(&mut view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz)), 0.0)
+        (ends(&mut zone.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz)), 0.0)
     };
     // A single point gets a thousandth to each side.
     let margin_hz = if low < high { margin * (high - low) } else { 1e-3 * high };
