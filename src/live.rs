@@ -98,6 +98,13 @@ pub(crate) struct ShownRole {
     pub steered: Option<Steered>,
 }
 
+impl ShownRole {
+    /// Returns a role on a bus, of this place and name, with neither JSON nor a steered sine.
+    pub fn new(role: Role, place: impl Into<String>, interface: impl Into<String>) -> ShownRole {
+        ShownRole { role, place: place.into(), interface: interface.into(), json: false, steered: None }
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Plant,
@@ -125,14 +132,9 @@ impl Serving {
 impl LiveFlags {
     /// Serves the live view of a session if --live is given; the session is then watched.
     pub fn watched(&self, session: Session, shown_role: &ShownRole) -> Result<(Session, Option<Serving>), Failure> {
-        let serving = match &self.live {
-            Some(address) => Some(serving::of_session(address, &self.live_origin, &session, shown_role)?),
-            None => None,
-        };
-        Ok(match serving {
-            Some(serving) => (session.watched(serving.watch.clone()), Some(serving)),
-            None => (session, None),
-        })
+        let Some(address) = &self.live else { return Ok((session, None)) };
+        let serving = serving::of_session(address, &self.live_origin, &session, shown_role)?;
+        Ok((session.watched(serving.watch.clone()), Some(serving)))
     }
 }
 

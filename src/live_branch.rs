@@ -3,8 +3,7 @@
 use crate::drive::Drive;
 use crate::figures::branches::stretches;
 use crate::measured_points::size;
-use resonarm::analysis::BifurcationKind;
-use resonarm::analysis::{Branch, Coordinate, Orbit, Reading, TraceOptions, trace};
+use resonarm::analysis::{BifurcationKind, Branch, Coordinate, Orbit, Reading, TraceOptions, trace};
 use resonarm::scenario::{Scenario, ScenarioError};
 use resonarm::structure::Dof;
 use resonarm_live::{BranchLines, ComputeBranch};

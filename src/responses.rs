@@ -26,28 +26,23 @@ pub(crate) struct ResponseDocument {
     tries: u32,
 }
 
-impl From<&ResponsePoint> for ResponseDocument {
-    fn from(point: &ResponsePoint) -> ResponseDocument {
-        let pair = |phasors: [Phasor; 2]| phasors.map(|phasor| [phasor.re, phasor.im]);
-        ResponseDocument {
-            frequency_hz: point.frequency_hz,
-            load: point.load,
-            phase_deg: point.lag_rad.map(f64::to_degrees),
-            head_force_n: pair(point.head_force_n),
-            acceleration_b_m_s2: pair(point.acceleration_b_m_s2),
-            acceleration_c_m_s2: pair(point.acceleration_c_m_s2),
-            drift: point.drift,
-            force_harmonics: point.force_harmonics(),
-            distortion: point.distortion(),
-            settled: point.settled,
-            clipped: point.is_clipped(),
-            tries: point.tries,
-        }
-    }
-}
-
 pub(crate) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
-    responses.iter().map(ResponseDocument::from).collect()
+    let pair = |phasors: [Phasor; 2]| phasors.map(|phasor| [phasor.re, phasor.im]);
+    let document = |point: &ResponsePoint| ResponseDocument {
+        frequency_hz: point.frequency_hz,
+        load: point.load,
+        phase_deg: point.lag_rad.map(f64::to_degrees),
+        head_force_n: pair(point.head_force_n),
+        acceleration_b_m_s2: pair(point.acceleration_b_m_s2),
+        acceleration_c_m_s2: pair(point.acceleration_c_m_s2),
+        drift: point.drift,
+        force_harmonics: point.force_harmonics(),
+        distortion: point.distortion(),
+        settled: point.settled,
+        clipped: point.is_clipped(),
+        tries: point.tries,
+    };
+    responses.iter().map(document).collect()
 }
 
 /// Lists the responses in a table, after a blank line; empty if there are none.
@@ -57,15 +52,9 @@ pub(crate) fn table(responses: &[ResponsePoint]) -> String {
         text.push_str("\n  frequency     head force   B            C            drift\n");
     }
     for point in responses {
-        text += &format!(
-            "  {:9.5} Hz {:8.3} N {:8.2} m/s² {:8.2} m/s² {:7.3} {}\n",
-            point.frequency_hz,
-            magnitude(&point.head_force_n),
-            magnitude(&point.acceleration_b_m_s2),
-            magnitude(&point.acceleration_c_m_s2),
-            point.drift,
-            remark(point)
-        );
+        let (hz, drift, remark) = (point.frequency_hz, point.drift, remark(point));
+        let [head, b, c] = [point.head_force_n, point.acceleration_b_m_s2, point.acceleration_c_m_s2].map(magnitude);
+        text += &format!("  {hz:9.5} Hz {head:8.3} N {b:8.2} m/s² {c:8.2} m/s² {drift:7.3} {remark}\n");
     }
     text
 }
@@ -79,8 +68,8 @@ fn remark(point: &ResponsePoint) -> &'static str {
 }
 
 /// Returns √(|x|² + |y|²), the size of a vector of phasors.
-fn magnitude(phasors: &[Phasor; 2]) -> f64 {
-    (phasors[0].norm_sqr() + phasors[1].norm_sqr()).sqrt()
+fn magnitude([x, y]: [Phasor; 2]) -> f64 {
+    (x.norm_sqr() + y.norm_sqr()).sqrt()
 }
 
 /// Describes the state of a test at the end.

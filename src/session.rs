@@ -79,7 +79,8 @@ impl EventLog {
         while let Ok(event) = self.events.pop() {
             let line = if self.json {
                 serde_json::to_string(&event).ok()
-            } else if are_events_wanted() {
+            } else if tracing::enabled!(target: "resonarm::events", tracing::Level::WARN) {
+                // Events in words count as warnings.
                 self.words(&event)
             } else {
                 None
@@ -117,11 +118,6 @@ impl EventLog {
             RunEvent::Slipped { .. } => return None,
         })
     }
-}
-
-/// Says whether the log levels allow events in words, which count as warnings.
-fn are_events_wanted() -> bool {
-    tracing::enabled!(target: "resonarm::events", tracing::Level::WARN)
 }
 
 /// The advice about another sender.
@@ -186,9 +182,9 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
         text += &format!("spinning     {spin}\n");
     }
     if let Some(pacing) = report.pacing {
+        let (speed, longest_s, end_s) = (pacing.speed, pacing.longest_lag_s, pacing.lag_s);
         text += &format!(
-            "pacing       speed {}, at most {:.3} s behind the clock, {:.3} s at the end\n",
-            pacing.speed, pacing.longest_lag_s, pacing.lag_s
+            "pacing       speed {speed}, at most {longest_s:.3} s behind the clock, {end_s:.3} s at the end\n"
         );
     }
     let latencies =

@@ -207,17 +207,14 @@ fn ask_to_stop(signals: &Signals, asked: &mut Option<Instant>) {
 /// Makes a progress bar if the length is known and there is a terminal.
 fn bar(length: Length, is_on_terminal: bool) -> ProgressBar {
     let (total, template) = match length {
+        _ if !is_on_terminal => return ProgressBar::hidden(),
         Length::Samples(samples) => (samples, "{bar:40} {pos}/{len}, {elapsed} of {duration}"),
         Length::Responses(responses) => (responses, "{bar:40} {pos} of {len} points, {elapsed}"),
         Length::Unknown => return ProgressBar::hidden(),
     };
-    if !is_on_terminal {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template(template);
     let bar = ProgressBar::new(total);
-    match style {
-        Ok(style) => bar.with_style(style),
-        Err(_bad_template) => bar,
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
     }
+    bar
 }

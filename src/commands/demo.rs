@@ -106,17 +106,11 @@ impl Demo {
         let session = Session::new(scenario.clone(), self.mode, options)?;
         let length = session.controller()?.length();
         // Only after the session was accepted, so that an invalid scenario leaves no empty folder.
-        std::fs::create_dir_all(&self.out).map_err(|source| Failure::Write { path: self.out.clone(), source })?;
+        std::fs::create_dir_all(&self.out).map_err(Failure::write(&self.out))?;
         if !self.json.json {
             output::print(&introduction)?;
         }
-        let shown_role = ShownRole {
-            role: Role::PlantAndExciter,
-            place: String::from("a bus in memory"),
-            interface: session.interface_of_both().to_owned(),
-            json: false,
-            steered: None,
-        };
+        let shown_role = ShownRole::new(Role::PlantAndExciter, "a bus in memory", session.interface_of_both());
         let (session, serving) = self.live.watched(session, &shown_role)?;
         let mut status = Status::new(Style::People { every: None });
         let work = move |signals: &Signals| (session.both(signals, |_| {}), signals.is_stopped());
@@ -143,14 +137,12 @@ impl Demo {
             .map(|drive| ComputedBranch::new(&tested.assembly, &drive, &points, None))
             .transpose()?
             .flatten();
-        let figures = match computed {
-            Some(computed) => {
-                let conditions = captions::structure(scenario, &tested, &[]);
-                let figure = computed.figure("Phase walk over the resonance", conditions, &points);
-                output::draw(figure, &self.out.join("response"))?
-            }
-            None => Vec::new(),
-        };
+        let figures = computed.map(|computed| {
+            let conditions = captions::structure(scenario, &tested, &[]);
+            let figure = computed.figure("Phase walk over the resonance", conditions, &points);
+            output::draw(figure, &self.out.join("response"))
+        });
+        let figures = figures.transpose()?.unwrap_or_default();
         let configuration = configuration::of_scenario(scenario)?;
         let document = Document { plant: PlantDocument { configuration, report: &plant }, figures, points: &points };
         let text = || {
@@ -191,8 +183,7 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         (_, 0.0) => String::from("in lockstep, as fast as possible"),
         (_, times) => format!("in lockstep at {times} times the speed of the clock"),
     };
-    let (amplitude, unit) = (control.amplitude(), control.amplitude().unit());
-    let load = amplitude;
+    let (load, unit) = (control.amplitude(), control.amplitude().unit());
     let size = libm::hypot(load.force_n.norm(), load.torque_nm.norm());
     let law = match control {
         ControlSpec::PhaseWalk(walk) => {

@@ -106,8 +106,7 @@ impl Exciter {
         let length = session.controller()?.length();
         warn_of_wire(&session)?;
         let mut bus = open_bus(&address, &session, self.live.live.is_some())?;
-        let shown_role =
-            ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
+        let shown_role = ShownRole { steered, ..ShownRole::new(Role::Exciter, address.to_string(), bus.name()) };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
         let mut status = Status::new(Style::People { every: self.status.every()? });
         let work = move |signals: &Signals| {

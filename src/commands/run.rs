@@ -21,15 +21,14 @@ use crate::session::{
 };
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::{Line, supervise};
-use resonarm::bus::{self, BusAddress};
+use resonarm::bus::BusAddress;
 use resonarm::control::{Length, TestReport};
 use resonarm::node::ExciterOutcome;
 use resonarm::realtime::OverrunPolicy;
 use resonarm::run::{
     ExciterEnd, ExciterReport, Mode, Options, PlantOutcome, PlantReport, RunError, Session, Signals, Speed,
 };
-use resonarm::scenario::Scenario;
-use resonarm::scenario::WireSection;
+use resonarm::scenario::{Scenario, WireSection};
 use resonarm_figures::plot::Color;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
@@ -167,13 +166,8 @@ impl Run {
         let arming = session.scenario().wire.as_ref().map(WireSection::arming);
         let address: BusAddress = bus.parse()?;
         let mut bus = open_bus(&address, &session, self.record.record.is_some() || self.live.live.is_some())?;
-        let shown_role = ShownRole {
-            role: Role::Plant,
-            place: address.to_string(),
-            interface: bus.name(),
-            json: self.json_events,
-            steered: None,
-        };
+        let shown_role = ShownRole::new(Role::Plant, address.to_string(), bus.name());
+        let shown_role = ShownRole { json: self.json_events, ..shown_role };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
         let (mut event_sender, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
@@ -185,8 +179,10 @@ impl Run {
         };
         let work = move |signals: &Signals| {
             // If the ring is full, events are missing from the log, but not from the recording.
-            let report = session.plant(bus.as_mut(), signals, |event| _ = event_sender.push(event))?;
-            Ok::<_, RunError>(close(report, bus.close()))
+            let mut report = session.plant(bus.as_mut(), signals, |event| _ = event_sender.push(event))?;
+            // The bus is closed in any case. An error of the run takes precedence over one on closing.
+            report.error = report.error.take().or(bus.close().err().map(RunError::from));
+            Ok::<_, RunError>(report)
         };
         let report = supervise("plant", length, on_tick, work)??;
         // A user protocol has its own way to arm, so the general advice of `complaint` is not enough.
@@ -201,22 +197,15 @@ impl Run {
             return Err(RunError::FreeHasNoBus.into());
         }
         let configuration = configuration::of_scenario(session.scenario())?;
-        let (session, steered) = {
-            let converter = session.scenario().rig.converter;
-            self.steer.steered(session, converter)?
-        };
+        let converter = session.scenario().rig.converter;
+        let (session, steered) = self.steer.steered(session, converter)?;
         warn_of_wire(&session)?;
         let length = match session.scenario().duration_samples()? {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),
         };
-        let shown_role = ShownRole {
-            role: Role::PlantAndExciter,
-            place: String::from("a virtual bus"),
-            interface: session.interface_of_both().to_owned(),
-            json: self.json_events,
-            steered,
-        };
+        let shown_role = ShownRole::new(Role::PlantAndExciter, "a virtual bus", session.interface_of_both());
+        let shown_role = ShownRole { json: self.json_events, steered, ..shown_role };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
         let mut status = self.status()?;
         let work = move |signals: &Signals| session.both(signals, |_| {});
@@ -276,10 +265,4 @@ impl Run {
             None => Ok(Verdict::of(complaints.iter().all(Option::is_none) && report.outcome.is_good())),
         }
     }
-}
-
-/// Adds an error on closing the bus to the report, unless it has an error already.
-fn close(report: PlantReport, closed: core::result::Result<(), bus::BusError>) -> PlantReport {
-    let error = report.error.or(closed.err().map(RunError::from));
-    PlantReport { error, ..report }
 }
