@@ -44,10 +44,8 @@ impl Encode {
         }
         let most = kind.form(network.profile()).and_then(|form| form.protection).map_or(0, |p| p.counter_max());
         if self.counter > most {
-            return Err(Failure::usage(format!(
-                "--counter is {}: for {kind} it must be from 0 to {most}",
-                self.counter
-            )));
+            let counter = self.counter;
+            return Err(Failure::usage(format!("--counter is {counter}: for {kind} it must be from 0 to {most}")));
         }
         let mut transmitter = Transmitter::new(network);
         let mut frame = transmitter.frame(&message);

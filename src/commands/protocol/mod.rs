@@ -4,7 +4,6 @@
 mod decode;
 mod eds;
 mod encode;
-mod log_line;
 
 use clap::{Args, Subcommand};
 

@@ -3,9 +3,9 @@
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::Explains;
-use crate::commands::protocol::log_line::LogLine;
-use resonarm::protocol::{DecodeError, Message, Network, Receiver};
+use super::{Explains, Tally};
+use crate::output::map;
+use resonarm::protocol::{DecodeError, Frame, Message, Network, Receiver};
 use resonarm_numeric::number::short;
 
 /// The number of frames of each verdict.
@@ -34,8 +34,8 @@ impl NetworkFrames {
         NetworkFrames { receiver: Receiver::new(network), counts: Counts::default() }
     }
 
-    fn accept(&mut self, line: &LogLine) -> Verdicted {
-        let verdict = self.receiver.accept(&line.frame);
+    fn accept(&mut self, frame: &Frame) -> Verdicted {
+        let verdict = self.receiver.accept(frame);
         self.counts.frames += 1;
         match verdict {
             Ok(Some(_)) => self.counts.taken += 1,
@@ -48,8 +48,8 @@ impl NetworkFrames {
 }
 
 impl Explains for NetworkFrames {
-    fn row(&mut self, line: &LogLine) -> Map<String, Value> {
-        let (outcome, more) = match self.accept(line) {
+    fn row(&mut self, frame: &Frame) -> Map<String, Value> {
+        let (outcome, more) = match self.accept(frame) {
             Ok(Some(message)) => {
                 let mut signals = Map::new();
                 message.signals(|name, value| drop(signals.insert(name.to_owned(), json!(value))));
@@ -60,14 +60,12 @@ impl Explains for NetworkFrames {
             Ok(None) => ("foreign", json!({})),
         };
         let mut row = Map::from_iter([("verdict".to_owned(), json!(outcome))]);
-        if let Value::Object(more) = more {
-            row.extend(more);
-        }
+        row.extend(map(more));
         row
     }
 
-    fn text(&mut self, line: &LogLine) -> String {
-        match self.accept(line) {
+    fn text(&mut self, frame: &Frame) -> String {
+        match self.accept(frame) {
             Ok(Some(message)) => {
                 let mut text = message.kind().to_string();
                 message.signals(|name, value| {
@@ -83,22 +81,11 @@ impl Explains for NetworkFrames {
         }
     }
 
-    fn frames(&self) -> u64 {
-        self.counts.frames
-    }
-
-    fn is_clean(&self) -> bool {
-        self.counts.refused == 0
-    }
-
-    fn counts(&self) -> Value {
-        json!(self.counts)
-    }
-
-    fn counts_text(&self) -> String {
-        let Counts { frames, taken, refused, foreign, lost } = &self.counts;
-        format!(
+    fn tally(&self) -> Tally {
+        let Counts { frames, taken, refused, foreign, lost } = self.counts;
+        let text = format!(
             "{frames} frames: {taken} taken, {refused} rejected, {foreign} of other protocols; {lost} lost before them"
-        )
+        );
+        Tally { frames, is_clean: refused == 0, document: json!(self.counts), text }
     }
 }

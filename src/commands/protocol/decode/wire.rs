@@ -3,9 +3,10 @@
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::Explains;
-use crate::commands::protocol::log_line::LogLine;
+use super::{Explains, Tally};
+use crate::output::map;
 use resonarm::decoder::{Decoded, DecodedMessage, DecodedSignal, Decoder, Outcome};
+use resonarm::protocol::Frame;
 use resonarm_numeric::number::short;
 
 /// The number of frames of each verdict.
@@ -39,8 +40,8 @@ impl WireFrames {
     }
 
     /// Decodes a frame, counts it, and returns its content and the verdict on it.
-    fn decode(&mut self, line: &LogLine) -> (Decoded, &'static str) {
-        let decoded = self.decoder.decode(&line.frame);
+    fn decode(&mut self, frame: &Frame) -> (Decoded, &'static str) {
+        let decoded = self.decoder.decode(frame);
         let counts = &mut self.counts;
         let (count, verdict) = match &decoded {
             Decoded::Foreign => (&mut counts.foreign, "foreign"),
@@ -60,8 +61,8 @@ impl WireFrames {
 }
 
 impl Explains for WireFrames {
-    fn row(&mut self, line: &LogLine) -> Map<String, Value> {
-        let (decoded, verdict) = self.decode(line);
+    fn row(&mut self, frame: &Frame) -> Map<String, Value> {
+        let (decoded, verdict) = self.decode(frame);
         let mut row = Map::from_iter([("verdict".to_owned(), json!(verdict))]);
         match &decoded {
             Decoded::Foreign => {}
@@ -74,8 +75,8 @@ impl Explains for WireFrames {
         row
     }
 
-    fn text(&mut self, line: &LogLine) -> String {
-        match self.decode(line).0 {
+    fn text(&mut self, frame: &Frame) -> String {
+        match self.decode(frame).0 {
             Decoded::Foreign if self.decoder.is_canopen() => String::from("of none of the drives"),
             Decoded::Foreign => String::from("of no message in the DBC"),
             Decoded::Request { message, is_answered: true } => format!("{message} requested"),
@@ -86,31 +87,23 @@ impl Explains for WireFrames {
         }
     }
 
-    fn frames(&self) -> u64 {
-        self.counts.frames
-    }
-
-    fn is_clean(&self) -> bool {
-        self.counts.refused == 0 && self.counts.short == 0
-    }
-
-    fn counts(&self) -> Value {
-        json!(self.counts)
-    }
-
-    fn counts_text(&self) -> String {
-        let Counts { frames, taken, refused, decoded, short, requests, foreign, lost } = &self.counts;
-        if self.decoder.is_canopen() {
-            return format!(
+    fn tally(&self) -> Tally {
+        let Counts { frames, taken, refused, decoded, short, requests, foreign, lost } = self.counts;
+        let text = if self.decoder.is_canopen() {
+            format!(
                 "{frames} frames: {taken} taken, {refused} rejected, {requests} requests, {foreign} of none of the drives"
-            );
-        }
-        let mapped = match self.decoder.is_mapped() {
-            true => format!("{taken} taken, {refused} rejected, {decoded} of messages that are not mapped"),
-            false => format!("{decoded} decoded"),
+            )
+        } else if self.decoder.is_mapped() {
+            format!(
+                "{frames} frames: {taken} taken, {refused} rejected, {decoded} of messages that are not mapped, {short} too \
+                 short, {requests} requests, {foreign} of no message; {lost} lost before them"
+            )
+        } else {
+            format!(
+                "{frames} frames: {decoded} decoded, {short} too short, {requests} requests, {foreign} of no message"
+            )
         };
-        let lost = if self.decoder.is_mapped() { format!("; {lost} lost before them") } else { String::new() };
-        format!("{frames} frames: {mapped}, {short} too short, {requests} requests, {foreign} of no message{lost}")
+        Tally { frames, is_clean: refused == 0 && short == 0, document: json!(self.counts), text }
     }
 }
 
@@ -141,10 +134,7 @@ fn message_row(message: &DecodedMessage) -> Map<String, Value> {
         Outcome::Refused(fault) => row["reason"] = json!(fault.to_string()),
         Outcome::Unmapped => {}
     }
-    match row {
-        Value::Object(row) => row,
-        _ => Map::new(),
-    }
+    map(row)
 }
 
 /// Returns a number of JSON, if the integer has at most 64 bits.
