@@ -101,7 +101,6 @@ fn of_scenario(scenario: &Scenario) -> Defaults {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 mod tests {
     use clap::FromArgMatches;
 
@@ -171,7 +170,7 @@ mod tests {
             Poincare(command) => of(command.settling.structure.scenario()),
             Basins(command) => of(command.settling.structure.scenario()),
             Paper(command) => command.preset().name().to_owned(),
-            Identify(command) => format!("{:?}", command.domain()),
+            Identify(command) => format!("{:?}", command.integration()),
             other => panic!("{other:?}: say here what it computes with of the flag"),
         }
     }

@@ -51,8 +51,13 @@ pub(crate) fn document(suite: &str, cases: &[Case]) -> String {
 
 /// Escapes text for an attribute or an element of XML or HTML, which can hold no control characters.
 pub(crate) fn escaped(text: &str) -> String {
+    without_markup(&output::in_line(text))
+}
+
+/// Escapes the characters of text that are markup in XML and HTML.
+pub(crate) fn without_markup(text: &str) -> String {
     // The ampersand comes first: it would otherwise escape the other escapes again.
-    output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

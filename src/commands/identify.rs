@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::identify_angles::{self, Domain, Request};
+use crate::commands::identify_angles;
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
 use crate::commands::identify_found::{Found, signed, smooth_hz};
 use crate::commands::identify_mac::{COMPUTED, Shapes};
@@ -25,7 +25,7 @@ use resonarm::drawing::Drawing;
 use resonarm::identification::{
     KnownPole, MissingMode, averaging, band, has_faults, missing_modes, mode_numbers, record, samples_in,
 };
-use resonarm::identify::{self, Averaging, Band, Direction, Identification, Record};
+use resonarm::identify::{self, Averaging, Band, Direction, Identification, Integration, Record};
 use resonarm::import::IMPORTED_FROM;
 use resonarm::modal_file::{FileResponse, ModalFile};
 use resonarm::plant::TestedAssembly;
@@ -71,15 +71,15 @@ pub(crate) struct Identify {
     ///
     /// With --angles the default is a quarter of the structure's lowest natural frequency.
     #[arg(long, help_heading = heading::RANGE, value_name = "F")]
-    from_hz: Option<f64>,
+    pub(super) from_hz: Option<f64>,
     /// Highest frequency, Hz [default: that of the recorded excitation, or 100].
     ///
     /// The default for an impact is 1 over its length.
     #[arg(long, help_heading = heading::RANGE, value_name = "F")]
-    to_hz: Option<f64>,
+    pub(super) to_hz: Option<f64>,
     /// Direction of the input force.
-    #[arg(long, help_heading = heading::COMPUTATION, value_enum, default_value_t = Input::Principal)]
-    input: Input,
+    #[arg(long, help_heading = heading::COMPUTATION, value_parser = flags::described(DIRECTIONS), default_value = "principal")]
+    input: Direction,
     /// Recording at another force, to tell whether the structure is linear.
     ///
     /// Modes that shift by more than four standard deviations show that it is not; then no deviations are stated.
@@ -90,7 +90,7 @@ pub(crate) struct Identify {
     segment_s: Option<f64>,
     /// Plot the responses to STEM.svg and STEM.png, with caption, CSV and JSON, and the poles to STEM-poles.svg.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
+    pub(super) plot: Option<PathBuf>,
     /// Compare shapes with those of a document, or `computed` ones.
     ///
     /// The document is one of this command with --json. The modal assurance criterion |φᴴψ|²/(φᴴφ ψᴴψ) of two shapes is 1
@@ -104,7 +104,7 @@ pub(crate) struct Identify {
     /// The file is in the Universal File Format, in ASCII and SI units. It has datasets 151, 164, 15 (nodes), 82 (lines), 55
     /// (shapes) and 58 (measured responses).
     #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE")]
-    uff: Option<PathBuf>,
+    pub(super) uff: Option<PathBuf>,
     /// Write a report to this HTML file: modes, figures, noise, and the recordings.
     ///
     /// The file needs no network and no other file.
@@ -116,34 +116,25 @@ pub(crate) struct Identify {
     #[arg(long, help_heading = heading::OUTPUT, value_name = "FILE", conflicts_with_all = ["to_hz", "input", "other_level", "segment_s", "plot", "mac", "uff", "report"])]
     angles: Option<PathBuf>,
     /// Domain in which accelerations are integrated twice [default: frequency].
-    #[arg(long, help_heading = heading::COMPUTATION, value_name = "DOMAIN", value_enum, requires = "angles")]
-    integration: Option<Domain>,
+    #[arg(long, help_heading = heading::COMPUTATION, value_name = "DOMAIN", value_parser = flags::described(DOMAINS), requires = "angles")]
+    integration: Option<Integration>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
     #[command(flatten)]
-    json: JsonFlag,
+    pub(super) json: JsonFlag,
 }
 
-/// The directions of a response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Input {
-    /// The direction in which the head reads most.
-    Principal,
-    /// Along x.
-    HeadX,
-    /// Along y.
-    HeadY,
-}
-
-impl Input {
-    const fn direction(self) -> Direction {
-        match self {
-            Input::Principal => Direction::Principal,
-            Input::HeadX => Direction::X,
-            Input::HeadY => Direction::Y,
-        }
-    }
-}
+/// The directions of the input force.
+const DIRECTIONS: [(Direction, &str, &str); 3] = [
+    (Direction::Principal, "principal", "The direction in which the head reads most"),
+    (Direction::X, "head-x", "Along x"),
+    (Direction::Y, "head-y", "Along y"),
+];
+/// The domains of the integration.
+const DOMAINS: [(Integration, &str, &str); 2] = [
+    (Integration::Frequency, "frequency", "The transform of the whole record over −ω²"),
+    (Integration::Time, "time", "Butterworth's high-pass forward and backward, and Numerov's formula"),
+];
 
 const UNIT: &str = "m/s² per N";
 /// Endings of the files of a plot.
@@ -249,15 +240,8 @@ struct Opened {
     record: Record,
 }
 
-/// What is identified, by the flags.
-struct Given {
-    survey: Option<SurveyIndex>,
-    opened: Vec<Opened>,
-    others: Vec<OtherLevel>,
-}
-
-/// The recordings at another level of force.
-struct OtherLevel {
+/// The recordings at a level of force.
+struct Level {
     /// Factor of the force in a survey.
     level: Option<f64>,
     opened: Vec<Opened>,
@@ -274,8 +258,8 @@ fn known_poles(tested: &TestedAssembly) -> Vec<KnownPole> {
 }
 
 impl Identify {
-    pub(crate) fn domain(&self) -> Domain {
-        self.integration.unwrap_or(Domain::Frequency)
+    pub(crate) fn integration(&self) -> Integration {
+        self.integration.unwrap_or_default()
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
@@ -300,38 +284,33 @@ impl Identify {
             };
             let recording = recordings::open(file)?;
             let scenario = Scenario::from_configuration(recording.configuration())?;
-            let request = Request { csv, domain: self.domain(), from_hz: self.from_hz, json: self.json };
-            return Ok(identify_angles::execute(&recording, &scenario, &request)?.and(recordings::verdict(&recording)));
+            return Ok(identify_angles::execute(self, csv, &recording, &scenario)?.and(recordings::verdict(&recording)));
         }
         let shapes = self.other_shapes()?;
-        let Given { survey, opened, others } = self.given()?;
-        let Some(first) = opened.first() else {
+        let (survey, levels) = self.given()?;
+        let Some(first) = levels.first().and_then(|level| level.opened.first()) else {
             return Err(Failure::usage("the survey has no complete recording of its first level: repeat its command"));
         };
-        for of in opened.iter().chain(others.iter().flat_map(|other| &other.opened)) {
-            if of.scenario.structure != first.scenario.structure {
-                return Err(Failure::usage(format!(
-                    "{} has another structure than {}: give recordings of one structure",
-                    of.recording.path().display(),
-                    first.recording.path().display()
-                )));
-            }
+        let all = || levels.iter().flat_map(|level| &level.opened);
+        if let Some(of) = all().find(|of| of.scenario.structure != first.scenario.structure) {
+            let [of, first] = [of, first].map(|of| of.recording.path().display());
+            let what = format!("{of} has another structure than {first}: give recordings of one structure");
+            return Err(Failure::usage(what));
         }
-        let all = || opened.iter().chain(others.iter().flat_map(|other| &other.opened));
         let verdict = all().map(|of| recordings::verdict(&of.recording)).fold(Verdict::Positive, Verdict::and);
         let verdict = verdict.and(Verdict::of(survey.as_ref().is_none_or(SurveyIndex::is_complete)));
-        let document = self.compute(&opened, &others, survey, shapes)?;
+        let document = self.compute(&levels, survey, shapes)?;
         document.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
         if document.missing.is_empty() {
             document.found.warn_of_none();
         }
-        if opened.iter().any(|of| of.scenario.reads_images()) {
+        if levels[0].opened.iter().any(|of| of.scenario.reads_images()) {
             tracing::warn!("{READS_IMAGES}");
         }
         if all().any(|of| has_faults(&of.scenario)) {
             tracing::warn!("an instrument had a fault in this run, so the modes from its readings may be wrong");
         }
-        let Opened { scenario, tested, .. } = &opened[0];
+        let Opened { scenario, tested, .. } = first;
         let of = match (tested, scenario.foreign_structure()) {
             (Some(tested), _) => captions::structure(scenario, tested, &[]),
             (None, Some(section)) => captions::foreign_label(section).into(),
@@ -346,7 +325,7 @@ impl Identify {
             files.extend(document.found.draw_mac(stem)?);
         }
         if let Some(path) = &self.uff {
-            files.push(write_uff(path, &document.modal_file(&opened[0]))?);
+            files.push(write_uff(path, &document.modal_file(first))?);
         }
         if let Some(report) = &self.report {
             files.push(output::write(report.clone(), &identify_report::page(&document, &of)?)?);
@@ -376,15 +355,7 @@ impl Identify {
                 file.display()
             )));
         }
-        identify_responses::execute(&identify_responses::Request {
-            file,
-            from_hz: self.from_hz,
-            to_hz: self.to_hz,
-            plot: self.plot.as_deref(),
-            shapes: self.other_shapes()?,
-            uff: self.uff.as_deref(),
-            json: self.json,
-        })
+        identify_responses::execute(self, file, self.other_shapes()?)
     }
 
     /// Fails if an output would replace an input, or another file without --overwrite.
@@ -409,27 +380,30 @@ impl Identify {
         self.mac.as_deref().filter(|_| !self.compares_computed()).map(Shapes::read).transpose()
     }
 
-    /// Opens the recordings, or those in the folder of a survey.
-    fn given(&self) -> Result<Given, Failure> {
+    /// Opens the recordings, or those in the folder of a survey with its index: the first level is the one to identify.
+    fn given(&self) -> Result<(Option<SurveyIndex>, Vec<Level>), Failure> {
         let (folder, index) = match &self.files[..] {
             [folder] if folder.is_dir() => (folder, SurveyIndex::read(folder)?),
             files => {
-                let opened = files.iter().map(|file| self.open(file)).collect::<Result<Vec<_>, _>>()?;
-                let other = self.other_level.as_deref().map(|file| self.open(file)).transpose()?;
-                let others = other.map(|other| OtherLevel { level: None, opened: vec![other] });
-                return Ok(Given { survey: None, opened, others: others.into_iter().collect() });
+                let of_files = |files: &[PathBuf]| {
+                    let opened = files.iter().map(|file| self.open(file)).collect::<Result<_, _>>()?;
+                    Ok(Level { level: None, opened })
+                };
+                let other = self.other_level.as_slice();
+                let levels = [files, other].into_iter().filter(|files| !files.is_empty()).map(of_files);
+                return Ok((None, levels.collect::<Result<_, Failure>>()?));
             }
         };
         self.check_survey(&index)?;
         let mut levels = Vec::new();
         for level in index.levels() {
             let opened = index.at_level(level).map(|run| self.open(&folder.join(&run.file)));
-            levels.push(OtherLevel { level: Some(level), opened: opened.collect::<Result<_, _>>()? });
+            let opened = opened.collect::<Result<Vec<_>, _>>()?;
+            if levels.is_empty() || !opened.is_empty() {
+                levels.push(Level { level: Some(level), opened });
+            }
         }
-        let mut levels = levels.into_iter();
-        let opened = levels.next().map_or(Vec::new(), |first| first.opened);
-        let others = levels.filter(|other| !other.opened.is_empty()).collect();
-        Ok(Given { survey: Some(index), opened, others })
+        Ok((Some(index), levels))
     }
 
     fn open(&self, file: &Path) -> Result<Opened, Failure> {
@@ -437,7 +411,7 @@ impl Identify {
         let recording = if is_one { recordings::open(file)? } else { recordings::open_one(file)? };
         let scenario = Scenario::from_configuration(recording.configuration())?;
         let tested = configuration::computable(&scenario)?;
-        let record = record(&recording, &scenario, tested.as_ref(), self.input.direction())?;
+        let record = record(&recording, &scenario, tested.as_ref(), self.input)?;
         Ok(Opened { recording, scenario, tested, record })
     }
 
@@ -470,13 +444,13 @@ impl Identify {
 
     fn compute(
         &self,
-        opened: &[Opened],
-        others: &[OtherLevel],
+        levels: &[Level],
         survey: Option<SurveyIndex>,
         shapes: Option<Shapes>,
     ) -> Result<Document, Failure> {
+        let (opened, others) = (&levels[0].opened, &levels[1..]);
         let records: Vec<&Record> = opened.iter().map(|of| &of.record).collect();
-        let all: Vec<&Opened> = opened.iter().chain(others.iter().flat_map(|other| &other.opened)).collect();
+        let all: Vec<&Opened> = levels.iter().flat_map(|level| &level.opened).collect();
         let band = self.band(&all, survey.as_ref().and_then(SurveyIndex::band));
         // The responses are estimated first: it is they that --segment-s must fit.
         let estimates = opened
@@ -498,7 +472,7 @@ impl Identify {
         let missing = missing_modes(&records, &numbers, &known, band);
         let levels = others
             .iter()
-            .map(|other| levels(&mut found, &numbers, other, band))
+            .map(|other| compared(&mut found, &numbers, other, band))
             .collect::<Result<Vec<_>, Failure>>()?;
         let runs = estimates.iter().enumerate().map(|(index, estimate)| {
             let of = &opened[index];
@@ -589,10 +563,8 @@ pub(super) fn write_uff(path: &Path, file: &ModalFile) -> Result<PathBuf, Failur
              with their directions"
         )));
     }
-    match file.write(path) {
-        Ok(()) => Ok(path.to_path_buf()),
-        Err(source) => Err(Failure::Write { path: path.to_path_buf(), source }),
-    }
+    file.write(path).map_err(Failure::write(path))?;
+    Ok(path.to_path_buf())
 }
 
 /// Returns the first of equally spaced frequencies and their step.
@@ -609,12 +581,7 @@ pub(super) fn pair(value: &nalgebra::Complex<f64>) -> [f64; 2] {
 }
 
 /// Identifies the modes at another level and compares them. If the structure is not linear, `found` states no deviations.
-fn levels(
-    found: &mut Identification,
-    numbers: &[Option<u8>],
-    other: &OtherLevel,
-    band: Band,
-) -> Result<Levels, Failure> {
+fn compared(found: &mut Identification, numbers: &[Option<u8>], other: &Level, band: Band) -> Result<Levels, Failure> {
     let records: Vec<&Record> = other.opened.iter().map(|of| &of.record).collect();
     let mut second = identify::modes(&records, band)?;
     let shifts = identify::compare_levels(found, &mut second);

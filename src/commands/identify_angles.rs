@@ -2,50 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::commands::identify::Identify;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, JsonFlag};
+use crate::output;
 use resonarm::identification::{RecordedAngles, has_faulty_accelerometer};
 use resonarm::identify::{AngleHistory, Integration};
 use resonarm::recording::Recording;
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::{rounded, short};
-
-/// The domains of the integration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Domain {
-    /// The transform of the whole record over −ω².
-    Frequency,
-    /// Butterworth's high-pass forward and backward, and Numerov's formula.
-    Time,
-}
-
-impl Domain {
-    const fn integration(self) -> Integration {
-        match self {
-            Domain::Frequency => Integration::Frequency,
-            Domain::Time => Integration::Time,
-        }
-    }
-
-    const fn name(self) -> &'static str {
-        match self {
-            Domain::Frequency => "frequency",
-            Domain::Time => "time",
-        }
-    }
-}
-
-pub(crate) struct Request<'a> {
-    pub csv: &'a Path,
-    pub domain: Domain,
-    pub from_hz: Option<f64>,
-    pub json: JsonFlag,
-}
 
 #[derive(Serialize)]
 struct Document {
@@ -72,16 +40,24 @@ struct Document {
 }
 
 /// Finds the angles, writes them to the file and prints a summary.
-pub(crate) fn execute(recording: &Recording, scenario: &Scenario, request: &Request) -> Result<Verdict, Failure> {
-    let found = RecordedAngles::new(recording, scenario, request.domain.integration(), request.from_hz)?;
+pub(super) fn execute(
+    flags: &Identify,
+    file: &Path,
+    recording: &Recording,
+    scenario: &Scenario,
+) -> Result<Verdict, Failure> {
+    let found = RecordedAngles::new(recording, scenario, flags.integration(), flags.from_hz)?;
     warn(scenario, &found);
     let history = &found.history;
-    let file = output::write(request.csv.to_path_buf(), &csv(&found))?;
+    let file = output::write(file.to_path_buf(), &csv(&found))?;
     let document = Document {
         configuration: configuration::of_scenario(scenario)?,
         recording: recording.path().to_path_buf(),
         angles: file.clone(),
-        integration: request.domain.name(),
+        integration: match flags.integration() {
+            Integration::Frequency => "frequency",
+            Integration::Time => "time",
+        },
         from_hz: found.from_hz,
         samples: history.alpha_rad.len(),
         from_s: found.time_s(0),
@@ -91,7 +67,7 @@ pub(crate) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
         residual_over_noise: history.residual.over_noise,
         residual_over_displacement: history.residual.over_displacement,
     };
-    request.json.show(&document, || document.text(), &[file])
+    flags.json.show(&document, || document.text(), &[file])
 }
 
 /// Warns of anything that makes the angles doubtful.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Complex;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::commands::identify::pair;
 use crate::commands::identify_mac::{Assurance, Shapes};
@@ -43,11 +44,27 @@ pub(super) struct NumberedMode {
     pub found: IdentifiedMode,
 }
 
+impl NumberedMode {
+    /// Returns the number of the mode, or its frequency if it has none.
+    pub fn name(&self) -> String {
+        self.mode.map_or(format!("{:.2} Hz", self.found.pole_frequency_hz), |number| number.to_string())
+    }
+}
+
+/// Returns the reading that has a noise, with its degree of freedom and unit, and its run if there are several.
+pub(super) fn noise_name(noise: &ReadingNoise, has_several_runs: bool) -> String {
+    let ReadingNoise { run, reading, at, .. } = noise;
+    let unit = if reading == "head" { "N" } else { "m/s²" };
+    let run = if has_several_runs { format!("{}: ", run + 1) } else { String::new() };
+    format!("{run}{reading}, {at} ({unit})")
+}
+
 /// Poles by the order of a polynomial model of the averaged responses: those that come again are the start of the fit.
 #[derive(Default, Serialize)]
 pub(super) struct Stabilisation {
     pub orders: Vec<OrderPoles>,
-    clusters: Vec<Cluster>,
+    /// Clusters of poles over the orders, each with the share of the orders that have a pole in it.
+    clusters: Vec<Value>,
 }
 
 #[derive(Serialize)]
@@ -59,14 +76,6 @@ pub(super) struct OrderPoles {
     pub stable: Vec<bool>,
 }
 
-/// A cluster of poles over the orders.
-#[derive(Serialize)]
-pub(super) struct Cluster {
-    pole_rad_s: [f64; 2],
-    /// Share of the orders that have a pole in it.
-    share: f64,
-}
-
 fn stabilisation(found: &Identification) -> Stabilisation {
     let Some(estimate) = &found.estimate else { return Stabilisation::default() };
     let clusters = &estimate.stabilisation.clusters;
@@ -75,13 +84,8 @@ fn stabilisation(found: &Identification) -> Stabilisation {
         poles_rad_s: order.poles.iter().map(pair).collect(),
         stable: order.poles.iter().map(|pole| clusters.iter().any(|cluster| cluster.contains(*pole))).collect(),
     });
-    Stabilisation {
-        orders: orders.collect(),
-        clusters: clusters
-            .iter()
-            .map(|cluster| Cluster { pole_rad_s: pair(&cluster.pole), share: cluster.share })
-            .collect(),
-    }
+    let documents = clusters.iter().map(|of| json!({ "pole_rad_s": pair(&of.pole), "share": of.share }));
+    Stabilisation { orders: orders.collect(), clusters: documents.collect() }
 }
 
 /// A value with its deviation, or a dash in its place.
@@ -139,10 +143,7 @@ impl Found {
 
     /// Draws the figure of --mac beside the others, if there is one. Returns the paths.
     pub fn draw_mac(&self, stem: &Path) -> Result<Vec<PathBuf>, Failure> {
-        match &self.mac {
-            Some(mac) => output::draw(mac.figure(), &beside(stem, "-mac")),
-            None => Ok(Vec::new()),
-        }
+        self.mac.as_ref().map_or(Ok(Vec::new()), |mac| output::draw(mac.figure(), &beside(stem, "-mac")))
     }
 
     /// Returns the modes for a file in the Universal File Format.
@@ -205,12 +206,11 @@ impl Found {
         let mut text = String::new();
         for (what, of) in [("no deviation", true), ("warning", false)] {
             let mut seen: Vec<(&str, Vec<String>)> = Vec::new();
-            for NumberedMode { mode, found } in &self.modes {
-                let name = mode.map_or(format!("{:.2} Hz", found.pole_frequency_hz), |number| number.to_string());
-                for remark in if of { &found.doubts } else { &found.warnings } {
+            for mode in &self.modes {
+                for remark in if of { &mode.found.doubts } else { &mode.found.warnings } {
                     match seen.iter_mut().find(|(known, _)| *known == remark.text) {
-                        Some((_, modes)) => modes.push(name.clone()),
-                        None => seen.push((&remark.text, vec![name.clone()])),
+                        Some((_, modes)) => modes.push(mode.name()),
+                        None => seen.push((&remark.text, vec![mode.name()])),
                     }
                 }
             }
@@ -227,11 +227,9 @@ impl Found {
             return String::new();
         }
         let mut text = String::from("\n  noise of a sample         estimated   instrument\n");
-        for ReadingNoise { run, reading, at, estimated, instrument } in &self.noise {
-            let unit = if reading == "head" { "N" } else { "m/s²" };
-            let run = if has_several_runs { format!("{}: ", run + 1) } else { String::new() };
-            let instrument = instrument.map_or(String::from("–"), |known| format!("{known:.3e}"));
-            let name = format!("{run}{reading}, {at} ({unit})");
+        for noise in &self.noise {
+            let (name, estimated) = (noise_name(noise, has_several_runs), noise.estimated);
+            let instrument = noise.instrument.map_or(String::from("–"), |known| format!("{known:.3e}"));
             text += &format!("  {name:<24}   {estimated:9.3e}   {instrument:>10}\n");
         }
         text

@@ -93,12 +93,9 @@ impl Shapes {
         at: &[String],
         modes: impl IntoIterator<Item = (Option<u8>, f64, &'a [Option<[f64; 2]>])>,
     ) -> Shapes {
-        let components = |shape: &[Option<[f64; 2]>]| {
-            shape.iter().map(|component| component.map(|[re, im]| Complex::new(re, im))).collect()
-        };
         let named = |(mode, hz, shape): (Option<u8>, f64, &[Option<[f64; 2]>])| NamedShape {
             name: name_of(mode, hz),
-            components: components(shape),
+            components: shape.iter().map(|component| component.map(|[re, im]| Complex::new(re, im))).collect(),
         };
         Shapes { from, at: at.to_vec(), modes: modes.into_iter().map(named).collect() }
     }

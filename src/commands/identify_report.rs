@@ -7,8 +7,9 @@ use sha2::{Digest, Sha256};
 
 use crate::commands::identify::{Document, Levels, Run};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
-use crate::commands::identify_found::{Found, NumberedMode, signed};
+use crate::commands::identify_found::{Found, NumberedMode, noise_name, signed};
 use crate::failure::Failure;
+use crate::junit::without_markup;
 use resonarm::identify::{IdentifiedMode, ReadingNoise};
 use resonarm::modal;
 use resonarm::survey::SurveyRun;
@@ -66,18 +67,7 @@ pub(super) fn page(document: &Document, of: &Subtitle) -> Result<String, Failure
 
 /// Returns text with markup characters escaped, and control characters replaced: HTML has none.
 fn escaped(text: &str) -> String {
-    let mut out = String::new();
-    for letter in text.chars() {
-        match letter {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            other if other.is_control() => out.push('\u{fffd}'),
-            other => out.push(other),
-        }
-    }
-    out
+    without_markup(&text.replace(char::is_control, "\u{fffd}"))
 }
 
 fn summary(document: &Document) -> String {
@@ -104,13 +94,13 @@ const NO_TEXT: &[&str] = &[];
 
 /// Returns a table that scrolls by itself where it is wider than the page. `rows` are cells with their tags; the columns of
 /// `text` are those whose cells are aligned to the left, as the first one always is.
-fn table(caption: &str, head: &[&str], text: &[&str], rows: &[String]) -> String {
+fn table(caption: &str, head: &[&str], text: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let column = |name: &&str| {
         let class = if text.contains(name) { " class=\"name\"" } else { "" };
         format!("<th scope=\"col\"{class}>{}</th>", escaped(name))
     };
     let head: String = head.iter().map(column).collect();
-    let rows: String = rows.iter().map(|row| format!("<tr>{row}</tr>\n")).collect();
+    let rows: String = rows.into_iter().map(|row| format!("<tr>{}</tr>\n", row.concat())).collect();
     let caption = escaped(caption);
     format!(
         "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\">\n<p class=\"note\">{caption}</p>\n<table>\n\
@@ -130,10 +120,6 @@ fn with_deviation(value: String, deviation: Option<f64>) -> String {
     deviation.map_or(format!("{value} ± –"), |deviation| format!("{value} ± {deviation:.1e}"))
 }
 
-fn mode_name(NumberedMode { mode, found }: &NumberedMode) -> String {
-    mode.map_or(format!("{:.2} Hz", found.pole_frequency_hz), |number| number.to_string())
-}
-
 fn modes(found: &Found) -> String {
     let has_remarks = found.modes.iter().any(|mode| !(mode.found.doubts.is_empty() && mode.found.warnings.is_empty()));
     let remarks_of = |mode: &IdentifiedMode| {
@@ -146,8 +132,8 @@ fn modes(found: &Found) -> String {
         let mass = mode
             .modal_mass_kg
             .map_or(String::from("–"), |kg| with_deviation(format!("{kg:.5}"), mode.modal_mass_deviation_kg));
-        [
-            name(&mode_name(numbered)),
+        vec![
+            name(&numbered.name()),
             cell(&with_deviation(format!("{:.5}", mode.pole_frequency_hz), mode.pole_frequency_deviation_hz)),
             cell(&with_deviation(
                 format!("{:.4}", 100.0 * mode.pole_damping_ratio),
@@ -157,14 +143,12 @@ fn modes(found: &Found) -> String {
             cell(&mode.collinearity.map_or(String::from("–"), |collinearity| format!("{collinearity:.4}"))),
             if has_remarks { remarks_of(mode) } else { String::new() },
         ]
-        .concat()
     };
     let remarks = "remarks";
     let mut head = vec!["mode", "pole frequency (Hz)", "damping ratio (%)", "modal mass (kg)", "collinearity"];
     head.extend(has_remarks.then_some(remarks));
-    let rows: Vec<String> = found.modes.iter().map(row).collect();
     let caption = "Poles, and modal masses of the shape that is 1 where the force acts";
-    format!("<h2>Modes</h2>\n{}", table(caption, &head, &[remarks], &rows))
+    format!("<h2>Modes</h2>\n{}", table(caption, &head, &[remarks], found.modes.iter().map(row)))
 }
 
 fn levels(levels: &Levels) -> String {
@@ -176,21 +160,19 @@ fn levels(levels: &Levels) -> String {
     };
     let row = |shift: &super::identify::LevelShift| {
         let [first_hz, _] = shift.pole_frequency_hz;
-        [
+        vec![
             name(&shift.mode.map_or(format!("{first_hz:.2} Hz"), |number| number.to_string())),
             cell(&format!("{:+.1e}", shift.frequency_shift)),
             cell(&signed(shift.frequency_z, 1)),
             cell(&format!("{:+.1e}", shift.damping_shift)),
             cell(&signed(shift.damping_z, 1)),
         ]
-        .concat()
     };
-    let rows: Vec<String> = levels.modes.iter().map(row).collect();
     let head = ["mode", "shift of frequency", "z", "shift of damping", "z"];
     format!(
         "<h2>Against {}</h2>\n<p>{verdict}</p>\n{}",
         escaped(&title),
-        table("Shifts, relative, and in their standard deviations", &head, NO_TEXT, &rows)
+        table("Shifts, relative, and in their standard deviations", &head, NO_TEXT, levels.modes.iter().map(row))
     )
 }
 
@@ -199,25 +181,20 @@ fn shapes(found: &Found) -> String {
         return String::new();
     }
     let head: Vec<String> = std::iter::once(String::from("at"))
-        .chain(found.modes.iter().map(|mode| format!("mode {}", mode_name(mode))))
+        .chain(found.modes.iter().map(|mode| format!("mode {}", mode.name())))
         .collect();
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
-    let rows: Vec<String> = found
-        .at
-        .iter()
-        .enumerate()
-        .map(|(index, at)| {
-            let part = |mode: &NumberedMode| {
-                let IdentifiedMode { shape, shape_per_sqrt_kg, shape_deviation_per_sqrt_kg, .. } = &mode.found;
-                let value = shape_per_sqrt_kg.as_ref().unwrap_or(shape)[index];
-                let deviation = shape_deviation_per_sqrt_kg.as_ref().and_then(|all| all[index]);
-                cell(&value.map_or(String::from("–"), |value| with_deviation(signed(value, 4), deviation)))
-            };
-            name(at) + &found.modes.iter().map(part).collect::<String>()
-        })
-        .collect();
+    let row = |(index, at): (usize, &String)| {
+        let part = |mode: &NumberedMode| {
+            let IdentifiedMode { shape, shape_per_sqrt_kg, shape_deviation_per_sqrt_kg, .. } = &mode.found;
+            let value = shape_per_sqrt_kg.as_ref().unwrap_or(shape)[index];
+            let deviation = shape_deviation_per_sqrt_kg.as_ref().and_then(|all| all[index]);
+            cell(&value.map_or(String::from("–"), |value| with_deviation(signed(value, 4), deviation)))
+        };
+        core::iter::once(name(at)).chain(found.modes.iter().map(part)).collect()
+    };
     let caption = "Real shapes for the modal mass 1 kg, 1/√kg; without a scale over the largest component";
-    format!("<h2>Shapes</h2>\n{}", table(caption, &head, NO_TEXT, &rows))
+    format!("<h2>Shapes</h2>\n{}", table(caption, &head, NO_TEXT, found.at.iter().enumerate().map(row)))
 }
 
 /// Returns the components of a mode's shape, complex where it has a scale.
@@ -238,7 +215,7 @@ fn own_assurance(found: &Found) -> String {
     if found.modes.is_empty() {
         return String::new();
     }
-    let names: Vec<String> = found.modes.iter().map(mode_name).collect();
+    let names: Vec<String> = found.modes.iter().map(NumberedMode::name).collect();
     let head: Vec<&str> = std::iter::once("mode").chain(names.iter().map(String::as_str)).collect();
     let all: Vec<_> = found.modes.iter().map(|mode| components(&mode.found)).collect();
     let row = |(index, of): (usize, &String)| {
@@ -251,12 +228,11 @@ fn own_assurance(found: &Found) -> String {
             let class = libm::round(5.0 * value.min(1.0)) as u8;
             format!("<td class=\"m{class}\">{value:.3}</td>")
         };
-        name(of) + &all.iter().map(value).collect::<String>()
+        core::iter::once(name(of)).chain(all.iter().map(value)).collect()
     };
-    let rows: Vec<String> = names.iter().enumerate().map(row).collect();
     let caption =
         "MAC of the shapes with each other: far from 0 beside the diagonal, shapes differ too little at these points";
-    format!("<h2>Modal assurance criterion</h2>\n{}", table(caption, &head, NO_TEXT, &rows))
+    format!("<h2>Modal assurance criterion</h2>\n{}", table(caption, &head, NO_TEXT, names.iter().enumerate().map(row)))
 }
 
 /// Returns a figure with its caption.
@@ -275,11 +251,8 @@ fn responses(document: &Document) -> Result<String, Failure> {
         let is_driving = |(run, curve): &&(&Run, Curve<'_>)| curve.title.split(',').next() == Some(run.force.as_str());
         let driving = all.iter().filter(is_driving).map(|(_, curve)| curve);
         drawn = driving.take(MOST_DRAWN).collect();
-        caption += &format!(
-            "{} of {} responses, those where the force acts. identify --plot draws all. ",
-            drawn.len(),
-            all.len()
-        );
+        let (shown, count) = (drawn.len(), all.len());
+        caption += &format!("{shown} of {count} responses, those where the force acts. identify --plot draws all. ");
     }
     // A driving point may have no accelerometer.
     if drawn.is_empty() {
@@ -330,23 +303,19 @@ fn noise(found: &Found, has_several_runs: bool) -> String {
         return String::new();
     }
     let row = |noise: &ReadingNoise| {
-        let ReadingNoise { run, reading, at, estimated, instrument } = noise;
-        let unit = if reading == "head" { "N" } else { "m/s²" };
-        let run = if has_several_runs { format!("{}: ", run + 1) } else { String::new() };
-        [
-            name(&format!("{run}{reading}, {at} ({unit})")),
-            cell(&format!("{estimated:.3e}")),
-            cell(&instrument.map_or(String::from("–"), |known| format!("{known:.3e}"))),
+        vec![
+            name(&noise_name(noise, has_several_runs)),
+            cell(&format!("{:.3e}", noise.estimated)),
+            cell(&noise.instrument.map_or(String::from("–"), |known| format!("{known:.3e}"))),
         ]
-        .concat()
     };
-    let rows: Vec<String> = found.noise.iter().map(row).collect();
     let caption = "Standard deviation of a sample's noise, as the residuals show it and as the instrument has it";
-    format!("<h2>Noise</h2>\n{}", table(caption, &["reading", "estimated", "instrument"], NO_TEXT, &rows))
+    let head = ["reading", "estimated", "instrument"];
+    format!("<h2>Noise</h2>\n{}", table(caption, &head, NO_TEXT, found.noise.iter().map(row)))
 }
 
 fn runs(document: &Document) -> String {
-    let mut rows: Vec<String> = Vec::new();
+    let mut rows = Vec::new();
     let seed = |seed: Option<u64>| cell(&seed.map_or(String::from("–"), |seed| seed.to_string()));
     let head: Vec<&str>;
     match &document.survey {
@@ -367,59 +336,47 @@ fn runs(document: &Document) -> String {
                 let SurveyRun { file, level, force_n, exciter, sensors, duration_s, .. } = run;
                 let state = run.state.name();
                 let reason = run.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
-                rows.push(
-                    [
-                        name(&i32::to_string(&number)),
-                        format!("<td class=\"name\">{}</td>", escaped(&file.display().to_string())),
-                        cell(&short(level).to_string()),
-                        cell(&force_n.map_or(String::from("–"), |force_n| short(&force_n).to_string())),
-                        cell(&exciter.join(", ")),
-                        cell(&sensors.len().to_string()),
-                        cell(&format!("{duration_s:.3}")),
-                        seed(run.seed),
-                        seed(run.excitation_seed),
-                        format!("<td class=\"name\">{}</td>", escaped(&format!("{state}{reason}"))),
-                    ]
-                    .concat(),
-                );
+                rows.push(vec![
+                    name(&i32::to_string(&number)),
+                    format!("<td class=\"name\">{}</td>", escaped(&file.display().to_string())),
+                    cell(&short(level).to_string()),
+                    cell(&force_n.map_or(String::from("–"), |force_n| short(&force_n).to_string())),
+                    cell(&exciter.join(", ")),
+                    cell(&sensors.len().to_string()),
+                    cell(&format!("{duration_s:.3}")),
+                    seed(run.seed),
+                    seed(run.excitation_seed),
+                    format!("<td class=\"name\">{}</td>", escaped(&format!("{state}{reason}"))),
+                ]);
             }
         }
         None => {
             head = vec!["run", "recording", "force at", "responses", "length (s)", "samples", "noise seed", "averages"];
             for (run, number) in document.runs.iter().zip(1..) {
-                rows.push(
-                    [
-                        name(&i32::to_string(&number)),
-                        format!("<td class=\"name\">{}</td>", escaped(&run.recording)),
-                        cell(&run.force),
-                        cell(&run.responses.len().to_string()),
-                        cell(&format!("{:.3}", run.duration_s)),
-                        cell(&run.samples.to_string()),
-                        seed(run.seed),
-                        cell(&run.averages.to_string()),
-                    ]
-                    .concat(),
-                );
+                rows.push(vec![
+                    name(&i32::to_string(&number)),
+                    format!("<td class=\"name\">{}</td>", escaped(&run.recording)),
+                    cell(&run.force),
+                    cell(&run.responses.len().to_string()),
+                    cell(&format!("{:.3}", run.duration_s)),
+                    cell(&run.samples.to_string()),
+                    seed(run.seed),
+                    cell(&run.averages.to_string()),
+                ]);
             }
         }
     }
     let caption = "The recordings, with their seeds and lengths";
-    let mut text = format!("<h2>Recordings</h2>\n{}", table(caption, &head, &["recording", "state"], &rows));
+    let mut text = format!("<h2>Recordings</h2>\n{}", table(caption, &head, &["recording", "state"], rows));
     if let Some(plan) = document.survey.as_ref().and_then(|survey| survey.plan.as_ref()) {
-        text += &format!(
-            "<p>Survey: {}, {} to {} Hz, {} samples a second, seed {}.</p>\n",
-            plan.excitation,
-            short(&plan.from_hz),
-            short(&plan.to_hz),
-            short(&plan.rate_hz),
-            plan.seed
-        );
+        let (excitation, seed) = (&plan.excitation, plan.seed);
+        let (from, to, rate) = (short(&plan.from_hz), short(&plan.to_hz), short(&plan.rate_hz));
+        text += &format!("<p>Survey: {excitation}, {from} to {to} Hz, {rate} samples a second, seed {seed}.</p>\n");
     }
     text
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 

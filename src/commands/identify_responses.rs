@@ -5,30 +5,18 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::commands::identify::{first_and_step_hz, pair, write_uff};
+use crate::commands::identify::{Identify, first_and_step_hz, pair, write_uff};
 use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
 use crate::commands::identify_found::{Found, smooth_hz};
 use crate::commands::identify_mac::Shapes;
 use crate::failure::{Failure, Verdict};
 use crate::figures::response_curves;
-use crate::output::{self, JsonFlag};
+use crate::output;
 use resonarm::identify::{Band, FunctionOf, Quantity, modes_of_responses};
 use resonarm::modal_file::{FileResponse, ModalFile};
 use resonarm::responses::{MeasuredQuantity, MeasuredResponse, read_responses};
 use resonarm_figures::plot::beside;
 use resonarm_numeric::number::short;
-
-pub(super) struct Request<'a> {
-    pub file: &'a Path,
-    pub from_hz: Option<f64>,
-    pub to_hz: Option<f64>,
-    pub plot: Option<&'a Path>,
-    /// Shapes to compare with.
-    pub shapes: Option<Shapes>,
-    /// File of the modes and the responses.
-    pub uff: Option<&'a Path>,
-    pub json: JsonFlag,
-}
 
 #[derive(Serialize)]
 struct Document {
@@ -60,9 +48,9 @@ struct Function {
     smooth: Vec<(f64, [f64; 2])>,
 }
 
-/// Identifies the modes in a file, writes the figures and prints the tables.
-pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
-    let read = read_responses(request.file)?;
+/// Identifies the modes in a file, compares them with the shapes, if there are any, writes the figures and prints the tables.
+pub(super) fn execute(flags: &Identify, file: &Path, shapes: Option<Shapes>) -> Result<Verdict, Failure> {
+    let read = read_responses(file)?;
     let (quantity, unit) = match read.quantity {
         MeasuredQuantity::Acceleration => (Quantity::Acceleration, "m/s² per N"),
         MeasuredQuantity::Velocity => (Quantity::Velocity, "m/s per N"),
@@ -70,8 +58,8 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
     };
     let positive = read.frequency_hz.iter().copied().find(|hz| *hz > 0.0);
     let band = Band {
-        from_hz: request.from_hz.or(positive).unwrap_or(0.0),
-        to_hz: request.to_hz.or(read.frequency_hz.last().copied()).unwrap_or(0.0),
+        from_hz: flags.from_hz.or(positive).unwrap_or(0.0),
+        to_hz: flags.to_hz.or(read.frequency_hz.last().copied()).unwrap_or(0.0),
     };
     let functions: Vec<FunctionOf<'_>> = read
         .responses
@@ -97,11 +85,11 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
     let functions = read.responses.iter().enumerate().map(function).collect();
     let numbers = vec![None; found.modes.len()];
     let mut found = Found::new(found, numbers, band);
-    if let Some(shapes) = &request.shapes {
+    if let Some(shapes) = &shapes {
         found.compare(shapes)?;
     }
     let document = Document {
-        responses: request.file.display().to_string(),
+        responses: file.display().to_string(),
         others: read.others,
         positions_m: read.positions_m,
         lines: read.lines,
@@ -111,12 +99,12 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
     };
     document.found.warn_of_none();
     let drawn = || (responses_figure(&document.found, &document.curves()), document.csv());
-    let mut files = output::plot(request.plot, &document, drawn)?;
-    if let Some(stem) = request.plot {
+    let mut files = output::plot(flags.plot.as_deref(), &document, drawn)?;
+    if let Some(stem) = &flags.plot {
         files.extend(output::draw(poles_figure(&document.found, &document.curves()), &beside(stem, "-poles"))?);
         files.extend(document.found.draw_mac(stem)?);
     }
-    if let Some(path) = request.uff {
+    if let Some(path) = &flags.uff {
         let measured = |of: MeasuredResponse| FileResponse {
             response: of.response,
             force: of.force,
@@ -134,7 +122,7 @@ pub(super) fn execute(request: &Request<'_>) -> Result<Verdict, Failure> {
         };
         files.push(write_uff(path, &file)?);
     }
-    request.json.show(&document, || document.text(), &files)?;
+    flags.json.show(&document, || document.text(), &files)?;
     Ok(Verdict::of(!document.found.modes.is_empty()))
 }
 
