@@ -75,6 +75,14 @@ impl Page {
         self.body += "</table>\n";
     }
 
+    /// Adds the list of the sources that a specification names, if there are any.
+    pub fn sources(&mut self, sources: &[String]) {
+        if !sources.is_empty() {
+            self.heading("Sources of the specification");
+            sources.iter().for_each(|source| self.faint(source));
+        }
+    }
+
     pub fn figure(&mut self, figure: &Figure) -> Result<(), Failure> {
         self.body += &format!("<div class=\"figure\">\n{}</div>\n", figure.to_svg()?);
         Ok(())

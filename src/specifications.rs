@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::failure::Failure;
 use resonarm::scenario::specification;
-use resonarm::specification::{PRESETS, Preset, Specification, Test, Tolerance};
+use resonarm::specification::{PRESETS, Preset, Profile, Specification, Test, Tolerance};
 use resonarm_figures::plot::{Axis, Color, Dash, Legend, Panel, Series, Style};
 
 /// Returns the preset of this name, unless a file has the name.
@@ -20,11 +20,8 @@ pub(crate) fn read(name: &Path) -> Result<Specification, Failure> {
     }
     match specification::read(name) {
         Err(specification::SpecificationFileError::Read { source, .. }) if !is_path(name) => {
-            Err(Failure::usage(format!(
-                "{} is neither a preset nor a file ({source}): the presets are {}",
-                name.display(),
-                PRESETS.map(|preset| preset.name).join(", ")
-            )))
+            let (name, presets) = (name.display(), PRESETS.map(|preset| preset.name).join(", "));
+            Err(Failure::usage(format!("{name} is neither a preset nor a file ({source}): the presets are {presets}")))
         }
         result => Ok(result?),
     }
@@ -79,20 +76,16 @@ pub(crate) fn level_curve(test: &Test) -> Option<LevelCurve> {
         // Just below a change of the tolerance, too, so that its step is steep.
         tolerance.bands().iter().flat_map(|band| [band.from_hz * (1.0 - 1e-6), band.from_hz]).collect()
     };
-    let ratio = |db: f64, of: f64| libm::pow(10.0, db / of);
+    // A decibel is a tenth of a decade of a density, which is a power, and a twentieth of one of an acceleration.
+    let of_profile = |profile: &Profile, tolerance: &Tolerance, in_decade: f64| {
+        let points = profile.points().iter().map(|[hz, _]| *hz).chain(breaks(tolerance));
+        let all = frequencies_hz(profile.band_hz(), points);
+        let level = |hz| profile.at(hz).unwrap_or(f64::NAN);
+        Some(curve(all, &level, &|hz| tolerance.at(hz).map(|db| libm::pow(10.0, db / in_decade))))
+    };
     match test {
-        Test::Random(test) => {
-            let points = test.profile.points().iter().map(|[hz, _]| *hz).chain(breaks(&test.tolerance));
-            let all = frequencies_hz(test.profile.band_hz(), points);
-            let level = |hz| test.profile.at(hz).unwrap_or(f64::NAN);
-            Some(curve(all, &level, &|hz| test.tolerance.at(hz).map(|db| ratio(db, 10.0))))
-        }
-        Test::Srs(test) => {
-            let points = test.profile.points().iter().map(|[hz, _]| *hz).chain(breaks(&test.tolerance));
-            let all = frequencies_hz(test.profile.band_hz(), points);
-            let level = |hz| test.profile.at(hz).unwrap_or(f64::NAN);
-            Some(curve(all, &level, &|hz| test.tolerance.at(hz).map(|db| ratio(db, 20.0))))
-        }
+        Test::Random(test) => of_profile(&test.profile, &test.tolerance, 10.0),
+        Test::Srs(test) => of_profile(&test.profile, &test.tolerance, 20.0),
         Test::Sine(test) => {
             let all = frequencies_hz(test.band_hz(), test.segments.iter().map(|segment| segment.to_hz));
             let level = |hz| test.acceleration_m_s2(hz).unwrap_or(f64::NAN);
@@ -102,15 +95,30 @@ pub(crate) fn level_curve(test: &Test) -> Option<LevelCurve> {
     }
 }
 
+/// Points of a line.
+type Points = Vec<(f64, f64)>;
+
+/// Draws what is specified into a panel, with the lower and the upper limit of its tolerance.
+fn with_tolerance(panel: Panel, [low, high]: [Points; 2], specified: Points) -> Panel {
+    let dashed = Style::Line { color: Color::Vermillion, width: 1.2, dash: Dash::Dashed };
+    panel
+        .legend(Legend::Below)
+        .with(Series::line("tolerance", Color::Vermillion, low).style(dashed))
+        .with(Series::line("tolerance", Color::Vermillion, high).style(dashed).unlabelled())
+        .with(Series::line("specified", Color::Black, specified))
+}
+
 /// Draws a level with its tolerance into a panel over logarithmic axes.
 pub(crate) fn level_panel(curve: &LevelCurve, label: &str) -> Panel {
     let points = |values: &[f64]| curve.frequency_hz.iter().copied().zip(values.iter().copied()).collect();
-    let dashed = Style::Line { color: Color::Vermillion, width: 1.2, dash: Dash::Dashed };
-    Panel::new(Axis::log("frequency (Hz)"), Axis::log(label))
-        .legend(Legend::Below)
-        .with(Series::line("tolerance", Color::Vermillion, points(&curve.low)).style(dashed))
-        .with(Series::line("tolerance", Color::Vermillion, points(&curve.high)).style(dashed).unlabelled())
-        .with(Series::line("specified", Color::Black, points(&curve.level)))
+    let panel = Panel::new(Axis::log("frequency (Hz)"), Axis::log(label));
+    with_tolerance(panel, [&curve.low, &curve.high].map(|end| points(end)), points(&curve.level))
+}
+
+/// Draws the pulse of a shock with its tolerance into a panel over time.
+pub(crate) fn pulse_panel(tolerance: [Points; 2], specified: Points) -> Panel {
+    let x = Axis::linear("time from the start of the pulse (s)");
+    with_tolerance(Panel::new(x, Axis::linear("acceleration (m/s²)")), tolerance, specified)
 }
 
 /// Returns the label of a test's level with its unit.

@@ -12,8 +12,9 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::flags::read_scenario;
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
-use crate::specifications::{self, level_curve, level_label, level_panel};
+use crate::measured_points::size;
+use crate::output::{self, Inputs, PlotFlags};
+use crate::specifications::{self, LevelCurve, level_curve, level_label, level_panel, pulse_panel};
 use resonarm::analysis::{LinearResponse, Quantity};
 use resonarm::plant::TestedAssembly;
 use resonarm::protocol::scaling;
@@ -23,7 +24,7 @@ use resonarm::specification::{
     GRAVITY_M_S2, PRESETS, RandomFigures, ShockFigures, SineFigures, Specification, SrsFigures, Test,
 };
 use resonarm::structure::Dof;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
+use resonarm_figures::plot::Figure;
 use resonarm_numeric::dft::Fft;
 use resonarm_numeric::number::{rounded, short};
 
@@ -45,6 +46,10 @@ docs/specifications.md lists the keys of a specification.";
 /// more of it, or of the bus, than they can carry.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
+#[command(mut_arg(
+    "plot",
+    output::explained("Plot the levels to STEM.svg and STEM.png, with caption, CSV and JSON", "")
+))]
 pub(crate) struct Spec {
     /// Specification, a TOML file, or the name of a preset.
     file: Option<PathBuf>,
@@ -57,13 +62,8 @@ pub(crate) struct Spec {
     /// Print the specification of a preset as TOML, to start from.
     #[arg(long, help_heading = heading::OUTPUT, conflicts_with_all = ["json", "plot"])]
     toml: bool,
-    /// Plot the levels to STEM.svg and STEM.png, with caption, CSV and JSON.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// What a test asks for, in the figures of its kind.
@@ -148,7 +148,7 @@ impl Spec {
             return Err(Failure::value("--mass-kg", self.mass_kg.unwrap_or_default(), "it must be positive"));
         }
         let inputs = Inputs::of(specifications::files(name)).and(self.scenario.as_deref());
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.output.check(output::PLOTTED, &inputs)?;
         if self.toml {
             let preset = specifications::preset(name);
             let preset = preset.ok_or_else(|| Failure::usage("--toml prints presets: name one of them"))?;
@@ -159,16 +159,14 @@ impl Spec {
         let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
         let document = self.compute(&specification, scenario.as_ref())?;
         let title = specifications::title(&specification, name);
-        let drawn = || figure(&specification, &title);
-        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        self.json.show(&document, || document.text(&title), &files)?;
+        self.output.show(&document, || figure(&specification, &title), || document.text(&title))?;
         // Without a scenario the bus is only the usual one.
         Ok(Verdict::of(document.fits || self.scenario.is_none()))
     }
 
     /// Prints the presets, each with its sources.
     fn list(&self) -> Result<Verdict, Failure> {
-        if self.plot.is_some() || self.toml || self.scenario.is_some() || self.mass_kg.is_some() {
+        if self.output.plot.is_some() || self.toml || self.scenario.is_some() || self.mass_kg.is_some() {
             return Err(Failure::usage("the specification is missing: name a TOML file or a preset"));
         }
         let listed = PRESETS.iter().map(|preset| {
@@ -184,7 +182,7 @@ impl Spec {
             };
             listed.iter().map(line).collect()
         };
-        self.json.show(&listed, text, &[])
+        self.output.json.show(&listed, text, &[])
     }
 
     fn compute<'a>(
@@ -445,10 +443,6 @@ impl DrivePath {
     }
 }
 
-fn size(value: Complex<f64>) -> f64 {
-    libm::hypot(value.re, value.im)
-}
-
 /// Formats a number with four digits.
 pub(crate) fn figure_of(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -469,6 +463,10 @@ impl Document<'_> {
         text.extend(self.specification.sources.iter().map(|source| format!("  {source}\n")));
         let mut line = |name: &str, value: String| text += &format!("{name:28} {value}\n");
         let n = figure_of;
+        let peaks = |acceleration: f64, velocity: f64, displacement_m: f64| {
+            let millimetres = n(1e3 * displacement_m);
+            format!("{} m/s², {} m/s, {millimetres} mm", n(acceleration), n(velocity))
+        };
         match &self.figures {
             Figures::Random(figures) => {
                 let RandomFigures { rms_m_s2, velocity_rms_m_s, displacement_rms_m, crest, .. } = *figures;
@@ -476,11 +474,8 @@ impl Document<'_> {
                 line("rms acceleration", format!("{} m/s², {} g", n(rms_m_s2), n(rms_m_s2 / GRAVITY_M_S2)));
                 line("rms velocity", format!("{} m/s", n(velocity_rms_m_s)));
                 line("rms displacement", format!("{} mm", n(1e3 * displacement_rms_m)));
-                let peaks = [figures.peak_m_s2, figures.velocity_peak_m_s, 1e3 * figures.displacement_peak_m].map(n);
-                line(
-                    &format!("peaks of {sigma} sigma"),
-                    format!("{} m/s², {} m/s, {} mm", peaks[0], peaks[1], peaks[2]),
-                );
+                let peaks = peaks(figures.peak_m_s2, figures.velocity_peak_m_s, figures.displacement_peak_m);
+                line(&format!("peaks of {sigma} sigma"), peaks);
                 line("zero crossings", format!("{} a second", n(figures.zero_crossings_hz)));
                 if let (Some(duration_s), Some(cycles)) = (figures.duration_s, figures.cycles) {
                     line("duration", format!("{} s, {} cycles at full level", n(duration_s), n(cycles)));
@@ -494,18 +489,10 @@ impl Document<'_> {
             Figures::Sine(total) => {
                 line("duration", format!("{} s, {} cycles", n(total.duration_s), n(total.cycles)));
                 for segment in &total.segments {
-                    let SineFigures { from_hz, to_hz, peak_m_s2, velocity_peak_m_s, displacement_peak_m, .. } =
-                        *segment;
-                    let peaks = [peak_m_s2, velocity_peak_m_s, 1e3 * displacement_peak_m].map(n);
-                    let value = format!(
-                        "up to {} m/s², {} m/s, {} mm; {} s and {} cycles a sweep",
-                        peaks[0],
-                        peaks[1],
-                        peaks[2],
-                        n(segment.seconds),
-                        n(segment.cycles)
-                    );
-                    line(&format!("{} to {} Hz", n(from_hz), n(to_hz)), value);
+                    let peaks = peaks(segment.peak_m_s2, segment.velocity_peak_m_s, segment.displacement_peak_m);
+                    let [seconds, cycles] = [segment.seconds, segment.cycles].map(n);
+                    let value = format!("up to {peaks}; {seconds} s and {cycles} cycles a sweep");
+                    line(&format!("{} to {} Hz", n(segment.from_hz), n(segment.to_hz)), value);
                 }
             }
             Figures::Shock(figures) => {
@@ -561,24 +548,12 @@ fn figure(specification: &Specification, title: &str) -> (Figure, String) {
             let each = times.iter().zip(&record).filter(|(t_s, _)| within(**t_s));
             each.map(|(t_s, sample)| (*t_s, sample + shift)).collect::<Vec<_>>()
         };
-        let dashed = Style::Line { color: Color::Vermillion, width: 1.2, dash: Dash::Dashed };
         let half = test.band * test.peak_m_s2;
-        let panel =
-            Panel::new(Axis::linear("time from the start of the pulse (s)"), Axis::linear("acceleration (m/s²)"))
-                .legend(Legend::Below)
-                .with(Series::line("tolerance", Color::Vermillion, points(-half, false)).style(dashed))
-                .with(Series::line("tolerance", Color::Vermillion, points(half, false)).style(dashed).unlabelled())
-                .with(Series::line("specified", Color::Black, points(0.0, true)));
-        let columns = [(String::from("time_s"), times), (String::from("acceleration_m_s2"), record)];
-        return (figure.with(panel), table(&columns));
+        let panel = pulse_panel([-half, half].map(|shift| points(shift, false)), points(0.0, true));
+        return (figure.with(panel), table(&[("time_s", times), ("acceleration_m_s2", record)]));
     }
     let Some(curve) = level_curve(&specification.test) else { return (figure, String::new()) };
     let panel = level_panel(&curve, level_label(&specification.test));
-    let columns = [
-        (String::from("frequency_hz"), curve.frequency_hz),
-        (String::from("level"), curve.level),
-        (String::from("low"), curve.low),
-        (String::from("high"), curve.high),
-    ];
-    (figure.with(panel), table(&columns))
+    let LevelCurve { frequency_hz, level, low, high } = curve;
+    (figure.with(panel), table(&[("frequency_hz", frequency_hz), ("level", level), ("low", low), ("high", high)]))
 }

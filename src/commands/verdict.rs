@@ -2,24 +2,24 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use serde_json::{Map, json};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde_json::json;
 
 use crate::commands::plot::table;
 use crate::commands::spec::figure_of;
 use crate::commands::verdict_report;
 use crate::failure::Failure;
-use crate::flags;
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag, map};
 use crate::recordings::{self, TimeRange};
-use crate::specifications::{self, level_curve, level_label, level_panel};
+use crate::specifications::{self, level_curve, level_label, level_panel, pulse_panel};
 use resonarm::judge::{Document, Droop, Found, JudgeOptions, Judged, judge};
 use resonarm::specification::Test;
 use resonarm::specification::verdict::{
-    LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsVerdict,
+    LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsLine, SrsVerdict,
 };
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm_figures::plot::{Color, Figure, Marker, Series};
 use resonarm_numeric::number::{rounded, short};
 
 // The verdict on a record; that of a command is another type.
@@ -37,21 +37,11 @@ Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided; always 
 is judged.";
 
 /// Exit code of a verdict that the record does not decide.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum Undecided {
     Pass,
     Fail,
-}
-
-impl Undecided {
-    const ALL: [Undecided; 2] = [Undecided::Pass, Undecided::Fail];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Undecided::Pass => "pass",
-            Undecided::Fail => "fail",
-        }
-    }
 }
 
 /// Judges whether a recording meets a specification: in, out or undecided.
@@ -80,7 +70,7 @@ pub(crate) struct Verdict {
     #[command(flatten)]
     range: TimeRange,
     /// Whether a record that does not decide passes, with exit code 0, or fails, with 1. A record in which no test begins fails.
-    #[arg(long, help_heading = heading::TEST, value_name = "WHICH", value_parser = flags::one_of(Undecided::ALL, Undecided::name), default_value = "fail")]
+    #[arg(long, help_heading = heading::TEST, value_name = "WHICH", value_enum, default_value_t = Undecided::Fail)]
     undecided: Undecided,
     /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
     #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
@@ -120,11 +110,9 @@ impl Verdict {
         if is_level_missing {
             tracing::warn!("the record has no stretch within 2 dB of the specified rms: all of it is judged");
         }
-        let mut names = Map::new();
-        names.insert(String::from("specification"), json!(self.spec));
-        names.insert(String::from("recording"), json!(self.file));
-        names.insert(String::from("reference"), json!(self.reference));
-        names.insert(String::from("undecided"), json!(self.undecided.name()));
+        let names = map(json!({
+            "specification": self.spec, "recording": self.file, "reference": self.reference, "undecided": self.undecided,
+        }));
         let document = Document::new(names, &specification, &recording, &judged);
         let drawn = || self.figure(&document, &judged);
         let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
@@ -182,34 +170,26 @@ impl Verdict {
         let subtitle = format!("{}: {}", self.file.display(), document.verdict.name());
         let figure = Figure::new(title).subtitle(subtitle);
         let test = &document.specification.test;
+        let place = |hz: f64, value: f64, verdict: RecordVerdict| ((hz, value), verdict == RecordVerdict::Out);
         let (measured, is_out): (Vec<(f64, f64)>, Vec<bool>) = match document.found {
-            Found::Random(found) => found
-                .lines
-                .iter()
-                .map(|line| ((line.frequency_hz, line.density), line.verdict == RecordVerdict::Out))
-                .unzip(),
+            Found::Random(found) => {
+                found.lines.iter().map(|line| place(line.frequency_hz, line.density, line.verdict)).unzip()
+            }
             Found::Sine(found) => {
-                let points = found.points.iter();
-                points
-                    .map(|point| ((point.frequency_hz, point.tracked_m_s2), point.verdict == RecordVerdict::Out))
-                    .unzip()
+                found.points.iter().map(|point| place(point.frequency_hz, point.tracked_m_s2, point.verdict)).unzip()
             }
             Found::Srs(found) => {
-                let lines = found.shots.iter().filter(|shot| shot.is_full).flat_map(|shot| {
-                    let lines = shot.lines.iter();
-                    lines
-                        .map(|line| ((line.frequency_hz, line.response_m_s2), line.verdict == RecordVerdict::Out))
-                        .chain([GAP])
-                });
-                lines.unzip()
+                let line = |line: &SrsLine| place(line.frequency_hz, line.response_m_s2, line.verdict);
+                let full = found.shots.iter().filter(|shot| shot.is_full);
+                full.flat_map(|shot| shot.lines.iter().map(line).chain([GAP])).unzip()
             }
             Found::Shock(found) => return shock_figure(figure, test, found, judged),
             Found::NotBegun(_) => (Vec::new(), Vec::new()),
         };
         let columns = [
-            (String::from("frequency_hz"), measured.iter().map(|(hz, _)| *hz).collect::<Vec<_>>()),
-            (String::from("measured"), measured.iter().map(|(_, value)| *value).collect()),
-            (String::from("is_out"), is_out.iter().map(|is_out| f64::from(u8::from(*is_out))).collect()),
+            ("frequency_hz", measured.iter().map(|(hz, _)| *hz).collect::<Vec<_>>()),
+            ("measured", measured.iter().map(|(_, value)| *value).collect()),
+            ("is_out", is_out.iter().map(|is_out| f64::from(u8::from(*is_out))).collect()),
         ];
         let Some(curve) = level_curve(test) else { return (figure, table(&columns)) };
         let out: Vec<(f64, f64)> =
@@ -224,6 +204,10 @@ impl Verdict {
 /// Point that breaks a line.
 const GAP: ((f64, f64), bool) = ((f64::NAN, f64::NAN), false);
 
+pub(super) fn percent(share: f64) -> String {
+    format!("{} %", rounded(&(100.0 * share), 1))
+}
+
 pub(super) fn db(value: f64) -> String {
     format!("{}{} dB", if value > 0.0 { "+" } else { "" }, rounded(&value, 2))
 }
@@ -231,12 +215,8 @@ pub(super) fn db(value: f64) -> String {
 /// Returns what was measured of the level of a record, in words.
 pub(super) fn level_measured(level: &LevelVerdict) -> String {
     let asked = level.asked_s.map_or_else(String::new, |asked_s| format!(" of {} s asked for", short(&asked_s)));
-    format!(
-        "{} s at full level{asked}; highest rms over 2 s {}, from {} s on",
-        rounded(&level.full_s, 1),
-        db(level.highest_db),
-        rounded(&level.highest_s, 1)
-    )
+    let (full_s, highest, from_s) = (rounded(&level.full_s, 1), db(level.highest_db), rounded(&level.highest_s, 1));
+    format!("{full_s} s at full level{asked}; highest rms over 2 s {highest}, from {from_s} s on")
 }
 
 /// Says why no test begins in a record; `None` if one does.
@@ -325,12 +305,12 @@ fn limits_text(limits: &[LimitVerdict]) -> String {
 }
 
 fn sine_text(found: &SineVerdict) -> String {
-    let percent = |ratio: f64| format!("{:+.1} %", 100.0 * (ratio - 1.0));
-    let [inside, undecided, out] = found.shares.map(|share| rounded(&(100.0 * share), 1).to_string());
-    let [low, high] = found.extremes.map(percent);
+    let beyond = |ratio: f64| format!("{:+.1} %", 100.0 * (ratio - 1.0));
+    let [inside, undecided, out] = found.shares.map(percent);
+    let [low, high] = found.extremes.map(beyond);
     let [low_hz, high_hz] = found.extremes_hz.map(figure_of);
     let mut text = format!(
-        "amplitude: {}; in for {inside} % of the time, undecided for {undecided} %, out for {out} %\n  lowest {low} at {low_hz} Hz, \
+        "amplitude: {}; in for {inside} of the time, undecided for {undecided}, out for {out}\n  lowest {low} at {low_hz} Hz, \
          highest {high} at {high_hz} Hz\n",
         found.amplitude.name()
     );
@@ -344,20 +324,15 @@ fn sine_text(found: &SineVerdict) -> String {
         let mut ratios: Vec<f64> = found.points.iter().map(|point| reading(point) / point.demand_m_s2).collect();
         ratios.sort_by(f64::total_cmp);
         if let (Some(low), Some(median), Some(high)) = (ratios.first(), ratios.get(ratios.len() / 2), ratios.last()) {
-            text += &format!("  {name}: {} to {}, median {}\n", percent(*low), percent(*high), percent(*median));
+            text += &format!("  {name}: {} to {}, median {}\n", beyond(*low), beyond(*high), beyond(*median));
         }
     }
     text += &format!("whole sweeps: {} of {}\n", found.whole, found.asked);
     for pass in &found.passes {
-        let still =
-            pass.still.map_or(String::new(), |still| format!(", still for {} % of it", rounded(&(100.0 * still), 1)));
-        text += &format!(
-            "sweep from {} to {} Hz: rate {}, departure at most {} octaves{still}\n",
-            figure_of(pass.from_hz),
-            figure_of(pass.to_hz),
-            figure_of(pass.rate),
-            rounded(&pass.departure_octaves, 3)
-        );
+        let still = pass.still.map_or(String::new(), |still| format!(", still for {} of it", percent(still)));
+        let [from, to, rate] = [pass.from_hz, pass.to_hz, pass.rate].map(figure_of);
+        let octaves = rounded(&pass.departure_octaves, 3);
+        text += &format!("sweep from {from} to {to} Hz: rate {rate}, departure at most {octaves} octaves{still}\n");
     }
     if let Some(rate) = found.rate {
         text += &format!("rate: {}\n", rate.name());
@@ -369,7 +344,6 @@ fn sine_text(found: &SineVerdict) -> String {
 }
 
 fn shock_text(found: &ShockVerdict) -> String {
-    let percent = |part: f64| format!("{} %", rounded(&(100.0 * part), 1));
     let mut text = format!("shots at full level: {} of {}\n", found.full, found.asked);
     for shot in &found.shots {
         let level = 20.0 * libm::log10(shot.amplitude);
@@ -378,12 +352,8 @@ fn shock_text(found: &ShockVerdict) -> String {
             text += "below full level\n";
             continue;
         }
-        text += &format!(
-            "{}; error {} of the peak, velocity change {:+.1} %",
-            shot.verdict.name(),
-            percent(shot.error),
-            100.0 * shot.velocity_change
-        );
+        let (verdict, error, change) = (shot.verdict.name(), percent(shot.error), 100.0 * shot.velocity_change);
+        text += &format!("{verdict}; error {error} of the peak, velocity change {change:+.1} %");
         if let Some(end) = shot.end_velocity {
             text += &format!(", end velocity {} of it", percent(end));
         }
@@ -401,10 +371,10 @@ fn shock_text(found: &ShockVerdict) -> String {
 fn srs_text(found: &SrsVerdict) -> String {
     let mut text = format!("shots at full level: {} of {}\n", found.full, found.asked);
     for shot in &found.shots {
-        let [inside, undecided, out] = shot.shares.map(|share| rounded(&(100.0 * share), 1).to_string());
+        let [inside, undecided, out] = shot.shares.map(percent);
         let verdict = if shot.is_full { shot.verdict.name() } else { "below full level" };
         text += &format!(
-            "at {} s, {}: {verdict}; {inside} % of the lines in, {undecided} % undecided, {out} % out; peak {} m/s²\n",
+            "at {} s, {}: {verdict}; {inside} of the lines in, {undecided} undecided, {out} out; peak {} m/s²\n",
             rounded(&shot.t_s, 4),
             db(shot.level_db),
             figure_of(shot.peak_m_s2)
@@ -436,12 +406,7 @@ fn shock_figure(figure: Figure, test: &Test, found: &ShockVerdict, judged: &Judg
         (0..=500).map(|k| (at(k), test.acceleration_m_s2(at(k)) + shift)).collect()
     };
     let half = test.band * test.peak_m_s2;
-    let dashed = Style::Line { color: Color::Vermillion, width: 1.2, dash: Dash::Dashed };
-    let panel = Panel::new(Axis::linear("time from the start of the pulse (s)"), Axis::linear("acceleration (m/s²)"))
-        .legend(Legend::Below)
-        .with(Series::line("tolerance", Color::Vermillion, pulse(-half)).style(dashed))
-        .with(Series::line("tolerance", Color::Vermillion, pulse(half)).style(dashed).unlabelled())
-        .with(Series::line("specified", Color::Black, pulse(0.0)))
-        .with_any(Series::line("measured", Color::Blue, shots));
-    (figure.with(panel), table(&columns.map(|(name, values)| (name.to_owned(), values))))
+    let panel =
+        pulse_panel([-half, half].map(pulse), pulse(0.0)).with_any(Series::line("measured", Color::Blue, shots));
+    (figure.with(panel), table(&columns))
 }

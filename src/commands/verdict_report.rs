@@ -1,7 +1,7 @@
 //! The parts of a verdict, for JUnit XML and for the report as HTML.
 
 use crate::commands::spec::figure_of;
-use crate::commands::verdict::{Undecided, begins_text, db, level_measured, not_begun};
+use crate::commands::verdict::{Undecided, begins_text, db, level_measured, not_begun, percent};
 use crate::failure::Failure;
 use crate::junit::{self, Outcome};
 use crate::page::{Page, Tone};
@@ -29,10 +29,6 @@ fn limits(limits: &[LimitVerdict]) -> impl Iterator<Item = Part> {
         let measured = format!("largest {} at {} Hz", db(limit.largest_db), rounded(&limit.largest_hz, 3));
         Part::new(format!("limit of {}", limit.channel), limit.verdict, measured)
     })
-}
-
-fn percent(share: f64) -> String {
-    format!("{} %", rounded(&(100.0 * share), 1))
 }
 
 /// Returns the part about the number of shots at full level.
@@ -170,10 +166,6 @@ pub(super) fn report(document: &Document<'_>, title: &str, judged: &str, figure:
         "In and out are proven with the confidence of the record; what it does not decide is undecided. \
          docs/specifications.md describes how.",
     );
-    let sources = &document.specification.sources;
-    if !sources.is_empty() {
-        page.heading("Sources of the specification");
-        sources.iter().for_each(|source| page.faint(source));
-    }
+    page.sources(&document.specification.sources);
     Ok(page.document())
 }

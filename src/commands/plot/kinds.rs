@@ -1,9 +1,11 @@
 //! Signals over time, spectra, responses and distributions.
 
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::Shown;
 use crate::figures::response_curves::broken_at_wraps;
+use crate::output::map;
 use resonarm::modal::spectra::{CrossSpectra, Estimator, Segments, ShockResponse, Signals as Measured, SpectraError};
 use resonarm::rig::Converter;
 use resonarm::signals::Signals;
@@ -20,22 +22,21 @@ const CONFIDENCE: f64 = 0.95;
 /// Oscillators of a shock response spectrum in an octave.
 const IN_OCTAVE: usize = 12;
 
+/// A map in a figure has at most so many tiles along each axis; several lines or segments share one, which shows the largest.
+const MOST_TILES: [usize; 2] = [120, 150];
+/// Colours, each for so many decibels below the largest density.
+const LEVELS: u8 = 10;
+const DECIBELS: f64 = 6.0;
+
 /// Returns a label with its unit.
 fn label(channel: &Channel) -> String {
     format!("{} ({})", channel.name, channel.quantity.unit())
 }
 
 /// Returns the unit of a density.
-pub(super) fn density_unit(channel: &Channel) -> String {
+fn density_unit(channel: &Channel) -> String {
     let unit = channel.quantity.unit();
     if unit.contains('/') { format!("({unit})²/Hz") } else { format!("{unit}²/Hz") }
-}
-
-fn map(value: Value) -> Map<String, Value> {
-    match value {
-        Value::Object(map) => map,
-        _ => Map::new(),
-    }
 }
 
 /// Returns the points of a line, at most [`MOST_POINTS`]: of longer stretches the lowest and the highest value.
@@ -60,9 +61,11 @@ fn positive(x: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
 }
 
 /// Mean, root mean square, standard deviation, crest factor, skewness and kurtosis of values.
+#[derive(Serialize)]
 struct Statistics {
     mean: f64,
     rms: f64,
+    #[serde(rename = "standard_deviation")]
     deviation: f64,
     largest: f64,
     skewness: f64,
@@ -86,17 +89,6 @@ impl Statistics {
         }
     }
 
-    fn document(&self) -> Map<String, Value> {
-        map(json!({
-            "mean": self.mean,
-            "rms": self.rms,
-            "standard_deviation": self.deviation,
-            "largest": self.largest,
-            "skewness": self.skewness,
-            "kurtosis": self.kurtosis,
-        }))
-    }
-
     fn text(&self, channel: &Channel) -> String {
         let [mean, rms, largest] = [self.mean, self.rms, self.largest].map(|value| rounded(&value, 5));
         let unit = channel.quantity.unit();
@@ -111,7 +103,7 @@ pub(super) fn time(signals: &Signals) -> Shown {
     let mut shown = Shown::new(map(json!({ "time_s": &times })), ("time_s", times));
     for (channel, values) in signals.channels.iter().zip(&signals.values) {
         let statistics = Statistics::new(values);
-        let mut numbers = statistics.document();
+        let mut numbers = map(json!(statistics));
         numbers.insert(String::from("values"), json!(values));
         let panel = Panel::new(Axis::linear("time (s)"), Axis::linear(label(channel)));
         let line = Series::line(channel.name.as_str(), Color::Blue, line(at, values)).unlabelled();
@@ -163,7 +155,7 @@ pub(super) fn histogram(signals: &Signals) -> Shown {
         let panel = Panel::new(Axis::linear(label(channel)), Axis::linear("probability density"))
             .with(Series::line("measured", Color::Blue, steps.collect()))
             .with(Series::line("normal distribution", Color::Vermillion, curve));
-        let mut numbers = statistics.document();
+        let mut numbers = map(json!(statistics));
         numbers.extend(map(json!({ "edges": &edges, "density": &density })));
         let (skewness, kurtosis) = (rounded(&statistics.skewness, 4), rounded(&statistics.kurtosis, 4));
         let text = format!("{}  skewness {skewness}, kurtosis {kurtosis}\n", statistics.text(channel));
@@ -176,11 +168,11 @@ pub(super) fn histogram(signals: &Signals) -> Shown {
     shown
 }
 
-/// Describes the averages of spectra.
-fn averaged(spectra: &CrossSpectra, segments: &Segments, rate_hz: f64) -> (Map<String, Value>, String) {
+/// Begins the results of averaged spectra: their lines, and how many averages they have.
+fn averaged(spectra: &CrossSpectra, segments: &Segments, rate_hz: f64) -> Shown {
     let [low, high] = spectra.confidence_factors(CONFIDENCE);
     let length_s = segments.length as f64 / rate_hz;
-    let document = map(json!({
+    let common = map(json!({
         "frequency_hz": spectra.frequency_hz,
         "segment_s": length_s,
         "averages": spectra.averages,
@@ -199,11 +191,11 @@ fn averaged(spectra: &CrossSpectra, segments: &Segments, rate_hz: f64) -> (Map<S
         rounded(&low, 3),
         rounded(&high, 3)
     );
-    (document, text)
+    Shown { text, ..Shown::new(common, ("frequency_hz", spectra.frequency_hz.clone())) }
 }
 
 /// Names the converters whose droop is taken out of densities, as JSON; states have none.
-pub(super) fn converter(signals: &Signals) -> Map<String, Value> {
+fn converter(signals: &Signals) -> Map<String, Value> {
     map(json!({ "converter": signals.converter.map(Converter::name) }))
 }
 
@@ -213,10 +205,8 @@ pub(super) fn psd(signals: &Signals, segments: &Segments) -> Result<Shown, Spect
     let record = Measured { inputs: &[], outputs: &values };
     let mut spectra = CrossSpectra::estimate(signals.rate_hz, &[record], segments)?;
     spectra.outputs.iter_mut().for_each(|density| signals.correct_droop(&spectra.frequency_hz, density));
-    let (mut common, text) = averaged(&spectra, segments, signals.rate_hz);
-    common.extend(converter(signals));
-    let mut shown = Shown::new(common, ("frequency_hz", spectra.frequency_hz.clone()));
-    shown.text = text;
+    let mut shown = averaged(&spectra, segments, signals.rate_hz);
+    shown.common.extend(converter(signals));
     let spacing_hz = signals.rate_hz / segments.length as f64;
     for (channel, density) in signals.channels.iter().zip(&spectra.outputs) {
         let unit = density_unit(channel);
@@ -243,9 +233,7 @@ pub(super) fn psd(signals: &Signals, segments: &Segments) -> Result<Shown, Spect
 pub(super) fn frf(signals: &Signals, segments: &Segments) -> Result<Shown, SpectraError> {
     let spectra = responses_spectra(signals, segments)?;
     let found = spectra.responses(Estimator::H1)?;
-    let (common, text) = averaged(&spectra, segments, signals.rate_hz);
-    let mut shown = Shown::new(common, ("frequency_hz", spectra.frequency_hz.clone()));
-    shown.text = text;
+    let mut shown = averaged(&spectra, segments, signals.rate_hz);
     let reference = &signals.channels[0];
     // Without a relation the coherence is above this in 5 % of the lines: 1 − 0.05^(1/(n − 1)), n = ν/2 (Bendat, Piersol).
     let noise = 1.0 - libm::pow(0.05, 1.0 / (0.5 * spectra.degrees_of_freedom - 1.0).max(1.0));
@@ -282,9 +270,7 @@ pub(super) fn frf(signals: &Signals, segments: &Segments) -> Result<Shown, Spect
 /// The coherence of channels with the first.
 pub(super) fn coherence(signals: &Signals, segments: &Segments) -> Result<Shown, SpectraError> {
     let spectra = responses_spectra(signals, segments)?;
-    let (common, text) = averaged(&spectra, segments, signals.rate_hz);
-    let mut shown = Shown::new(common, ("frequency_hz", spectra.frequency_hz.clone()));
-    shown.text = text;
+    let mut shown = averaged(&spectra, segments, signals.rate_hz);
     for (output, channel) in signals.channels.iter().skip(1).enumerate() {
         let coherence = spectra.coherence(0, output).unwrap_or_default();
         let points = spectra.frequency_hz.iter().copied().zip(coherence.iter().copied()).collect();
@@ -343,4 +329,66 @@ pub(super) fn srs(signals: &Signals, quality: f64) -> Result<Shown, SpectraError
         shown.push(numbers, columns, [panel], &text);
     }
     Ok(shown)
+}
+
+/// Densities of single segments over time and frequency, without the droop of the converters.
+pub(super) fn spectrogram(signals: &Signals, segments: &Segments) -> Result<Shown, SpectraError> {
+    let step = segments.length - segments.overlap;
+    let starts: Vec<usize> = (0..=signals.count() - segments.length).step_by(step).collect();
+    let middle_s = |start: &usize| signals.start_s + (*start as f64 + 0.5 * segments.length as f64) / signals.rate_hz;
+    let times: Vec<f64> = starts.iter().map(middle_s).collect();
+    let mut shown = Shown::default();
+    let mut frequency_hz = Vec::new();
+    for (channel, values) in signals.channels.iter().zip(&signals.values) {
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        for start in &starts {
+            let part = &values[*start..start + segments.length];
+            let record = Measured { inputs: &[], outputs: &[part] };
+            let mut spectra = CrossSpectra::estimate(signals.rate_hz, &[record], segments)?;
+            spectra.outputs.iter_mut().for_each(|density| signals.correct_droop(&spectra.frequency_hz, density));
+            rows.append(&mut spectra.outputs);
+            frequency_hz = spectra.frequency_hz;
+        }
+        let columns = rows.iter().zip(&times).map(|(row, time)| (format!("{}_at_{time}_s", channel.name), row.clone()));
+        let panel = map_panel(channel, &rows, &times, &frequency_hz);
+        shown.push(map(json!({ "psd": rows })), columns.collect(), [panel], "");
+    }
+    shown.columns.insert(0, (String::from("frequency_hz"), frequency_hz.clone()));
+    shown.text = format!("{} segments of {} s\n", starts.len(), segments.length as f64 / signals.rate_hz);
+    shown.common = map(json!({ "time_s": times, "frequency_hz": frequency_hz }));
+    shown.common.extend(converter(signals));
+    Ok(shown)
+}
+
+/// Draws densities as tiles, coloured by their size.
+fn map_panel(channel: &Channel, rows: &[Vec<f64>], times: &[f64], frequency_hz: &[f64]) -> Panel {
+    let [along_time, along_frequency] =
+        [rows.len().div_ceil(MOST_TILES[0]), frequency_hz.len().div_ceil(MOST_TILES[1])];
+    let largest = rows.iter().flatten().copied().fold(0.0, f64::max);
+    let title = format!("{}, 0 dB: {} {}", channel.name, rounded(&largest, 3), density_unit(channel));
+    let mut levels: Vec<Vec<(f64, f64)>> = vec![Vec::new(); usize::from(LEVELS)];
+    for (part, times) in rows.chunks(along_time).zip(times.chunks(along_time)) {
+        for start in (0..frequency_hz.len()).step_by(along_frequency) {
+            let lines = start..(start + along_frequency).min(frequency_hz.len());
+            let density = part.iter().flat_map(|row| &row[lines.clone()]).copied().fold(0.0, f64::max);
+            let below_db = -10.0 * libm::log10(density / largest);
+            let level = usize::from(LEVELS - 1).saturating_sub((below_db / DECIBELS) as usize);
+            let middle = |of: &[f64]| 0.5 * (of[0] + of[of.len() - 1]);
+            levels[level].push((middle(times), middle(&frequency_hz[lines])));
+        }
+    }
+    let spacing = |of: &[f64], together: usize| if of.len() > 1 { (of[1] - of[0]) * together as f64 } else { 1.0 };
+    let size = [spacing(times, along_time), spacing(frequency_hz, along_frequency)];
+    let mut panel =
+        Panel::new(Axis::linear("time (s)"), Axis::linear("frequency (Hz)")).title(title).legend(Legend::Below);
+    for (level, points) in (0..LEVELS).zip(levels).rev() {
+        let below = f64::from(LEVELS - 1 - level) * DECIBELS;
+        let label = match level {
+            0 => format!("below −{below} dB"),
+            level if level == LEVELS - 1 => format!("0 to −{DECIBELS} dB"),
+            _ => format!("−{below} to −{} dB", below + DECIBELS),
+        };
+        panel = panel.with_any(Series::tiles(label, Color::Level(level), size, points));
+    }
+    panel
 }

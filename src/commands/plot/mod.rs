@@ -1,18 +1,17 @@
 //! `resonarm plot`: channels of a recording over time, their spectra and statistics.
 
 mod kinds;
-mod maps;
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::failure::{Failure, Verdict};
 use crate::flags;
 use crate::help::heading;
-use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, PlotFlags, map};
 use crate::recordings::{self, TimeRange};
 use resonarm::modal::spectra::{Detrend, Segments, Window};
 use resonarm::signals::Signals;
@@ -32,7 +31,7 @@ are one-sided, in unit²/Hz. psd and spectrogram correct readings for the droop 
 srs is the largest absolute acceleration of oscillators on a base with the acceleration of the channel (Smallwood 1981).";
 
 /// The kinds of figures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Kind {
     Time,
     Psd,
@@ -45,20 +44,9 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    const ALL: [Kind; 8] =
-        [Kind::Time, Kind::Psd, Kind::Spectrogram, Kind::Frf, Kind::Coherence, Kind::Xy, Kind::Histogram, Kind::Srs];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Kind::Time => "time",
-            Kind::Psd => "psd",
-            Kind::Spectrogram => "spectrogram",
-            Kind::Frf => "frf",
-            Kind::Coherence => "coherence",
-            Kind::Xy => "xy",
-            Kind::Histogram => "histogram",
-            Kind::Srs => "srs",
-        }
+    /// Returns the name by which the user chooses the kind.
+    fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
     const fn title(self) -> &'static str {
@@ -89,7 +77,7 @@ pub(crate) struct Plot {
     /// Recording, an MCAP file.
     file: PathBuf,
     /// What is shown of the channels.
-    #[arg(long, help_heading = heading::RECORDS, value_name = "KIND", value_parser = flags::one_of(Kind::ALL, Kind::name))]
+    #[arg(long, help_heading = heading::RECORDS, value_name = "KIND", value_enum)]
     of: Kind,
     /// Channels, or vectors of them, as acceleration_b_m_s2.
     #[arg(long, help_heading = heading::RECORDS, value_name = "NAMES", value_delimiter = ',')]
@@ -122,13 +110,8 @@ pub(crate) struct Plot {
     /// Quality Q = 1/2ζ of the oscillators of srs, above 0.5.
     #[arg(long, help_heading = heading::COMPUTATION, value_name = "Q", default_value_t = 10.0)]
     quality: f64,
-    /// Plot to STEM.svg and STEM.png, with caption, CSV and JSON.
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "STEM")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: OverwriteFlag,
-    #[command(flatten)]
-    json: JsonFlag,
+    output: PlotFlags,
 }
 
 /// The results of a kind.
@@ -176,8 +159,7 @@ struct Document {
 
 impl Plot {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of([&self.file]);
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.output.check(output::PLOTTED, &Inputs::of([&self.file]))?;
         let recording = recordings::open(&self.file)?;
         let names: Vec<&String> = self.reference.iter().chain(&self.channels).collect();
         let TimeRange { from_s, to_s } = self.range;
@@ -192,9 +174,9 @@ impl Plot {
         let mut channels = Map::new();
         let of = signals.channels.iter().zip(&signals.clipped).skip(first);
         for ((channel, clipped), numbers) in of.zip(shown.channels) {
-            let mut own = json!({ "unit": channel.quantity.unit(), "clipped": clipped });
-            own.as_object_mut().into_iter().for_each(|own| own.extend(numbers.clone()));
-            channels.insert(channel.name.to_string(), own);
+            let mut own = map(json!({ "unit": channel.quantity.unit(), "clipped": clipped }));
+            own.extend(numbers);
+            channels.insert(channel.name.to_string(), Value::Object(own));
         }
         let document = Document { configuration: self.configuration(&signals), common: shown.common, channels };
         let (mut panels, columns) = (shown.panels, shown.columns);
@@ -203,8 +185,7 @@ impl Plot {
             let figure = Figure::new(self.of.title()).subtitle(self.file.display().to_string());
             (panels.into_iter().fold(figure, Figure::with), table(&columns))
         };
-        let files = output::plot(self.plot.as_deref(), &document, figure)?;
-        self.json.show(&document, || shown.text, &files)?;
+        self.output.show(&document, figure, || shown.text)?;
         Ok(recordings::verdict(&recording))
     }
 
@@ -235,7 +216,7 @@ impl Plot {
         if shown == 0 {
             return Err(Failure::usage("--channels names no channel beside the reference: name at least one"));
         }
-        if shown > MOST_CHANNELS && self.plot.is_some() {
+        if shown > MOST_CHANNELS && self.output.plot.is_some() {
             return Err(Failure::usage(format!(
                 "{shown} channels are too many for a figure: choose up to {MOST_CHANNELS}, or leave --plot out"
             )));
@@ -293,20 +274,17 @@ impl Plot {
     }
 
     fn shown(&self, signals: &Signals) -> Result<Shown, Failure> {
-        match self.of {
+        let shown = match self.of {
             Kind::Time => Ok(kinds::time(signals)),
-            Kind::Psd => kinds::psd(signals, &self.segments(signals)?).map_err(|error| self.refused(&error)),
-            Kind::Spectrogram => {
-                maps::spectrogram(signals, &self.segments(signals)?).map_err(|error| self.refused(&error))
-            }
-            Kind::Frf => kinds::frf(signals, &self.segments(signals)?).map_err(|error| self.refused(&error)),
-            Kind::Coherence => {
-                kinds::coherence(signals, &self.segments(signals)?).map_err(|error| self.refused(&error))
-            }
+            Kind::Psd => kinds::psd(signals, &self.segments(signals)?),
+            Kind::Spectrogram => kinds::spectrogram(signals, &self.segments(signals)?),
+            Kind::Frf => kinds::frf(signals, &self.segments(signals)?),
+            Kind::Coherence => kinds::coherence(signals, &self.segments(signals)?),
             Kind::Xy => Ok(kinds::xy(signals)),
             Kind::Histogram => Ok(kinds::histogram(signals)),
-            Kind::Srs => kinds::srs(signals, self.quality).map_err(|error| self.refused(&error)),
-        }
+            Kind::Srs => kinds::srs(signals, self.quality),
+        };
+        shown.map_err(|error| self.refused(&error))
     }
 
     fn configuration(&self, signals: &Signals) -> Value {
@@ -325,13 +303,12 @@ impl Plot {
 }
 
 /// Returns comma-separated values (RFC 4180); columns that end early have empty cells.
-pub(crate) fn table(columns: &[(String, Vec<f64>)]) -> String {
-    let mut text = columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",");
+pub(crate) fn table<N: AsRef<str>>(columns: &[(N, Vec<f64>)]) -> String {
+    let mut text = columns.iter().map(|(name, _)| name.as_ref()).collect::<Vec<_>>().join(",");
     text.push('\n');
     for row in 0..columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0) {
-        let cell = |(_, values): &(String, Vec<f64>)| {
-            values.get(row).map_or_else(String::new, |value| short(value).to_string())
-        };
+        let cell =
+            |(_, values): &(N, Vec<f64>)| values.get(row).map_or_else(String::new, |value| short(value).to_string());
         text += &columns.iter().map(cell).collect::<Vec<_>>().join(",");
         text.push('\n');
     }
