@@ -97,12 +97,10 @@ impl UnderTest {
 
     /// Says why the controller hears no operator; `None` if it does.
     fn why_deaf(&self) -> Option<&'static str> {
-        let is_test_law =
-            |law: &Value| ["random", "swept-sine", "shock"].iter().any(|known| law.as_str() == Some(known));
         match self {
             UnderTest::Scenario { table, .. } => {
-                let law = table.get("control").and_then(|control| control.get("law"));
-                let hears = law.is_some_and(is_test_law);
+                let law = table.get("control").and_then(|control| control.get("law")).and_then(Value::as_str);
+                let hears = matches!(law, Some("random" | "swept-sine" | "shock"));
                 (!hears).then_some("the controller hears no operator: only the laws random, swept-sine and shock do")
             }
             UnderTest::Command { operator, .. } => operator
@@ -192,11 +190,11 @@ impl AuditBench {
     /// Runs the controller on the plant with a stimulus, which acts from a sample of the base run on.
     pub fn run(&self, id: &str, stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) -> Result<Run, Failure> {
         let folder = self.out.join(id);
-        fs::create_dir_all(&folder).map_err(|source| Failure::Write { path: folder.clone(), source })?;
-        let folder = folder.canonicalize().map_err(|source| Failure::Write { path: folder.clone(), source })?;
+        fs::create_dir_all(&folder).map_err(Failure::write(&folder))?;
+        let folder = folder.canonicalize().map_err(Failure::write(&folder))?;
         let [spec, recording, printed, said] = FILES.map(|file| folder.join(file));
         let table = self.limited(stimulus, base);
-        fs::write(&spec, table.to_string()).map_err(|source| Failure::Write { path: spec.clone(), source })?;
+        fs::write(&spec, table.to_string()).map_err(Failure::write(&spec))?;
         let specification = files::read(&spec)?;
         let mut scenario = self.scenario.clone();
         scenario.simulation.duration_s = Some(match base {
@@ -271,7 +269,7 @@ impl AuditBench {
         let Value::Table(limits) = limits else { return table };
         match stimulus {
             Stimulus::DriveLimit(part) => {
-                limits.insert(String::from("drive_peak_n"), Value::Float(part * base.peak_n));
+                limits.insert(String::from("drive_peak_n"), Value::from(part * base.peak_n));
             }
             Stimulus::ResponseLimit(below_db) => {
                 let response = base.record.responses.first();
@@ -279,11 +277,9 @@ impl AuditBench {
                 let limit =
                     response.zip(test).and_then(|(response, test)| base.response_limit(&test, response, below_db));
                 if let Some(points) = limit {
-                    let point = |[hz, level]: [f64; 2]| Value::Array(vec![Value::Float(hz), Value::Float(level)]);
-                    let mut limit = Table::new();
-                    limit.insert(String::from("channel"), Value::String(self.response.clone()));
-                    limit.insert(String::from("breakpoints"), Value::Array(points.map(point).to_vec()));
-                    limits.insert(String::from("response"), Value::Array(vec![Value::Table(limit)]));
+                    let points = Value::from(points.map(|point| point.to_vec()).to_vec());
+                    let limit = table_of([("channel", Value::from(&*self.response)), ("breakpoints", points)]);
+                    limits.insert(String::from("response"), Value::from(vec![limit]));
                 }
             }
             _ => {}
@@ -468,6 +464,10 @@ fn duration_s(stimulus: Stimulus, base: &Base<'_>, at: usize) -> f64 {
     }
 }
 
+fn table_of<const N: usize>(entries: [(&str, Value); N]) -> Table {
+    entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
 fn parsed(text: &str, path: &Path) -> Result<Table, Failure> {
     text.parse().map_err(|error: toml::de::Error| Failure::usage(format!("{}: {error}", path.display())))
 }
@@ -490,11 +490,10 @@ fn table(name: &Path, test: &Test) -> Result<Table, Failure> {
     }
     if matches!(test, Test::Random(_)) {
         let schedule = table.entry("schedule").or_insert_with(|| {
-            let floats = |values: [f64; 4]| Value::Array(values.map(Value::Float).to_vec());
-            let mut schedule = Table::new();
-            schedule.insert(String::from("levels_db"), floats([-12.0, -6.0, -3.0, 0.0]));
-            schedule.insert(String::from("seconds"), floats([10.0, 10.0, 10.0, FULL_LEVEL_S]));
-            Value::Table(schedule)
+            let floats = |values: [f64; 4]| Value::from(values.to_vec());
+            let levels_db = floats([-12.0, -6.0, -3.0, 0.0]);
+            let seconds = floats([10.0, 10.0, 10.0, FULL_LEVEL_S]);
+            Value::from(table_of([("levels_db", levels_db), ("seconds", seconds)]))
         });
         if let Some(last) = schedule.get_mut("seconds").and_then(Value::as_array_mut).and_then(|all| all.last_mut()) {
             *last = Value::Float(FULL_LEVEL_S);
@@ -524,13 +523,11 @@ fn controller_of_run(
 ) -> Result<Scenario, Failure> {
     let mut table = table.clone();
     if let (Some((word, at_s)), Some(Value::Table(control))) = (word, table.get_mut("control")) {
-        let mut said = Table::new();
-        said.insert(String::from("word"), Value::String(word.name().to_owned()));
-        said.insert(String::from("at_s"), Value::Float(at_s));
+        let mut said = table_of([("word", Value::from(word.name())), ("at_s", Value::from(at_s))]);
         if let Word::Level(level_db) = word {
-            said.insert(String::from("level_db"), Value::Float(level_db));
+            said.insert(String::from("level_db"), Value::from(level_db));
         }
-        control.insert(String::from("operator"), Value::Array(vec![Value::Table(said)]));
+        control.insert(String::from("operator"), Value::from(vec![said]));
     }
     if let Some(Value::String(own)) = table.get_mut("control").and_then(|control| control.get_mut("specification")) {
         *own = spec.display().to_string();
@@ -584,40 +581,24 @@ impl Speech {
     /// Starts the command with the first call, and says whether it has ended.
     fn is_over(&self) -> bool {
         let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
-        let command = || self.words.join(" ");
-        match &mut *said {
-            Said::NotYet => {
-                *said = match Started::new(&self.words, &self.log) {
-                    Ok(started) => Said::Runs(started, SystemClock.now_ns() + SPEECH_NS),
-                    Err(failure) => Said::Over(Some(failure)),
-                };
-            }
-            Said::Runs(started, until_ns) => match started.0.try_wait() {
-                Ok(Some(status)) if status.success() => *said = Said::Over(None),
-                Ok(Some(status)) => {
-                    let text = format!(
-                        "the operator's command {:?} ended with {status}; see {}",
-                        command(),
-                        self.log.display()
-                    );
-                    *said = Said::Over(Some(Failure::usage(text)));
-                }
-                Ok(None) if SystemClock.now_ns() < *until_ns => {}
-                Ok(None) => {
-                    let text = format!(
-                        "the operator's command {:?} has not ended after {} s",
-                        command(),
-                        SPEECH_NS / 1_000_000_000
-                    );
-                    *said = Said::Over(Some(Failure::usage(text)));
-                }
-                Err(error) => {
-                    *said =
-                        Said::Over(Some(Failure::usage(format!("the operator's command {:?}: {error}", command()))));
-                }
+        let problem = |what: String| {
+            Said::Over(Some(Failure::usage(format!("the operator's command {:?}{what}", self.words.join(" ")))))
+        };
+        let next = match &mut *said {
+            Said::NotYet => match Started::new(&self.words, &self.log) {
+                Ok(started) => Said::Runs(started, SystemClock.now_ns() + SPEECH_NS),
+                Err(failure) => Said::Over(Some(failure)),
             },
-            Said::Over(_) => {}
-        }
+            Said::Runs(started, until_ns) => match started.0.try_wait() {
+                Ok(Some(status)) if status.success() => Said::Over(None),
+                Ok(Some(status)) => problem(format!(" ended with {status}; see {}", self.log.display())),
+                Ok(None) if SystemClock.now_ns() < *until_ns => return false,
+                Ok(None) => problem(format!(" has not ended after {} s", SPEECH_NS / 1_000_000_000)),
+                Err(error) => problem(format!(": {error}")),
+            },
+            Said::Over(_) => return true,
+        };
+        *said = next;
         matches!(*said, Said::Over(_))
     }
 
@@ -639,9 +620,8 @@ impl Started {
         let Some((program, arguments)) = words.split_first() else {
             return Err(Failure::usage("the command is empty"));
         };
-        let failed = |source| Failure::Write { path: log.to_path_buf(), source };
-        let output = fs::File::create(log).map_err(failed)?;
-        let errors = output.try_clone().map_err(failed)?;
+        let output = fs::File::create(log).map_err(Failure::write(log))?;
+        let errors = output.try_clone().map_err(Failure::write(log))?;
         let started = Command::new(program).args(arguments).stdin(Stdio::null()).stdout(output).stderr(errors).spawn();
         started.map(Started).map_err(|source| Failure::usage(format!("can't start {program}: {source}")))
     }

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::commands::conformance::chosen;
 use crate::failure::{Failure, Verdict};
 use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag};
@@ -16,7 +17,6 @@ use report::{Document, Row};
 use resonarm::audit::{Base, Case, Context, Finding, Stimulus, cases};
 use resonarm::bus::BusAddress;
 use resonarm::scenario::Scenario;
-use resonarm::specification::Specification;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -90,7 +90,12 @@ impl Audit {
         let inputs = Scenario::files(&self.scenario).into_iter().chain(of_controller);
         let inputs = Inputs::of(inputs.chain(specifications::files(&self.specification)));
         let specification = specifications::read(&self.specification)?;
-        let chosen = self.chosen(&specification)?;
+        let all = cases(&specification.test);
+        if all.is_empty() {
+            let kind = specification.test.kind();
+            return Err(Failure::usage(format!("there are no cases for tests of the kind {kind}")));
+        }
+        let chosen = chosen(all, |case| case.id, &self.cases)?;
         let folders = core::iter::once(BASE).chain(chosen.iter().map(|case| case.id)).map(|id| self.out.join(id));
         let of_runs = folders.flat_map(|folder| bench::FILES.map(|file| folder.join(file)));
         self.overwrite.check(self.junit.iter().chain(&self.report).cloned().chain(of_runs), &inputs)?;
@@ -130,12 +135,12 @@ impl Audit {
             (Some(path), _) => UnderTest::scenario(path),
             (None, Some(bus)) => {
                 let bus: BusAddress = bus.parse()?;
-                let operator: Option<Vec<String>> =
-                    self.operator.as_ref().map(|command| command.split_whitespace().map(str::to_owned).collect());
-                if let Some(operator) =
-                    operator.as_ref().filter(|words| !words.iter().any(|word| word.contains("{word}")))
+                let split = |command: &String| command.split_whitespace().map(str::to_owned).collect();
+                let operator: Option<Vec<String>> = self.operator.as_ref().map(split);
+                if let Some(words) = &operator
+                    && !words.iter().any(|word| word.contains("{word}"))
                 {
-                    let command = operator.join(" ");
+                    let command = words.join(" ");
                     return Err(Failure::usage(format!(
                         "--operator {command:?} has no {{word}}, so the controller could not tell stop from start: add it"
                     )));
@@ -149,48 +154,24 @@ impl Audit {
         }
     }
 
-    /// Returns the cases that --case selects; without it all cases of the kind of test.
-    fn chosen(&self, specification: &Specification) -> Result<Vec<&'static Case>, Failure> {
-        let all = cases(&specification.test);
-        if all.is_empty() {
-            let kind = specification.test.kind();
-            return Err(Failure::usage(format!("there are no cases for tests of the kind {kind}")));
-        }
-        // A misspelt number would otherwise test nothing and pass.
-        if let Some(unknown) =
-            self.cases.iter().find(|wanted| !all.iter().any(|case| case.id.starts_with(wanted.as_str())))
-        {
-            let known = all.iter().map(|case| case.id).collect::<Vec<_>>().join(", ");
-            return Err(Failure::usage(format!("unknown case {unknown:?}, expected one of {known}")));
-        }
-        let is_wanted = |case: &&Case| {
-            self.cases.is_empty() || self.cases.iter().any(|wanted| case.id.starts_with(wanted.as_str()))
-        };
-        Ok(all.iter().filter(is_wanted).collect())
-    }
-
     /// Runs and judges a case.
     fn row(&self, bench: &AuditBench, case: &'static Case, base_run: &Run, base: &Base<'_>) -> Result<Row, Failure> {
-        let test = &base_run.specification.test;
+        let judge = |run: &Run, stimulus| {
+            case.judge(&Context { specification: &run.specification, base, record: &run.record, stimulus })
+        };
         if case.stimulus == Stimulus::None {
-            let context =
-                Context { specification: &base_run.specification, base, record: &base_run.record, stimulus: 0 };
-            return Ok(Row::new(case, case.judge(&context), Some(base_run.recording.clone())));
+            return Ok(Row::new(case, judge(base_run, 0), Some(base_run.recording.clone())));
         }
         if let Some(reason) = bench.why_not(case.stimulus) {
             return Ok(Row::new(case, Finding::skipped(reason), None));
         }
         if base.level.is_none() {
             // The case itself says so; the record is not looked at.
-            let context =
-                Context { specification: &base_run.specification, base, record: &base_run.record, stimulus: 0 };
-            return Ok(Row::new(case, case.judge(&context), None));
+            return Ok(Row::new(case, judge(base_run, 0), None));
         }
-        let stimulus = base.stimulus(test, case.stimulus).unwrap_or(0);
+        let stimulus = base.stimulus(&base_run.specification.test, case.stimulus).unwrap_or(0);
         let run = bench.run(case.id, case.stimulus, Some((base, stimulus)))?;
-        let context = Context { specification: &run.specification, base, record: &run.record, stimulus };
-        let finding = case.judge(&context);
-        Ok(Row::of_run(case, finding, run))
+        Ok(Row::of_run(case, judge(&run, stimulus), run))
     }
 
     fn configuration(&self) -> serde_json::Value {

@@ -151,10 +151,8 @@ impl Document {
     }
 
     pub fn summary(&self) -> String {
-        format!(
-            "{} passed, {} failed, {} inconclusive, {} skipped\n",
-            self.passed, self.failed, self.inconclusive, self.skipped
-        )
+        let Document { passed, failed, inconclusive, skipped, .. } = self;
+        format!("{passed} passed, {failed} failed, {inconclusive} inconclusive, {skipped} skipped\n")
     }
 
     pub fn junit(&self) -> String {
@@ -185,11 +183,7 @@ impl Document {
             })
             .collect();
         page.table(["case", "verdict", "measured", "rule"], &rows);
-        let sources = &base.specification.sources;
-        if !sources.is_empty() {
-            page.heading("Sources of the specification");
-            sources.iter().for_each(|source| page.faint(source));
-        }
+        page.sources(&base.specification.sources);
         Ok(page.document())
     }
 }

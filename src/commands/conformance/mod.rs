@@ -21,7 +21,7 @@ use resonarm::conformance::{
     UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase,
 };
 use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
-use resonarm::recording::{Configuration, RecordingError};
+use resonarm::recording::Configuration;
 use resonarm::run::Mode;
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
@@ -39,7 +39,7 @@ pub(crate) struct Conformance {
     /// Node under test.
     ///
     /// An exciter must be restarted whenever it ends, as by a loop in a shell.
-    #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of(Node::ALL, role))]
+    #[arg(long, help_heading = heading::BUS, value_parser = flags::described(ROLES))]
     role: Node,
     /// Mode of the node; each has its specific cases.
     #[arg(long, help_heading = heading::BUS, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
@@ -131,6 +131,8 @@ pub(crate) struct Conformance {
     overwrite: OverwriteFlag,
 }
 
+const ROLES: [(Node, &str, &str); 2] = [(Node::Plant, "plant", ""), (Node::Exciter, "exciter", "")];
+
 /// The modes in which a node on a bus can be tested.
 const ON_A_BUS: [Mode; 2] = [Mode::RealTime, Mode::Lockstep];
 
@@ -151,13 +153,6 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
     }
 }
 
-fn role(node: Node) -> &'static str {
-    match node {
-        Node::Plant => "plant",
-        Node::Exciter => "exciter",
-    }
-}
-
 impl Conformance {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         match &self.scenario {
@@ -170,7 +165,10 @@ impl Conformance {
     fn on_network(&self) -> Result<Verdict, Failure> {
         let address = self.bus.parse()?;
         let network = self.network.network()?;
-        let (settings, cases) = (self.settings(Some(network))?, self.chosen(conformance::cases(self.role, self.mode))?);
+        let (settings, cases) = (
+            self.settings(Some(network))?,
+            chosen(conformance::cases(self.role, self.mode), |case| case.id, &self.cases)?,
+        );
         let configuration = conformance::configuration(self.role, network, settings);
         let run = |case: &Case, wire: &mut BusWire| conformance::run(case, wire, network, settings);
         self.report_on(&address, &cases, (&configuration, &REQUIREMENTS), run)
@@ -181,7 +179,7 @@ impl Conformance {
         let address = self.bus.parse()?;
         let settings = self.settings(None)?;
         let user_wire = UserWire::new(Scenario::read(path)?, self.role, self.mode).map_err(refusal)?;
-        let cases = self.chosen(conformance::wire_cases(&user_wire))?;
+        let cases = chosen(conformance::wire_cases(&user_wire), |case| case.id, &self.cases)?;
         let configuration = user_wire.configuration(settings).map_err(refusal)?;
         let run = |case: &WireCase, wire: &mut BusWire| conformance::run_on_wire(case, wire, &user_wire, settings);
         self.report_on(&address, &cases, (&configuration, &WIRE_REQUIREMENTS), run)
@@ -201,7 +199,9 @@ impl Conformance {
         // buffer while nobody reads the pipe.
         let _reader = self.record.as_deref().map(wait_for_reader).transpose()?;
         let mut bus = bus::open(address)?;
-        let evidence = self.evidence(&bus.name(), configuration)?;
+        let existing = existing(self.overwrite.overwrite);
+        let create = |path| Evidence::create(path, existing, &bus.name(), (self.role, configuration));
+        let evidence = self.record.clone().map(create).transpose()?;
         let interface = match address {
             BusAddress::SocketCan(interface) => Some(interface.as_str()),
             BusAddress::Memory | BusAddress::PythonCan(_) => None,
@@ -217,7 +217,10 @@ impl Conformance {
         let document = report::Document::new((self.role, requirements), rows, &commands, recording);
         // The report is written before the errors are returned: what was found so far is worth having even if the bus
         // was lost or the recording is incomplete.
-        self.write_report(&document)?;
+        if let Some(path) = &self.junit {
+            output::write(path.clone(), &document.junit())?;
+        }
+        self.json.show(&document, || document.summary(), &[])?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
         Ok(Verdict::of(document.is_positive()))
@@ -251,19 +254,6 @@ impl Conformance {
             rows.push(row);
         }
         Ok((rows, lost))
-    }
-
-    fn evidence(&self, interface: &str, configuration: &Configuration) -> Result<Option<Evidence>, RecordingError> {
-        let existing = existing(self.overwrite.overwrite);
-        let create = |path| Evidence::create(path, existing, interface, (self.role, configuration));
-        self.record.clone().map(create).transpose()
-    }
-
-    fn write_report(&self, document: &report::Document) -> Result<Verdict, Failure> {
-        if let Some(path) = &self.junit {
-            output::write(path.clone(), &document.junit())?;
-        }
-        self.json.show(document, || document.summary(), &[])
     }
 
     /// Checks and returns the settings; on Resonarm's protocol also against the range of its frames.
@@ -333,37 +323,38 @@ impl Conformance {
     }
 
     fn sine(&self) -> Result<Option<ExpectedSine>, Failure> {
-        let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
-            (Some(_), Some(_)) => {
-                let both = "--expect-force-n and --expect-torque-nm exclude each other, since a command is a force or a torque: give one of them";
-                return Err(Failure::usage(both));
+        let force = self.expect_force_n.map(SineAmplitude::ForceN);
+        let torque = self.expect_torque_nm.map(SineAmplitude::TorqueNm);
+        match (self.expect_frequency_hz, force, torque) {
+            (_, Some(_), Some(_)) => Err(Failure::usage(
+                "--expect-force-n and --expect-torque-nm exclude each other, since a command is a force or a torque: give one of them",
+            )),
+            (None, None, None) => Ok(None),
+            (Some(frequency_hz), Some(amplitude), None) | (Some(frequency_hz), None, Some(amplitude)) => {
+                Ok(Some(ExpectedSine { frequency_hz, amplitude }))
             }
-            (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
-            (None, torque_nm) => torque_nm.map(SineAmplitude::TorqueNm),
-        };
-        match (self.expect_frequency_hz, amplitude) {
-            (None, None) => Ok(None),
-            (Some(frequency_hz), Some(amplitude)) => Ok(Some(ExpectedSine { frequency_hz, amplitude })),
-            _ => {
-                let half = "an expected sine needs its frequency and its amplitude: give --expect-frequency-hz with \
-                            --expect-force-n or --expect-torque-nm";
-                Err(Failure::usage(half))
-            }
+            _ => Err(Failure::usage(
+                "an expected sine needs its frequency and its amplitude: give --expect-frequency-hz with --expect-force-n or \
+                 --expect-torque-nm",
+            )),
         }
     }
+}
 
-    /// Returns the cases that --case selects; without it all cases.
-    fn chosen<S>(&self, all: impl IntoIterator<Item = Case<S>>) -> Result<Vec<Case<S>>, Failure> {
-        let all: Vec<Case<S>> = all.into_iter().collect();
-        let begins = |case: &Case<S>, wanted: &String| case.id.starts_with(wanted.as_str());
-        // A name that selects no case is an error. In CI a misspelt name would otherwise test nothing and pass.
-        if let Some(unknown) = self.cases.iter().find(|wanted| !all.iter().any(|case| begins(case, wanted))) {
-            let names = all.iter().map(|case| case.id).collect::<Vec<_>>().join(", ");
-            return Err(Failure::usage(format!("unknown case {unknown:?}, expected one of {names}")));
-        }
-        let is_wanted = |case: &Case<S>| self.cases.is_empty() || self.cases.iter().any(|wanted| begins(case, wanted));
-        Ok(all.into_iter().filter(is_wanted).collect())
+/// Returns the cases whose names begin with one of --case; without it all cases.
+pub(crate) fn chosen<T>(
+    all: impl IntoIterator<Item = T>,
+    id: impl Fn(&T) -> &'static str,
+    wanted: &[String],
+) -> Result<Vec<T>, Failure> {
+    let all: Vec<T> = all.into_iter().collect();
+    // A name that selects no case is an error. In CI a misspelt name would otherwise test nothing and pass.
+    if let Some(unknown) = wanted.iter().find(|wanted| !all.iter().any(|case| id(case).starts_with(wanted.as_str()))) {
+        let names = all.iter().map(&id).collect::<Vec<_>>().join(", ");
+        return Err(Failure::usage(format!("unknown case {unknown:?}, expected one of {names}")));
     }
+    let is_wanted = |case: &T| wanted.is_empty() || wanted.iter().any(|wanted| id(case).starts_with(wanted.as_str()));
+    Ok(all.into_iter().filter(is_wanted).collect())
 }
 
 /// Says why the cases can't be run on the scenario's user protocol.

@@ -3,16 +3,15 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::junit::{self, Outcome};
-use resonarm::conformance::{
-    Case, Check, Commands, Finding, Range, Refused, Requirement, Traffic, UserRefused, Verdict,
-};
+use resonarm::conformance::{Case, Check, Commands, Finding, Range, Refused, Requirement, UserRefused, Verdict};
 use resonarm::protocol::Node;
 use resonarm::recording::Summary;
 use resonarm_numeric::number::short;
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(super) struct Row {
     case: &'static str,
     title: &'static str,
@@ -71,18 +70,6 @@ impl RefusedRow {
     }
 }
 
-/// Frames taken, by message.
-fn heard(traffic: &Traffic) -> BTreeMap<String, u64> {
-    let own = traffic.taken.iter().map(|(kind, count)| (kind.to_string(), *count));
-    own.chain(traffic.user_taken.iter().map(|(message, count)| (message.clone(), *count))).collect()
-}
-
-/// Frames refused, by message and reason.
-fn refused(traffic: &Traffic) -> Vec<RefusedRow> {
-    let own = traffic.refused.iter().map(RefusedRow::new);
-    own.chain(traffic.user_refused.iter().map(RefusedRow::of_user)).collect()
-}
-
 /// The verdict on a case that was not started.
 const NOT_RUN: &str = "not run";
 
@@ -94,7 +81,12 @@ impl Row {
             Verdict::Inconclusive(reason) => ("inconclusive", Some(reason.clone())),
             Verdict::Skipped(reason) => ("skipped", Some(reason.clone())),
         };
+        // A run has one protocol, Resonarm's or the user's, so one of the two lists is empty.
         let traffic = &finding.traffic;
+        let heard = traffic.taken.iter().map(|(kind, count)| (kind.to_string(), *count));
+        let heard = heard.chain(traffic.user_taken.iter().map(|(message, count)| (message.clone(), *count)));
+        let refused = traffic.refused.iter().map(RefusedRow::new);
+        let refused = refused.chain(traffic.user_refused.iter().map(RefusedRow::of_user));
         let mut others: BTreeMap<_, _> = traffic.others.iter().map(|(id, count)| (id.to_string(), *count)).collect();
         if traffic.further_others > 0 {
             others.insert(String::from("more"), traffic.further_others);
@@ -102,8 +94,8 @@ impl Row {
         Row {
             verdict,
             reason,
-            heard: heard(traffic),
-            refused: refused(traffic),
+            heard: heard.collect(),
+            refused: refused.collect(),
             others,
             measured: finding.measured.clone(),
             took_s: finding.took_ns as f64 * 1e-9,
@@ -121,13 +113,7 @@ impl Row {
             requirements: case.requirements,
             verdict: NOT_RUN,
             reason: Some(String::from("the bus was lost before")),
-            measured: Vec::new(),
-            took_s: 0.0,
-            held_up_ms: 0.0,
-            silent_ms: 0.0,
-            heard: BTreeMap::new(),
-            refused: Vec::new(),
-            others: BTreeMap::new(),
+            ..Row::default()
         }
     }
 
@@ -187,7 +173,7 @@ pub(super) struct Document {
     commands: BTreeMap<&'static str, Option<[f64; 2]>>,
     recording: Option<Summary>,
     /// Requirements that no case can test.
-    untested: Vec<Untested>,
+    untested: Vec<Value>,
 }
 
 /// Returns the smallest and the largest value of each command, by its name; none where it was not received.
@@ -196,13 +182,6 @@ fn ranges(commands: &Commands) -> BTreeMap<&'static str, Option<[f64; 2]>> {
     let always = ["force_x_n", "force_y_n", "torque1_nm", "torque2_nm"].map(|name| (name, None));
     let received = commands.ranges.iter().map(|(name, Range { min, max })| (*name, Some([*min, *max])));
     always.into_iter().chain(received).collect()
-}
-
-#[derive(Serialize)]
-struct Untested {
-    requirement: &'static str,
-    text: &'static str,
-    why: &'static str,
 }
 
 impl Document {
@@ -214,9 +193,9 @@ impl Document {
         recording: Option<Summary>,
     ) -> Document {
         let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
-        let untested = requirements.iter().filter_map(|requirement| match requirement.check {
+        let untested = requirements.iter().filter_map(|Requirement { id, text, check }| match check {
             Check::Cases => None,
-            Check::Elsewhere(why) => Some(Untested { requirement: requirement.id, text: requirement.text, why }),
+            Check::Elsewhere(why) => Some(json!({ "requirement": id, "text": text, "why": why })),
         });
         Document {
             role: tested.to_string(),
