@@ -194,10 +194,13 @@ impl Failure {
             Failure::Analysis(source) | Failure::BranchEndedEarly { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),
             Failure::Step(error) => step(error),
-            Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
+            Failure::TimeDomain(TimeDomainError::Step { source, .. })
+            | Failure::Study(StudyError::TimeDomain(TimeDomainError::Step { source, .. })) => step(source),
             Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
-            Failure::Study(StudyError::Journal(error)) => journal(error),
+            Failure::Study(StudyError::Journal(JournalError::Write { .. } | JournalError::InUse { .. })) => {
+                Exit::Environment
+            }
             Failure::Survey(error) => survey(error),
             Failure::Write { source, .. }
             | Failure::Export(ExportError::Write { source, .. })
@@ -282,20 +285,6 @@ fn step(error: &StepError) -> Exit {
     }
 }
 
-fn time_domain(error: &TimeDomainError) -> Exit {
-    match error {
-        TimeDomainError::Step { source, .. } => step(source),
-        _ => Exit::Usage,
-    }
-}
-
-fn journal(error: &JournalError) -> Exit {
-    match error {
-        JournalError::Write { .. } | JournalError::InUse { .. } => Exit::Environment,
-        _ => Exit::Usage,
-    }
-}
-
 fn survey(error: &SurveyError) -> Exit {
     match error {
         SurveyError::Scenario(error) => scenario(error),
@@ -326,21 +315,13 @@ fn run(error: &RunError) -> Exit {
         RunError::Recording(error) => recording(error),
         RunError::NotRecorded(_) => Exit::Negative,
         RunError::Scenario(error) => scenario(error),
-        RunError::PlantSpec(_)
-        | RunError::Rate(_)
-        | RunError::Speed(_)
-        | RunError::Spin(_)
-        | RunError::FreeHasNoBus
-        | RunError::SentStates { .. }
-        | RunError::WireLacks(_)
-        | RunError::BitErrors { .. }
-        | RunError::TimedInRealTime { .. } => Exit::Usage,
         RunError::NoRealTimeThread { .. }
         | RunError::NoThread { .. }
         | RunError::NoPlant { .. }
         | RunError::PlantNotArmed { .. }
         | RunError::Histogram(_) => Exit::Environment,
         RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
+        _ => Exit::Usage,
     }
 }
 
