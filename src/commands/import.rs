@@ -115,20 +115,17 @@ fn text(imported: &Imported) -> String {
 
 /// Says what was gathered from the frames of the scenario's user protocol, and what is missing.
 fn wire_text(wire: &WireImport) -> String {
+    let gaps = format!(
+        "{} samples missing in {} gaps, {} left out since some of their frames are missing",
+        wire.missing_samples, wire.gaps, wire.incomplete_samples
+    );
     let mut text = match wire.missing_readings.is_empty() {
-        true => format!(
-            "readings of {} samples; {} samples missing in {} gaps, {} left out since some of their frames are missing\n",
-            wire.samples, wire.missing_samples, wire.gaps, wire.incomplete_samples
-        ),
+        true => format!("readings of {} samples; {gaps}\n", wire.samples),
         false => format!("no readings: {}\n", missing_text(&wire.missing_readings)),
     };
     text += &match wire.missing_states.is_empty() {
         true if wire.missing_readings.is_empty() => format!("states and commanded loads of {} samples\n", wire.states),
-        true => format!(
-            "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out since some of \
-             their frames are missing\n",
-            wire.states, wire.missing_samples, wire.gaps, wire.incomplete_samples
-        ),
+        true => format!("states and commanded loads of {} samples; {gaps}\n", wire.states),
         false => {
             format!("no states and loads; they are in the frames only: {}\n", missing_text(&wire.missing_states))
         }

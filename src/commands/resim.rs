@@ -44,12 +44,8 @@ impl Resim {
         let (then, now) = (&recording.origin().build, build_info());
         // A warning only: another compiler or target may still round alike, and the comparison itself will tell.
         if *then != now {
-            tracing::warn!(
-                "recorded by another build ({} {} for {}), so differences are possible",
-                then.version,
-                then.git_commit,
-                then.target
-            );
+            let (version, commit, target) = (&then.version, &then.git_commit, &then.target);
+            tracing::warn!("recorded by another build ({version} {commit} for {target}), so differences are possible");
         }
         let states = resimulate(&recording)?;
         let readings = self.readings.then(|| resimulate_readings(&recording)).transpose()?;

@@ -66,12 +66,6 @@ struct Document {
     damping_ratios: Vec<f64>,
 }
 
-/// A section `[structure]` in a document of TOML.
-#[derive(Serialize)]
-struct Section<'a> {
-    structure: &'a StructureSection,
-}
-
 impl Structure {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let read = self.from_modes.as_deref().or(self.scenario.as_deref());
@@ -80,11 +74,8 @@ impl Structure {
         let scenario = self.scenario()?;
         let tested = scenario.under_test()?;
         let document = Document::new(&scenario, &tested);
-        let mut written = Vec::new();
-        if let Some(path) = &self.out {
-            written.push(output::write(path.clone(), &toml_of(&scenario.structure)?)?);
-        }
-        self.json.show(&document, || document.text(&scenario, &tested), &written)
+        let written = self.out.clone().map(|path| output::write(path, &toml_of(&scenario.structure)?)).transpose()?;
+        self.json.show(&document, || document.text(&scenario, &tested), written.as_slice())
     }
 
     /// Reads the scenario, or makes that of the modes of one, or of identified ones.
@@ -177,7 +168,7 @@ fn of_identified(path: &Path) -> Result<Scenario, Failure> {
 
 /// Writes the section alone, without the paths of files that it notes: they would count from another folder.
 fn toml_of(section: &StructureSection) -> Result<String, Failure> {
-    toml::to_string(&Section { structure: &section.without_source() })
+    toml::to_string(&BTreeMap::from([("structure", section.without_source())]))
         .map_err(|error| Failure::usage(format!("the structure can't be written as TOML: {error}")))
 }
 

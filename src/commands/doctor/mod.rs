@@ -3,8 +3,9 @@
 mod queues;
 mod reception;
 
+use std::collections::BTreeMap;
+
 use clap::Args;
-use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
@@ -18,19 +19,13 @@ pub(crate) struct Doctor {
     json: JsonFlag,
 }
 
-#[derive(Serialize)]
-struct Document {
-    findings: Vec<Finding>,
-}
-
 impl Doctor {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut findings = vec![can(), interfaces(), python_can(), live()];
         findings.extend(queues::findings());
         findings.extend(reception::findings());
         findings.extend(Privileges::probe().findings());
-        let document = Document { findings };
-        self.json.show(&document, || in_words(&document.findings), &[])
+        self.json.show(&BTreeMap::from([("findings", &findings)]), || in_words(&findings), &[])
     }
 }
 
@@ -47,50 +42,47 @@ pub(crate) fn in_words(findings: &[Finding]) -> String {
     text
 }
 
+fn finding(subject: &'static str, state: impl Into<String>, fix: Option<String>) -> Finding {
+    Finding { subject, state: state.into(), fix }
+}
+
 fn can() -> Finding {
-    let subject = "SocketCAN";
     match socketcan::supported() {
-        Ok(()) => Finding { subject, state: String::from("supported by the kernel"), fix: None },
-        Err(error) => Finding { subject, state: String::from("not available"), fix: Some(error.to_string()) },
+        Ok(()) => finding("SocketCAN", "supported by the kernel", None),
+        Err(error) => finding("SocketCAN", "not available", Some(error.to_string())),
     }
 }
 
 fn interfaces() -> Finding {
-    let subject = "CAN interfaces";
     let create = "`sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes a virtual one";
-    match socketcan::interfaces() {
-        Ok(names) if names.is_empty() => {
-            Finding { subject, state: String::from("none"), fix: Some(String::from(create)) }
-        }
-        Ok(names) => Finding { subject, state: names.join(", "), fix: None },
-        Err(error) => Finding { subject, state: error.to_string(), fix: Some(String::from(create)) },
-    }
+    let (state, is_missing) = match socketcan::interfaces() {
+        Ok(names) if names.is_empty() => (String::from("none"), true),
+        Ok(names) => (names.join(", "), false),
+        Err(error) => (error.to_string(), true),
+    };
+    finding("CAN interfaces", state, is_missing.then(|| String::from(create)))
 }
 
 /// Names what `python-can:` would load, without running any of it.
 #[cfg(feature = "python-can")]
 fn python_can() -> Finding {
-    let subject = "python-can";
     match resonarm::bus::python_can::would_load() {
-        Ok(found) => Finding { subject, state: format!("in this build; {found}"), fix: None },
-        Err(error) => {
-            Finding { subject, state: String::from("in this build, but not available"), fix: Some(error.to_string()) }
-        }
+        Ok(found) => finding("python-can", format!("in this build; {found}"), None),
+        Err(error) => finding("python-can", "in this build, but not available", Some(error.to_string())),
     }
 }
 
 #[cfg(not(feature = "python-can"))]
 fn python_can() -> Finding {
     let fix = "`cargo build --release --features python-can` makes a build that reaches its adapters";
-    Finding { subject: "python-can", state: String::from("not in this build"), fix: Some(String::from(fix)) }
+    finding("python-can", "not in this build", Some(String::from(fix)))
 }
 
 /// Reports whether this build has the live view.
 fn live() -> Finding {
-    let subject = "live view";
     if cfg!(feature = "live") {
-        return Finding { subject, state: String::from("in this build"), fix: None };
+        return finding("live view", "in this build", None);
     }
     let fix = "`cargo build --release --features live` makes a build with --live";
-    Finding { subject, state: String::from("not in this build"), fix: Some(String::from(fix)) }
+    finding("live view", "not in this build", Some(String::from(fix)))
 }
