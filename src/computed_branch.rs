@@ -48,6 +48,7 @@ pub(crate) struct Score {
 /// Returns the least and the largest load of the points that have settled.
 pub(crate) fn load_range(points: &[MeasuredPoint]) -> [f64; 2] {
     let loads = points.iter().filter(|point| point.settled).filter_map(|point| point.excitation);
+    // Without points the range is empty, from ∞ to 0, which counts as one load.
     loads.fold([f64::INFINITY, 0.0], |[least, most], load| [least.min(load), most.max(load)])
 }
 
@@ -156,6 +157,7 @@ impl ComputedBranch {
             let Some(place) = self.nearest(point) else { continue };
             score.settled_points += 1;
             score.unstable_points += usize::from(place.is_stable == Some(false));
+            // Deviations have signs; the score states sizes.
             let largest = |most: f64, deviation: f64| most.max(deviation.abs());
             score.largest_frequency_deviation = largest(score.largest_frequency_deviation, place.frequency_deviation);
             score.largest_amplitude_deviation = largest(score.largest_amplitude_deviation, place.amplitude_deviation);

@@ -70,6 +70,7 @@ fn defaults(command: &str) -> Result<Defaults, Failure> {
         }
         "run" => {
             let free = of_scenario(&run::default_scenario(Mode::Free)?);
+            // Both lists have the same flags in the same order.
             for ((_, default), (_, free)) in all.iter_mut().zip(free) {
                 if *default != free {
                     *default = format!("{default}, with --mode free {free}");

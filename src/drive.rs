@@ -153,6 +153,7 @@ impl DriveFlags {
                 let load = LoadFlag { name: String::from("joint1"), amplitude: None };
                 Ok((DriveFlags { loads: vec![load], harmonics: vec![] }.resolved(assembly)?, None))
             }
+            // A single load without an amplitude says where it acts: another limit ends the curve.
             [LoadFlag { amplitude: None, .. }] => Ok((self.resolved(assembly)?, None)),
             _ => {
                 let drive = self.drive(assembly)?;

@@ -262,6 +262,7 @@ fn analysis(error: &AnalysisError) -> Exit {
         | AnalysisError::NoResonance { .. }
         | AnalysisError::NotLinear { .. }
         | AnalysisError::Dissipates { .. } => Exit::Usage,
+        // The others are found on the way along a branch: they say something of the structure, not of the request.
         _ => Exit::Negative,
     }
 }

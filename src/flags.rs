@@ -62,6 +62,7 @@ where
 {
     let shown = wanted.map(|(_, name, text)| PossibleValue::new(name).help((!text.is_empty()).then_some(text)));
     PossibleValuesParser::new(shown).try_map(move |given| {
+        // clap has refused any other name before, so that the error is never shown.
         let found = wanted.into_iter().find(|(_, name, _)| *name == given);
         found.map(|(value, ..)| value).ok_or("it must be one of these names")
     })
@@ -296,6 +297,7 @@ pub(crate) fn interval(
 ) -> Result<Option<[f64; 2]>, Failure> {
     let wanted = coordinate.map(|of| if of == Coordinate::FrequencyHz { "-hz" } else { "" });
     let needs = wanted.map_or_else(String::new, |unit| format!("; give its interval by --from{unit} a --to{unit} b"));
+    // Ends that have no place here are told first: they are why the others are missing.
     for (unit, [from, to]) in [("-hz", hz), ("", other)].into_iter().filter(|(unit, _)| Some(*unit) != wanted) {
         if let Some(end) = from.map(|_| "from").or(to.map(|_| "to")) {
             return Err(Failure::usage(format!("--{end}{unit} is not for {parameter}{needs}")));

@@ -32,6 +32,7 @@ pub(crate) const LAST: usize = 1000;
 /// The program with -h and -V as clap makes them, but under the heading of the common options.
 pub(crate) fn with_common_flags(command: Command) -> Command {
     let common = |id: &'static str, short: char| {
+        // The order of -v, -q and --no-title begins at `LAST`: these two come behind them.
         Arg::new(id).short(short).long(id).global(true).help_heading(heading::COMMON).display_order(2 * LAST)
     };
     let help = common("help", 'h')
@@ -45,8 +46,11 @@ pub(crate) fn with_common_flags(command: Command) -> Command {
 pub(crate) fn in_order(command: Command) -> Command {
     // clap shows a heading where its first option is, and flags that commands share have several headings.
     let mut sorted: Vec<Arg> = command.get_arguments().cloned().collect();
+    // The sort is stable, so options of one heading keep the order of their fields. `None` is the least, which leaves
+    // positional arguments in front.
     sorted.sort_by_key(position);
     let mut sorted = sorted.into_iter();
+    // The arguments are visited in their order: each place gets the next one of the sorted list.
     command.mut_args(|arg| sorted.next().unwrap_or(arg)).mut_subcommands(in_order)
 }
 

@@ -101,6 +101,7 @@ macro_rules! commands {
             fn execute(self) -> Result<Verdict, Failure> {
                 match self {
                     $($(Command::$command(command) => {
+                        // Under the name `_` it would be dropped at once: its lines end when the command does.
                         $(let _progress = Progress::uncounted($name);)?
                         command.execute()
                     })*)*
@@ -231,6 +232,7 @@ fn with_arguments(is_wanted: impl Fn(&str) -> bool) -> clap::Command {
 fn named(arguments: &[OsString]) -> Option<&str> {
     let sets_logging = |flag: &str| {
         ["--verbose", "--quiet", "-q"].contains(&flag)
+            // -vv is one flag given twice, in one word.
             || flag.strip_prefix("-v").is_some_and(|more| more.chars().all(|c| c == 'v'))
     };
     let mut words = arguments.iter().skip(1).map(|word| word.to_str());

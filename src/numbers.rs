@@ -16,6 +16,8 @@ pub(crate) fn strict(command: Command) -> Command {
 
 fn strict_flag(arg: Arg) -> Arg {
     if holds::<f64>(&arg) {
+        // To clap `-inf` is no negative number: only with any hyphen allowed does it come to `finite`, which says
+        // what is wrong with it.
         arg.allow_hyphen_values(true).value_parser(finite)
     } else if holds_integer(&arg) && arg.get_action().takes_values() {
         arg.allow_negative_numbers(true)

@@ -132,6 +132,7 @@ static WITHOUT_TITLES: AtomicBool = AtomicBool::new(false);
 
 /// Makes [`draw`] leave out titles and subtitles for the rest of the process.
 pub(crate) fn leave_titles_out() {
+    // The command and its threads have not begun, so that no order with other memory is needed.
     WITHOUT_TITLES.store(true, Ordering::Relaxed);
 }
 

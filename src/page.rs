@@ -66,6 +66,7 @@ impl Page {
         self.body += &format!("<table>\n<tr>{head}</tr>\n");
         for (tone, row) in rows {
             let cell = |(place, text): (usize, &String)| {
+                // The verdict stands in the second column, after the name of what was judged.
                 let class = if place == 1 { format!(" class=\"{}\"", tone.class()) } else { String::new() };
                 format!("<td{class}>{}</td>", escaped(text))
             };

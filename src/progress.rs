@@ -89,6 +89,7 @@ pub(crate) struct Progress {
 impl Progress {
     /// Shows the progress of `count` steps, in units of `what`.
     pub fn new(name: &'static str, count: usize, what: &'static str) -> Progress {
+        // Hidden until work has lasted for a while: what is done at once shows no bar.
         let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden()).with_message(name);
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len}, {elapsed}") {
             bar.set_style(style);
@@ -101,6 +102,7 @@ impl Progress {
 
     /// Shows the progress of work that can't be counted: by lines, on terminals too.
     pub fn uncounted(name: &'static str) -> Progress {
+        // A bar that never moves would look like a program that hangs.
         Progress { bar: ProgressBar::hidden(), start_ns: 0, _lines: lines(name, || Done::Unknown) }
     }
 

@@ -87,6 +87,7 @@ pub(crate) fn test_text(test: &TestReport) -> String {
     if progress.full_level_s > 0.0 {
         text += &format!(", {} s at full level", rounded(&progress.full_level_s, 1));
     }
+    // Densities are powers, so a factor of ten is 10 dB.
     let deviations = lines.iter().map(|line| 10.0 * libm::log10(line.control / line.demand));
     let [low, high] =
         deviations.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], db| [low.min(db), high.max(db)]);

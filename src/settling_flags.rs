@@ -60,6 +60,7 @@ impl SettlingFlags {
         let Some(stem) = &self.output.plot else { return Ok(None) };
         let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         self.output.check(output::PLOTTED, &inputs)?;
+        // A journal that exists is resumed, whatever may be overwritten; but it must not be a file that is read.
         inputs.check(&beside(stem, ".partial.jsonl"))?;
         output::check_folder(stem)?;
         Ok(Some(beside(stem, ".partial.jsonl")))

@@ -50,6 +50,7 @@ fn frequencies_hz([from_hz, to_hz]: [f64; 2], more: impl Iterator<Item = f64>) -
     let count = (IN_OCTAVE * libm::log2(to_hz / from_hz)).ceil().max(1.0) as usize;
     let at = |k: usize| from_hz * libm::pow(to_hz / from_hz, k as f64 / count as f64);
     let mut all: Vec<f64> = (0..=count).map(at).chain(more.filter(|hz| *hz > from_hz && *hz < to_hz)).collect();
+    // A curve runs through its points in order; ends of segments may be among the even ones.
     all.sort_by(f64::total_cmp);
     all.dedup();
     all

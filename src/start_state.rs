@@ -28,6 +28,7 @@ pub(crate) enum StateFlag {
 impl StateFlag {
     pub fn parse(text: &str) -> Result<StateFlag, String> {
         let listed: Result<Vec<f64>, _> = text.split(',').map(numbers::finite).collect();
+        // The last colon: the path before it may have others.
         match (listed, text.rsplit_once(':')) {
             (Ok(listed), _) => Ok(StateFlag::Numbers(listed)),
             (Err(_), Some((path, place))) if !path.is_empty() => Ok(StateFlag::File(path.into(), place.to_owned())),
@@ -65,6 +66,7 @@ fn of_document(path: &Path, place: &str) -> Result<Vec<f64>, Failure> {
     let document: Value =
         serde_json::from_str(&text).map_err(|error| refused(format!("the file is no JSON document: {error}")))?;
     let (mut at, mut walked) = (&document, String::from("the document"));
+    // An empty place is the whole document, and a slash too many changes nothing.
     for step in place.split('/').filter(|step| !step.is_empty()) {
         let next = match at {
             Value::Array(list) => step.parse::<usize>().ok().and_then(|index| list.get(index)),
@@ -97,6 +99,7 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
     for record in recording.states()? {
         let record = record?;
         let after = record.sample as f64 - first;
+        // The state at the end of a run has no load.
         if after >= 0.0 && !record.is_end {
             records.push(record);
         }
@@ -129,6 +132,7 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
     let Some((sine, cosine, square)) = largest.filter(|(.., square)| *square > 0.0) else {
         return Err(refused(String::from("no load acts there")));
     };
+    // A sine of the amplitude √(A² + B²) has half of its square as its mean square.
     if 0.5 * (sine * sine + cosine * cosine) < PURE * PURE * square {
         return Err(refused(format!("the load there is no sine of {} Hz", short(&frequency_hz))));
     }
@@ -136,6 +140,7 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
     let lead = libm::atan2(cosine, sine).rem_euclid(core::f64::consts::TAU);
     let place = (core::f64::consts::TAU - lead) / (omega * period_s) + 0.5;
     let (before, share) = (place.floor() as usize, place.fract());
+    // Phase 0 is in the first of two periods, so the limit matters only with fewer than two samples in one.
     let [from, to] = [before, before + 1].map(|index| records[index.min(records.len() - 1)].states.moving());
     Ok(from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect())
 }

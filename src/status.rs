@@ -107,6 +107,7 @@ impl Status {
     fn text(&mut self, now_ns: u64, signals: &Signals, window_ns: u64) -> String {
         let (since_ns, before) = *self.before.get_or_insert_with(|| (now_ns, signals.gauges().read()));
         let passed_ns = now_ns.saturating_sub(since_ns);
+        // At least 1 ns has passed, for the rates are divided by it.
         if passed_ns >= window_ns.max(1) {
             let now = signals.gauges().read();
             self.window = Some(Window::between(&before, &now, passed_ns));

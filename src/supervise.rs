@@ -66,6 +66,7 @@ impl Line {
                 Length::Responses(_) => "{bar:12} {pos}/{len} {msg}",
                 Length::Unknown => "{msg}",
             };
+            // Until now there was no bar: nothing can be said of how much is done.
             if let Length::Unknown = self.length {
                 self.bar = ProgressBar::no_length();
             }

@@ -345,6 +345,7 @@ impl Backbone {
         if !self.undamped {
             return figure;
         }
+        // It grows as the square of the amplitude, over decades, so that its axis is logarithmic.
         let energy = line(&|orbit| orbit.energy_j.unwrap_or(f64::NAN)).unlabelled();
         figure.with(Panel::new(Axis::linear("frequency (Hz)"), Axis::log("energy (J)")).with(energy))
     }

@@ -127,6 +127,7 @@ impl Basins {
         let drive = self.settling.drive.drive(assembly)?;
         let read = read_at(&self.at, &drive.driven(), assembly)?;
         let forced = drive.forced(assembly);
+        // The coordinates that do not vary keep these values in all states of the grid.
         let others = self.settling.initial(&tested)?;
         let (over, names) = self.over(assembly)?;
         let (orbits, early) = stable_orbits(&forced, &dofs(&read), self.frequency_hz, &|| false)?;

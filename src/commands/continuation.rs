@@ -349,6 +349,7 @@ impl Continue {
         let name = coordinate.to_string();
         let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options), of_branch)?;
         let mut search = if self.search { SearchOptions::further() } else { SearchOptions::default() };
+        // Sub-harmonic branches are among those that --branches asks for, although none of them leaves another.
         search.sub_harmonics |= self.branches;
         let wanted = OtherOptions { leaving: self.branches, search: Some(search) };
         let found = trace_branches(&forced, &branch, coordinate, &options, &wanted);
@@ -489,6 +490,7 @@ fn other_in_words((number, origin, branch): (usize, &Origin, &Branch), read: &[R
 /// Returns the interval of the coordinate on a branch in words.
 fn extent(branch: &Branch, unit: &str) -> String {
     let orbits = || branch.orbits.iter().chain(branch.bifurcations.iter().map(|found| &found.orbit));
+    // `min` and `max` pass over NaN, so that the first value takes its place.
     let [least, most] = [f64::min, f64::max].map(|of| orbits().map(|orbit| orbit.value).fold(f64::NAN, of));
     format!("between {} and {} {unit}", rounded(&least, 7), rounded(&most, 7))
 }

@@ -100,6 +100,7 @@ impl Exciter {
             ..Options::default()
         };
         let session = Session::new(scenario, self.mode, options)?;
+        // Taken before the session moves into the work.
         let plant_converter = session.scenario().network.plant_converter;
         let partner_converter = session.scenario().partner_converter();
         let (session, steered) = self.steer.steered(session, partner_converter)?;

@@ -92,6 +92,7 @@ fn text(files: &[ExportedFile]) -> String {
     let mut text = String::new();
     for ExportedFile { path, rows, columns } in files {
         text += &match columns[..] {
+            // Files of frames have no columns.
             [] => format!("{}: {rows} frames\n", path.display()),
             _ => format!("{}: {rows} rows of {}\n", path.display(), columns.join(", ")),
         };

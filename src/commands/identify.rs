@@ -252,6 +252,7 @@ fn known_poles(tested: &TestedAssembly) -> Vec<KnownPole> {
     let poles = analysis::structure_poles(&tested.assembly);
     let known = |pole: &Option<analysis::Pole>| match pole {
         Some(pole) => KnownPole { frequency_hz: pole.pole_frequency_hz, damping_ratio: pole.pole_damping_ratio },
+        // A mode that does not oscillate keeps its number. NaN is near no frequency, so that nothing found gets it.
         None => KnownPole { frequency_hz: f64::NAN, damping_ratio: f64::NAN },
     };
     poles.iter().map(known).collect()
@@ -361,6 +362,7 @@ impl Identify {
     /// Fails if an output would replace an input, or another file without --overwrite.
     fn check_outputs(&self) -> Result<(), Failure> {
         let given = self.files.iter().chain(&self.other_level).chain(&self.mac);
+        // Of a survey its index and all of its recordings are read.
         let files = |path: &PathBuf| if path.is_dir() { SurveyIndex::files(path) } else { vec![path.clone()] };
         let inputs = Inputs::of(given.flat_map(files));
         self.overwrite.check_stem(self.plot.as_deref(), PLOTTED, &inputs)?;
@@ -399,6 +401,8 @@ impl Identify {
         for level in index.levels() {
             let opened = index.at_level(level).map(|run| self.open(&folder.join(&run.file)));
             let opened = opened.collect::<Result<Vec<_>, _>>()?;
+            // The first level is fitted, and stays also without a recording, which is told later. Others without one have
+            // nothing to compare.
             if levels.is_empty() || !opened.is_empty() {
                 levels.push(Level { level: Some(level), opened });
             }
@@ -407,6 +411,7 @@ impl Identify {
     }
 
     fn open(&self, file: &Path) -> Result<Opened, Failure> {
+        // A warning about the only recording needs no name.
         let is_one = self.files == [file] && self.other_level.is_none();
         let recording = if is_one { recordings::open(file)? } else { recordings::open_one(file)? };
         let scenario = Scenario::from_configuration(recording.configuration())?;
@@ -438,6 +443,7 @@ impl Identify {
         });
         let common = usual
             .reduce(|one, other| Band { from_hz: one.from_hz.max(other.from_hz), to_hz: one.to_hz.min(other.to_hz) });
+        // There is at least one recording, so the empty band is never used.
         let common = planned.or(common).unwrap_or(Band { from_hz: 0.0, to_hz: 0.0 });
         Band { from_hz: self.from_hz.unwrap_or(common.from_hz), to_hz: self.to_hz.unwrap_or(common.to_hz) }
     }
@@ -498,6 +504,7 @@ impl Identify {
                 recording: of.recording.path().display().to_string(),
                 samples: of.record.samples(),
                 duration_s: of.record.samples() as f64 / of.record.rate_hz(),
+                // The noise of a bench that was logged had no seed.
                 seed: of.recording.configuration().get(IMPORTED_FROM).is_none().then_some(of.scenario.simulation.seed),
                 direction: of.record.direction(),
                 force: found.forces[index].clone(),

@@ -98,6 +98,7 @@ pub(super) fn smooth_hz(lines_hz: &[f64], found: &Identification) -> Vec<f64> {
     let [Some(first), Some(last)] = [lines_hz.first(), lines_hz.last()] else { return Vec::new() };
     let mut all = lines_hz.to_vec();
     for mode in &found.modes {
+        // ζf is half of the width at half power.
         let half_hz = mode.pole_damping_ratio * mode.pole_frequency_hz;
         let about = (-STEPS..=STEPS).map(|step| mode.pole_frequency_hz + half_hz * f64::from(step) / STEPS_A_HALF);
         all.extend(about.filter(|hz| (*first..=*last).contains(hz)));

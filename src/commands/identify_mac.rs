@@ -210,6 +210,7 @@ impl Assurance {
     /// Returns the table as text, with a line for each mode.
     pub fn text(&self) -> String {
         let room = |names: &[String]| names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+        // A value has five characters, as 0.123.
         let (first, other) = (room(&self.rows), room(&self.columns).max(5));
         let columns: String = self.columns.iter().map(|name| format!("   {name:>other$}")).collect();
         let mut text = format!(
@@ -228,6 +229,7 @@ impl Assurance {
 
     /// Draws a tile for each pair of modes.
     pub fn figure(&self) -> Figure {
+        // The value 1 belongs to the highest range.
         let level = |value: f64| ((value * f64::from(LEVELS)) as u8).min(LEVELS - 1);
         let places = || {
             let row = |(row, y): (&Vec<Option<f64>>, u32)| {

@@ -25,6 +25,7 @@ const MOST_DOTS: usize = 400;
 /// Writes the report as HTML. It loads nothing: figures are inline, and the policy forbids everything but its own style.
 pub(super) fn page(document: &Document, of: &Subtitle) -> Result<String, Failure> {
     let title = if of.line.is_empty() { String::from("Modal report") } else { format!("Modal report: {}", of.line) };
+    // The policy allows the style by its hash, and with it no other style and no script.
     let hash = STANDARD.encode(Sha256::digest(STYLE.as_bytes()));
     let title = escaped(&title);
     let mut page = format!(
@@ -103,6 +104,7 @@ fn table(caption: &str, head: &[&str], text: &[&str], rows: impl IntoIterator<It
     let rows: String = rows.into_iter().map(|row| format!("<tr>{}</tr>\n", row.concat())).collect();
     let caption = escaped(caption);
     format!(
+        // With a tab index the keyboard scrolls a wide table, too.
         "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\">\n<p class=\"note\">{caption}</p>\n<table>\n\
          <thead><tr>{head}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</div>\n"
     )
@@ -225,6 +227,7 @@ fn own_assurance(found: &Found) -> String {
             if value.is_nan() {
                 return cell("–");
             }
+            // A shade for each fifth; rounding may leave the criterion a little above 1.
             let class = libm::round(5.0 * value.min(1.0)) as u8;
             format!("<td class=\"m{class}\">{value:.3}</td>")
         };
@@ -237,6 +240,7 @@ fn own_assurance(found: &Found) -> String {
 
 /// Returns a figure with its caption.
 fn figure(figure: Figure, caption: &str) -> Result<String, Failure> {
+    // The caption below it takes the place of the title.
     let figure = Figure { is_titled: false, ..figure };
     let (svg, caption) = (figure.to_svg()?, escaped(caption));
     Ok(format!("<figure class=\"wide\" tabindex=\"0\">\n{svg}<figcaption>{caption}</figcaption>\n</figure>\n"))
@@ -248,6 +252,7 @@ fn responses(document: &Document) -> Result<String, Failure> {
     let (mut drawn, mut caption): (Vec<&Curve<'_>>, String) =
         (all.iter().map(|(_, curve)| curve).collect(), String::new());
     if drawn.len() > MOST_DRAWN {
+        // With several recordings the number of the run follows the degree of freedom in the title.
         let is_driving = |(run, curve): &&(&Run, Curve<'_>)| curve.title.split(',').next() == Some(run.force.as_str());
         let driving = all.iter().filter(is_driving).map(|(_, curve)| curve);
         drawn = driving.take(MOST_DRAWN).collect();

@@ -56,6 +56,7 @@ pub(super) fn execute(flags: &Identify, file: &Path, shapes: Option<Shapes>) -> 
         MeasuredQuantity::Velocity => (Quantity::Velocity, "m/s per N"),
         MeasuredQuantity::Displacement => (Quantity::Displacement, "m per N"),
     };
+    // The usual band begins above 0 Hz, where a response says nothing of a mode.
     let positive = read.frequency_hz.iter().copied().find(|hz| *hz > 0.0);
     let band = Band {
         from_hz: flags.from_hz.or(positive).unwrap_or(0.0),
@@ -83,6 +84,7 @@ pub(super) fn execute(flags: &Identify, file: &Path, shapes: Option<Shapes>) -> 
         }
     };
     let functions = read.responses.iter().enumerate().map(function).collect();
+    // Such a file names no structure whose modes have numbers.
     let numbers = vec![None; found.modes.len()];
     let mut found = Found::new(found, numbers, band);
     if let Some(shapes) = &shapes {

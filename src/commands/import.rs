@@ -69,6 +69,7 @@ impl Import {
     }
 
     fn by_ending(&self) -> Result<LogFormat, Failure> {
+        // Tools on Windows may write an ending in capitals.
         let name = self.log.to_string_lossy().to_ascii_lowercase();
         let found = LogFormat::ALL.into_iter().find(|format| name.ends_with(format.ending()));
         found.ok_or_else(|| {

@@ -189,6 +189,7 @@ impl Row {
     fn line(&self, modes: usize) -> String {
         let small = |value: Option<f64>| value.map_or(String::from("–"), |value| format!("{value:+.1e}"));
         let mut line = format!("  {:<12}     {}  ", self.scheme, self.order);
+        // A scheme that was refused has no modes, and a dash in each column.
         for k in 0..modes {
             let mode = self.modes.as_ref().map(|modes| modes[k]);
             let (damping, frequency) = (mode.map(|mode| mode.damping_ratio), mode.map(|mode| mode.frequency_error));

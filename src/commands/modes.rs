@@ -161,6 +161,7 @@ impl Modes {
             let (from, to) = (short(&from), short(&to));
             return Err(Failure::usage(format!("--from {from} --to {to}: the ends must be different")));
         }
+        // There are at least two points.
         let last = f64::from(self.points - 1);
         let at = |k: u32| {
             let value = from + (to - from) * (f64::from(k) / last);
@@ -256,6 +257,7 @@ impl RangeDocument {
         };
         let mut panel = Panel::new(x, Axis::linear("natural frequency (Hz)"));
         let modes = self.points.first().map_or(0, |point| point.modes.len());
+        // Every value of the parameter has as many modes as the first one.
         for (k, color) in (0..modes).zip(COLORS.into_iter().cycle()) {
             let points = self.points.iter().map(|point| (point.value, point.modes[k].frequency_hz)).collect();
             panel = panel.with(Series::line(format!("mode {}", k + 1), color, points));

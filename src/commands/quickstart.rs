@@ -105,6 +105,7 @@ fn all_files() -> Vec<(PathBuf, String)> {
 
 /// Adds the files of an embedded folder, with those of the folders in it.
 fn add(files: &mut Vec<(PathBuf, String)>, to: &Path, folder: &sources::Dir<'_>) {
+    // All embedded files are text.
     let texts = folder.files().filter_map(|file| Some((to.join(file.path()), String::from(file.contents_utf8()?))));
     files.extend(texts);
     folder.dirs().for_each(|inner| add(files, to, inner));

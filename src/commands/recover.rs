@@ -38,6 +38,7 @@ fn text(recovered: &Recovered) -> String {
     let mut text = integrity_note(&recovered.source).unwrap_or_default() + "\n";
     let mut line = |line: String| text.extend([&line, "\n"]);
     for chunk in &recovered.lost_chunks {
+        // A damaged chunk may state its times, which nothing confirms.
         let times = chunk.log_times_ns.map_or(String::new(), |(first, last)| {
             format!(", which states log times from {:.3} to {:.3} s", first as f64 * 1e-9, last as f64 * 1e-9)
         });

@@ -133,10 +133,12 @@ impl Replay {
                     "--from-s and --to-s are for --bus: leave them out, and copy the range of time first, by `resonarm cut`",
                 ));
             }
+            // Judged now, since the live view takes the recording.
             let verdict = recordings::verdict(&recording);
             live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;
             return Ok(verdict);
         };
+        // Judged now, since the thread that plays takes the recording.
         let whole = recordings::verdict(&recording);
         let json = JsonFlag { json: self.json };
         if self.against.against {

@@ -124,6 +124,7 @@ impl Run {
             speed: Speed::new(self.speed).map_err(RunError::from)?,
             overrun: self.overrun,
             spin: self.spin.spin,
+            // Without deadlines of the clock a thread needs neither a core nor a priority of its own.
             thread: if self.mode == Mode::RealTime { self.thread.setup()? } else { None },
             on_shortfall: self.thread.on_shortfall(),
             end_on_disarm: self.stop_on_disarm,

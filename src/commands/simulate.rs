@@ -107,6 +107,7 @@ impl Simulate {
         });
         done?;
         let mut configuration = configuration::of_structure(&scenario, &tested);
+        // Every document has the key, also without a load.
         configuration["drive"] = json!({});
         if let Some(drive) = &drive {
             drive.describe(&mut configuration);

@@ -405,11 +405,14 @@ impl DrivePath {
         for (line, response) in responses.iter().enumerate() {
             let inverse = response.conj() * (fade(line) / (response.norm_sqr() + floor * floor));
             values[line] *= inverse;
+            // Of a real record lines mirror each other, conjugate: the first and the one in the middle are their own
+            // mirrors.
             if line > 0 && 2 * line < length {
                 values[length - line] *= inverse.conj();
             }
         }
         transform.backward(&mut values);
+        // The backward transform is not divided by the number of lines.
         values.iter().fold(0.0, |largest: f64, value| largest.max(value.re.abs() / length as f64))
     }
 
@@ -448,6 +451,7 @@ pub(crate) fn figure_of(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return short(&value).to_string();
     }
+    // Three digits behind the first one, and never behind the ninth decimal place.
     let places = (3.0 - libm::floor(libm::log10(value.abs()))).clamp(0.0, 9.0) as usize;
     let text = rounded(&value, places).to_string();
     if text.contains('.') && !text.contains('e') {
@@ -540,6 +544,7 @@ impl Document<'_> {
 fn figure(specification: &Specification, title: &str) -> (Figure, String) {
     let figure = Figure::new(title).subtitle(specification.sources.join("; "));
     if let Test::Shock(test) = &specification.test {
+        // So many samples draw the pulse as smoothly as a formula.
         let rate_hz = 500.0 / test.duration_s;
         let (record, start) = test.compensated(rate_hz).unwrap_or_else(|| (test.samples(rate_hz), 0));
         let times: Vec<f64> = (0..record.len()).map(|k| (k as f64 - start as f64) / rate_hz).collect();

@@ -229,6 +229,7 @@ fn elements(scenario: &Scenario) -> String {
     let elements = scenario.structure.elements.iter();
     let line = |(element, number): (&resonarm::scenario::structure::ElementSection, usize)| {
         let values = element.values.iter().map(|(key, value)| format!(", {key} = {}", short(value)));
+        // Only polynomials have terms; too many for a line.
         let terms = match element.terms.len() {
             0 => String::new(),
             1 => String::from(", 1 term"),

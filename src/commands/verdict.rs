@@ -156,6 +156,7 @@ impl Verdict {
         if document.clipped > 0 {
             text += &format!("clipped: {} values\n", document.clipped);
         }
+        // A smaller droop would be stated as 0 dB.
         if let Some(Droop { frequency_hz, gain_db }) = document.converters.filter(|droop| droop.gain_db < -0.01) {
             let hz = figure_of(frequency_hz);
             text += &format!("converters: the readings are {} at {hz} Hz, the acceleration is higher\n", db(gain_db));
@@ -189,6 +190,7 @@ impl Verdict {
         let columns = [
             ("frequency_hz", measured.iter().map(|(hz, _)| *hz).collect::<Vec<_>>()),
             ("measured", measured.iter().map(|(_, value)| *value).collect()),
+            // A table holds numbers alone: 1 is out.
             ("is_out", is_out.iter().map(|is_out| f64::from(u8::from(*is_out))).collect()),
         ];
         let Some(curve) = level_curve(test) else { return (figure, table(&columns)) };
@@ -402,6 +404,7 @@ fn shock_figure(figure: Figure, test: &Test, found: &ShockVerdict, judged: &Judg
         shots.push(GAP.0);
     }
     let pulse = |shift: f64| -> Vec<(f64, f64)> {
+        // So many points are smooth in a figure.
         let at = |k: u32| test.duration_s * f64::from(k) / 500.0;
         (0..=500).map(|k| (at(k), test.acceleration_m_s2(at(k)) + shift)).collect()
     };

@@ -71,6 +71,7 @@ fn rows(branch: &Branch) -> Vec<Row<'_>> {
         }
         rows.push(Row { orbit, bifurcation: None });
     }
+    // Those behind the last orbit, where a branch ended before it came to the next one.
     rows.extend(found.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
     rows
 }

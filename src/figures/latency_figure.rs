@@ -57,6 +57,7 @@ pub(crate) fn write(
 fn panel(title: Option<String>, curves: &[LatencyCurve]) -> Panel {
     let bars: Vec<_> = curves.iter().map(|curve| bars(&curve.counted)).collect();
     let most = bars.iter().flatten().map(|(_, count)| *count).max().unwrap_or(1);
+    // Twice the highest bar leaves room above it.
     let y = Axis::log("samples").range(NONE, 2.0 * most as f64);
     let panel = Panel { title, ..Panel::new(Axis::log("latency (µs)"), y) };
     curves

@@ -140,6 +140,7 @@ impl Curves {
         let names = self.coordinates.map(|coordinate| coordinate.to_string());
         let units = self.coordinates.map(|coordinate| unit(coordinate, drive));
         let value = |which: usize, value: f64| {
+            // A parameter without a unit leaves a blank at the end.
             format!("{} {} {}", names[which], rounded(&value, 7), units[which]).trim_end().to_owned()
         };
         let place = |point: &SingularPoint| format!("{}, {}", value(0, point.lambda), value(1, point.mu));

@@ -191,6 +191,7 @@ impl AuditBench {
     pub fn run(&self, id: &str, stimulus: Stimulus, base: Option<(&Base<'_>, usize)>) -> Result<Run, Failure> {
         let folder = self.out.join(id);
         fs::create_dir_all(&folder).map_err(Failure::write(&folder))?;
+        // An absolute path: those in the scenario of a controller are relative to its own folder.
         let folder = folder.canonicalize().map_err(Failure::write(&folder))?;
         let [spec, recording, printed, said] = FILES.map(|file| folder.join(file));
         let table = self.limited(stimulus, base);
@@ -219,6 +220,7 @@ impl AuditBench {
                 ended_by = end.reason.filter(|_| end.outcome != "plant-left");
             }
             UnderTest::Command { bus, words, operator } => {
+                // Whatever the plant's scenario says of a controller, it is the command that controls.
                 (scenario.control, scenario.excitation, scenario.limits) = (None, None, None);
                 // A controller that is told to start again may have disarmed the plant.
                 let options = Options { end_on_disarm: !matches!(stimulus, Stimulus::Restart), ..options };
@@ -251,6 +253,7 @@ impl AuditBench {
             }
         }
         let record = self.record(&recording, &specification)?;
+        // One that does not wait for the level acts from the first sample on.
         let stimulus = base.filter(|_| stimulus.is_at_level()).map_or(0, |(_, at)| at);
         Ok(Run { specification, record, recording, stimulus, ended_by })
     }
@@ -378,6 +381,7 @@ impl AuditBench {
         let limited = specification.limits.response.iter().map(|limit| limit.channel.clone());
         let mut names = vec![channel_name(&recording, &self.control)];
         names.extend(limited.map(|name| channel_name(&recording, &name)));
+        // The base run has no limit of a response; later ones are made from what is read here.
         if names.len() == 1 {
             names.push(channel_name(&recording, &self.response));
         }
@@ -398,6 +402,7 @@ impl AuditBench {
             .collect();
         let loads = Signals::read(&recording, &loads, [None, None]).map_err(|error| failed(&error))?;
         let energy = |values: &Vec<f64>| values.iter().map(|value| value * value).sum::<f64>();
+        // The drive is the load with the most energy: along the other axes there is little or none.
         let drive = loads.values.into_iter().max_by(|a, b| energy(a).total_cmp(&energy(b))).unwrap_or_default();
         let (armed, is_disarmed) = armed(&recording, drive.len())?;
         let drive = drive.into_iter().zip(armed).map(|(drive, is_armed)| if is_armed { drive } else { 0.0 }).collect();

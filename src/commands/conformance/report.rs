@@ -222,6 +222,7 @@ impl Document {
             "{} passed, {} failed, {} inconclusive, {} skipped, {} not run\n",
             self.passed, self.failed, self.inconclusive, self.skipped, self.not_run
         );
+        // A plant under test commands nothing, so its report has no such line.
         let stated = self.commands.iter().filter_map(|(name, range)| {
             let unit = if name.starts_with("force") { "N" } else { "N m" };
             range.map(|[min, max]| format!("{name} {} to {} {unit}", short(&min), short(&max)))

@@ -56,6 +56,7 @@ fn can() -> Finding {
 fn interfaces() -> Finding {
     let create = "`sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes a virtual one";
     let (state, is_missing) = match socketcan::interfaces() {
+        // A machine may have CAN and no interface yet.
         Ok(names) if names.is_empty() => (String::from("none"), true),
         Ok(names) => (names.join(", "), false),
         Err(error) => (error.to_string(), true),

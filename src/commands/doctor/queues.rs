@@ -28,6 +28,7 @@ struct Link {
 
 /// Reports the transmit queue of each CAN interface, and the kernel's limits.
 pub(super) fn findings() -> Vec<Finding> {
+    // What this program asks for of its own sockets.
     let wanted = socketcan::Options::default();
     let limits = [
         limit("receive backlog", "netdev_max_backlog", BACKLOG, "frames"),

@@ -152,6 +152,7 @@ impl WalkExperiment {
             let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
             return of_scenario.copied().ok_or_else(|| missing("--drive DOF=A", &tested.assembly));
         }
+        // Each place of the exciter has a part of its own, so several flags add up to one load.
         let mut whole = [0.0; Load::PARTS];
         for flag in &self.drive {
             let LoadFlag { name, amplitude } = flag;

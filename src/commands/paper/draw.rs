@@ -14,6 +14,7 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
         let x = Axis::degrees("β₂ (°)").range(-180.0, 180.0);
         let highest = curves.frequency_hz.iter().fold(0.0_f64, |highest, frequencies| highest.max(frequencies[1]));
         let mut panel = plot::Panel::new(x, Axis::linear("natural frequency (Hz)").range(0.0, 1.05 * highest));
+        // The arm has two links, and so two modes.
         for (mode, color) in [Color::Blue, Color::Vermillion].into_iter().enumerate() {
             let points = curves.beta2_deg.iter().zip(&curves.frequency_hz);
             let points = points.map(|(beta2_deg, frequencies)| (*beta2_deg, frequencies[mode])).collect();

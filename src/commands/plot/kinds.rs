@@ -50,6 +50,7 @@ fn line(x: impl Fn(usize) -> f64, values: &[f64]) -> Vec<(f64, f64)> {
         let places = start..(start + stretch).min(values.len());
         let by = |a: &usize, b: &usize| values[*a].total_cmp(&values[*b]);
         let (low, high) = (places.clone().min_by(by).unwrap_or(start), places.max_by(by).unwrap_or(start));
+        // In the order of time, so that the line does not run back.
         points.extend([low.min(high), low.max(high)].map(|place| (x(place), values[place])));
     }
     points
@@ -142,6 +143,7 @@ pub(super) fn histogram(signals: &Signals) -> Shown {
         let width = if high > low { (high - low) / CLASSES as f64 } else { 1.0 };
         let mut density = vec![0.0; CLASSES];
         for value in values {
+            // The highest value is the upper end of the last class.
             density[(((value - low) / width) as usize).min(CLASSES - 1)] += 1.0 / (width * values.len() as f64);
         }
         let edges: Vec<f64> = (0..=CLASSES).map(|k| low + k as f64 * width).collect();
@@ -371,6 +373,7 @@ fn map_panel(channel: &Channel, rows: &[Vec<f64>], times: &[f64], frequency_hz: 
         for start in (0..frequency_hz.len()).step_by(along_frequency) {
             let lines = start..(start + along_frequency).min(frequency_hz.len());
             let density = part.iter().flat_map(|row| &row[lines.clone()]).copied().fold(0.0, f64::max);
+            // Infinite for a density of 0: the conversion to an integer saturates, and gives the lowest level.
             let below_db = -10.0 * libm::log10(density / largest);
             let level = usize::from(LEVELS - 1).saturating_sub((below_db / DECIBELS) as usize);
             let middle = |of: &[f64]| 0.5 * (of[0] + of[of.len() - 1]);

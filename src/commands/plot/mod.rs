@@ -172,6 +172,7 @@ impl Plot {
         }
         let shown = self.shown(&signals)?;
         let mut channels = Map::new();
+        // The reference comes first, and is not shown itself.
         let of = signals.channels.iter().zip(&signals.clipped).skip(first);
         for ((channel, clipped), numbers) in of.zip(shown.channels) {
             let mut own = map(json!({ "unit": channel.quantity.unit(), "clipped": clipped }));

@@ -42,6 +42,7 @@ impl Encode {
         if let Some((unknown, _)) = signals.iter().find(|(given, _)| !used.contains(given)) {
             return Err(Failure::usage(format!("{kind} has no signal {unknown}, expected one of {}", used.join(", "))));
         }
+        // Messages without protection have no counter, so only 0 is left.
         let most = kind.form(network.profile()).and_then(|form| form.protection).map_or(0, |p| p.counter_max());
         if self.counter > most {
             let counter = self.counter;
