@@ -99,6 +99,7 @@ fn a_player_passes_the_cases_about_its_sweep_and_fails_those_about_its_readings(
         assert!(page.contains(part), "{part}");
     }
     // It repeats bit for bit.
+    // Runs that are there are not overwritten.
     fs::remove_dir_all(folder.join("resonarm-audit")).unwrap();
     assert_eq!(document(folder, 1, &[&AUDIT[..], &["--json"]].concat()), found);
 }
@@ -144,6 +145,7 @@ fn chosen_cases_alone_are_run() {
     assert!(lines[1].starts_with(held), "{}", lines[1]);
     assert_eq!(lines[3], "2 passed, 0 failed, 0 inconclusive, 0 skipped");
     let runs: Vec<_> = fs::read_dir(folder.join("runs")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    // Both cases judge the undisturbed run, and need none of their own.
     assert_eq!(runs, ["base"]);
     // Its specification is another one.
     fs::write(folder.join("fast.toml"), SPECIFICATION.replace("rate_oct_min = 4", "rate_oct_min = 8")).unwrap();
@@ -219,6 +221,7 @@ fn ends_as_stated(found: &Value, expected: &[(&str, f64, f64)]) {
     let (_, text) = text.split_once("## What stops the reference controllers").unwrap();
     for (case, acts, within) in expected {
         let samples = ended_after(found, case).unwrap();
+        // Without the ramp, which every end has.
         assert!((samples as f64 - 100.0 - acts).abs() <= *within, "{case}: {samples}");
         let row = text.lines().find(|line| line.starts_with("| ") && line.contains(&format!("| {case}, "))).unwrap();
         let stated = row.split_once(&format!("| {case}, ")).unwrap().1.split(" | ").nth(1).unwrap();
@@ -299,6 +302,7 @@ fn what_can_not_be_audited_is_refused() {
         says(&[&AUDIT[..], &["--case", "R01"]].concat()).contains("unknown case \"R01\", expected one of S01, S02")
     );
     assert!(says(&[&AUDIT[..6], &["plant.toml"]].concat()).contains("neither a section [control] nor [excitation]"));
+    // Refused before the bus is opened, which does not exist.
     let on_bus = [&AUDIT[..5], &["--bus", "none0", "--operator", "say stop", "--", "true"]].concat();
     assert!(says(&on_bus).contains("--operator \"say stop\" has no {word}"));
     fs::write(folder.join("two.toml"), format!("{SPECIFICATION}[control]\nchannels = ['b.x', 'c.x']\n")).unwrap();

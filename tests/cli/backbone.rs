@@ -6,6 +6,7 @@ use serde_json::Value;
 
 fn resonarm(arguments: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_resonarm"));
+    // Help is wrapped at the width of a terminal, which COLUMNS would state.
     command.args(arguments.split(' ')).env_remove("COLUMNS").stdin(Stdio::null()).output().unwrap()
 }
 
@@ -104,7 +105,9 @@ fn a_document_that_the_forced_response_passes_through() {
     assert!(curve["frequency_shift_hz"].as_f64().unwrap() < 0.0);
     let points = curve["points"].as_array().unwrap();
     let number = |point: &Value, key: &str| point[key].as_f64().unwrap();
+    // The curve ends at the load that was given, since it comes there before the displacement of 1 rad.
     assert!((number(&points[points.len() - 1], "drive") / 60.0 - 1.0).abs() < 1e-9);
+    // One point in the middle of the curve, and one near its end, where it bends most.
     for point in [&points[points.len() / 2], &points[points.len() - 2]] {
         let (hz, force) = (number(point, "frequency_hz"), number(point, "drive"));
         let arguments = format!(
@@ -141,6 +144,7 @@ fn a_figure_over_the_forced_response() {
     let curve: Value = serde_json::from_str(&read(".json")).unwrap();
     assert_eq!(read(".csv").lines().count(), 1 + curve["points"].as_array().unwrap().len());
     assert!(read(".csv").starts_with("frequency_hz,drive,joint1_largest_rad,"));
+    // A folded resonance has two folds.
     assert_eq!(read("-response.csv").lines().filter(|line| line.contains(",marginal,fold,")).count(), 2);
 }
 
@@ -160,11 +164,13 @@ fn figures_of_branches_have_their_numbers_beside_them() {
     let document: Value = serde_json::from_str(&read(".json")).unwrap();
     let configuration = &document["configuration"];
     assert_eq!(configuration["drive"], serde_json::json!({ "joint1": { "amplitude": 60.0, "unit": "N·m" } }));
+    // A preset is stated by its links: 50.58 kg is the mass of link 2 in it.
     assert_eq!(configuration["structure"]["links"][1]["mass_kg"].as_f64(), Some(50.58));
     assert_eq!(configuration["continue"]["frequency_hz"].as_f64(), Some(22.0));
     let csv = read(".csv");
     insta::assert_snapshot!(csv.lines().next().unwrap(), @"branch,link2_angle_deg,frequency_hz,drive,largest_multiplier,stability,bifurcation,joint1_largest_rad,joint1_mean_rad,joint1_amplitude_rad,joint1_phase_deg");
     let [points, events] = ["points", "bifurcations"].map(|key| document[key].as_array().unwrap().len());
+    // A header, and a line for each point and each fold.
     assert_eq!((csv.lines().count(), events), (1 + points + events, 2));
     insta::assert_snapshot!(read("-curves.csv").lines().next().unwrap(), @"curve,kind,link2_angle_deg,amplitude,joint1_amplitude_rad");
     assert!(read("-curves.svg").contains("irb1600-fitted at 0°, …, driven at joint1, 22 Hz"));
@@ -174,6 +180,7 @@ fn figures_of_branches_have_their_numbers_beside_them() {
 #[test]
 fn examples_of_the_help_run() {
     for command in ["continue", "backbone", "sweep", "poincare"] {
+        // An example over two lines ends the first with a backslash, as in a shell.
         let help = done(&format!("{command} --help")).replace("\\\n", "");
         let folder = tempfile::tempdir().unwrap();
         let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/structures/hardening.toml");
@@ -185,6 +192,7 @@ fn examples_of_the_help_run() {
             let output =
                 program.args(example.split_whitespace()).current_dir(&folder).stdin(Stdio::null()).output().unwrap();
             assert!(output.status.success(), "{example}: {}", text(&output.stderr));
+            // What is behind the flag is the name of what the example writes.
             let mut words = example.split_whitespace().skip_while(|word| !["--out", "--plot"].contains(word));
             if let (Some(flag), Some(name)) = (words.next(), words.next()) {
                 let name = if flag == "--plot" { format!("{name}.svg") } else { String::from(name) };
@@ -313,6 +321,7 @@ fn a_branch_that_ends_early_is_kept() {
     insta::assert_snapshot!(reason, @"resonarm: along frequency_hz: the branch was followed to 22.153542 Hz, where it reached the limit of 50 points; allow more points or larger steps (--most-points, --largest-step); the 50 responses before that are in the results");
     let early: Value = serde_json::from_str(&early).unwrap();
     assert_eq!(early["points"].as_array().unwrap()[..], whole["points"].as_array().unwrap()[..50]);
+    // Both folds are on the first 50 points.
     assert_eq!(early["bifurcations"], whole["bifurcations"]);
     assert!(stem.with_extension("png").exists());
     let (summary, _) = partial(&format!("{command} --most-points=10"));
@@ -380,6 +389,7 @@ fn a_branch_with_too_few_harmonics_states_its_error() {
     let flags = "--drive=joint1=60 --from-hz=21 --to-hz=23";
     let document =
         |more: &str| -> Value { serde_json::from_str(&done(&format!("continue {flags} {more} --json"))).unwrap() };
+    // Four harmonics are too few for the tolerance of 1e-9; with 64 each response takes as many as it needs.
     let (few, all) = (document("--most-harmonics=4"), document("--most-harmonics=64"));
     assert_eq!([&few["ended"], &all["ended"]], ["at-end"; 2]);
     assert_eq!(all["configuration"]["continue"]["tolerance"], 1e-9);

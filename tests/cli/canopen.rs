@@ -140,6 +140,7 @@ fn log(drives: &[DriveSpec], states: &[StateRecord], sample_us: u64) -> String {
         let node = drive.node_id;
         line(0, format!("{:03X}#2F6060000A000000", 0x600 + u16::from(node)));
         line(0, format!("{:03X}#6060600000000000", 0x580 + u16::from(node)));
+        // Shutdown, switch on, enable operation: the way to a drive that takes torques (CiA 402).
         ["06000000", "07000000", "0F000000"].iter().for_each(|word| line(0, format!("20{node}#{word}")));
     }
     let bytes = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
@@ -151,6 +152,7 @@ fn log(drives: &[DriveSpec], states: &[StateRecord], sample_us: u64) -> String {
             let [position, velocity] = [counts(state.states.coordinates()[joint]), counts(state.states.rates()[joint])];
             let data = [position.to_le_bytes(), velocity.to_le_bytes()].concat();
             line(us + 150 + 150 * joint as u64, format!("28{}#{}", drive.node_id, bytes(&data)));
+            // Targets are in thousandths of the rated torque.
             let target = (state.load.torque_nm[joint] / drive.torque_step_nm()).round() as i16;
             let data = [[0x0F, 0], target.to_le_bytes()].concat();
             line(us + 500, format!("20{}#{}", drive.node_id, bytes(&data)));
@@ -164,6 +166,7 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
     let folder = bench(DWELL);
     let folder = folder.path();
     let (drives, expected) = run(folder);
+    // At 3 ms a sample, time stamps alone would put every sample three times as late.
     for (sample_us, flags) in [(1000, &[][..]), (3000, &["--by-sync"])] {
         fs::write(folder.join("bus.log"), log(&drives, &expected, sample_us)).unwrap();
         let import = [&["import", "bus.log", "bus.mcap", "--scenario", "drives.toml", "--overwrite"], flags].concat();

@@ -89,6 +89,7 @@ fn a_walk_is_on_the_computed_branch() {
     let mut clipped: Value = serde_json::from_str(&fs::read_to_string(folder.join("walk.json")).unwrap()).unwrap();
     let reading = &mut clipped["points"][4]["readings"]["joint2.y"];
     reading["clipped"] = true.into();
+    // Clipping takes some per cent off an amplitude: three, which would be far above the score below.
     reading["amplitude"] = (0.97 * number(&reading["amplitude"])).into();
     fs::write(folder.join("clipped.json"), clipped.to_string()).unwrap();
     let said = resonarm(folder, &["compare", "clipped.json", "--at", "joint2.y", "--plot", "marked"]);
@@ -136,6 +137,7 @@ fn points_of_another_program_are_compared() {
 fn reports_documents_that_can_t_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
+    // A backbone is measured at loads that grow, so its points are not those of one branch.
     let walk = ["experiment", "walk", "--drive", "joint1=10", "--points", "3", "--backbone", "--plot", "backbone"];
     assert_eq!(resonarm(folder, &walk).code, 0);
     assert_snapshot!(complaint(folder, 2, &["compare", "none.json"]), @"resonarm: none.json can't be read: No such file or directory (os error 2)");
@@ -149,6 +151,7 @@ fn reports_documents_that_can_t_be_compared() {
     fs::write(folder.join("empty.json"), empty.to_string()).unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "empty.json"]), @"resonarm: empty.json: it has no points to compare");
     empty["points"] = Value::Array(vec![points[0].clone()]);
+    // Zero is an amplitude, of a reading below the resolution; less is none.
     empty["points"][0]["readings"]["tip.x"]["amplitude"] = (-1).into();
     fs::write(folder.join("zero.json"), empty.to_string()).unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "zero.json"]), @"resonarm: zero.json: point 0 must have readings, with amplitudes of 0 or more");
@@ -165,6 +168,7 @@ fn a_recording_is_compared_by_what_its_controller_reads() {
     let of_document = document(folder, 0, &["compare", "walk.json", "--json"]);
     let of_recording = document(folder, 0, &["compare", "walk.mcap", "--json"]);
     assert_eq!(of_recording["points"].as_array().unwrap().len(), 5);
+    // Equal in all digits: the frames in the recording are those that the controller read.
     assert_eq!(of_recording, of_document);
     let said = resonarm(folder, &["compare", "walk.mcap", "--plot", "compared"]);
     assert_eq!(said.code, 0, "{}", said.stderr);
@@ -216,6 +220,7 @@ fn of_another_dbc(path: &Path) {
     for frame in dwell.frames().unwrap() {
         let mut record = frame.unwrap();
         if let Ok(Some(Message::PlantHello(hello))) = receiver.accept(&record.frame) {
+            // One bit of the hash is another DBC.
             let other = Message::PlantHello(Hello { dbc_hash: hello.dbc_hash ^ 1, ..hello });
             record.frame = Transmitter::new(Network::default()).frame(&other).unwrap();
         }
@@ -230,6 +235,7 @@ fn reports_why_a_recording_can_t_be_compared() {
     let folder = folder.path();
     of_another_dbc(&folder.join("old.mcap"));
     assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version rejects the recorded plant (another DBC); use the version that recorded it");
+    // A sweep dwells at no frequency, so that no response is read.
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
     record(folder, "swept", &format!("[excitation]\namplitude = {{ exciter_x = 5 }}\nprofile = {{ {swept} }}\n"));
     assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: no response was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive DOF=A --record walk.mcap` makes such a recording");

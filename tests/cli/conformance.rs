@@ -90,6 +90,7 @@ fn scenarios_that_cannot_be() {
 #[test]
 fn existing_files_are_kept() {
     let folder = tempfile::tempdir().unwrap();
+    // The bus need not exist: files are checked before it is opened.
     std::fs::write(folder.path().join("report.xml"), "kept").unwrap();
     for flag in ["--junit", "--record"] {
         let arguments = ["conformance", "--role", "plant", "--bus", "vcan0", flag, "report.xml"];
@@ -135,6 +136,7 @@ mod on_an_empty_bus {
         assert_snapshot!(said["cases"][0]["reason"].as_str().unwrap(), @"no hello of a plant was received: check that it is on this bus, with this base, these node ids and this profile. Received instead: nothing");
         assert_eq!(said["untested"][0]["requirement"], "R-1.1");
         let junit = std::fs::read_to_string(folder.path().join("report.xml")).unwrap();
+        // The duration differs from run to run.
         let took = junit.split("time=\"").nth(1).unwrap().split('"').next().unwrap();
         assert_snapshot!(junit.replace(took, "TIME"), @r#"
         <?xml version="1.0" encoding="UTF-8"?>

@@ -26,6 +26,7 @@ fn a_section_is_a_recording() {
     let folder = recorded();
     run(folder.path(), "cut run.mcap part.mcap --from-s 0.1 --to-s 0.2");
     let states = &document(folder.path(), 0, &["inspect", "part.mcap", "--json"])["topics"]["/plant/steps"];
+    // Both ends belong to the section: 0.1 to 0.2 s are 101 samples of 1 ms.
     assert_eq!(states["records"], 101);
     let verdict = document(folder.path(), 0, &["resim", "part.mcap", "--json"]);
     assert_eq!((&verdict["identical"], &verdict["samples"]), (&true.into(), &101.into()));
@@ -40,6 +41,7 @@ fn a_section_is_a_recording() {
 fn joined_sections_are_the_whole() {
     let folder = recorded();
     run(folder.path(), "cut run.mcap a.mcap --to-s 0.1");
+    // The sample at 0.1 s is in the first section, and the next one begins behind it.
     run(folder.path(), "cut run.mcap b.mcap --from-s 0.101 --to-s 0.2");
     run(folder.path(), "cut run.mcap c.mcap --from-s 0.201");
     run(folder.path(), "merge a.mcap b.mcap c.mcap --out whole.mcap");
@@ -117,7 +119,9 @@ fn a_recording_in_numbers_and_as_a_figure() {
     let messages = found["statistics"]["messages"].as_object().unwrap();
     assert_eq!(messages.values().map(|count| count.as_u64().unwrap()).sum::<u64>(), frames);
     let figure = fs::read_to_string(folder.path().join("run.svg")).unwrap();
+    // No torque acts in this run, and channels that are 0 all the time are not drawn.
     assert!(figure.contains("alpha1_rad") && figure.contains("head_force_x_n") && !figure.contains("torque1_nm"));
+    // The figure is there now, and is not overwritten.
     assert_eq!(complaint(folder.path(), 2, &inspect).lines().count(), 1);
     let text = resonarm(folder.path(), &["inspect", "run.mcap", "--statistics"]).stdout;
     assert!(text.contains("\nhead_force_x_n ") && text.contains("\nforeign frames "), "{text}");

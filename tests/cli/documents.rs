@@ -63,6 +63,7 @@ fn modes_over_beta2_are_those_of_the_oracles() {
             }
             compared += 1;
         }
+        // The poses that the oracles have of each preset.
         assert_eq!(compared, 6);
         // An angle and its opposite mirror each other.
         for key in ["frequency_hz", "damping_ratio"] {
@@ -131,6 +132,7 @@ fn default_frequencies_meet_the_peaks() {
     let largest = values.iter().map(modulus).fold(0.0, f64::max);
     let modes = document(here(), 0, &["modes", "--json"]);
     let natural = modes["modes"][0]["frequency_hz"].as_f64().unwrap();
+    // A range that begins at the natural frequency has it as its first point.
     let ends = [natural, natural * 1.5].map(|hz| hz.to_string());
     let near = ["--from-hz", &ends[0], "--to-hz", &ends[1], "--points", "2", "--json"];
     let peak = modulus(&document(here(), 0, &[drive.as_slice(), &near].concat())["responses"][0]["value"][0]);
@@ -149,6 +151,7 @@ fn responses_have_their_units() {
     let said = curves.iter().map(|curve| (curve["at"].as_str().unwrap(), curve["unit"].as_str().unwrap()));
     assert_eq!(said.collect::<Vec<_>>(), [("joint1", "rad per N·m"), ("joint2.y", "m per N·m")]);
     let at_rest = [0, 1].map(|k: usize| curves[k]["value"][0][0].as_f64().unwrap());
+    // 555 000 N·m/rad is the stiffness of joint 1, and 0.63 m the length of link 1.
     assert!((at_rest[0] * 555_000.0 - 1.0).abs() < 1e-14 && (at_rest[1] / at_rest[0] - 0.63).abs() < 1e-14);
 
     let csv = crate::resonarm(here(), &range);
@@ -159,6 +162,7 @@ fn responses_have_their_units() {
         let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
         for (curve, polar) in curves.iter().zip(values[1..].chunks(2)) {
             let [re, im] = [0, 1].map(|part: usize| curve["value"][k][part].as_f64().unwrap());
+            // Modulus and phase of the table, back to real and imaginary part.
             let (sine, cosine) = libm::sincos(polar[1].to_radians());
             let error = (polar[0] * cosine - re).abs() + (polar[0] * sine - im).abs();
             assert!(error < 1e-14 * polar[0], "{line} {curve}");
@@ -201,6 +205,7 @@ fn simulate_meets_the_oracles() {
             }
         }
     }
+    // Without a difference nothing would have been compared.
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
 }
 

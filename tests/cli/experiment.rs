@@ -55,6 +55,7 @@ fn both_zones_are_measured_and_drawn() {
             let run = &zone[run];
             assert_eq!(run["outcome"], "finished");
             let points_read = run["points"].as_array().unwrap();
+            // Near a resonance a sine takes smaller steps, so that it may have some points more.
             assert!((points..=points + 2).contains(&points_read.len()), "{run:#}");
             // The head's resolution is coarse for the smallest force of the backbone.
             let unsettled = points_read.iter().filter(|point| point["settled"] == false).count();
@@ -73,6 +74,7 @@ fn both_zones_are_measured_and_drawn() {
 /// place.
 fn over_the_papers_curves(folder: &Path) {
     let drawn = document(folder, 0, &["paper", "fig9", "--measured", "zones.json", "--out", "paper", "--json"]);
+    // SVG, PNG, caption, CSV and JSON.
     assert_eq!(drawn["figures"][0]["files"].as_array().unwrap().len(), 5, "{drawn}");
     let read = |file: &str| fs::read_to_string(folder.join(file)).unwrap();
     let json = |file: &str| serde_json::from_str::<Value>(&read(file)).unwrap();

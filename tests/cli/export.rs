@@ -166,6 +166,7 @@ fn the_last_of_all_samples_is_exported() {
     recorder.finish(&[]).unwrap();
     for format in ["csv", "uff58", "wav", "foxglove"] {
         let written = document(folder.path(), 0, &["export", "last.mcap", "--to", format, "--json"]);
+        // A copy for Foxglove has states and samples in one file.
         let rows = if format == "foxglove" { 6 } else { 3 };
         assert_eq!(written["files"][0]["rows"], rows, "{format}");
     }

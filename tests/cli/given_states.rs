@@ -62,6 +62,7 @@ fn a_branch_starts_on_what_other_commands_found() {
     let expected = largest(&branch["points"][0]);
     let listed: Vec<f64> = serde_json::from_value(branch["points"][0]["state"].clone()).unwrap();
     let listed = format!("{},{}", listed[0], listed[1]);
+    // The excitation has settled by 2.7 s, so that the state from there on is on the branch.
     let states =
         ["branch.json:points/0", "sweep.json:sweeps/0/points/0", "basins.json:motions/0", "run.mcap:2.7", &listed];
     for state in states {
@@ -102,6 +103,7 @@ fn loads_have_harmonics() {
     assert!((computed / settled - 1.0).abs() < 1e-6, "{computed} {settled}");
     let plain =
         document(folder, 0, &[&["continue", "--scenario=hard.toml", "--drive=tip.x=12", "--json"][..], &ends].concat());
+    // The harmonic changes the response by far more than the two ways to compute it differ.
     assert!((largest(&plain["points"][0]) / computed - 1.0).abs() > 1e-3, "{computed}");
     assert_eq!(
         branch["configuration"]["drive_harmonics"],

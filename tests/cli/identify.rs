@@ -43,8 +43,11 @@ fn modes_are_identified_from_a_recording() {
             let (found, computed) = (&found["modes"][mode], &computed["modes"][mode]);
             let ratio = |key: &str| number(&found[key]) / number(&computed[key]) - 1.0;
             assert!(ratio("pole_frequency_hz").abs() < 1e-4, "{found} {computed}");
+            // The time constant of the first mode is 45 s: records of 20 and 30 s state its damping less well than its
+            // frequency.
             assert!(ratio("pole_damping_ratio").abs() < 0.05, "{found} {computed}");
         }
+        // The force acts along y.
         assert_eq!(number(&run["direction"][1]), 1.0);
         assert_eq!(found["at"], serde_json::json!(["joint2.x", "joint2.y", "tip.x", "tip.y"]));
         let count = run["frequency_hz"].as_array().unwrap().len();
@@ -52,6 +55,7 @@ fn modes_are_identified_from_a_recording() {
             assert_eq!(names(response), ["at", "coherence", "fitted", "h1", "h2", "response", "unit"]);
             assert_eq!(response["fitted"].as_array().unwrap().len(), count);
             assert_eq!(response["h1"].as_array().unwrap().len(), count);
+            // Of a single record any response has the coherence 1, which says nothing.
             assert_eq!(response["coherence"].is_null(), averages == 1);
         }
     }
@@ -195,9 +199,11 @@ fn modes_of_known_structures_are_right() {
             let [found_mid, found_tip] = [0, 1].map(|place| number(&mode["shape_per_sqrt_kg"][place]));
             let ratio = found_mid / found_tip / (mid / tip) - 1.0;
             assert!(ratio.abs() < 5e-4, "{name}, mode {index}: ratio of the shape {ratio}");
+            // Where the force acts a shape is positive.
             for (place, truth) in [mid * tip.signum(), tip.abs()].into_iter().enumerate() {
                 z(&mode["shape_per_sqrt_kg"][place], truth, &mode["shape_deviation_per_sqrt_kg"][place]);
             }
+            // Of the shape that is 1 at the tip, where the force acts.
             z(&mode["modal_mass_kg"], 1.0 / (tip * tip), &mode["modal_mass_deviation_kg"]);
         }
         for noise in found["noise"].as_array().unwrap() {
@@ -328,6 +334,7 @@ fn angles_are_identified_from_a_recording() {
         let found = document(folder, 0, &[flags.as_slice(), &["--json"]].concat());
         assert_eq!(found["integration"], domain);
         let residual = number(&found["residual_over_noise"]);
+        // What rigid links leave is the noise of the instruments.
         assert!((0.8..1.2).contains(&residual), "{residual}");
         let text = fs::read_to_string(folder.join(&table)).unwrap();
         let mut lines = text.lines();
@@ -342,6 +349,7 @@ fn angles_are_identified_from_a_recording() {
             let before = &states[(row[0] * 1000.0 - 0.5).round() as usize];
             for joint in 0..2 {
                 let middle = 0.5 * (before.states.coordinates()[joint] + after.states.coordinates()[joint])
+                    // The cubic through both angles and their rates, in its middle.
                     + 0.125e-3 * (before.states.rates()[joint] - after.states.rates()[joint]);
                 let off = (row[1 + joint] - middle).abs();
                 // Five standard deviations, and the share of a sudden start below the corner.

@@ -130,6 +130,7 @@ fn logs_that_cannot_be_imported_are_refused() {
 #[test]
 fn a_single_line_without_a_frame_is_counted() {
     let folder = tempfile::tempdir().unwrap();
+    // Bit 29 of the identifier marks the report of a controller, which is no frame.
     fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can0 20000040#00\n(1.75) can0 123#00\n").unwrap();
     let said = resonarm(folder.path(), &["import", "a.log", "a.mcap"]);
     assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 0 of other interfaces and 1 line or object that is no frame");
@@ -162,5 +163,6 @@ fn one_interface_of_several() {
     b.mcap: 1 frame of 0.000 s; left out 2 of other interfaces and 0 lines or objects that are no frames
     imported interface can1; the others are can0: choose one by --interface
     ");
+    // Without a scenario samples are taken to last 1 ms.
     assert_eq!(frames(&folder.path().join("a.mcap")).iter().map(|frame| frame.sample).collect::<Vec<_>>(), [0, 750]);
 }

@@ -64,6 +64,7 @@ fn a_scheme_that_fails_says_so_in_its_row() {
     .unwrap();
     let scenario: &Path = &scenario;
     let got = document(&["--scenario", scenario.to_str().unwrap(), "--drift-steps", "100"]);
+    // Two steps for each of 500 samples a second.
     assert_eq!(got["rate_hz"].as_f64(), Some(1000.0));
     let row =
         |scheme: Scheme| got["schemes"].as_array().unwrap().iter().find(|row| row["scheme"] == scheme.name()).unwrap();

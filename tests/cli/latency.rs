@@ -76,6 +76,7 @@ fn the_recorder_leaves_the_loop_s_core_if_it_can() {
     child.kill().unwrap();
     child.wait().unwrap();
     let (recorder, exciter) = found.unwrap();
+    // With a single core there is no other to move to.
     assert_eq!(first(&recorder) == core, own == core, "of {own} the loop has {core}, the recorder {recorder}");
     assert_eq!(exciter, own);
 }
@@ -121,6 +122,7 @@ fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
     let [spin_us, p99_us] = ["spin_us", "slept_p99_us"].map(|name| found[name].as_f64().unwrap());
     // It depends on the machine: at most a quarter of the period, or no spinning.
     assert!(p99_us > 0.0 && if p99_us > 250.0 { spin_us == 0.0 } else { spin_us <= p99_us }, "{found}");
+    // A quarter of 250 µs is 62.5 µs.
     let said = complaint(folder.path(), 2, &["latency", "--rate-hz", "4000", "--turn-s", "0.05", "--spin", "63"]);
     assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that other threads get the core; give a shorter time, or auto");
     let said = complaint(folder.path(), 2, &["run", "--mode", "free", "--plot", "run"]);

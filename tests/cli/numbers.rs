@@ -133,6 +133,7 @@ fn numeric_flags(command: &str) -> Vec<String> {
             continue;
         };
         let Some(name) = rest.trim_start().strip_prefix('<').and_then(|rest| rest.split_once('>')) else { continue };
+        // A flag in the middle of a line is mentioned in a description.
         if !line.starts_with('-') {
             continue;
         }
@@ -148,6 +149,7 @@ fn numeric_flags(command: &str) -> Vec<String> {
 /// The command's arguments with `flag` set to `value`.
 fn with(command: &str, usual: &str, flag: &str, value: &str) -> Vec<String> {
     let mut arguments: Vec<String> = command.split(' ').map(String::from).collect();
+    // A flag that is given twice is an error of its own.
     let mut words = usual.split_whitespace().peekable();
     while let Some(word) = words.next() {
         if word == flag {
@@ -166,6 +168,7 @@ fn wait(mut child: Child) -> (Option<i32>, String) {
     let (mut stderr, deadline) = (child.stderr.take().unwrap(), Instant::now() + Duration::from_secs(120));
     while child.try_wait().unwrap().is_none() {
         if Instant::now() > deadline {
+            // A process that is killed has no exit code, which is told below.
             child.kill().unwrap();
         }
         std::thread::sleep(Duration::from_millis(2));
@@ -185,6 +188,7 @@ fn wrong(folder: &Path, arguments: &[String], flag: &str, value: &str) -> Option
     // A message that describes the quantity in words includes its value; one of the usual arguments may be refused
     // next.
     let named = [flag, &key, value, "/dev/null/none", "none.mcap"].iter().any(|name| said.contains(name));
+    // Some flags take -1 or 1e300; what is no finite number is right nowhere.
     let must_fail = !matches!(value, "-1" | "1e300");
     let problem = match code {
         None => "it did not end",
@@ -225,6 +229,7 @@ fn every_numeric_flag_accepts_its_value_or_says_why_not() {
             }
         }
     }
+    // A help in another layout must not leave this without flags to try.
     assert!(cases.len() > 300, "{}", cases.len());
     let problems: Vec<String> =
         cases.iter().filter_map(|(arguments, flag, value)| wrong(folder.path(), arguments, flag, value)).collect();

@@ -52,9 +52,11 @@ fn densities_have_the_mean_square_as_their_area() {
     let segments = ["--segment-s", "2", "--overlap", "0", "--window", "rectangular"];
     let range = ["--channels", TIP, "--from-s", "1", "--to-s", "8.999"];
     let found = shown(folder.path(), "psd", &[&range[..], &segments].concat());
+    // Four segments of 2 s cover the 8 s without overlap.
     assert_eq!(found["averages"], 4);
     assert_eq!(found["converter"], "sinc5");
     let (hz, psd) = (list(&found["frequency_hz"]), list(&found["channels"][TIP]["psd"]));
+    // Lines are 0.5 Hz apart. The droop is put back, for the mean square is that of the readings.
     let readings: f64 = hz.iter().zip(&psd).map(|(hz, psd)| psd * droop(*hz) * 0.5).sum();
     assert!((readings / mean_square - 1.0).abs() < 1e-12, "{readings} {mean_square}");
     let rms = found["channels"][TIP]["rms"].as_f64().unwrap();
@@ -88,6 +90,7 @@ fn a_density_has_no_droop() {
     let line = list(&found["frequency_hz"]).iter().position(|hz| *hz == 150.0).unwrap();
     for (channel, amplitude) in [(HEAD, force), (TIP, force * accelerance)] {
         let density = list(&found["channels"][channel]["psd"])[line];
+        // In segments of whole periods a sine is one line, of the width 1 Hz.
         assert!((density / (0.5 * amplitude * amplitude) - 1.0).abs() < 2e-3, "{channel}: {density} {amplitude}");
     }
 }
@@ -105,10 +108,12 @@ fn a_measured_response_is_that_of_the_structure() {
     for wanted in [12.0, 30.0, 50.0] {
         let line = hz.iter().position(|hz| *hz == wanted).unwrap();
         let ratio = wanted / 20.0;
+        // 2ζr, with ζ = 0.02.
         let [re, im] = [1.0 - ratio * ratio, 0.04 * ratio];
         let expected = ratio * ratio / (re * re + im * im).sqrt();
         let size = measured[line].iter().map(|part| part * part).sum::<f64>().sqrt();
         assert!((size / expected - 1.0).abs() < 0.02, "{wanted}: {size} {expected}");
+        // Beside the noise of the instruments only leakage takes something off.
         assert!(coherence[line] > 0.98, "{wanted}: {}", coherence[line]);
     }
     let alone = shown(folder.path(), "coherence", &wide);

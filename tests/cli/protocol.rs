@@ -66,6 +66,7 @@ fn encoded_frames_decode_in_every_network() {
         assert_eq!((&frame["message"], &frame["verdict"]), (&"ForceCommand".into(), &"taken".into()));
         assert_eq!(frame["signals"], serde_json::json!({ "force_x_n": 10.0, "force_y_n": -2.5, "sample": 4660.0 }));
     }
+    // A million newtons are beyond a classic frame's range, and within that of CAN FD.
     let fd = resonarm(
         here(),
         &["protocol", "encode", "ForceCommand", "force_x_n=1e6", "force_y_n=0", "sample=1", "--profile", "fd"],
@@ -139,6 +140,7 @@ fn the_view_of_candump_and_error_frames_are_decoded() {
     (2.500000) can0 error frame (controller problem)
     1 frames: 1 taken, 0 rejected, 0 of other protocols; 0 lost before them; 1 error frames
     ");
+    // A report of the controller is no fault of a frame.
     assert_eq!(code, 0);
     let (code, stdout, _) = piped(&["protocol", "decode", "--json"], log);
     let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
@@ -171,6 +173,7 @@ fn the_data_sheet_of_a_drive_is_that_of_its_scenario() {
     for part in ["FileName=resonarm-4.eds\n", "ProductName=Resonarm joint 2\n", "DefaultValue=$NODEID+0x180\n"] {
         assert!(sheet.stdout.contains(part), "{part}");
     }
+    // 0.5 N·m are 500 mN·m, the unit of the object.
     let rated = sheet.stdout.split("[6076]\n").nth(1).unwrap();
     assert!(rated.starts_with(
         "ParameterName=Motor rated torque\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue=500\n"

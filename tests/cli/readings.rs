@@ -16,6 +16,7 @@ fn array<'a>(value: &'a Value, name: &str) -> Vec<&'a Value> {
 #[test]
 fn a_small_force_gives_frf_times_the_force() {
     for ends in [["12", "12.5"], ["22.1570", "22.1585"]] {
+        // A negative force turns all phases by half a turn, which an amplitude without its sign would not.
         let force_n = -2e-4;
         let range = ["--angles-deg", "30,60", "--at", "joint2.x,joint2.y,tip.x,tip.y", "--json"];
         let range = [&range[..], &["--from-hz", ends[0], "--to-hz", ends[1]]].concat();
@@ -60,6 +61,7 @@ fn continue_reads_every_response() {
     assert!(text.starts_with(head), "{}", &text[..200]);
     let second: Vec<&str> = text.lines().nth(1).unwrap().split(',').collect();
     let first = &all[0]["readings"]["joint1"]["largest"];
+    // The first reading is in the seventh column, and has all its digits.
     assert_eq!(second[6].parse::<f64>().ok(), first.as_f64());
 }
 
@@ -92,6 +94,7 @@ fn sweep_reads_what_continue_does() {
                 assert!((got / expected - 1.0).abs() < 1e-5, "{dof} {key}: {got} {expected}");
             }
             let turned = number(swept, "phase_deg") - number(computed, "phase_deg");
+            // Phases are equal up to whole turns.
             assert!((turned - 360.0 * (turned / 360.0).round()).abs() < 1e-3, "{dof}: {turned}");
         }
     }

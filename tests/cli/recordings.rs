@@ -35,6 +35,7 @@ fn an_existing_recording_is_kept_without_overwrite() {
     assert_eq!(fs::read(&path).unwrap(), before);
     fs::write(&path, "something else").unwrap();
     assert_eq!(resonarm(folder.path(), &[RUN.as_slice(), &["--overwrite"]].concat()).code, 0);
+    // A run in virtual time makes the same bytes each time.
     assert_eq!(fs::read(&path).unwrap(), before);
 }
 
@@ -42,6 +43,7 @@ fn an_existing_recording_is_kept_without_overwrite() {
 fn a_recording_never_replaces_the_scenario() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("s.toml"), "[simulation]\nduration_s = 0.1\n").unwrap();
+    // Another spelling of the same file.
     let run = ["run", "--mode", "free", "--scenario", "s.toml", "--record", "./s.toml", "--overwrite"];
     assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: ./s.toml can't be written over itself, since this command reads it: name another file for the result");
     assert!(fs::read_to_string(folder.path().join("s.toml")).unwrap().contains("duration_s"));
@@ -59,6 +61,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let cut = document(folder.path(), 1, &["inspect", "run.mcap", "--json"]);
     assert_eq!(cut["integrity"]["state"], "truncated");
     let states = cut["topics"]["/plant/steps"]["records"].as_u64().unwrap();
+    // At least the first chunk is left, and at least one is lost.
     assert!((1000..2500).contains(&states), "{states}");
     let resim = resonarm(folder.path(), &["resim", "run.mcap"]);
     let note = resim.stdout.lines().next().unwrap_or_default().to_string() + "\n";
@@ -105,6 +108,7 @@ fn alter(from: &Path, to: &Path, sample: u64) {
         let mut record = record.unwrap();
         if record.sample == sample {
             let mut moving = record.states.moving().to_vec();
+            // The next number of 64 bits: no smaller difference exists.
             moving[0] = moving[0].next_up();
             record.states = States::new(&moving, &[]).unwrap();
         }
@@ -128,6 +132,7 @@ fn a_state_that_is_off_by_a_bit_is_found() {
 
 /// Runs the program with files limited to 32 KiB, which acts like a full disk.
 fn with_little_space(folder: &Path, arguments: &str) -> std::process::Output {
+    // dash counts blocks of 512 bytes, so 64 of them are 32 KiB.
     let script = format!("ulimit -f 64; exec \"$0\" {arguments}");
     let program = env!("CARGO_BIN_EXE_resonarm");
     std::process::Command::new("dash").args(["-c", &script, program]).current_dir(folder).output().unwrap()
@@ -149,6 +154,7 @@ fn a_full_disk_is_reported_and_existing_files_are_kept() {
     assert_eq!(kept["integrity"]["state"], "truncated");
 
     fs::write(folder.path().join("other.mcap"), "something else").unwrap();
+    // Payloads that look random: others would be compressed to less than the limit.
     let log = (1..5000_u64).map(|n| format!("({}.5) can0 123#{:016X}\n", n, n.wrapping_mul(0x9E37_79B9_7F4A_7C15)));
     fs::write(folder.path().join("can0.log"), log.collect::<String>()).unwrap();
     for command in ["cut run.mcap", "import can0.log", "recover damaged.mcap"] {
@@ -159,6 +165,7 @@ fn a_full_disk_is_reported_and_existing_files_are_kept() {
         assert_eq!(fs::read(folder.path().join("other.mcap")).unwrap(), b"something else", "{command}");
         let ended = with_little_space(folder.path(), &format!("{command} new.mcap"));
         assert_eq!(ended.status.code(), Some(3), "{command}: {}", String::from_utf8_lossy(&ended.stderr));
+        // run.mcap, full.mcap, other.mcap, can0.log and damaged.mcap.
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "{command}: a partial file is left");
     }
 }
@@ -167,6 +174,7 @@ fn a_full_disk_is_reported_and_existing_files_are_kept() {
 fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
     let (mut chunks, mut offset) = (Vec::new(), mcap::MAGIC.len());
+    // A record has a byte for its kind and eight for its length.
     while offset + 9 <= bytes.len() {
         let length = u64::from_le_bytes(bytes[offset + 1..offset + 9].try_into().unwrap());
         let end = offset + 9 + usize::try_from(length).unwrap();
@@ -207,6 +215,7 @@ fn recovery_continues_after_a_damaged_chunk_and_lists_the_gap() {
     assert_eq!(recovered["missing_samples"], serde_json::json!([{ "first": 1000, "last": 1999 }]));
     let repaired = document(folder.path(), 1, &["inspect", "repaired.mcap", "--json"]);
     assert_eq!(repaired["integrity"]["state"], "unfinished");
+    // The samples still go from the first to the last.
     assert_eq!((&repaired["samples"][0], &repaired["samples"][1]), (&0.into(), &2500.into()));
     assert_eq!(repaired["topics"]["/plant/steps"]["gaps"], 1);
     let said = resonarm(folder.path(), &["recover", "run.mcap", "again.mcap"]);
@@ -219,6 +228,7 @@ fn recovery_of_nothing_is_an_error() {
     let folder = recorded();
     let path = folder.path().join("run.mcap");
     let first = chunks(&fs::read(&path).unwrap())[0].clone();
+    // One byte less than the first chunk, so that no chunk can be read.
     OpenOptions::new().write(true).open(&path).unwrap().set_len(first.end as u64 - 1).unwrap();
     let said = complaint(folder.path(), 1, &["recover", "run.mcap", "repaired.mcap"]);
     assert!(said.contains("nothing of recording `run.mcap` could be recovered"), "{said}");
@@ -318,6 +328,7 @@ fn a_fault_is_reported() {
 fn clipped_readings_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = "
+        // Without a resolution a clipped reading is the range itself, in all digits.
         rig = { sensors.b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
         [excitation]
         amplitude = { exciter_x = 300.0 }
@@ -353,6 +364,7 @@ fn the_topics_for_plotting_follow_the_scenario() {
         let text = format!("recording = {{ plot_every_samples = {every} }}\n[excitation]\n{excitation}");
         fs::write(folder.path().join("plot.toml"), text).unwrap();
     };
+    // Of 351 samples every seventh, with the first and the last, is 51.
     for (every, messages) in [(0, 0), (1, 351), (7, 51)] {
         scenario(every);
         assert_eq!(resonarm(folder.path(), &run).code, 0);

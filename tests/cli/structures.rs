@@ -162,6 +162,7 @@ fn the_modes_of_a_structure_are_identified() {
         let off = |key: &str, of: f64, deviation: &str| {
             (mode[key].as_f64().unwrap() - of).abs() / mode[deviation].as_f64().unwrap()
         };
+        // Four standard deviations: with a fixed seed the test never fails by chance, and a false deviation shows.
         assert!(off("pole_frequency_hz", hz, "pole_frequency_deviation_hz") < 4.0, "{mode:#}");
         assert!(off("pole_damping_ratio", 0.02, "pole_damping_ratio_deviation") < 4.0, "{mode:#}");
     }
@@ -211,6 +212,7 @@ fn a_shaken_structure_is_identified_and_compared() {
     let score = &found["score"];
     assert_eq!(score["settled_points"].as_u64(), Some(3), "{found:#}");
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
+    // In open loop the force of a shaker depends on how the structure moves: the points have different loads.
     let open = record("open", format!("{structure}{SHAKER}[excitation]{excitation}"));
     let refused = complaint(folder, 2, &["compare", &open]);
     assert!(refused.contains("but loads on a single branch differ by"), "{refused}");
@@ -249,11 +251,13 @@ fn the_gallery_is_drawn_by_its_commands() {
         let said = resonarm(here, &[&words[..], &["--plot", again.to_str().unwrap()]].concat());
         assert_eq!(said.code, 0, "{command}: {}", said.stderr);
         let [shown, again] = [here.join(stem), again].map(|stem| texts(&stem.with_extension("svg")));
+        // A figure has more texts than that on its axes alone; none at all would be equal, too.
         assert!(shown.len() > 10);
         assert_eq!(again, shown, "{command}");
         assert!(page.contains(&format!("(images/structures/{}.svg)", name.display())), "{name:?}");
         drawn += 1;
     }
+    // As many as the gallery shows: a command that is no longer read must not pass.
     assert_eq!(drawn, 7);
 }
 
@@ -309,6 +313,7 @@ fn the_modes_of_an_arm_are_a_structure() {
     for (own, arm) in own.as_array().unwrap().iter().zip(arm.as_array().unwrap()) {
         for key in ["frequency_hz", "damping_ratio"] {
             let [own, arm] = [own, arm].map(|mode| mode[key].as_f64().unwrap());
+            // The file states its numbers in full, so that the difference is that of the computation alone.
             assert!((own / arm - 1.0).abs() < 1e-9, "{key}: {own} in place of {arm}");
         }
     }
@@ -366,6 +371,7 @@ fn the_demo_walks_on_a_structure() {
 #[test]
 fn backbones_of_structures() {
     let folder = oscillator();
+    // Large steps keep the table short.
     let shown = |more: &str| resonarm(folder.path(), &on_oscillator("backbone", more)).stdout;
     insta::assert_snapshot!(shown("--drive tip.x=5 --largest-step 1"), @"
     oscillator with an element, cubic, mode 1 from 10.000000 Hz: in phase quadrature with a load at tip.x
@@ -390,6 +396,7 @@ fn backbones_of_structures() {
     let names = ["energy_j", "frequency_hz", "harmonics", "readings"];
     let last = free["points"].as_array().unwrap().last().unwrap();
     assert_eq!(super::names(last), names);
+    // The last point is located at --to, not only beyond it.
     assert!((last["readings"]["tip.x"]["largest"].as_f64().unwrap() - 0.02).abs() < 1e-9);
     // A load changes nothing, and the command says so.
     let loaded = resonarm(folder.path(), &on_oscillator("backbone", "--drive tip.x --to 0.02 --undamped --json"));
@@ -501,6 +508,7 @@ fn sections_and_sweeps_over_a_parameter() {
     let over = "--drive tip.x=5 --frequency-hz 11 --parameter element1.stiffness3_n_m3 --from 1e5 --to 8e6 --points 5";
     let diagram = document(folder.path(), 0, &on_oscillator("poincare", &format!("{over} --json --plot diagram")));
     let responses = diagram["motions"].as_array().unwrap();
+    // Five values in two directions.
     assert_eq!(responses.len(), 10);
     assert_eq!(
         names(&responses[0]),
@@ -518,6 +526,7 @@ fn sections_and_sweeps_over_a_parameter() {
     assert_eq!(swept["over"], "mode1.damping_ratio");
     let largest =
         [0, 1].map(|k: usize| swept["sweeps"][k]["points"][1]["readings"]["tip.x"]["largest"].as_f64().unwrap());
+    // At the natural frequency a fifth of the damping is five times the response, less what the spring takes off.
     assert!(largest[0] > 2.0 * largest[1], "{largest:?}");
     assert_eq!([0, 1].map(|k: usize| swept["sweeps"][k]["value"].as_f64()), [Some(0.02), Some(0.1)]);
     let svg = fs::read_to_string(folder.path().join("both.svg")).unwrap();

@@ -65,6 +65,7 @@ fn a_survey_is_identified_as_a_whole() {
     let modes = found["modes"].as_array().unwrap();
     assert_eq!(modes.len(), 3, "{modes:#?}");
     for (mode, truth) in modes.iter().zip(truth) {
+        // A shape is known up to its sign: here the tip moves forward.
         let sign = number(&mode["shape_per_sqrt_kg"][at.iter().position(|at| *at == "tip.x").unwrap()]).signum();
         for (name, truth) in ["tip.x", "mid.x", "low.x"].iter().zip(truth) {
             let part = number(&mode["shape_per_sqrt_kg"][at.iter().position(|at| at == name).unwrap()]);
@@ -113,6 +114,7 @@ fn a_killed_survey_is_continued() {
     };
     while !states().iter().any(|state| state == "done") {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
+        // Far shorter than a run, so that several of them are left when it is killed.
         std::thread::sleep(Duration::from_millis(2));
     }
     child.kill().unwrap();
@@ -167,6 +169,7 @@ fn a_failed_run_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("beam.toml"), beam("[limits]\nacceleration_m_s2 = 40.0\n")).unwrap();
+    // 40 times the force is beyond the limit, and the force itself is far below.
     let survey = ["survey", "beam.toml", "--duration-s", "2", "--levels", "1,40", "--force-n", "1", "--out", "survey"];
     let said = resonarm(folder, &survey);
     assert_eq!(said.code, 1, "{}{}", said.stdout, said.stderr);
@@ -189,6 +192,7 @@ fn levels_of_a_survey_are_compared() {
     for (name, elements, is_linear) in [("linear", "", true), ("spring", spring, false)] {
         fs::write(folder.join(format!("{name}.toml")), beam(elements)).unwrap();
         let scenario = format!("{name}.toml");
+        // Of two noises, so that the verdict is not due to one of them.
         for seed in ["1", "2"] {
             let out = format!("{name}-{seed}");
             let levels = [
@@ -209,6 +213,7 @@ fn levels_of_a_survey_are_compared() {
             let found = document(folder, 0, &["identify", &out, "--json"]);
             let [levels] = &found["levels"].as_array().unwrap()[..] else { panic!("{found:#}") };
             assert_eq!((number(&levels["level"]), &levels["linear"]), (4.0, &is_linear.into()), "{levels:#}");
+            // The runs of the document are those that were fitted: those of the first level.
             assert_eq!(found["runs"].as_array().unwrap().len(), 1);
         }
     }
@@ -299,6 +304,7 @@ fn a_free_plate_has_its_shapes() {
     let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/structures/free-plate.toml");
     let plan = ["--exciters", "p1.z,p7.z,p10.z", "--highest-mode", "7", "--duration-s", "6", "--out", "plate"];
     let index = document(folder, 0, &[&["survey", scenario], &plan[..], &["--json"]].concat());
+    // A free plate has three rigid modes that move its points along z: up and down, and two tilts.
     assert_eq!(index["plan"]["modes"], serde_json::json!([4, 5, 6, 7]));
     for run in index["runs"].as_array().unwrap() {
         assert_eq!(run["sensors"].as_array().unwrap().len(), 20, "{run:#}");
@@ -308,6 +314,7 @@ fn a_free_plate_has_its_shapes() {
     assert_eq!((values.len(), found["mac"]["at"].as_array().unwrap().len()), (4, 20));
     for (row, of_row) in values.iter().enumerate() {
         for (column, value) in of_row.as_array().unwrap().iter().map(number).enumerate() {
+            // Twenty points tell these modes apart: each is like itself, and nearly orthogonal to the others.
             assert!(if row == column { value > 0.999 } else { value < 0.1 }, "{row}, {column}: {value}");
         }
     }
@@ -349,6 +356,7 @@ fn a_report_is_one_file() {
     ] {
         assert!(page.contains(&format!("<h2>{heading}</h2>")), "{heading}");
     }
+    // Responses and poles; without --mac there is no third figure.
     assert_eq!(page.matches("<svg ").count(), 2);
     assert!(page.contains("Linear: no mode shifts"));
     let index: Value = serde_json::from_slice(&fs::read(folder.join("data/index.json")).unwrap()).unwrap();

@@ -68,12 +68,14 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
     kill_process(Pid::from_child(&first), Signal::INT).unwrap();
     let output = first.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+    // The first line of a journal has the inputs.
     let kept = lines(&partial) - 1;
     assert!(
         errors(&output).contains(&format!("stopped after {kept} of 82 points; the same command resumes from there"))
     );
     assert!(kept < 82 && !stopped.join("sweep.csv").exists());
 
+    // Points of another pose would be taken for those of this one.
     let other = into(&stopped, &[&SWEEP[..1], &["--angles-deg=0,90"], &SWEEP[2..]].concat()).output().unwrap();
     assert_eq!(other.status.code(), Some(2));
     let had = "sweep.partial.jsonl was started with configuration.structure.angles_deg = [0.0,60.0], but this command has [0.0,90.0]";
@@ -243,6 +245,7 @@ fn a_sweep_accepts_its_ends_in_either_order() {
 #[test]
 fn results_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
+    // Of each command one of the files that it would write is there already.
     let commands: [(&str, &[&str]); 6] = [
         ("sweep.csv", &["sweep", "--drive=joint1=1", "--from-hz=20", "--to-hz=24", "--points=2", "--plot=sweep"]),
         ("poincare.json", &["poincare", "--drive=joint1=1", "--frequency-hz=20", "--plot=poincare"]),
@@ -264,6 +267,7 @@ fn results_are_not_overwritten() {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
         let allowed = resonarm(command).arg("--overwrite").current_dir(folder.path()).output().unwrap();
         assert!(allowed.status.success(), "{file}: {}", errors(&allowed));
+        // The refusal was due to the flag that was missing, and to nothing else.
         assert_ne!(std::fs::read(&path).unwrap(), b"mine");
     }
 }
@@ -277,6 +281,7 @@ fn a_numerical_blow_up_is_exit_code_1_everywhere() {
         &["sweep", "--drive=joint1=1e12", "--from-hz=21", "--to-hz=23", "--points=2"],
         &["poincare", "--drive=joint1=1e12", "--frequency-hz=22"],
         &["continue", "--drive=joint1=1e12", "--from-hz=21", "--to-hz=23"],
+        // Nearly half a turn of the joint.
         &["backbone", "--drive=joint1=1e12", "--to=3.1"],
     ] {
         let output = resonarm(command).output().unwrap();

@@ -65,6 +65,7 @@ impl Wire {
         let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
         let accelerations = [("BX", bx), ("BY", by), ("CX", cx), ("CY", cy)].map(|(name, of)| (name, of / G_M_S2));
         let [x, y] = sample.head_force_n;
+        // The index of the bench has eight bits and began at another number than the run.
         let index = ((sample.sample + 200) % 256) as f64;
         let head = [("HeadX", x), ("HeadY", y), ("State", 2.0), ("Sample", index)];
         [self.frame("Accelerations", &accelerations, 0), self.frame("Head", &head, sample.sample)]
@@ -78,6 +79,7 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     let drive = |force_n, enable, counter| wire.frame("Drive", &[("ForceY", force_n), ("Enable", enable)], counter);
     let head = [("HeadX", -1.25), ("HeadY", 0.5), ("State", 2.0), ("Sample", 17.0)];
     let mut wrong = drive(1.0, 1.0, 7).data().to_vec();
+    // One bit of the force, which the checksum covers.
     wrong[0] ^= 1;
     let frames: Vec<String> = [
         drive(0.0, 0.0, 0),
@@ -306,6 +308,7 @@ fn logged(folder: &Path, excitation: &str, samples: impl Fn(u64) -> bool) -> Vec
     for (sample, force_n) in read.iter().zip(held).filter(|(sample, _)| samples(sample.sample)) {
         let [accelerations, head] = wire.sample(sample);
         let drive = wire.frame("Drive", &[("ForceY", force_n), ("Enable", 1.0)], sample.sample);
+        // One after another, as frames of a bus are.
         for (frame, delay_us) in [(accelerations, 0), (head, 240), (drive, 500)] {
             let us = sample.sample * 1000 + delay_us;
             writeln!(log, "({}.{:06}) can0 {frame}", START_S + us / 1_000_000, us % 1_000_000).unwrap();
@@ -334,6 +337,7 @@ fn readings_of_a_log_are_those_of_the_bench() {
     let near = |a: [f64; 2], b: [f64; 2], most: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= most);
     for (read, expected) in read.iter().zip(&expected) {
         assert_eq!((read.sample, read.clipped), (expected.sample, expected.clipped));
+        // Half of a count of 0.0005 g, and a little for rounding.
         let half = 0.5 * 0.0005 * G_M_S2 * 1.000_001;
         assert!(near(read.acceleration_b_m_s2, expected.acceleration_b_m_s2, half), "{read:?} {expected:?}");
         assert!(near(read.acceleration_c_m_s2, expected.acceleration_c_m_s2, half), "{read:?} {expected:?}");
@@ -532,6 +536,7 @@ fn a_log_of_a_chain_holds_the_states_that_its_run_recorded() {
         let recorded = ours.iter().find(|other| other.sample == state.sample).unwrap();
         assert_eq!(state.states.len(), 6);
         for (got, expected) in state.states.iter().zip(recorded.states.iter()) {
+            // The frames carry floats of 32 bits.
             assert_eq!(*got as f32, *expected as f32, "sample {}", state.sample);
         }
     }
