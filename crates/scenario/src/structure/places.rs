@@ -9,13 +9,18 @@ use resonarm_dynamics::structure::{Assembly, Dof};
 /// Name of the point at the end of a chain, the default place of the exciter and of accelerometer C.
 const TIP: &str = "tip";
 
+/// The default place where the tip moves along z alone: a load of the rig acts along x or y, unless it is placed at one
+/// degree of freedom.
+const TIP_Z: &str = "tip.z";
+
 /// Resolves the places of the rig from `at` of the exciter and the accelerometers: a point, or a degree of
-/// freedom that becomes their x axis. By default the exciter is at `tip`, accelerometer C is with the exciter,
-/// and B is at joint 2 or, on a structure without it, with the exciter.
+/// freedom that becomes their x axis. By default the exciter is at `tip`, or at `tip.z` if the tip moves along z alone,
+/// accelerometer C is with the exciter, and B is at joint 2 or, on a structure without it, with the exciter.
 pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, StructureSectionError> {
     let default = |wanted: &str| assembly.points().iter().any(|point| point == wanted);
     let exciter = match &rig.exciter.at {
         Some(at) => at.as_str(),
+        None if default(TIP) && Placed::at_point(assembly, TIP).along == [None, None] => TIP_Z,
         None if default(TIP) => TIP,
         None => {
             let points = assembly.points();

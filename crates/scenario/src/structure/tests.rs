@@ -60,6 +60,19 @@ fn a_chain_and_modes_with_elements_are_structures_and_written_as_they_were_read(
     }
 }
 
+/// A structure that moves along z alone needs no section `[rig]`: its exciter and accelerometers are along z by default,
+/// as a user would otherwise have to write.
+#[test]
+fn the_exciter_of_a_tip_that_moves_along_z_alone_is_along_z() {
+    let along_z = MODAL.replace("tip.x", "tip.z").replace("mid.x", "mid.z");
+    let places =
+        |text: &str| Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.under_test()).unwrap().places;
+    assert_eq!(places(&along_z), places(&format!("{along_z}[rig.exciter]\nat = 'tip.z'\n")));
+    // Beside another axis the tip stays a point, on which the third part of the load acts along z.
+    let along_two = MODAL.replace("mid.x", "tip.z");
+    assert_eq!(places(&along_two), places(&format!("{along_two}[rig.exciter]\nat = 'tip'\n")));
+}
+
 /// Without a section the structure under test is the preset; with one its parameters can be set by name.
 #[test]
 fn every_scenario_has_an_assembly_whose_parameters_can_be_set() {
