@@ -24,6 +24,8 @@ const BESIDE_RESONANCE: f64 = 3.0;
 const REACH: f64 = 1.5;
 /// Distance, as a fraction of its size, from an unstable response at which a trajectory starts.
 const BESIDE: f64 = 1e-3;
+/// Time constants of the slowest mode in which a trajectory that settles on a known response usually has come near it.
+const CERTAIN_WITHIN: f64 = 10.0;
 
 /// A stable periodic response of a structure.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,7 +101,7 @@ pub fn stable_orbits(
     };
     let mut orbits: Vec<StableOrbit> = Vec::new();
     let mut unstable = Vec::new();
-    let mut keep = |found: Option<FixedPoint>| -> Result<bool, TimeDomainError> {
+    let keep = |orbits: &mut Vec<StableOrbit>, found: Option<FixedPoint>| -> Result<bool, TimeDomainError> {
         let Some(found) = found else { return Ok(false) };
         if !orbits.iter().any(|orbit| orbit.attractor.holds(&found.point)) {
             orbits.push(StableOrbit::new(&map, read, &found)?);
@@ -112,20 +114,36 @@ pub fn stable_orbits(
     for state in branches.flat_map(|branch| phase_zero_states(forced, branch, frequency_hz, &options)) {
         // Without a stable fixed point here this response of its branch is unstable. The states beside it lead to
         // others, as of twice the period.
-        if !keep(FixedPoint::shoot(&map, &map.to_point(&state), 1))? {
+        if !keep(&mut orbits, FixedPoint::shoot(&map, &map.to_point(&state), 1))? {
             unstable.push(state);
         }
     }
-    for state in unstable {
-        let beside: Vec<f64> = state.iter().map(|number| number * (1.0 + BESIDE)).collect();
-        let followed = follow(&map, &beside, &SettleOptions::default(), stop)?;
+    let beside = unstable.iter().map(|state| state.iter().map(|number| number * (1.0 + BESIDE)).collect());
+    for start in leading_elsewhere(&map, &orbits, beside.collect(), stop)? {
+        let followed = follow(&map, &start, &SettleOptions::default(), stop)?;
         if let Some(period) = followed.period {
-            keep(FixedPoint::shoot(&map, &map.to_point(&followed.start), period))?;
+            keep(&mut orbits, FixedPoint::shoot(&map, &map.to_point(&followed.start), period))?;
         }
     }
     let size = |orbit: &StableOrbit| orbit.readings.first().map_or(0.0, |reading| reading.largest);
     orbits.sort_by(|a, b| size(a).total_cmp(&size(b)));
     Ok((orbits, early))
+}
+
+/// Returns those of some initial states that are not certain to settle on one of the responses. Their fates are computed
+/// side by side, and are certain long before a trajectory has settled, so that few have to be followed alone.
+fn leading_elsewhere(
+    map: &StroboscopicMap,
+    orbits: &[StableOrbit],
+    starts: Vec<Vec<f64>>,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Vec<f64>>, TimeDomainError> {
+    if orbits.is_empty() || starts.is_empty() {
+        return Ok(starts);
+    }
+    let fates = outcomes(map, orbits, &starts, CERTAIN_WITHIN, stop)?;
+    let elsewhere = |fate: &BasinOutcome| !matches!(fate, BasinOutcome::Reaches { .. });
+    Ok(starts.into_iter().zip(fates).filter_map(|(start, fate)| elsewhere(&fate).then_some(start)).collect())
 }
 
 /// Finds the stable periodic responses, other than the `known` ones, on which states given at phase 0 settle. Each is

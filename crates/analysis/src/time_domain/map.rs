@@ -2,7 +2,7 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
-use core::cell::RefCell;
+use core::cell::{OnceCell, RefCell};
 use core::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
@@ -77,6 +77,9 @@ pub struct StroboscopicMap {
     steps: u32,
     time_constant_periods: f64,
     stepper: RefCell<Stepper>,
+    /// The drive at the stages of all steps of a period, for states side by side: every period has the same. Computed
+    /// when it is first needed, and only of a period of at most [`LONGEST_STRETCH`] steps.
+    sines: OnceCell<Vec<[f64; STAGE_TIMES.len()]>>,
     /// Factors that turn a state into a point of the section.
     weights: Vec<f64>,
 }
@@ -131,6 +134,7 @@ impl StroboscopicMap {
             steps: steps as u32,
             time_constant_periods,
             stepper: RefCell::new(stepper),
+            sines: OnceCell::new(),
             weights: weights(&forced.assembly, TAU * frequency_hz),
         })
     }
@@ -172,15 +176,16 @@ impl StroboscopicMap {
         let stepper = self.stepper.borrow();
         let (amplitude, omega_rad_s, h_s) = (self.amplitudes(), TAU * self.frequency_hz, stepper.step_s());
         let at = |step| STAGE_TIMES.map(|part| self.forced.wave(omega_rad_s * (self.time_s(step) + part * h_s)));
-        let stretches = self.steps.div_ceil(LONGEST_STRETCH);
-        // Usually a period is one stretch, and its sines are computed once for all periods.
-        let (rounds, times) = if stretches == 1 { (1, periods) } else { (periods, 1) };
-        for _ in 0..rounds {
-            for first in (0..stretches).map(|stretch| stretch * LONGEST_STRETCH) {
+        let mut together = |sines: &[_], times| {
+            stepper.advance_together(&SineSteps { amplitude: &amplitude, sines, times }, states).map_err(failed)
+        };
+        if self.steps <= LONGEST_STRETCH {
+            return together(self.sines.get_or_init(|| (0..self.steps).map(at).collect()), periods);
+        }
+        for _ in 0..periods {
+            for first in (0..self.steps).step_by(LONGEST_STRETCH as usize) {
                 let last = (first + LONGEST_STRETCH).min(self.steps);
-                let sines: Vec<_> = (first..last).map(at).collect();
-                let steps = SineSteps { amplitude: &amplitude, sines: &sines, times };
-                if !stepper.advance_together(&steps, states).map_err(failed)? {
+                if !together(&(first..last).map(at).collect::<Vec<_>>(), 1)? {
                     return Ok(false);
                 }
             }

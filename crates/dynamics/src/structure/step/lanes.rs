@@ -18,6 +18,9 @@ pub(super) const MOST_LINKS: usize = 3;
 /// Number of motions that go side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
 const LANES: usize = 8;
 
+/// Number of motions of the last group, if no more are left over.
+const HALF: usize = LANES / 2;
+
 /// Stages of a step of `dop853`.
 const STAGES: usize = DOP853.c.len();
 
@@ -44,7 +47,12 @@ pub(super) fn advance<const N: usize>(
     states: &mut [Vec<f64>],
 ) {
     let steps = Steps { links, h_s, load, sines: steps.sines, times: steps.times };
-    side_by_side(|motion: &mut Motion<Lanes<LANES>, N>| widest(Group { steps, motion }), states);
+    // At most half a group is left over where half the lanes hold it: they take half as long with AVX2.
+    let left_over = states.len() % LANES;
+    let whole = if left_over <= HALF { states.len() - left_over } else { states.len() };
+    let (whole, rest) = states.split_at_mut(whole);
+    side_by_side(|motion: &mut Motion<Lanes<LANES>, N>| widest(Group { steps, motion }), whole);
+    side_by_side(|motion: &mut Motion<Lanes<HALF>, N>| widest(Group { steps, motion }), rest);
 }
 
 /// Groups of `T::WIDTH` motions, one after the other; lanes that are left over repeat the last motion.
