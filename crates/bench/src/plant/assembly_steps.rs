@@ -21,6 +21,9 @@ pub(super) struct AssemblySteps {
     acting: Vec<usize>,
     /// Which loads of the plant act on nothing, so that they must be 0; none with a shaker.
     idle: Vec<usize>,
+    inputs: LoadSet,
+    /// That of the last step: all steps and readings of a hold have the same.
+    held: Drive,
     shaker: Option<(ShakerSpec, Armature)>,
     /// What is read: the degrees of freedom of the sensors that the structure has, then what a shaker's armature moves
     /// along.
@@ -37,8 +40,10 @@ pub(super) struct AssemblySteps {
 /// the head's two channels.
 const MOST_READ: usize = MOST_CHANNELS;
 
-/// The loads as the drive takes them.
+/// A load as the drive takes it.
+#[derive(Clone, Copy, Debug, Default)]
 struct Drive {
+    load: Load,
     numbers: [f64; Load::PARTS],
     count: usize,
 }
@@ -80,18 +85,23 @@ impl AssemblySteps {
             sensed.filter_map(|(place, dof)| Some((place, dof?))).unzip();
         read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
         let (sensors, &Places { exciter, exciter_z, .. }) = (places.more_channels(), places);
-        Ok(AssemblySteps {
+        let inputs = LoadSet::native_and(acting.iter().copied());
+        let mut steps = AssemblySteps {
             exciter,
             exciter_z,
             acting,
             idle,
+            inputs,
+            held: Drive::default(),
             shaker,
             read,
             places: places_read,
             sensors,
             states,
             stepper,
-        })
+        };
+        steps.held = steps.drive(&Load::default());
+        Ok(steps)
     }
 
     /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
@@ -122,12 +132,13 @@ impl AssemblySteps {
     fn drive(&self, load: &Load) -> Drive {
         let mut numbers = [0.0; Load::PARTS];
         if let Some((shaker, _)) = &self.shaker {
-            numbers[0] = shaker.along_n(load);
-            return Drive { numbers, count: 1 };
+            numbers[0] = shaker.along_n(load) + 0.0;
+            return Drive { load: *load, numbers, count: 1 };
         }
         let parts = load.parts();
-        numbers.iter_mut().zip(&self.acting).for_each(|(number, place)| *number = parts[*place]);
-        Drive { numbers, count: self.acting.len() }
+        // A load of -0 equals one of 0, and must give the same bits: -0 + 0 is 0.
+        numbers.iter_mut().zip(&self.acting).for_each(|(number, place)| *number = parts[*place] + 0.0);
+        Drive { load: *load, numbers, count: self.acting.len() }
     }
 
     /// Refuses a load of which the drive doesn't take every part.
@@ -154,12 +165,15 @@ impl Stepped for AssemblySteps {
     }
 
     fn inputs(&self) -> LoadSet {
-        LoadSet::native_and(self.acting.iter().copied())
+        self.inputs
     }
 
     fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        self.check(load)?;
-        Ok(self.stepper.advance(t_s, self.drive(load).acting())?)
+        if self.held.load != *load {
+            self.check(load)?;
+            self.held = self.drive(load);
+        }
+        Ok(self.stepper.advance(t_s, self.held.acting())?)
     }
 
     fn sensors(&self) -> &[Channel] {
@@ -167,7 +181,8 @@ impl Stepped for AssemblySteps {
     }
 
     fn read(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        let (drive, dofs) = (self.drive(load), &self.read[..self.places.len()]);
+        let drive = if self.held.load == *load { self.held } else { self.drive(load) };
+        let dofs = &self.read[..self.places.len()];
         // Usually the structure has every degree of freedom, and their order is that of the places.
         if dofs.len() == out.len() {
             return Ok(self.stepper.read(drive.acting(), dofs, out)?);
