@@ -8,8 +8,7 @@ use resonarm_specification::verdict::{Begin, ShockVerdict, SineVerdict, judge_sh
 use resonarm_specification::{Specification, Test};
 use serde::Serialize;
 
-use crate::Record;
-use crate::{random, shock, sine};
+use crate::{Record, random, shock, sine};
 
 /// What the plant does while the controller runs. Faults act on the control channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -54,24 +53,17 @@ pub enum Stimulus {
 impl Stimulus {
     /// Says whether it acts only once the test is at its level.
     pub const fn is_at_level(self) -> bool {
-        match self {
-            Stimulus::None
-            | Stimulus::DeadFromStart
-            | Stimulus::OpenFromStart
-            | Stimulus::Clipped(_)
-            | Stimulus::Inverted
-            | Stimulus::ResponseLimit(_)
-            | Stimulus::DriveLimit(_)
-            | Stimulus::LightModes(_) => false,
+        matches!(
+            self,
             Stimulus::Dead
-            | Stimulus::Open
-            | Stimulus::Gain(_)
-            | Stimulus::Gap(_)
-            | Stimulus::Stop
-            | Stimulus::Restart
-            | Stimulus::Level(_)
-            | Stimulus::Harmonic(_) => true,
-        }
+                | Stimulus::Open
+                | Stimulus::Gain(_)
+                | Stimulus::Gap(_)
+                | Stimulus::Stop
+                | Stimulus::Restart
+                | Stimulus::Level(_)
+                | Stimulus::Harmonic(_)
+        )
     }
 }
 
@@ -161,11 +153,6 @@ impl Finding {
         Finding { verdict, measured }
     }
 
-    /// A result without figures.
-    pub(crate) fn inconclusive(reason: &str) -> Finding {
-        Finding { verdict: Verdict::Inconclusive(reason.into()), measured: Vec::new() }
-    }
-
     /// A case that was not tried.
     pub fn skipped(reason: &str) -> Finding {
         Finding { verdict: Verdict::Skipped(reason.into()), measured: Vec::new() }
@@ -183,13 +170,17 @@ pub struct Case {
     pub rule: &'static str,
     /// What the plant does.
     pub stimulus: Stimulus,
-    pub(crate) judge: fn(&Context<'_>) -> Finding,
+    pub(crate) judge: fn(&Context<'_>) -> Judged,
 }
+
+/// What the rule of a case finds, or why it can't decide.
+pub(crate) type Judged = Result<Finding, &'static str>;
 
 impl Case {
     /// Judges the run of this case beside the undisturbed one.
     pub fn judge(&self, context: &Context<'_>) -> Finding {
         (self.judge)(context)
+            .unwrap_or_else(|reason| Finding { verdict: Verdict::Inconclusive(reason.into()), measured: Vec::new() })
     }
 }
 
@@ -295,36 +286,32 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// Judges a start after an abort: the drive of the first seconds over the largest one of the base run. Inconclusive if the
     /// controller did not abort before, or did not begin again.
-    pub(crate) fn restarted(&self, first_s: f64, most: f64) -> Finding {
-        if let Some(finding) = self.was_not_driven() {
-            return finding;
-        }
+    pub(crate) fn restarted(&self, first_s: f64, most: f64) -> Judged {
+        self.check_driven()?;
         let record = self.record;
         let start = self.stimulus + record.samples(RESTART_S);
         // A drive that still ends is not taken for one that goes on.
         const BEFORE_S: f64 = 0.1;
         if record.peak(start.saturating_sub(record.samples(BEFORE_S)), start) > 0.0 {
-            return Finding::inconclusive(
-                "the controller did not stop when its channel was lost, so it had nothing to start again",
-            );
+            return Err("the controller did not stop when its channel was lost, so it had nothing to start again");
         }
         if record.peak(start, record.len()) == 0.0 {
-            return Finding::inconclusive("the controller did not begin again when it was told to start");
+            return Err("the controller did not begin again when it was told to start");
         }
         let peak_n = record.peak(start, start + record.samples(first_s));
-        Finding::of([Measure::at_most("largest drive", peak_n, "N", most * self.base.peak_n)])
+        Ok(Finding::of([Measure::at_most("largest drive", peak_n, "N", most * self.base.peak_n)]))
     }
 
-    /// Returns a finding if the drive was much weaker before the stimulus than in the base run: the stimulus then never acted.
-    pub(crate) fn was_not_driven(&self) -> Option<Finding> {
+    /// Checks that the drive was not much weaker before the stimulus than in the base run: the stimulus would never have acted.
+    pub(crate) fn check_driven(&self) -> Result<(), &'static str> {
         let from = self.stimulus.saturating_sub(self.record.samples(2.0));
         let [own, base] = [self.record, self.base.record].map(|record| record.peak(from, self.stimulus));
         if self.base.level.is_none() {
-            Some(Finding::inconclusive(NO_LEVEL))
+            Err(NO_LEVEL)
         } else if own < 0.2 * base || own == 0.0 {
-            Some(Finding::inconclusive("the drive had ended before the stimulus, so it never acted"))
+            Err("the drive had ended before the stimulus, so it never acted")
         } else {
-            None
+            Ok(())
         }
     }
 }

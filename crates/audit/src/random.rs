@@ -5,7 +5,6 @@
 //! Frames that are joined under windows scatter less, to about 0.6 of its variance, and a record narrower than χ² as a whole is
 //! good control: the loop corrects the scatter of its own estimate.
 
-use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 
@@ -13,7 +12,7 @@ use resonarm_numeric::distribution::chi_square_quantile;
 use resonarm_specification::verdict::{self, RandomOptions, RandomVerdict, judge_random};
 use resonarm_specification::{Average, RandomTest, Test};
 
-use crate::case::{NO_LEVEL, SETTLE_S};
+use crate::case::{Judged, NO_LEVEL, SETTLE_S};
 use crate::reaction::{RISE_S, Reaction};
 use crate::record::{db, largest, rms, running_rms};
 use crate::spectrum::Segments;
@@ -220,40 +219,34 @@ pub(crate) fn level(test: &RandomTest, record: &Record) -> Option<Range<usize>> 
     (end > first + window).then_some(first + window..end)
 }
 
-/// The test, or a finding for another kind of test, which has none of these cases.
-fn test<'a>(context: &Context<'a>) -> Option<&'a RandomTest> {
+/// Returns the test. Another kind of test has none of these cases.
+fn test<'a>(context: &Context<'a>) -> Result<&'a RandomTest, &'static str> {
     match &context.specification.test {
-        Test::Random(test) => Some(test),
-        _ => None,
+        Test::Random(test) => Ok(test),
+        _ => Err(NO_LEVEL),
     }
 }
 
-/// Judges the full level of the base run by a function of the test and the level; inconclusive if it is too short.
-fn at_level(context: &Context<'_>, judge: impl FnOnce(&RandomTest, Range<usize>) -> Finding) -> Finding {
-    let (Some(test), Some(level)) = (test(context), context.base.level.clone()) else {
-        return Finding::inconclusive(NO_LEVEL);
-    };
+/// Returns the test, and the full level of the base run, which must be long enough to be judged.
+fn at_level<'a>(context: &Context<'a>) -> Result<(&'a RandomTest, Range<usize>), &'static str> {
+    let (test, level) = (test(context)?, context.base.level.clone().ok_or(NO_LEVEL)?);
     if level.len() < context.record.samples(LEAST_S) {
-        return Finding::inconclusive("the base run has less than 20 s at full level");
+        return Err("the base run has less than 20 s at full level");
     }
-    judge(test, level)
-}
-
-/// Judges the density over a range of samples of the run.
-fn judged(context: &Context<'_>, range: Range<usize>) -> Option<RandomVerdict> {
-    judged_of(context, context.record, range)
+    Ok((test, level))
 }
 
 /// Judges the density over a range of samples of a record, by the specification of the run.
-fn judged_of(context: &Context<'_>, record: &Record, range: Range<usize>) -> Option<RandomVerdict> {
-    let test = test(context)?;
-    let control = record.reading.get(range.clone())?;
+fn judged(context: &Context<'_>, record: &Record, range: Range<usize>) -> Result<RandomVerdict, &'static str> {
+    const UNSUITED: &str = "the record does not suit the specification";
+    let test = test(context).map_err(|_| UNSUITED)?;
+    let control = record.reading.get(range.clone()).ok_or(UNSUITED)?;
     let limits = &context.specification.limits;
     // A run without a limit may record a response all the same.
     let responses = record.responses.iter().take(limits.response.len()).map(|response| response.get(range.clone()));
-    let responses = &responses.collect::<Option<Vec<&[f64]>>>()?;
+    let responses = &responses.collect::<Option<Vec<&[f64]>>>().ok_or(UNSUITED)?;
     let options = RandomOptions { control: &[control], responses, average: Average::Mean };
-    judge_random(test, limits, record.rate_hz, &options).ok()
+    judge_random(test, limits, record.rate_hz, &options).map_err(|_| UNSUITED)
 }
 
 /// Length of a segment in samples, and its first and last line within the edges of the profile.
@@ -263,8 +256,8 @@ fn segment(test: &RandomTest, rate_hz: f64) -> (usize, [usize; 2]) {
     (length, [libm::ceil(first) as usize + 2, (libm::floor(last) as usize).saturating_sub(2)])
 }
 
-fn full_level(context: &Context<'_>) -> Finding {
-    let Some(test) = test(context) else { return Finding::inconclusive(NO_LEVEL) };
+fn full_level(context: &Context<'_>) -> Judged {
+    let test = test(context)?;
     let asked_s = test.schedule.as_ref().map_or(2.0 * LEAST_S, |schedule| schedule.full_level_s());
     // The level may be left again, as by a controller that goes on to a higher one.
     let demand = demand(test);
@@ -273,97 +266,83 @@ fn full_level(context: &Context<'_>) -> Finding {
         let running = running_rms(&context.record.reading[level], context.record.samples(LEVEL_S));
         running.iter().filter(is_full).count() as f64 / context.record.rate_hz
     });
-    Finding::of([Measure::at_least("time at full level", found_s, "s", 0.5 * asked_s)])
+    Ok(Finding::of([Measure::at_least("time at full level", found_s, "s", 0.5 * asked_s)]))
 }
 
-fn profile(context: &Context<'_>) -> Finding {
-    at_level(context, |_, level| {
-        let Some(found) = judged(context, level) else {
-            return Finding::inconclusive("the record does not suit the specification");
-        };
-        let [low, high] = found.deviation_db;
-        let mut finding = Finding::of([
-            Measure::at_most("lines proven out", found.proven_hz.len() as f64, "", 0.0),
-            Measure::at_most("means of lines proven out", found.proven_means as f64, "", 0.0),
-            Measure { name: "lowest line", value: low, unit: "dB", least: None, most: None },
-            Measure { name: "highest line", value: high, unit: "dB", least: None, most: None },
-            Measure { name: "degrees of freedom", value: found.degrees_of_freedom, unit: "", least: None, most: None },
-        ]);
-        if found.profile == verdict::Verdict::Undecided {
-            finding.verdict = Verdict::Inconclusive("lines are undecided: judge a longer record".into());
-        }
-        finding
-    })
+fn profile(context: &Context<'_>) -> Judged {
+    let (_, level) = at_level(context)?;
+    let found = judged(context, context.record, level)?;
+    let [low, high] = found.deviation_db;
+    let mut finding = Finding::of([
+        Measure::at_most("lines proven out", found.proven_hz.len() as f64, "", 0.0),
+        Measure::at_most("means of lines proven out", found.proven_means as f64, "", 0.0),
+        Measure { name: "lowest line", value: low, unit: "dB", least: None, most: None },
+        Measure { name: "highest line", value: high, unit: "dB", least: None, most: None },
+        Measure { name: "degrees of freedom", value: found.degrees_of_freedom, unit: "", least: None, most: None },
+    ]);
+    if found.profile == verdict::Verdict::Undecided {
+        finding.verdict = Verdict::Inconclusive("lines are undecided: judge a longer record".into());
+    }
+    Ok(finding)
 }
 
-fn whole_rms(context: &Context<'_>) -> Finding {
-    at_level(context, |test, level| {
-        let Some(found) = judged(context, level) else {
-            return Finding::inconclusive("the record does not suit the specification");
-        };
-        let tolerance = test.rms_tolerance.unwrap_or(0.1);
-        let ratio = found.rms.rms_m_s2 / found.rms.demand_m_s2;
-        Finding::of([Measure::within("rms over the specified one", ratio, "", [1.0 - tolerance, 1.0 + tolerance])])
-    })
+fn whole_rms(context: &Context<'_>) -> Judged {
+    let (test, level) = at_level(context)?;
+    let found = judged(context, context.record, level)?;
+    let tolerance = test.rms_tolerance.unwrap_or(0.1);
+    let ratio = found.rms.rms_m_s2 / found.rms.demand_m_s2;
+    Ok(Finding::of([Measure::within("rms over the specified one", ratio, "", [1.0 - tolerance, 1.0 + tolerance])]))
 }
 
-fn gaussian(context: &Context<'_>) -> Finding {
-    at_level(context, |_, level| {
-        let drive = &context.record.drive[level];
-        let mean = drive.iter().sum::<f64>() / drive.len() as f64;
-        let moment = |power: i32| {
-            drive.iter().map(|value| libm::pow(value - mean, f64::from(power))).sum::<f64>() / drive.len() as f64
-        };
-        let variance = moment(2);
-        Finding::of([
-            Measure::within("kurtosis of the drive", moment(4) / (variance * variance), "", [2.6, 3.4]),
-            Measure::at_least("crest factor of the drive", largest(drive) / libm::sqrt(variance), "", 2.5),
-        ])
-    })
+fn gaussian(context: &Context<'_>) -> Judged {
+    let (_, level) = at_level(context)?;
+    let drive = &context.record.drive[level];
+    let mean = drive.iter().sum::<f64>() / drive.len() as f64;
+    let moment = |power: i32| {
+        drive.iter().map(|value| libm::pow(value - mean, f64::from(power))).sum::<f64>() / drive.len() as f64
+    };
+    let variance = moment(2);
+    Ok(Finding::of([
+        Measure::within("kurtosis of the drive", moment(4) / (variance * variance), "", [2.6, 3.4]),
+        Measure::at_least("crest factor of the drive", largest(drive) / libm::sqrt(variance), "", 2.5),
+    ]))
 }
 
-fn new_phases(context: &Context<'_>) -> Finding {
-    at_level(context, |test, level| {
-        let (length, lines) = segment(test, context.record.rate_hz);
-        let apart = Segments::new(&context.record.reading[level.clone()], length, length, lines);
-        let overlapping = Segments::new(&context.record.drive[level], length, length / 2, lines);
-        if apart.count() < 10 {
-            return Finding::inconclusive("the level has less than 10 segments");
-        }
-        Finding::of([
-            Measure::within("variance of segments over that of χ²", apart.variance(), "", [0.55, 1.3]),
-            Measure::at_most(
-                "match with an earlier segment over chance",
-                overlapping.largest_match(REPETITIONS),
-                "",
-                4.0,
-            ),
-        ])
-    })
+fn new_phases(context: &Context<'_>) -> Judged {
+    let (test, level) = at_level(context)?;
+    let (length, lines) = segment(test, context.record.rate_hz);
+    let apart = Segments::new(&context.record.reading[level.clone()], length, length, lines);
+    let overlapping = Segments::new(&context.record.drive[level], length, length / 2, lines);
+    if apart.count() < 10 {
+        return Err("the level has less than 10 segments");
+    }
+    Ok(Finding::of([
+        Measure::within("variance of segments over that of χ²", apart.variance(), "", [0.55, 1.3]),
+        Measure::at_most("match with an earlier segment over chance", overlapping.largest_match(REPETITIONS), "", 4.0),
+    ]))
 }
 
-fn schedule(context: &Context<'_>) -> Finding {
-    at_level(context, |test, _| {
-        const STEP_S: f64 = 0.25;
-        let record = context.record;
-        let (window, step) = (record.samples(1.0), record.samples(STEP_S).max(1));
-        let levels: Vec<f64> =
-            running_rms(&record.reading, window).iter().step_by(step).map(|rms| db(rms / demand(test))).collect();
-        let rising = levels.iter().skip_while(|level| **level <= -20.0).take_while(|level| **level <= -2.0);
-        let rising: Vec<f64> = rising.copied().collect();
-        let asked = test.schedule.iter().flat_map(|schedule| &schedule.steps).filter(|step| step.level_db <= -5.0);
-        let mut measured: Vec<Measure> = asked
-            .map(|asked| {
-                let count = rising.iter().filter(|level| (*level - asked.level_db).abs() < 2.0).count();
-                let least = f64::min(1.5, 0.5 * asked.seconds);
-                Measure::at_least("time at a lower level", STEP_S * count as f64, "s", least)
-            })
-            .collect();
-        let until = &record.reading[..record.drive_end().min(record.len())];
-        let most = running_rms(until, record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
-        measured.push(largest_rms(test, until.len() as f64 / record.rate_hz, most));
-        Finding::of(measured)
-    })
+fn schedule(context: &Context<'_>) -> Judged {
+    let (test, _) = at_level(context)?;
+    const STEP_S: f64 = 0.25;
+    let record = context.record;
+    let (window, step) = (record.samples(1.0), record.samples(STEP_S).max(1));
+    let levels: Vec<f64> =
+        running_rms(&record.reading, window).iter().step_by(step).map(|rms| db(rms / demand(test))).collect();
+    let rising = levels.iter().skip_while(|level| **level <= -20.0).take_while(|level| **level <= -2.0);
+    let rising: Vec<f64> = rising.copied().collect();
+    let asked = test.schedule.iter().flat_map(|schedule| &schedule.steps).filter(|step| step.level_db <= -5.0);
+    let mut measured: Vec<Measure> = asked
+        .map(|asked| {
+            let count = rising.iter().filter(|level| (*level - asked.level_db).abs() < 2.0).count();
+            let least = f64::min(1.5, 0.5 * asked.seconds);
+            Measure::at_least("time at a lower level", STEP_S * count as f64, "s", least)
+        })
+        .collect();
+    let until = &record.reading[..record.drive_end().min(record.len())];
+    let most = running_rms(until, record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
+    measured.push(largest_rms(test, until.len() as f64 / record.rate_hz, most));
+    Ok(Finding::of(measured))
 }
 
 /// Readings are clipped at so many times the specified rms.
@@ -389,43 +368,41 @@ fn largest_rms(test: &RandomTest, seconds: f64, most: f64) -> Measure {
     Measure::at_most("largest rms over 2 s", db(most / demand(test)), "dB", most_rms_db(test, seconds))
 }
 
-fn duration(context: &Context<'_>) -> Finding {
-    at_level(context, |test, level| {
-        let Some(schedule) = &test.schedule else {
-            return Finding::skipped("the specification states no schedule");
-        };
-        // The window of 2 s before the level is at full level for the most part.
-        let found_s = level.len() as f64 / context.record.rate_hz + LEVEL_S;
-        Finding::of([Measure::at_least("time at full level", found_s, "s", schedule.full_level_s() - 1.0)])
-    })
+fn duration(context: &Context<'_>) -> Judged {
+    let (test, level) = at_level(context)?;
+    let Some(schedule) = &test.schedule else {
+        return Ok(Finding::skipped("the specification states no schedule"));
+    };
+    // The window of 2 s before the level is at full level for the most part.
+    let found_s = level.len() as f64 / context.record.rate_hz + LEVEL_S;
+    Ok(Finding::of([Measure::at_least("time at full level", found_s, "s", schedule.full_level_s() - 1.0)]))
 }
 
-fn band(context: &Context<'_>) -> Finding {
-    at_level(context, |test, level| {
-        let record = context.record;
-        let (length, _) = segment(test, record.rate_hz);
-        let drive = Segments::new(&record.drive[level], length, length / 2, [0, length / 2]);
-        let [from_hz, to_hz] = test.profile.band_hz();
-        let margin_hz = 15.0 * test.lines_hz;
-        // Segments have every second line.
-        let is_outside = |line: usize| {
-            let hz = (2 * line) as f64 * test.lines_hz;
-            hz > to_hz + margin_hz || hz < from_hz - margin_hz
-        };
-        let [outside, all] = drive.powers().iter().enumerate().fold([0.0, 0.0], |[outside, all], (line, power)| {
-            [if is_outside(line) { outside + power } else { outside }, all + power]
-        });
-        Finding::of([Measure::at_most("part of the drive beyond the band", 100.0 * outside / all, "%", 2.0)])
-    })
+fn band(context: &Context<'_>) -> Judged {
+    let (test, level) = at_level(context)?;
+    let record = context.record;
+    let (length, _) = segment(test, record.rate_hz);
+    let drive = Segments::new(&record.drive[level], length, length / 2, [0, length / 2]);
+    let [from_hz, to_hz] = test.profile.band_hz();
+    let margin_hz = 15.0 * test.lines_hz;
+    // Segments have every second line.
+    let is_outside = |line: usize| {
+        let hz = (2 * line) as f64 * test.lines_hz;
+        hz > to_hz + margin_hz || hz < from_hz - margin_hz
+    };
+    let [outside, all] = drive.powers().iter().enumerate().fold([0.0, 0.0], |[outside, all], (line, power)| {
+        [if is_outside(line) { outside + power } else { outside }, all + power]
+    });
+    Ok(Finding::of([Measure::at_most("part of the drive beyond the band", 100.0 * outside / all, "%", 2.0)]))
 }
 
 /// Judges whether the drive is 0 at the end of a run; inconclusive if the test was not over.
-pub(crate) fn ended(context: &Context<'_>, is_over: bool) -> Finding {
+pub(crate) fn ended(context: &Context<'_>, is_over: bool) -> Judged {
     let quiet_s = context.record.quiet_s();
     if quiet_s < QUIET_S && !is_over {
-        return Finding::inconclusive("the run ended before the test");
+        return Err("the run ended before the test");
     }
-    Finding::of([quiet(quiet_s)])
+    Ok(Finding::of([quiet(quiet_s)]))
 }
 
 /// The time without a drive at the end, s, or that the plant was disarmed there.
@@ -437,10 +414,11 @@ fn quiet(quiet_s: f64) -> Measure {
     }
 }
 
-fn quiet_end(context: &Context<'_>) -> Finding {
-    let (Some(test), Some(_)) = (test(context), context.base.level.as_ref()) else {
-        return Finding::inconclusive(NO_LEVEL);
-    };
+fn quiet_end(context: &Context<'_>) -> Judged {
+    let test = test(context)?;
+    if context.base.level.is_none() {
+        return Err(NO_LEVEL);
+    }
     // A test that is over reads less than its level, whatever drive goes on.
     let window = context.record.samples(LEVEL_S);
     let last = &context.record.reading[context.record.len().saturating_sub(window)..];
@@ -448,21 +426,21 @@ fn quiet_end(context: &Context<'_>) -> Finding {
 }
 
 /// Judges a controller that must not begin its test: its drive stays small, and ends.
-pub(crate) fn refuses(context: &Context<'_>) -> Finding {
+pub(crate) fn refuses(context: &Context<'_>) -> Judged {
     let record = context.record;
     if context.base.level.is_none() {
-        return Finding::inconclusive(NO_LEVEL);
+        return Err(NO_LEVEL);
     }
-    Finding::of([
+    Ok(Finding::of([
         Measure::at_most("largest drive", record.peak(0, record.len()), "N", 0.1 * context.base.peak_n),
         quiet(record.quiet_s()),
-    ])
+    ]))
 }
 
 /// Returns the bandwidth B = (∫S df)²/∫S² df of the drive at the level of the base run, Hz: the values of its envelope at times 1/B
 /// apart are nearly independent.
 fn bandwidth_hz(context: &Context<'_>, level: Range<usize>) -> f64 {
-    let Some(test) = test(context) else { return 0.0 };
+    let Ok(test) = test(context) else { return 0.0 };
     let base = context.base.record;
     let (length, _) = segment(test, base.rate_hz);
     // Segments have every second line.
@@ -497,128 +475,104 @@ fn most_rise(context: &Context<'_>, times_s: [f64; 2]) -> f64 {
 /// Least time of the ramp with which a drive ends, s.
 const LEAST_RAMP_S: f64 = 0.015;
 
-fn lost(context: &Context<'_>) -> Finding {
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
+fn lost(context: &Context<'_>) -> Judged {
+    context.check_driven()?;
     let most_s = context.specification.limits.loss_ms.map_or(0.6, |loss_ms| 1e-3 * loss_ms + 0.1);
     let reaction = Reaction::new(context.record, context.stimulus);
-    let mut measured = vec![Measure::at_most("time to no drive", 1e3 * reaction.zero_s, "ms", 1e3 * most_s)];
-    measured.extend(reaction.ramp(LEAST_RAMP_S));
-    measured.push(Measure::at_most("drive over that before", reaction.rise, "", most_rise(context, [RISE_S, most_s])));
-    Finding::of(measured)
+    Ok(Finding::of(reaction.measures(most_s, LEAST_RAMP_S, Some(most_rise(context, [RISE_S, most_s])))))
 }
 
-fn aborts(context: &Context<'_>) -> Finding {
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
+fn aborts(context: &Context<'_>) -> Judged {
+    context.check_driven()?;
     let Reaction { zero_s, .. } = Reaction::new(context.record, context.stimulus);
-    Finding::of([Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1000.0)])
+    Ok(Finding::of([Measure::at_most("time to no drive", 1e3 * zero_s, "ms", 1000.0)]))
 }
 
-fn equalises(context: &Context<'_>) -> Finding {
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
-    let (Some(test), record) = (test(context), context.record) else { return Finding::inconclusive(NO_LEVEL) };
+fn equalises(context: &Context<'_>) -> Judged {
+    context.check_driven()?;
+    let (test, record) = (test(context)?, context.record);
     let end = context.stimulus + record.samples(RECOVERY_S);
     let Some(last) = record.reading.get(end - record.samples(RECOVERED_S)..end) else {
-        return Finding::inconclusive(if record.is_ended() {
+        return Err(if record.is_ended() {
             "the controller ended the test less than 25 s after the stimulus"
         } else {
             "the run ends less than 25 s after the stimulus"
         });
     };
-    Finding::of([Measure::within("rms over the specified one", db(rms(last) / demand(test)), "dB", [-2.0, 2.0])])
+    Ok(Finding::of([Measure::within("rms over the specified one", db(rms(last) / demand(test)), "dB", [-2.0, 2.0])]))
 }
 
 /// Returns the time from the full level of the base run until which the drive goes on, s; negative before it.
-fn after_level_s(context: &Context<'_>) -> Option<f64> {
-    let level = context.base.level.as_ref()?;
-    Some((context.record.drive_end() as f64 - level.start as f64) / context.record.rate_hz)
+fn after_level_s(context: &Context<'_>) -> Result<f64, &'static str> {
+    let level = context.base.level.as_ref().ok_or(NO_LEVEL)?;
+    Ok((context.record.drive_end() as f64 - level.start as f64) / context.record.rate_hz)
 }
 
-fn gives_up(context: &Context<'_>) -> Finding {
+fn gives_up(context: &Context<'_>) -> Judged {
     // A drive with small peaks, or none near the level, never reaches the range, less a count of the reading.
-    let Some(test) = test(context) else { return Finding::inconclusive(NO_LEVEL) };
+    let test = test(context)?;
     if largest(&context.record.reading) < 0.99 * CLIPPED_SIGMA * demand(test) {
-        return Finding::inconclusive("no reading is clipped");
+        return Err("no reading is clipped");
     }
-    match after_level_s(context) {
-        Some(seconds) => Finding::of([Measure::at_most("drive after the full level", seconds, "s", GIVE_UP_S)]),
-        None => Finding::inconclusive(NO_LEVEL),
-    }
+    Ok(Finding::of([Measure::at_most("drive after the full level", after_level_s(context)?, "s", GIVE_UP_S)]))
 }
 
-fn limits_drive(context: &Context<'_>) -> Finding {
-    let (Some(seconds), Some(limit_n)) = (after_level_s(context), context.specification.limits.drive_peak_n) else {
-        return Finding::inconclusive(NO_LEVEL);
-    };
+fn limits_drive(context: &Context<'_>) -> Judged {
+    let (seconds, limit_n) = (after_level_s(context)?, context.specification.limits.drive_peak_n.ok_or(NO_LEVEL)?);
     // Commands are rounded to counts of the protocol.
     const COUNT_N: f64 = 0.02;
     let peak_n = context.record.peak(0, context.record.len());
-    Finding::of([
+    Ok(Finding::of([
         Measure::at_most("largest drive", peak_n, "N", limit_n + COUNT_N),
         Measure::at_most("drive after the full level", seconds, "s", GIVE_UP_S),
-    ])
+    ]))
 }
 
-fn notches(context: &Context<'_>) -> Finding {
+fn notches(context: &Context<'_>) -> Judged {
     let record = context.record;
-    let Some(level) = context.base.level.as_ref() else { return Finding::inconclusive(NO_LEVEL) };
+    let level = context.base.level.as_ref().ok_or(NO_LEVEL)?;
     let end = record.drive_end().saturating_sub(record.samples(RAMP_S)).min(record.len());
     // A controller needs some seconds to lower the lines.
     let start = level.start + record.samples(SETTLED_S);
     if end < start + record.samples(LEAST_S) {
-        return Finding::inconclusive("the run has less than 20 s at its level");
+        return Err("the run has less than 20 s at its level");
     }
-    let both = judged(context, start..end).zip(judged_of(context, context.base.record, level.clone()));
-    let Some((found, base)) = both else {
-        return Finding::inconclusive("the record does not suit the specification");
-    };
+    let found = judged(context, record, start..end)?;
+    let base = judged(context, context.base.record, level.clone())?;
     // The limit holds down the lines at which the response of the base run is beyond it, or nearly so.
     let free = found.lines.iter().zip(&base.lines).filter(|(_, base)| !base.is_limited);
     let out = free.filter(|(line, _)| line.verdict == verdict::Verdict::Out).count();
     let over = found.limits.iter().map(|limit| limit.largest_db).fold(f64::NEG_INFINITY, f64::max);
-    Finding::of([
+    Ok(Finding::of([
         Measure::at_most("largest response over its limit", over, "dB", 1.5),
         Measure::at_most("other lines that are out", out as f64, "", 0.0),
-    ])
+    ]))
 }
 
 /// Time after the full level of the base run from which a limited response is judged, s.
 const SETTLED_S: f64 = 8.0;
 
-fn stops(context: &Context<'_>) -> Finding {
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
+fn stops(context: &Context<'_>) -> Judged {
+    context.check_driven()?;
     let reaction = Reaction::new(context.record, context.stimulus);
-    let mut measured = vec![Measure::at_most("time to no drive", 1e3 * reaction.zero_s, "ms", 500.0)];
-    measured.extend(reaction.ramp(LEAST_RAMP_S));
-    Finding::of(measured)
+    Ok(Finding::of(reaction.measures(0.5, LEAST_RAMP_S, None)))
 }
 
-fn restarts(context: &Context<'_>) -> Finding {
+fn restarts(context: &Context<'_>) -> Judged {
     context.restarted(6.0, 0.1)
 }
 
-fn bridges(context: &Context<'_>) -> Finding {
+fn bridges(context: &Context<'_>) -> Judged {
     const AFTER_S: f64 = 8.0;
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
-    let (Some(test), record, from) = (test(context), context.record, context.stimulus) else {
-        return Finding::inconclusive(NO_LEVEL);
-    };
+    context.check_driven()?;
+    let (test, record, from) = (test(context)?, context.record, context.stimulus);
     let before = record.peak(from.saturating_sub(record.samples(SETTLE_S)), from);
     let to = (from + record.samples(AFTER_S)).min(record.len());
     // The structure rings by itself when its drive is held and let go.
     let settled = (from + record.samples(1.0)).min(to);
     let most = running_rms(&record.reading[settled..to], record.samples(LEVEL_S)).into_iter().fold(0.0, f64::max);
     let driven_s = record.drive_end().saturating_sub(from) as f64 / record.rate_hz;
-    Finding::of([
+    Ok(Finding::of([
         Measure::at_most(
             "drive over that before",
             record.peak(from, to) / before,
@@ -627,30 +581,25 @@ fn bridges(context: &Context<'_>) -> Finding {
         ),
         largest_rms(test, AFTER_S, most),
         Measure::at_least("drive after the gap", driven_s, "s", AFTER_S),
-    ])
+    ]))
 }
 
-fn inverted(context: &Context<'_>) -> Finding {
-    let finding = refuses(context);
-    match finding.verdict {
-        Verdict::Failed => Finding {
-            verdict: Verdict::Inconclusive(
-                "the controller does not check the sign: it holds the level all the same".into(),
-            ),
-            ..finding
-        },
-        _ => finding,
+fn inverted(context: &Context<'_>) -> Judged {
+    let mut finding = refuses(context)?;
+    if finding.verdict == Verdict::Failed {
+        let reason = "the controller does not check the sign: it holds the level all the same";
+        finding.verdict = Verdict::Inconclusive(reason.into());
     }
+    Ok(finding)
 }
 
-fn perfect(context: &Context<'_>) -> Finding {
-    at_level(context, |_, level| match judged(context, level) {
-        Some(found) => Finding::of([
-            Measure { name: "lines beyond", value: found.counted as f64, unit: "", least: None, most: None },
-            Measure::at_least("probability", found.perfect_probability, "", 0.01),
-        ]),
-        None => Finding::inconclusive("the record does not suit the specification"),
-    })
+fn perfect(context: &Context<'_>) -> Judged {
+    let (_, level) = at_level(context)?;
+    let found = judged(context, context.record, level)?;
+    Ok(Finding::of([
+        Measure { name: "lines beyond", value: found.counted as f64, unit: "", least: None, most: None },
+        Measure::at_least("probability", found.perfect_probability, "", 0.01),
+    ]))
 }
 
 /// Returns a limit over the whole profile, `below_db` below the largest density of a response.

@@ -1,5 +1,8 @@
 //! How a drive ends after a stimulus.
 
+use alloc::vec;
+use alloc::vec::Vec;
+
 use crate::record::{largest, rms};
 use crate::{Measure, Record};
 
@@ -20,9 +23,13 @@ const BEFORE_S: f64 = 2.0;
 pub(crate) const RISE_S: f64 = 3.0;
 
 impl Reaction {
-    /// Returns the time of the ramp as a figure with its least value, s; none of a drive that goes on.
-    pub fn ramp(&self, least_s: f64) -> Option<Measure> {
-        self.ramp_s.map(|ramp_s| Measure::at_least("ramp", 1e3 * ramp_s, "ms", 1e3 * least_s))
+    /// Returns the figures of the end of a drive by the largest time to it, s, the least ramp of a drive that ends, s, and how much
+    /// more drive there may be meanwhile, where that is limited.
+    pub fn measures(&self, most_s: f64, least_ramp_s: f64, most_rise: Option<f64>) -> Vec<Measure> {
+        let mut measured = vec![Measure::at_most("time to no drive", 1e3 * self.zero_s, "ms", 1e3 * most_s)];
+        measured.extend(self.ramp_s.map(|ramp_s| Measure::at_least("ramp", 1e3 * ramp_s, "ms", 1e3 * least_ramp_s)));
+        measured.extend(most_rise.map(|most| Measure::at_most("drive over that before", self.rise, "", most)));
+        measured
     }
 
     /// Measures the end of the drive after sample `from`. A drive is large beyond its rms of the 2 s before, which a random

@@ -3,6 +3,7 @@
 use resonarm_specification::verdict::{ShockVerdict, Shot};
 use resonarm_specification::{ShockTest, Test};
 
+use crate::case::Judged;
 use crate::{Case, Context, Finding, Measure, Stimulus};
 
 pub(crate) const CASES: &[Case] = &[
@@ -46,11 +47,11 @@ pub(crate) const CASES: &[Case] = &[
 /// Why a record without a shot decides nothing.
 const NO_SHOT: &str = "the run has no shot at full level";
 
-/// Returns the test and what was found of it in the base run; none if it has no shot.
-fn found<'a>(context: &Context<'a>) -> Option<(&'a ShockTest, &'a ShockVerdict)> {
+/// Returns the test and what was found of it in the base run.
+fn found<'a>(context: &Context<'a>) -> Result<(&'a ShockTest, &'a ShockVerdict), &'static str> {
     match (&context.specification.test, &context.base.shock) {
-        (Test::Shock(test), Some(found)) => Some((test, found)),
-        _ => None,
+        (Test::Shock(test), Some(found)) => Ok((test, found)),
+        _ => Err(NO_SHOT),
     }
 }
 
@@ -67,45 +68,42 @@ fn worst(
     name: &'static str,
     figure: impl Fn(&Shot) -> Option<f64>,
     most: impl Fn(&ShockTest) -> f64,
-) -> Finding {
-    let of = found(context).and_then(|(test, found)| Some((largest(found, figure)?, most(test))));
-    match of {
-        Some((value, most)) => Finding::of([Measure::at_most(name, 100.0 * value, "%", 100.0 * most)]),
-        None => Finding::inconclusive(NO_SHOT),
-    }
+) -> Judged {
+    let (test, found) = found(context)?;
+    let value = largest(found, figure).ok_or(NO_SHOT)?;
+    Ok(Finding::of([Measure::at_most(name, 100.0 * value, "%", 100.0 * most(test))]))
 }
 
-fn pulse(context: &Context<'_>) -> Finding {
-    let Test::Shock(test) = &context.specification.test else { return Finding::inconclusive(NO_SHOT) };
+fn pulse(context: &Context<'_>) -> Judged {
+    let Test::Shock(test) = &context.specification.test else { return Err(NO_SHOT) };
     let found = context.base.shock.as_ref();
     let error = found.and_then(|found| largest(found, |shot| Some(shot.error)));
     // Shots in the other direction are none, but they are not nothing either.
     if error.is_none() && crate::record::largest(&context.record.reading) < 0.5 * test.peak_m_s2 {
-        return Finding::inconclusive(NO_SHOT);
+        return Err(NO_SHOT);
     }
     let (full, asked) = found.map_or((0, 1), |found| (found.full, found.asked));
     let mut measured = alloc::vec![Measure::at_least("shots at full level", full as f64, "", f64::from(asked))];
     measured.extend(error.map(|error| Measure::at_most("error over the peak", 100.0 * error, "%", 100.0 * test.band)));
-    Finding::of(measured)
+    Ok(Finding::of(measured))
 }
 
-fn velocity_change(context: &Context<'_>) -> Finding {
+fn velocity_change(context: &Context<'_>) -> Judged {
     let most = |test: &ShockTest| test.velocity_tolerance.unwrap_or(0.15);
     worst(context, "error of the velocity change", |shot| Some(shot.velocity_change), most)
 }
 
-fn outside(context: &Context<'_>) -> Finding {
+fn outside(context: &Context<'_>) -> Judged {
     worst(context, "beside the pulse over the peak", |shot| shot.outside, |test| test.outside.unwrap_or(0.45))
 }
 
-fn end_velocity(context: &Context<'_>) -> Finding {
+fn end_velocity(context: &Context<'_>) -> Judged {
     let most = |test: &ShockTest| test.end_velocity_tolerance.unwrap_or(0.1);
     worst(context, "velocity at the end over the change", |shot| shot.end_velocity, most)
 }
 
-fn first_shot(context: &Context<'_>) -> Finding {
-    match found(context).and_then(|(_, found)| found.shots.first()) {
-        Some(first) => Finding::of([Measure::at_most("first shot over the full level", first.amplitude, "", 0.55)]),
-        None => Finding::inconclusive(NO_SHOT),
-    }
+fn first_shot(context: &Context<'_>) -> Judged {
+    let (_, found) = found(context)?;
+    let first = found.shots.first().ok_or(NO_SHOT)?;
+    Ok(Finding::of([Measure::at_most("first shot over the full level", first.amplitude, "", 0.55)]))
 }

@@ -6,7 +6,7 @@ use core::ops::Range;
 use resonarm_specification::verdict::SineVerdict;
 use resonarm_specification::{SineTest, SweepRate, Test};
 
-use crate::case::NO_LEVEL;
+use crate::case::{Judged, NO_LEVEL};
 use crate::random::{ended, refuses};
 use crate::reaction::Reaction;
 use crate::record::{largest, running_rms};
@@ -139,29 +139,29 @@ pub(crate) const CASES: &[Case] = &[
     },
 ];
 
-/// Returns the test and what was found of it in the base run; none if it has no sweep.
-fn found<'a>(context: &'a Context<'_>) -> Option<(&'a SineTest, &'a SineVerdict)> {
+/// Returns the test and what was found of it in the base run.
+fn found<'a>(context: &'a Context<'_>) -> Result<(&'a SineTest, &'a SineVerdict), &'static str> {
     match (&context.specification.test, &context.base.sine) {
-        (Test::Sine(test), Some(found)) => Some((test, found)),
-        _ => None,
+        (Test::Sine(test), Some(found)) => Ok((test, found)),
+        _ => Err(NO_LEVEL),
     }
 }
 
 /// Judges a base run that has no sweep. One whose amplitude came to half of the first one has begun its test, and not run it.
-fn no_sweep(context: &Context<'_>) -> Finding {
-    let Test::Sine(test) = &context.specification.test else { return Finding::inconclusive(NO_LEVEL) };
+fn no_sweep(context: &Context<'_>) -> Judged {
+    let Test::Sine(test) = &context.specification.test else { return Err(NO_LEVEL) };
     let [from_hz, _] = test.band_hz();
-    let Some(demand) = test.acceleration_m_s2(from_hz) else { return Finding::inconclusive(NO_LEVEL) };
+    let demand = test.acceleration_m_s2(from_hz).ok_or(NO_LEVEL)?;
     let rms =
         running_rms(&context.record.reading, context.record.samples(2.0 / from_hz)).into_iter().fold(0.0, f64::max);
     if core::f64::consts::SQRT_2 * rms < 0.5 * demand {
-        return Finding::inconclusive(NO_LEVEL);
+        return Err(NO_LEVEL);
     }
-    Finding::of([Measure::at_least("whole sweeps", 0.0, "", f64::from(test.sweeps))])
+    Ok(Finding::of([Measure::at_least("whole sweeps", 0.0, "", f64::from(test.sweeps))]))
 }
 
-fn amplitude(context: &Context<'_>) -> Finding {
-    let Some((test, found)) = found(context) else { return no_sweep(context) };
+fn amplitude(context: &Context<'_>) -> Judged {
+    let Ok((test, found)) = found(context) else { return no_sweep(context) };
     // Instants are as far apart as the filter is long, which is inversely proportional to the frequency.
     let [within, all] = found.points.iter().fold([0.0, 0.0], |[within, all], point| {
         let (error, time) = (point.tracked_m_s2 / point.demand_m_s2 - 1.0, 1.0 / point.frequency_hz);
@@ -170,53 +170,48 @@ fn amplitude(context: &Context<'_>) -> Finding {
     });
     let [low, high] = found.extremes.map(|ratio| 100.0 * (ratio - 1.0));
     let worst = 250.0 * test.tolerance;
-    Finding::of([
+    Ok(Finding::of([
         Measure::at_least("whole sweeps", found.whole as f64, "", f64::from(test.sweeps)),
         Measure::at_least("time within the tolerance", 100.0 * within / all, "%", 90.0),
         Measure::at_least("lowest amplitude", low, "%", -worst),
         Measure::at_most("highest amplitude", high, "%", worst),
-    ])
+    ]))
 }
 
-fn rate(context: &Context<'_>) -> Finding {
-    let Some((test, found)) = found(context) else { return Finding::inconclusive(NO_LEVEL) };
-    let Some(pass) = found.passes.first() else { return Finding::inconclusive(NO_LEVEL) };
+fn rate(context: &Context<'_>) -> Judged {
+    let (test, found) = found(context)?;
+    let pass = found.passes.first().ok_or(NO_LEVEL)?;
     let (SweepRate::OctavesPerMinute(nominal) | SweepRate::HertzPerSecond(nominal)) = test.rate;
-    Finding::of([
+    Ok(Finding::of([
         Measure::within("rate over the specified one", pass.rate / nominal, "", [0.9, 1.1]),
         Measure::at_most("departure from the law", pass.departure_octaves, "octaves", 0.05),
-    ])
+    ]))
 }
 
-fn continuity(context: &Context<'_>) -> Finding {
-    let still = found(context).and_then(|(_, found)| found.passes.first()?.still);
-    match still {
-        Some(still) => Finding::of([Measure::at_most("intervals in which it stands still", 100.0 * still, "%", 15.0)]),
-        None => Finding::inconclusive(NO_LEVEL),
-    }
+fn continuity(context: &Context<'_>) -> Judged {
+    let (_, found) = found(context)?;
+    let still = found.passes.first().and_then(|pass| pass.still).ok_or(NO_LEVEL)?;
+    Ok(Finding::of([Measure::at_most("intervals in which it stands still", 100.0 * still, "%", 15.0)]))
 }
 
-fn phase(context: &Context<'_>) -> Finding {
-    let jump = found(context).and_then(|(_, found)| found.passes.first()?.phase_jump_rad);
-    match jump {
-        Some(jump) => Finding::of([Measure::at_most("largest jump of the phase", jump, "rad", 0.3)]),
-        None => Finding::inconclusive(NO_LEVEL),
-    }
+fn phase(context: &Context<'_>) -> Judged {
+    let (_, found) = found(context)?;
+    let jump = found.passes.first().and_then(|pass| pass.phase_jump_rad).ok_or(NO_LEVEL)?;
+    Ok(Finding::of([Measure::at_most("largest jump of the phase", jump, "rad", 0.3)]))
 }
 
-fn quiet_end(context: &Context<'_>) -> Finding {
+fn quiet_end(context: &Context<'_>) -> Judged {
     const AFTER_S: f64 = 3.0;
-    let Some(last) = found(context).and_then(|(_, found)| found.passes.last()) else {
-        return Finding::inconclusive(NO_LEVEL);
-    };
+    let (_, found) = found(context)?;
+    let last = found.passes.last().ok_or(NO_LEVEL)?;
     let end = context.record.samples(last.to_s + AFTER_S);
     ended(context, context.record.len() > end)
 }
 
-fn start(context: &Context<'_>) -> Finding {
-    let Some((test, found)) = found(context) else { return Finding::inconclusive(NO_LEVEL) };
+fn start(context: &Context<'_>) -> Judged {
+    let (test, found) = found(context)?;
     let [from_hz, _] = test.band_hz();
-    let Some(demand) = test.acceleration_m_s2(from_hz) else { return Finding::inconclusive(NO_LEVEL) };
+    let demand = test.acceleration_m_s2(from_hz).ok_or(NO_LEVEL)?;
     // From there on the level is another one.
     let begin = context.record.samples(found.begins_s).min(context.record.len());
     let reading = &context.record.reading[..begin];
@@ -226,62 +221,57 @@ fn start(context: &Context<'_>) -> Finding {
     let start = running_rms(reading, window).iter().rposition(|rms| *rms < weak).map_or(0, |last| last + window);
     let (before, sine) = reading.split_at(start.min(begin));
     let highest = found.points.iter().map(|point| point.demand_m_s2).fold(demand, f64::max);
-    Finding::of([
+    Ok(Finding::of([
         Measure::at_most("reading over the first amplitude", largest(sine) / demand, "", 1.3),
         Measure::at_most("reading before the sine over the largest amplitude", largest(before) / highest, "", 1.0),
-    ])
+    ]))
 }
 
 /// Part of the first amplitude beyond which a sine has started.
 const STARTED: f64 = 0.3;
 
 /// Returns the specified amplitude and the frequency of the base run at a sample, or the next one that was judged.
-fn at(context: &Context<'_>, sample: usize) -> Option<[f64; 2]> {
+fn at(context: &Context<'_>, sample: usize) -> Result<[f64; 2], &'static str> {
     let (_, found) = found(context)?;
     let t_s = sample as f64 / context.record.rate_hz;
-    let point = found.points.iter().find(|point| point.t_s >= t_s).or(found.points.last())?;
-    Some([point.demand_m_s2, point.frequency_hz])
+    let point = found.points.iter().find(|point| point.t_s >= t_s).or(found.points.last()).ok_or(NO_LEVEL)?;
+    Ok([point.demand_m_s2, point.frequency_hz])
 }
 
 /// Judges the end of the drive after a stimulus: the largest time, s, and how much more drive there may be meanwhile.
-fn reacts(context: &Context<'_>, most_s: f64, most_rise: Option<f64>) -> Finding {
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
-    let Some([_, hz]) = at(context, context.stimulus) else { return Finding::inconclusive(NO_LEVEL) };
+fn reacts(context: &Context<'_>, most_s: f64, most_rise: Option<f64>) -> Judged {
+    context.check_driven()?;
+    let [_, hz] = at(context, context.stimulus)?;
     let reaction = Reaction::new(context.record, context.stimulus);
-    let mut measured = alloc::vec![Measure::at_most("time to no drive", 1e3 * reaction.zero_s, "ms", 1e3 * most_s)];
     // A sine is below its rms for up to a quarter of a period, so that a hard stop may look like a short ramp.
-    measured.extend(reaction.ramp(f64::max(0.01, 0.3 / hz)));
-    measured.extend(most_rise.map(|most| Measure::at_most("drive over that before", reaction.rise, "", most)));
-    Finding::of(measured)
+    Ok(Finding::of(reaction.measures(most_s, f64::max(0.01, 0.3 / hz), most_rise)))
 }
 
-fn lost(context: &Context<'_>) -> Finding {
+fn lost(context: &Context<'_>) -> Judged {
     reacts(context, 0.5, Some(3.0))
 }
 
-fn stops(context: &Context<'_>) -> Finding {
+fn stops(context: &Context<'_>) -> Judged {
     reacts(context, 0.3, None)
 }
 
-fn aborts(context: &Context<'_>) -> Finding {
+fn aborts(context: &Context<'_>) -> Judged {
     reacts(context, 0.5, None)
 }
 
 /// A sine controller may look for its response with more drive than a random one: half of the largest drive.
-fn dead(context: &Context<'_>) -> Finding {
-    let mut finding = refuses(context);
+fn dead(context: &Context<'_>) -> Judged {
+    let mut finding = refuses(context)?;
     if let Some(drive) = finding.measured.first().copied() {
         let rest = finding.measured.split_off(1);
         finding = Finding::of(
             [Measure { most: Some(0.5 * context.base.peak_n), ..drive }].into_iter().chain(rest).collect::<Vec<_>>(),
         );
     }
-    finding
+    Ok(finding)
 }
 
-fn restarts(context: &Context<'_>) -> Finding {
+fn restarts(context: &Context<'_>) -> Judged {
     context.restarted(2.2, 0.25)
 }
 
@@ -293,58 +283,46 @@ fn median_level(found: &SineVerdict, range_s: Range<f64>) -> Option<f64> {
     ratios.get(ratios.len() / 2).copied()
 }
 
-fn changes_level(context: &Context<'_>) -> Finding {
+fn changes_level(context: &Context<'_>) -> Judged {
     // Time after the word in which the level may change, and over which it is then measured, s.
     const CHANGE_S: f64 = 2.0;
     const MEASURED_S: f64 = 3.0;
     const TOLERANCE_DB: f64 = 1.0;
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
+    context.check_driven()?;
     let own = Base::new(context.specification, context.record);
-    let Some(found) = &own.sine else { return Finding::inconclusive("the run has no sweep") };
+    let found = own.sine.as_ref().ok_or("the run has no sweep")?;
     let after_s = context.stimulus as f64 / context.record.rate_hz + CHANGE_S;
     // At a mode a loop has an error of its own, which the base run has at the same frequency.
     let level = |found: &SineVerdict| median_level(found, after_s..after_s + MEASURED_S);
     let levels = [context.base.sine.as_ref().and_then(level), level(found)];
     let jump = found.passes.first().and_then(|pass| pass.phase_jump_rad);
     let ([Some(before), Some(after)], Some(jump)) = (levels, jump) else {
-        return Finding::inconclusive("the run ends before its level can be measured");
+        return Err("the run ends before its level can be measured");
     };
     let change_db = 20.0 * libm::log10(after / before);
-    Finding::of([
+    Ok(Finding::of([
         Measure::within("change of the level", change_db, "dB", [LEVEL_DB - TOLERANCE_DB, LEVEL_DB + TOLERANCE_DB]),
         Measure::at_most("largest jump of the phase", jump, "rad", 0.3),
-    ])
+    ]))
 }
 
-fn tracks(context: &Context<'_>) -> Finding {
+fn tracks(context: &Context<'_>) -> Judged {
     let own = Base::new(context.specification, context.record);
-    let Some(base) = &context.base.sine else { return Finding::inconclusive(NO_LEVEL) };
-    let Some(found) = own.sine.as_ref().filter(|found| found.whole > 0) else {
-        return Finding::inconclusive("the run has no whole sweep");
-    };
-    let level = |found: &SineVerdict| median_level(found, 0.0..f64::INFINITY);
-    match (level(base), level(found)) {
-        (Some(base), Some(own)) => {
-            let moved = 100.0 * (own / base - 1.0);
-            Finding::of([Measure::within("change of the median fundamental", moved, "%", [-3.0, 3.0])])
-        }
-        _ => Finding::inconclusive("the sweep has no judged instant"),
-    }
+    let base = context.base.sine.as_ref().ok_or(NO_LEVEL)?;
+    let found = own.sine.as_ref().filter(|found| found.whole > 0).ok_or("the run has no whole sweep")?;
+    let level = |found: &SineVerdict| median_level(found, 0.0..f64::INFINITY).ok_or("the sweep has no judged instant");
+    let moved = 100.0 * (level(found)? / level(base)? - 1.0);
+    Ok(Finding::of([Measure::within("change of the median fundamental", moved, "%", [-3.0, 3.0])]))
 }
 
-fn bridges(context: &Context<'_>) -> Finding {
+fn bridges(context: &Context<'_>) -> Judged {
     const AFTER_S: f64 = 3.0;
     const MOST_AFTER_GAP: f64 = 1.6;
-    if let Some(finding) = context.was_not_driven() {
-        return finding;
-    }
-    let Some((test, _)) = found(context) else { return Finding::inconclusive(NO_LEVEL) };
+    context.check_driven()?;
+    let (test, _) = found(context)?;
     let (record, from) = (context.record, context.stimulus);
     let to = (from + record.samples(AFTER_S)).min(record.len());
-    let ends = [at(context, from), at(context, to)];
-    let [Some([first, _]), Some([last, _])] = ends else { return Finding::inconclusive(NO_LEVEL) };
+    let ([first, _], [last, _]) = (at(context, from)?, at(context, to)?);
     let back = (from + record.samples(GAP_S)).min(to);
     let peak = |range| record.reading.get(range).map_or(0.0, largest) / first.max(last);
     let driven_s = record.drive_end().saturating_sub(from) as f64 / record.rate_hz;
@@ -358,31 +336,27 @@ fn bridges(context: &Context<'_>) -> Finding {
     });
     let rise = driven / usual.max(f64::MIN_POSITIVE);
     let reading = Measure::at_most("reading over the amplitude", peak(back..to), "", MOST_AFTER_GAP * own);
-    Finding::of([
+    Ok(Finding::of([
         if rise > MOST_AFTER_GAP { reading } else { Measure { most: None, ..reading } },
         Measure { name: "drive over that of the base run", value: rise, unit: "", least: None, most: None },
         Measure::at_least("drive after the gap", driven_s, "s", AFTER_S),
-    ])
+    ]))
 }
 
-fn notches(context: &Context<'_>) -> Finding {
+fn notches(context: &Context<'_>) -> Judged {
     let own = Base::new(context.specification, context.record);
-    let Some(found) = &own.sine else { return Finding::inconclusive("the run has no sweep") };
+    let found = own.sine.as_ref().ok_or("the run has no sweep")?;
     let over = found.limits.iter().map(|limit| libm::pow(10.0, limit.largest_db / 20.0)).fold(0.0, f64::max);
-    Finding::of([Measure::at_most("largest response over its limit", over, "", 1.15)])
+    Ok(Finding::of([Measure::at_most("largest response over its limit", over, "", 1.15)]))
 }
 
-fn light_modes(context: &Context<'_>) -> Finding {
+fn light_modes(context: &Context<'_>) -> Judged {
     if context.base.level.is_none() {
-        return Finding::inconclusive(NO_LEVEL);
+        return Err(NO_LEVEL);
     }
     let own = Base::new(context.specification, context.record);
-    match &own.sine {
-        Some(found) if found.whole > 0 => {
-            Finding::of([Measure::at_most("highest amplitude", 100.0 * (found.extremes[1] - 1.0), "%", 50.0)])
-        }
-        _ => Finding::inconclusive("the run has no whole sweep"),
-    }
+    let found = own.sine.as_ref().filter(|found| found.whole > 0).ok_or("the run has no whole sweep")?;
+    Ok(Finding::of([Measure::at_most("highest amplitude", 100.0 * (found.extremes[1] - 1.0), "%", 50.0)]))
 }
 
 /// Returns a limit over the whole sweep, `below_db` below the largest amplitude of a response.
