@@ -1,7 +1,6 @@
 //! Breakpoints and pulses as comma-separated values.
 
 use alloc::borrow::ToOwned;
-use alloc::string::String;
 use alloc::vec::Vec;
 
 use crate::{GRAVITY_M_S2, SpecificationError};
@@ -23,15 +22,11 @@ pub fn breakpoints(text: &str, file: &str) -> Result<Vec<[f64; 2]>, Specificatio
 /// the columns with their units: `time_s` or `time_ms`, then `acceleration_m_s2` or `acceleration_g`.
 ///
 /// # Errors
-/// [`SpecificationError::Columns`] if the first line does not name the columns; [`SpecificationError::Csv`] names the first line
-/// without two numbers.
+/// [`SpecificationError::Csv`] if the first line does not name the columns, or names the first line without two numbers.
 pub fn pulse(text: &str, file: &str) -> Result<Vec<[f64; 2]>, SpecificationError> {
     let Table { heading, rows } = table(text, file, "a time and an acceleration")?;
-    let unnamed = |(line, got): (usize, &str)| SpecificationError::Columns {
-        file: file.to_owned(),
-        line,
-        got: got.chars().take(QUOTED).collect(),
-    };
+    let expected = "time_s or time_ms, and acceleration_m_s2 or acceleration_g";
+    let unnamed = |at: (usize, &str)| damaged(file, at, "does not name the columns of a pulse", expected);
     // A file without a heading begins with a point, and an empty one with nothing.
     let (line, heading) = heading.ok_or_else(|| unnamed(lines(text).next().unwrap_or((1, ""))))?;
     let units = match fields(heading)[..] {
@@ -75,13 +70,15 @@ fn table<'a>(text: &'a str, file: &str, expected: &'static str) -> Result<Table<
             [Some(first), Some(second)] => table.rows.push([first, second]),
             // A heading has no number at all; a line with one is a damaged row.
             _ if index == 0 && numbers.iter().all(Option::is_none) => table.heading = Some((number, line)),
-            _ => {
-                let got: String = line.chars().take(QUOTED).collect();
-                return Err(SpecificationError::Csv { file: file.to_owned(), line: number, got, expected });
-            }
+            _ => return Err(damaged(file, (number, line), "has no two numbers", expected)),
         }
     }
     Ok(table)
+}
+
+/// Makes the error of a line.
+fn damaged(file: &str, (line, got): (usize, &str), fault: &'static str, expected: &'static str) -> SpecificationError {
+    SpecificationError::Csv { file: file.to_owned(), line, got: got.chars().take(QUOTED).collect(), fault, expected }
 }
 
 #[cfg(test)]

@@ -7,29 +7,63 @@ use thiserror::Error;
 use resonarm_modal::spectra::SpectraError;
 use resonarm_numeric::number::{rounded, short};
 
+/// Place of a value in the file of a specification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("[{section}] `{key}`")]
+pub struct Place {
+    /// Section of the file.
+    pub section: &'static str,
+    /// Key of the value, or of the list.
+    pub key: &'static str,
+}
+
+impl Place {
+    /// Checks an element of a list: `what` says what it means.
+    pub(crate) fn check(
+        self,
+        number: usize,
+        what: &'static str,
+        got: f64,
+        is_valid: bool,
+        expected: &'static str,
+    ) -> Result<(), SpecificationError> {
+        let element = SpecificationError::Element { place: self, number, what, got, expected };
+        if is_valid { Ok(()) } else { Err(element) }
+    }
+
+    /// Checks an element of a list that must be positive.
+    pub(crate) fn check_positive(self, number: usize, what: &'static str, got: f64) -> Result<(), SpecificationError> {
+        self.check(number, what, got, got > 0.0 && got.is_finite(), "a positive number")
+    }
+
+    /// Checks the last of a number of levels below the full one, dB: a test ends at its full level.
+    pub(crate) fn check_last_level(self, levels: usize, last_db: Option<f64>) -> Result<(), SpecificationError> {
+        match last_db {
+            Some(got) => self.check(levels, "the last level, dB,", got, got == 0.0, "0, the full level"),
+            None => Err(SpecificationError::TooShort { place: self, got: 0, least: 1 }),
+        }
+    }
+}
+
 /// Reason why a text is not a specification.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SpecificationError {
     /// A number is outside its valid range.
-    #[error("[{section}] `{key}` is {got}: it must be {expected}", got = short(.got))]
+    #[error("{place} is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// Section of the file.
-        section: &'static str,
-        /// Key of the number.
-        key: &'static str,
+        /// Place of the number.
+        place: Place,
         /// Number that was given.
         got: f64,
         /// Valid values, in words.
         expected: &'static str,
     },
     /// A number of a list is outside its valid range.
-    #[error("[{section}] `{key}`, number {number}: {what} is {got}: it must be {expected}", got = short(.got))]
+    #[error("{place}, number {number}: {what} is {got}: it must be {expected}", got = short(.got))]
     Element {
-        /// Section of the file.
-        section: &'static str,
-        /// Key of the list.
-        key: &'static str,
+        /// Place of the list.
+        place: Place,
         /// Number of the element, from 1.
         number: usize,
         /// Meaning of the number.
@@ -40,12 +74,10 @@ pub enum SpecificationError {
         expected: &'static str,
     },
     /// A list has too few elements.
-    #[error("[{section}] `{key}` has {got} elements: it must have at least {least}")]
+    #[error("{place} has {got} elements: it must have at least {least}")]
     TooShort {
-        /// Section of the file.
-        section: &'static str,
-        /// Key of the list.
-        key: &'static str,
+        /// Place of the list.
+        place: Place,
         /// Number of elements that was given.
         got: usize,
         /// Least number of elements.
@@ -61,24 +93,16 @@ pub enum SpecificationError {
         /// Numbers of elements that were given.
         got: [usize; 2],
     },
-    /// A section or a key is missing.
-    #[error("[{section}]{} is missing: {why}", key.map_or(String::new(), |key| alloc::format!(" `{key}`")))]
-    Missing {
+    /// A section or a key is missing, or does not apply to this kind of test.
+    #[error("[{section}]{} {fault}: {why}", key.map_or(String::new(), |key| alloc::format!(" `{key}`")))]
+    Presence {
         /// Section of the file.
         section: &'static str,
-        /// Key that is missing; `None` if it is the whole section.
+        /// Key that is missing or does not apply; `None` if it is the whole section.
         key: Option<&'static str>,
-        /// Reason why it is needed, in words.
-        why: &'static str,
-    },
-    /// A section or a key does not apply to this kind of test.
-    #[error("[{section}]{} does not apply: {why}", key.map_or(String::new(), |key| alloc::format!(" `{key}`")))]
-    Idle {
-        /// Section of the file.
-        section: &'static str,
-        /// Key that does not apply; `None` if it is the whole section.
-        key: Option<&'static str>,
-        /// Reason why it does not apply, in words.
+        /// That it is missing, or does not apply.
+        fault: &'static str,
+        /// Reason why, in words.
         why: &'static str,
     },
     /// Keys exclude each other, or one of them is needed.
@@ -92,12 +116,10 @@ pub enum SpecificationError {
         got: usize,
     },
     /// A slope has no level that it could start from.
-    #[error("[{section}] `{key}`, number {number}: a slope with {slope} needs a point [Hz, level] {side} it")]
+    #[error("{place}, number {number}: a slope with {slope} needs a point [Hz, level] {side} it")]
     Slope {
-        /// Section of the file.
-        section: &'static str,
-        /// Key of the list.
-        key: &'static str,
+        /// Place of the list.
+        place: Place,
         /// Number of the element, from 1.
         number: usize,
         /// Key of the slope's frequency.
@@ -107,19 +129,17 @@ pub enum SpecificationError {
     },
     /// A pulse changes the velocity by too little for verdicts, which are relative to the change.
     #[error(
-        "[{section}] `{key}`: the velocity change over peak and duration is {}: it must be at least 0.01 in size; use [srs] for a record without one",
+        "{place}: the velocity change over peak and duration is {}: it must be at least 0.01 in size; use [srs] for a record without one",
         short(.got)
     )]
     NoVelocityChange {
-        /// Section of the file.
-        section: &'static str,
-        /// Key of the pulse.
-        key: &'static str,
+        /// Place of the pulse.
+        place: Place,
         /// Velocity change over peak and duration.
         got: f64,
     },
-    /// A line of a CSV file has no two numbers.
-    #[error("{file}, line {line}: `{got}` has no two numbers: expected {expected}")]
+    /// A line of a CSV file is not as it must be.
+    #[error("{file}, line {line}: `{got}` {fault}: expected {expected}")]
     Csv {
         /// Name of the file.
         file: String,
@@ -127,20 +147,10 @@ pub enum SpecificationError {
         line: usize,
         /// Text of the line, shortened.
         got: String,
-        /// Meaning of the numbers, in words.
+        /// What the line lacks, in words.
+        fault: &'static str,
+        /// What it must have, in words.
         expected: &'static str,
-    },
-    /// A file of a pulse does not name its columns.
-    #[error(
-        "{file}, line {line}: `{got}` does not name the columns of a pulse: expected time_s or time_ms, and acceleration_m_s2 or acceleration_g"
-    )]
-    Columns {
-        /// Name of the file.
-        file: String,
-        /// Number of the line, from 1.
-        line: usize,
-        /// Text of the line, shortened.
-        got: String,
     },
     /// A file of breakpoints or of a pulse can't be read.
     #[error("{file}: {message}")]
@@ -150,6 +160,16 @@ pub enum SpecificationError {
         /// Reason why the file could not be read, in words.
         message: String,
     },
+}
+
+/// Returns the error of a missing section or key, with the reason why it is needed.
+pub(crate) const fn missing(section: &'static str, key: Option<&'static str>, why: &'static str) -> SpecificationError {
+    SpecificationError::Presence { section, key, fault: "is missing", why }
+}
+
+/// Returns the error of a section or a key that does not apply, with the reason.
+pub(crate) const fn idle(section: &'static str, key: Option<&'static str>, why: &'static str) -> SpecificationError {
+    SpecificationError::Presence { section, key, fault: "does not apply", why }
 }
 
 /// Reason why a record can't be judged.

@@ -5,9 +5,9 @@ use alloc::vec::Vec;
 
 use serde::Deserialize;
 
-use crate::SpecificationError;
 use crate::profile::Corner;
 use crate::tolerance::ToleranceBand;
+use crate::{Control, Place, SpecificationError};
 
 /// A specification as it stands in a TOML file, unchecked; [`Specification::new`](crate::Specification::new) checks it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -21,7 +21,7 @@ pub struct SpecificationFile {
     pub(crate) schedule: Option<ScheduleSection>,
     pub(crate) dwell: Option<DwellSection>,
     #[serde(default)]
-    pub(crate) control: ControlSection,
+    pub(crate) control: Control,
     #[serde(default)]
     pub(crate) limits: LimitsSection,
 }
@@ -51,42 +51,6 @@ pub(crate) enum Kind {
     Shock,
 }
 
-/// A breakpoint, [Hz, level], or a slope.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected a breakpoint [Hz, level], or a slope { from_hz, db_octave } at the start or { to_hz, db_octave } behind a point"
-)]
-pub(crate) enum CornerEntry {
-    Point([f64; 2]),
-    From(FromEntry),
-    To(ToEntry),
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct FromEntry {
-    from_hz: f64,
-    db_octave: f64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct ToEntry {
-    to_hz: f64,
-    db_octave: f64,
-}
-
-impl CornerEntry {
-    pub fn corner(self) -> Corner {
-        match self {
-            CornerEntry::Point(point) => Corner::Point(point),
-            CornerEntry::From(FromEntry { from_hz, db_octave }) => Corner::From { from_hz, db_octave },
-            CornerEntry::To(ToEntry { to_hz, db_octave }) => Corner::To { to_hz, db_octave },
-        }
-    }
-}
-
 /// A tolerance at all frequencies, [low, high], or from frequencies on, [[Hz, low, high], …].
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(
@@ -100,18 +64,10 @@ pub(crate) enum ToleranceEntry {
 
 impl ToleranceEntry {
     pub fn bands(&self) -> Vec<ToleranceBand> {
+        let band = |[from_hz, low_db, high_db]: [f64; 3]| ToleranceBand { from_hz, low_db, high_db };
         match self {
-            ToleranceEntry::Everywhere([low_db, high_db]) => {
-                alloc::vec![ToleranceBand { from_hz: 0.0, low_db: *low_db, high_db: *high_db }]
-            }
-            ToleranceEntry::Bands(bands) => bands
-                .iter()
-                .map(|[from_hz, low_db, high_db]| ToleranceBand {
-                    from_hz: *from_hz,
-                    low_db: *low_db,
-                    high_db: *high_db,
-                })
-                .collect(),
+            ToleranceEntry::Everywhere([low_db, high_db]) => alloc::vec![band([0.0, *low_db, *high_db])],
+            ToleranceEntry::Bands(bands) => bands.iter().copied().map(band).collect(),
         }
     }
 }
@@ -120,7 +76,7 @@ impl ToleranceEntry {
 #[serde(deny_unknown_fields)]
 pub(crate) struct RandomSection {
     pub unit: DensityUnit,
-    pub breakpoints: Option<Vec<CornerEntry>>,
+    pub breakpoints: Option<Vec<Corner>>,
     pub file: Option<String>,
     pub tolerance_db: ToleranceEntry,
     pub alarm_db: Option<ToleranceEntry>,
@@ -236,20 +192,13 @@ pub(crate) struct ShotsEntry {
 pub(crate) struct SrsSection {
     pub unit: AccelerationUnit,
     pub q: f64,
-    pub breakpoints: Option<Vec<CornerEntry>>,
+    pub breakpoints: Option<Vec<Corner>>,
     pub file: Option<String>,
     pub tolerance_db: ToleranceEntry,
     pub share: Option<f64>,
     pub rest_tolerance_db: Option<ToleranceEntry>,
     pub lines_per_octave: f64,
     pub shots: Option<Vec<ShotsEntry>>,
-}
-
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct ControlSection {
-    pub channels: Vec<String>,
-    pub average: crate::Average,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -266,7 +215,7 @@ pub(crate) struct LimitsSection {
 #[serde(deny_unknown_fields)]
 pub(crate) struct ResponseEntry {
     pub channel: String,
-    pub breakpoints: Vec<CornerEntry>,
+    pub breakpoints: Vec<Corner>,
 }
 
 /// Checks that a number is within a range.
@@ -280,7 +229,7 @@ pub(crate) fn checked(
     if got.is_finite() && is_valid(got) {
         Ok(got)
     } else {
-        Err(SpecificationError::Value { section, key, got, expected })
+        Err(SpecificationError::Value { place: Place { section, key }, got, expected })
     }
 }
 

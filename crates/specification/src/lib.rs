@@ -26,7 +26,7 @@ mod srs;
 mod tolerance;
 pub mod verdict;
 
-pub use error::{SpecificationError, VerdictError};
+pub use error::{Place, SpecificationError, VerdictError};
 pub use file::{AccelerationUnit, DensityUnit, SpecificationFile};
 pub use presets::{PRESETS, Preset};
 pub use profile::Profile;

@@ -6,26 +6,17 @@
 use alloc::vec::Vec;
 use core::f64::consts::{LOG10_2, TAU};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::SpecificationError;
-
-/// Place of a value in the file: section and key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place {
-    pub section: &'static str,
-    pub key: &'static str,
-}
-
-impl Place {
-    /// Makes the error of an element of a list.
-    pub fn element(self, number: usize, what: &'static str, got: f64, expected: &'static str) -> SpecificationError {
-        SpecificationError::Element { section: self.section, key: self.key, number, what, got, expected }
-    }
-}
+use crate::{Place, SpecificationError};
 
 /// Breakpoint of a file: a point, or a slope that leads from the first point down or from the last one up.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(
+    untagged,
+    deny_unknown_fields,
+    expecting = "expected a breakpoint [Hz, level], or a slope { from_hz, db_octave } at the start or { to_hz, db_octave } behind a point"
+)]
 pub(crate) enum Corner {
     /// Frequency, Hz, and level.
     Point([f64; 2]),
@@ -78,8 +69,7 @@ impl Profile {
         place: Place,
     ) -> Result<Profile, SpecificationError> {
         if corners.len() < 2 {
-            let Place { section, key } = place;
-            return Err(SpecificationError::TooShort { section, key, got: corners.len(), least: 2 });
+            return Err(SpecificationError::TooShort { place, got: corners.len(), least: 2 });
         }
         let frequency = |corner: &Corner| match *corner {
             Corner::Point([hz, _]) | Corner::From { from_hz: hz, .. } | Corner::To { to_hz: hz, .. } => hz,
@@ -87,23 +77,18 @@ impl Profile {
         let mut before = 0.0;
         for (corner, number) in corners.iter().zip(1..) {
             let hz = frequency(corner);
-            if !(hz > before && hz.is_finite()) {
-                return Err(place.element(number, "the frequency, Hz,", hz, "positive and above the one before"));
-            }
+            let rises = hz > before && hz.is_finite();
+            place.check(number, "the frequency, Hz,", hz, rises, "positive and above the one before")?;
             before = hz;
-            if let Corner::Point([_, value]) = *corner
-                && !(value > 0.0 && value.is_finite())
-            {
-                return Err(place.element(number, "the level", value, "a positive number"));
-            }
-            if let Corner::From { db_octave, .. } | Corner::To { db_octave, .. } = *corner
-                && (db_octave.is_nan() || db_octave.abs() > MOST_DB_OCTAVE)
-            {
-                return Err(place.element(number, "the slope, dB/octave,", db_octave, "from -200 to 200"));
+            match *corner {
+                Corner::Point([_, value]) => place.check_positive(number, "the level", value)?,
+                Corner::From { db_octave, .. } | Corner::To { db_octave, .. } => {
+                    let is_valid = db_octave.abs() <= MOST_DB_OCTAVE;
+                    place.check(number, "the slope, dB/octave,", db_octave, is_valid, "from -200 to 200")?;
+                }
             }
         }
-        let Place { section, key } = place;
-        let lost = |number, slope, side| Err(SpecificationError::Slope { section, key, number, slope, side });
+        let lost = |number, slope, side| Err(SpecificationError::Slope { place, number, slope, side });
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(corners.len());
         for (index, corner) in corners.iter().enumerate() {
             let by_slope = |[hz, value]: [f64; 2], db_octave, to_hz: f64| {
@@ -120,9 +105,7 @@ impl Profile {
                     None => return lost(1, "to_hz", "before"),
                 },
             };
-            if !(point[1] > 0.0 && point[1].is_finite()) {
-                return Err(place.element(index + 1, "the level by the slope", point[1], "a positive number"));
-            }
+            place.check_positive(index + 1, "the level by the slope", point[1])?;
             points.push(point);
         }
         Ok(Profile { points })

@@ -8,10 +8,10 @@ use resonarm_numeric::distribution::chi_square_quantile;
 use serde::Serialize;
 
 use crate::file::{DensityUnit, RandomSection, ScheduleSection, any_positive, any_share, checked};
-use crate::profile::{Corner, Level, Place, Profile};
+use crate::profile::{Corner, Level, Profile};
 use crate::specification::corners;
 use crate::tolerance::Tolerance;
-use crate::{GRAVITY_M_S2, SpecificationError};
+use crate::{GRAVITY_M_S2, Place, SpecificationError};
 
 const SECTION: &str = "random";
 
@@ -67,28 +67,17 @@ impl Schedule {
             return Err(SpecificationError::Lengths { section: SECTION, keys, got });
         }
         let key = |key| Place { section: SECTION, key };
-        for ((level_db, seconds), number) in levels.iter().zip(seconds).zip(1..) {
-            if !(*level_db <= 0.0 && level_db.is_finite()) {
-                return Err(key("levels_db").element(number, "the level, dB,", *level_db, "at most 0"));
-            }
-            if !(*seconds > 0.0 && seconds.is_finite()) {
-                return Err(key("seconds").element(number, "the time, s,", *seconds, "a positive number"));
-            }
+        for ((&level_db, &seconds), number) in levels.iter().zip(seconds).zip(1..) {
+            let is_low = level_db <= 0.0 && level_db.is_finite();
+            key("levels_db").check(number, "the level, dB,", level_db, is_low, "at most 0")?;
+            key("seconds").check_positive(number, "the time, s,", seconds)?;
         }
-        match levels.last() {
-            None => Err(SpecificationError::TooShort { section: SECTION, key: "levels_db", got: 0, least: 1 }),
-            Some(last) if *last != 0.0 => {
-                Err(key("levels_db").element(levels.len(), "the last level, dB,", *last, "0, the full level"))
-            }
-            Some(_) => Ok(Schedule {
-                steps: levels
-                    .iter()
-                    .zip(seconds)
-                    .map(|(&level_db, &seconds)| ScheduleStep { level_db, seconds })
-                    .collect(),
-                ramp_down_s: any_positive(SECTION, "ramp_down_s", section.ramp_down_s)?,
-            }),
-        }
+        key("levels_db").check_last_level(levels.len(), levels.last().copied())?;
+        let step = |(&level_db, &seconds)| ScheduleStep { level_db, seconds };
+        Ok(Schedule {
+            steps: levels.iter().zip(seconds).map(step).collect(),
+            ramp_down_s: any_positive(SECTION, "ramp_down_s", section.ramp_down_s)?,
+        })
     }
 
     /// Returns the time at full level, s.
@@ -136,19 +125,23 @@ const CREST: f64 = 3.0;
 /// Points of the integral over frequency of a force, per octave.
 const IN_OCTAVE: f64 = 2000.0;
 
+/// Returns the densities of a unit in SI units, (m/s²)²/Hz.
+fn factor(unit: DensityUnit) -> f64 {
+    match unit {
+        DensityUnit::Si => 1.0,
+        DensityUnit::Gravity => GRAVITY_M_S2 * GRAVITY_M_S2,
+    }
+}
+
 impl RandomTest {
     pub(crate) fn new(
         section: &RandomSection,
         schedule: Option<&ScheduleSection>,
         read: &mut dyn FnMut(&str) -> Result<alloc::string::String, alloc::string::String>,
     ) -> Result<RandomTest, SpecificationError> {
-        let factor = match section.unit {
-            DensityUnit::Si => 1.0,
-            DensityUnit::Gravity => GRAVITY_M_S2 * GRAVITY_M_S2,
-        };
         let place = |key| Place { section: SECTION, key };
         let corners = corners(SECTION, section.breakpoints.as_deref(), section.file.as_deref(), read)?;
-        let profile = Profile::of_corners(&corners, Level::Power, factor, place("breakpoints"))?;
+        let profile = Profile::of_corners(&corners, Level::Power, factor(section.unit), place("breakpoints"))?;
         let bands = |key, entry: &crate::file::ToleranceEntry| Tolerance::of_bands(entry.bands(), place(key));
         let [from_hz, _] = profile.band_hz();
         Ok(RandomTest {
@@ -159,10 +152,10 @@ impl RandomTest {
             abort_share: any_share(SECTION, "abort_share", section.abort_share)?,
             rms_tolerance: any_share(SECTION, "rms_tolerance", section.rms_tolerance)?,
             lines_hz: any_positive(SECTION, "lines_hz", section.lines_hz)?.unwrap_or(0.1 * from_hz),
-            least_dof: match section.dof {
-                Some(dof) => Some(checked(SECTION, "dof", dof, |dof| dof >= 2.0, "at least 2")?),
-                None => None,
-            },
+            least_dof: section
+                .dof
+                .map(|dof| checked(SECTION, "dof", dof, |dof| dof >= 2.0, "at least 2"))
+                .transpose()?,
             schedule: schedule.map(Schedule::new).transpose()?,
             profile,
         })
@@ -170,11 +163,8 @@ impl RandomTest {
 
     /// Makes the profile of a response limit, (m/s²)²/Hz.
     pub(crate) fn limit(&self, corners: &[Corner]) -> Result<Profile, SpecificationError> {
-        let factor = match self.unit {
-            DensityUnit::Si => 1.0,
-            DensityUnit::Gravity => GRAVITY_M_S2 * GRAVITY_M_S2,
-        };
-        Profile::of_corners(corners, Level::Power, factor, Place { section: "limits.response", key: "breakpoints" })
+        let place = Place { section: "limits.response", key: "breakpoints" };
+        Profile::of_corners(corners, Level::Power, factor(self.unit), place)
     }
 
     /// Returns what the test asks of the exciter and the structure. `sigma` is the limit of the drive's peaks in rms.

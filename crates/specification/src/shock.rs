@@ -8,9 +8,9 @@ use core::f64::consts::{PI, TAU};
 
 use serde::Serialize;
 
+use crate::error::{idle, missing};
 use crate::file::{PulseName, ShockSection, ShotsEntry, any_positive, any_share, checked, positive};
-use crate::profile::Place;
-use crate::{GRAVITY_M_S2, SpecificationError, csv};
+use crate::{GRAVITY_M_S2, Place, SpecificationError, csv};
 
 const SECTION: &str = "shock";
 
@@ -93,7 +93,7 @@ impl ShockTest {
         if section.pre_s.is_some() != section.post_s.is_some() {
             let key = Some(if section.pre_s.is_none() { "pre_s" } else { "post_s" });
             let why = "the compensation needs both, since velocity and displacement end at 0";
-            return Err(SpecificationError::Missing { section: SECTION, key, why });
+            return Err(missing(SECTION, key, why));
         }
         Ok(ShockTest {
             shape,
@@ -243,20 +243,21 @@ fn pulse(
     if section.pulse != PulseName::Trapezoid
         && let Some((key, _)) = parts.iter().find(|(_, part)| part.is_some())
     {
-        return Err(idle(key, "only a trapezoid has it"));
+        return Err(idle(SECTION, Some(key), "only a trapezoid has it"));
     }
     match section.pulse {
         PulseName::HalfSine => pulse_of_shape(section, |_| Ok(PulseShape::HalfSine)),
         PulseName::SawTooth => pulse_of_shape(section, |_| Ok(PulseShape::SawTooth)),
         PulseName::Trapezoid => pulse_of_shape(section, |duration_s| {
             let part = |(key, got): (&'static str, Option<f64>)| {
-                let got = got.ok_or(missing(key, "a trapezoid rises and falls"))?;
+                let got = got.ok_or(missing(SECTION, Some(key), "a trapezoid rises and falls"))?;
                 checked(SECTION, key, got, |got| got >= 0.0 && got <= duration_s, "from 0 to duration_s")
             };
             let [rise_s, fall_s] = [part(parts[0])?, part(parts[1])?];
             if rise_s + fall_s > duration_s {
                 let expected = "at most `duration_s` less `rise_s`";
-                return Err(SpecificationError::Value { section: SECTION, key: "fall_s", got: fall_s, expected });
+                let place = Place { section: SECTION, key: "fall_s" };
+                return Err(SpecificationError::Value { place, got: fall_s, expected });
             }
             Ok(PulseShape::Trapezoid { rise_s, fall_s })
         }),
@@ -265,22 +266,14 @@ fn pulse(
                 [("peak_m_s2", section.peak_m_s2), ("peak_g", section.peak_g), ("duration_s", section.duration_s)]
             {
                 if given.is_some() {
-                    return Err(idle(key, "the file of the pulse has it"));
+                    return Err(idle(SECTION, Some(key), "the file of the pulse has it"));
                 }
             }
-            let file = section.file.as_deref().ok_or(missing("file", "the pulse is that of a file"))?;
+            let file = section.file.as_deref().ok_or(missing(SECTION, Some("file"), "the pulse is that of a file"))?;
             let text = read(file).map_err(|message| SpecificationError::File { file: file.to_owned(), message })?;
             pulse_of_points(&csv::pulse(&text, file)?)
         }
     }
-}
-
-const fn idle(key: &'static str, why: &'static str) -> SpecificationError {
-    SpecificationError::Idle { section: SECTION, key: Some(key), why }
-}
-
-const fn missing(key: &'static str, why: &'static str) -> SpecificationError {
-    SpecificationError::Missing { section: SECTION, key: Some(key), why }
 }
 
 /// Checks peak and duration of a pulse; `shape` returns its shape by the duration.
@@ -289,7 +282,7 @@ fn pulse_of_shape(
     shape: impl FnOnce(f64) -> Result<PulseShape, SpecificationError>,
 ) -> Result<Pulse, SpecificationError> {
     if section.file.is_some() {
-        return Err(idle("file", "the pulse is not that of a file: use `pulse = \"file\"`"));
+        return Err(idle(SECTION, Some("file"), "the pulse is not that of a file: use `pulse = \"file\"`"));
     }
     let peak_m_s2 = match (section.peak_m_s2, section.peak_g) {
         (Some(peak), None) => positive(SECTION, "peak_m_s2", peak)?,
@@ -299,7 +292,8 @@ fn pulse_of_shape(
             return Err(SpecificationError::OneOf { section: SECTION, keys: &["peak_m_s2", "peak_g"], got });
         }
     };
-    let duration_s = section.duration_s.ok_or(missing("duration_s", "the shape of the pulse has this duration"))?;
+    let duration_s =
+        section.duration_s.ok_or(missing(SECTION, Some("duration_s"), "the shape of the pulse has this duration"))?;
     let duration_s = positive(SECTION, "duration_s", duration_s)?;
     Ok(Pulse { shape: shape(duration_s)?, peak_m_s2, duration_s })
 }
@@ -311,17 +305,14 @@ const LEAST_CHANGE: f64 = 0.01;
 fn pulse_of_points(points: &[[f64; 2]]) -> Result<Pulse, SpecificationError> {
     let place = Place { section: SECTION, key: "file" };
     let [first, .., last] = points else {
-        return Err(SpecificationError::TooShort { section: SECTION, key: "file", got: points.len(), least: 2 });
+        return Err(SpecificationError::TooShort { place, got: points.len(), least: 2 });
     };
     let mut before = f64::NEG_INFINITY;
-    for ([time_s, acceleration], number) in points.iter().zip(1..) {
-        if !(*time_s > before && time_s.is_finite()) {
-            return Err(place.element(number, "the time, s,", *time_s, "above the one before"));
-        }
-        if !acceleration.is_finite() {
-            return Err(place.element(number, "the acceleration, m/s²,", *acceleration, "a finite number"));
-        }
-        before = *time_s;
+    for (&[time_s, acceleration], number) in points.iter().zip(1..) {
+        place.check(number, "the time, s,", time_s, time_s > before && time_s.is_finite(), "above the one before")?;
+        let is_finite = acceleration.is_finite();
+        place.check(number, "the acceleration, m/s²,", acceleration, is_finite, "a finite number")?;
+        before = time_s;
     }
     let peak_m_s2 = points.iter().fold(0.0_f64, |peak, [_, acceleration]| peak.max(acceleration.abs()));
     let duration_s = last[0] - first[0];
@@ -329,7 +320,7 @@ fn pulse_of_points(points: &[[f64; 2]]) -> Result<Pulse, SpecificationError> {
     let change = area(&shape) / duration_s;
     // Of a file with zeros alone it is not a number.
     if change.is_nan() || change.abs() < LEAST_CHANGE {
-        return Err(SpecificationError::NoVelocityChange { section: SECTION, key: "file", got: change });
+        return Err(SpecificationError::NoVelocityChange { place, got: change });
     }
     Ok(Pulse { shape: PulseShape::Points(shape), peak_m_s2, duration_s })
 }
@@ -351,19 +342,11 @@ pub(crate) fn full_level_shots(shots: &[Shots]) -> u32 {
 pub(crate) fn shots(section: &'static str, entries: Option<&[ShotsEntry]>) -> Result<Vec<Shots>, SpecificationError> {
     let Some(entries) = entries else { return Ok(Vec::new()) };
     let place = Place { section, key: "shots" };
-    for (ShotsEntry { level_db, count }, number) in entries.iter().zip(1..) {
-        if !(*level_db <= 0.0 && level_db.is_finite()) {
-            return Err(place.element(number, "the level, dB,", *level_db, "at most 0"));
-        }
-        if *count == 0 {
-            return Err(place.element(number, "the number of shots", 0.0, "at least 1"));
-        }
+    for (&ShotsEntry { level_db, count }, number) in entries.iter().zip(1..) {
+        let is_low = level_db <= 0.0 && level_db.is_finite();
+        place.check(number, "the level, dB,", level_db, is_low, "at most 0")?;
+        place.check(number, "the number of shots", 0.0, count > 0, "at least 1")?;
     }
-    match entries.last() {
-        None => Err(SpecificationError::TooShort { section, key: "shots", got: 0, least: 1 }),
-        Some(last) if last.level_db != 0.0 => {
-            Err(place.element(entries.len(), "the last level, dB,", last.level_db, "0, the full level"))
-        }
-        Some(_) => Ok(entries.iter().map(|&ShotsEntry { level_db, count }| Shots { level_db, count }).collect()),
-    }
+    place.check_last_level(entries.len(), entries.last().map(|last| last.level_db))?;
+    Ok(entries.iter().map(|&ShotsEntry { level_db, count }| Shots { level_db, count }).collect())
 }

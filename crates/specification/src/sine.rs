@@ -8,9 +8,10 @@ use core::f64::consts::{LN_2, TAU};
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::missing;
 use crate::file::{DwellSection, SegmentEntry, SineSection, any_positive, any_share, checked, positive};
-use crate::profile::{Corner, Level, Place, Profile};
-use crate::{GRAVITY_M_S2, SpecificationError};
+use crate::profile::{Corner, Level, Profile};
+use crate::{GRAVITY_M_S2, Place, SpecificationError};
 
 const SECTION: &str = "sine";
 /// Bandwidth of the judge's tracking filter over the frequency, by default.
@@ -159,28 +160,28 @@ impl SineTest {
             }
         };
         let segments = segments(from_hz, section.to_hz, &section.segments)?;
-        let below_one = |key, got: Option<f64>| any_share(SECTION, key, got);
         Ok(SineTest {
             segments,
             rate,
             sweeps: match section.sweeps {
                 Some(0) => {
-                    let (section, key, expected) = (SECTION, "sweeps", "at least 1");
-                    return Err(SpecificationError::Value { section, key, got: 0.0, expected });
+                    let place = Place { section: SECTION, key: "sweeps" };
+                    return Err(SpecificationError::Value { place, got: 0.0, expected: "at least 1" });
                 }
                 sweeps => sweeps.unwrap_or(1),
             },
             tolerance: checked(SECTION, "tolerance", section.tolerance, |t| t > 0.0 && t < 1.0, "above 0 and below 1")?,
-            share: below_one("share", section.share)?.unwrap_or(1.0),
+            share: any_share(SECTION, "share", section.share)?.unwrap_or(1.0),
             abort: any_positive(SECTION, "abort", section.abort)?,
-            rate_tolerance: below_one("rate_tolerance", section.rate_tolerance)?,
+            rate_tolerance: any_share(SECTION, "rate_tolerance", section.rate_tolerance)?,
             measure: section.measure.unwrap_or_default(),
-            tracking: match section.tracking {
-                Some(got) => {
-                    checked(SECTION, "tracking", got, |b| b > 0.0 && b <= MOST_TRACKING, "above 0 and at most 0.25")?
-                }
-                None => TRACKING,
-            },
+            tracking: checked(
+                SECTION,
+                "tracking",
+                section.tracking.unwrap_or(TRACKING),
+                |b| b > 0.0 && b <= MOST_TRACKING,
+                "above 0 and at most 0.25",
+            )?,
             compression_db_s: any_positive(SECTION, "compression_db_s", section.compression_db_s)?,
             dwell: match dwell {
                 Some(DwellSection { above_ratio, seconds }) => Some(Dwell {
@@ -323,19 +324,17 @@ fn segments(
         let end = if is_last { entry.to_hz.or(to_hz) } else { entry.to_hz.or_else(corner) };
         let Some(end_hz) = end else {
             let why = "the last segment needs `to_hz`, and so does one before a segment of the same quantity";
-            return Err(SpecificationError::Missing { section: SECTION, key: Some("to_hz"), why });
+            return Err(missing(SECTION, Some("to_hz"), why));
         };
-        if !(end_hz > before && end_hz.is_finite()) {
-            return Err(place.element(index + 1, "its last frequency, Hz,", end_hz, "above its first one"));
-        }
+        let rises = end_hz > before && end_hz.is_finite();
+        place.check(index + 1, "its last frequency, Hz,", end_hz, rises, "above its first one")?;
         found.push(SineSegment { from_hz: before, to_hz: end_hz, level: *level });
         before = end_hz;
     }
     match (found.last(), to_hz) {
-        (None, _) => Err(SpecificationError::TooShort { section: SECTION, key: "segments", got: 0, least: 1 }),
+        (None, _) => Err(SpecificationError::TooShort { place, got: 0, least: 1 }),
         (Some(last), Some(to_hz)) if last.to_hz != to_hz => Err(SpecificationError::Value {
-            section: SECTION,
-            key: "to_hz",
+            place: Place { section: SECTION, key: "to_hz" },
             got: to_hz,
             expected: "the last frequency of the last segment",
         }),
@@ -354,8 +353,7 @@ fn level(entry: &SegmentEntry, number: usize, place: Place) -> Result<SineLevel,
     ];
     let given: Vec<(f64, Make)> = stated.iter().filter_map(|(value, make)| value.map(|value| (value, *make))).collect();
     match given[..] {
-        [(value, make)] if value > 0.0 && value.is_finite() => Ok(make(value)),
-        [(value, _)] => Err(place.element(number, "the level", value, "a positive number")),
+        [(value, make)] => place.check_positive(number, "the level", value).map(|()| make(value)),
         _ => Err(SpecificationError::OneOf {
             section: "sine.segments",
             keys: &["displacement_mm", "velocity_m_s", "acceleration_m_s2", "acceleration_g"],

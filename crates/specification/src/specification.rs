@@ -6,7 +6,8 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::{ControlSection, CornerEntry, Kind, LimitsSection, SpecificationFile, any_positive, checked};
+use crate::error::{idle, missing};
+use crate::file::{Kind, LimitsSection, SpecificationFile, any_positive, checked};
 use crate::profile::{Corner, Profile};
 use crate::random::RandomTest;
 use crate::shock::ShockTest;
@@ -67,7 +68,8 @@ impl Test {
 }
 
 /// Control channels and their average.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "struct ControlSection")]
 pub struct Control {
     /// Names of the channels; none leaves the choice to the one who judges.
     pub channels: Vec<String>,
@@ -136,21 +138,20 @@ impl Specification {
         mut read: impl FnMut(&str) -> Result<String, String>,
     ) -> Result<Specification, SpecificationError> {
         let read = &mut read;
-        let missing = |section, why| SpecificationError::Missing { section, key: None, why };
         let test = match file.spec.kind {
             Kind::Random => {
-                let section = file.random.as_ref().ok_or(missing("random", "the kind of the test is random"))?;
+                let section = file.random.as_ref().ok_or(missing("random", None, "the kind of the test is random"))?;
                 Test::Random(RandomTest::new(section, file.schedule.as_ref(), read)?)
             }
             Kind::Sine => {
-                let section = file.sine.as_ref().ok_or(missing("sine", "the kind of the test is sine"))?;
+                let section = file.sine.as_ref().ok_or(missing("sine", None, "the kind of the test is sine"))?;
                 Test::Sine(SineTest::new(section, file.dwell.as_ref())?)
             }
             Kind::Shock => match (&file.shock, &file.srs) {
                 (Some(section), None) => Test::Shock(ShockTest::new(section, read)?),
                 (None, Some(section)) => Test::Srs(SrsTest::new(section, read)?),
-                (None, None) => return Err(missing("shock", "a shock has this section, or [srs] in its place")),
-                (Some(_), Some(_)) => return Err(idle("srs", "the shock is stated by [shock]: leave one out")),
+                (None, None) => return Err(missing("shock", None, "a shock has this section, or [srs] in its place")),
+                (Some(_), Some(_)) => return Err(idle("srs", None, "the shock is stated by [shock]: leave one out")),
             },
         };
         for (section, is_given, is_used) in [
@@ -162,43 +163,37 @@ impl Specification {
             ("srs", file.srs.is_some(), file.spec.kind == Kind::Shock),
         ] {
             if is_given && !is_used {
-                return Err(idle(section, "the test is of another kind"));
+                return Err(idle(section, None, "the test is of another kind"));
             }
         }
-        let ControlSection { channels, average } = file.control.clone();
         Ok(Specification {
             name: file.spec.name.clone(),
             sources: file.spec.sources.clone(),
             limits: limits(&file.limits, &test)?,
-            control: Control { channels, average },
+            control: file.control.clone(),
             test,
         })
     }
 }
 
-const fn idle(section: &'static str, why: &'static str) -> SpecificationError {
-    SpecificationError::Idle { section, key: None, why }
-}
-
 fn limits(section: &LimitsSection, test: &Test) -> Result<Limits, SpecificationError> {
     const SECTION: &str = "limits";
     let response = |entry: &crate::file::ResponseEntry| {
-        let corners: Vec<Corner> = entry.breakpoints.iter().map(|entry| entry.corner()).collect();
         let profile = match test {
-            Test::Random(test) => test.limit(&corners)?,
-            Test::Sine(_) => SineTest::limit(&corners)?,
+            Test::Random(test) => test.limit(&entry.breakpoints)?,
+            Test::Sine(_) => SineTest::limit(&entry.breakpoints)?,
             Test::Shock(_) | Test::Srs(_) => {
-                return Err(idle("limits.response", "a shock can't be notched: only random tests and sines can"));
+                return Err(idle("limits.response", None, "a shock can't be notched: only random tests and sines can"));
             }
         };
         Ok(ResponseLimit { channel: entry.channel.clone(), profile })
     };
     Ok(Limits {
         drive_peak_n: any_positive(SECTION, "drive_peak_n", section.drive_peak_n)?,
-        sigma: match section.sigma {
-            Some(sigma) => Some(checked(SECTION, "sigma", sigma, |sigma| sigma >= 1.0, "at least 1")?),
-            None => None,
-        },
+        sigma: section
+            .sigma
+            .map(|sigma| checked(SECTION, "sigma", sigma, |sigma| sigma >= 1.0, "at least 1"))
+            .transpose()?,
         loss_ms: any_positive(SECTION, "loss_ms", section.loss_ms)?,
         gain_check_n: any_positive(SECTION, "gain_check_n", section.gain_check_n)?,
         response: section.response.iter().map(response).collect::<Result<_, _>>()?,
@@ -208,12 +203,12 @@ fn limits(section: &LimitsSection, test: &Test) -> Result<Limits, SpecificationE
 /// Returns the corners of a profile, from the file itself or from a table that it names.
 pub(crate) fn corners(
     section: &'static str,
-    entries: Option<&[CornerEntry]>,
+    entries: Option<&[Corner]>,
     file: Option<&str>,
     read: &mut dyn FnMut(&str) -> Result<String, String>,
 ) -> Result<Vec<Corner>, SpecificationError> {
     match (entries, file) {
-        (Some(entries), None) => Ok(entries.iter().map(|entry| entry.corner()).collect()),
+        (Some(entries), None) => Ok(entries.to_vec()),
         (None, Some(file)) => {
             let text = read(file).map_err(|message| SpecificationError::File { file: file.to_owned(), message })?;
             Ok(csv::breakpoints(&text, file)?.into_iter().map(Corner::Point).collect())

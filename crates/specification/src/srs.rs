@@ -6,12 +6,13 @@ use core::f64::consts::TAU;
 
 use serde::Serialize;
 
+use crate::error::{idle, missing};
 use crate::file::{AccelerationUnit, SrsSection, ToleranceEntry, any_share, checked, positive};
-use crate::profile::{Level, Place, Profile};
+use crate::profile::{Level, Profile};
 use crate::shock::{Shots, full_level_shots, shots};
 use crate::specification::corners;
 use crate::tolerance::Tolerance;
-use crate::{GRAVITY_M_S2, SpecificationError};
+use crate::{GRAVITY_M_S2, Place, SpecificationError};
 
 const SECTION: &str = "srs";
 
@@ -64,17 +65,13 @@ impl SrsTest {
         let corners = corners(SECTION, section.breakpoints.as_deref(), section.file.as_deref(), read)?;
         let bands = |key, entry: &ToleranceEntry| Tolerance::of_bands(entry.bands(), place(key));
         let share = any_share(SECTION, "share", section.share)?.unwrap_or(1.0);
-        let key = Some("rest_tolerance_db");
-        match &section.rest_tolerance_db {
-            None if share < 1.0 => {
-                let why = "it holds for the lines beyond `share`";
-                return Err(SpecificationError::Missing { section: SECTION, key, why });
-            }
-            Some(_) if share == 1.0 => {
-                let why = "all lines must be within `tolerance_db`, since `share` is 1";
-                return Err(SpecificationError::Idle { section: SECTION, key, why });
-            }
-            _ => {}
+        let (rest, rest_key) = (section.rest_tolerance_db.as_ref(), "rest_tolerance_db");
+        if rest.is_none() && share < 1.0 {
+            return Err(missing(SECTION, Some(rest_key), "it holds for the lines beyond `share`"));
+        }
+        if rest.is_some() && share == 1.0 {
+            let why = "all lines must be within `tolerance_db`, since `share` is 1";
+            return Err(idle(SECTION, Some(rest_key), why));
         }
         Ok(SrsTest {
             unit: section.unit,
@@ -82,11 +79,7 @@ impl SrsTest {
             profile: Profile::of_corners(&corners, Level::Amplitude, factor, place("breakpoints"))?,
             tolerance: bands("tolerance_db", &section.tolerance_db)?,
             share,
-            rest_tolerance: section
-                .rest_tolerance_db
-                .as_ref()
-                .map(|entry| bands("rest_tolerance_db", entry))
-                .transpose()?,
+            rest_tolerance: rest.map(|entry| bands(rest_key, entry)).transpose()?,
             lines_per_octave: checked(
                 SECTION,
                 "lines_per_octave",

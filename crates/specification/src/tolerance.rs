@@ -5,8 +5,7 @@ use alloc::vec::Vec;
 
 use serde::Serialize;
 
-use crate::SpecificationError;
-use crate::profile::Place;
+use crate::{Place, SpecificationError};
 
 /// Tolerance that holds from a frequency on, up to the next one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -35,26 +34,16 @@ impl Tolerance {
     /// Checks the bands of a file: the frequencies rise, and 0 dB is within each.
     pub(crate) fn of_bands(bands: Vec<ToleranceBand>, place: Place) -> Result<Tolerance, SpecificationError> {
         if bands.is_empty() {
-            let Place { section, key } = place;
-            return Err(SpecificationError::TooShort { section, key, got: 0, least: 1 });
+            return Err(SpecificationError::TooShort { place, got: 0, least: 1 });
         }
         let mut before = f64::NEG_INFINITY;
-        for (ToleranceBand { from_hz, low_db, high_db }, number) in bands.iter().zip(1..) {
-            if !(*from_hz >= 0.0 && *from_hz > before && from_hz.is_finite()) {
-                return Err(place.element(
-                    number,
-                    "the frequency, Hz,",
-                    *from_hz,
-                    "at least 0 and above the one before",
-                ));
-            }
-            if !(*low_db < 0.0 && low_db.is_finite()) {
-                return Err(place.element(number, "the lower end, dB,", *low_db, "a negative number"));
-            }
-            if !(*high_db > 0.0 && high_db.is_finite()) {
-                return Err(place.element(number, "the upper end, dB,", *high_db, "a positive number"));
-            }
-            before = *from_hz;
+        for (&ToleranceBand { from_hz, low_db, high_db }, number) in bands.iter().zip(1..) {
+            let rises = from_hz >= 0.0 && from_hz > before && from_hz.is_finite();
+            place.check(number, "the frequency, Hz,", from_hz, rises, "at least 0 and above the one before")?;
+            let is_below = low_db < 0.0 && low_db.is_finite();
+            place.check(number, "the lower end, dB,", low_db, is_below, "a negative number")?;
+            place.check_positive(number, "the upper end, dB,", high_db)?;
+            before = from_hz;
         }
         Ok(Tolerance { bands })
     }

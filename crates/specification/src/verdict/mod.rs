@@ -79,6 +79,9 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// All verdicts, in the order in which counts and shares are stated.
+    const ALL: [Verdict; 3] = [Verdict::In, Verdict::Undecided, Verdict::Out];
+
     /// Returns the verdict in a word.
     pub const fn name(self) -> &'static str {
         match self {
@@ -113,12 +116,15 @@ impl Verdict {
     /// Returns the verdict on a share of something that must be reached: `proven` of it is in for certain, `lost` out.
     fn of_share(proven: f64, lost: f64, share: f64) -> Verdict {
         // Shares are sums, which are rounded.
-        if lost > 1.0 - share + ROUNDING {
-            Verdict::Out
-        } else if proven >= share - ROUNDING {
-            Verdict::In
-        } else {
-            Verdict::Undecided
+        Verdict::decided(lost > 1.0 - share + ROUNDING, proven >= share - ROUNDING)
+    }
+
+    /// Returns the verdict by what is proven.
+    const fn decided(is_out: bool, is_in: bool) -> Verdict {
+        match (is_out, is_in) {
+            (true, _) => Verdict::Out,
+            (false, true) => Verdict::In,
+            (false, false) => Verdict::Undecided,
         }
     }
 }

@@ -151,7 +151,6 @@ fn interval_factors(degrees_of_freedom: f64) -> [f64; 2] {
 ///
 /// Even and odd lines are counted apart, since adjacent lines are correlated; the smaller probability of both counts twice.
 pub fn perfect_probability(ratios: &[f64], degrees_of_freedom: f64, beyond_db: f64) -> f64 {
-    let power = |db: f64| libm::pow(10.0, 0.1 * db);
     let [high, low] = [beyond_db, -beyond_db].map(|db| degrees_of_freedom * power(db));
     let probability = chi_square_survival(high, degrees_of_freedom) + chi_square_probability(low, degrees_of_freedom);
     let smallest = [0, 1].map(|first| {
@@ -160,6 +159,11 @@ pub fn perfect_probability(ratios: &[f64], degrees_of_freedom: f64, beyond_db: f
         binomial_survival(count, own().count(), probability)
     });
     (2.0 * smallest[0].min(smallest[1])).min(1.0)
+}
+
+/// Returns a ratio of powers that is stated in dB.
+fn power(db: f64) -> f64 {
+    libm::pow(10.0, 0.1 * db)
 }
 
 fn is_beyond(ratio: f64, beyond_db: f64) -> bool {
@@ -246,7 +250,6 @@ pub fn judge_density(
     let range = judged(control.frequency_hz, test.profile.band_hz())?;
     let freedom = control.degrees_of_freedom;
     let factors = interval_factors(freedom);
-    let power = |db: f64| libm::pow(10.0, 0.1 * db);
     let at_limit = |index: usize| {
         let hz = control.frequency_hz[index];
         limits
@@ -268,15 +271,8 @@ pub fn judge_density(
         judged.push(Line { ratio, low: power(low_db), high: power(high_db) });
     }
     let (out, proven_means) = proven(&judged, freedom);
-    let counts = [Verdict::In, Verdict::Undecided, Verdict::Out]
-        .map(|verdict| lines.iter().filter(|line| line.verdict == verdict).count());
-    let profile = if !out.is_empty() || proven_means > 0 {
-        Verdict::Out
-    } else if counts[0] == lines.len() {
-        Verdict::In
-    } else {
-        Verdict::Undecided
-    };
+    let counts = Verdict::ALL.map(|verdict| lines.iter().filter(|line| line.verdict == verdict).count());
+    let profile = Verdict::decided(!out.is_empty() || proven_means > 0, counts[0] == lines.len());
     let limits: Vec<LimitVerdict> =
         limits.iter().map(|(channel, limit, density)| limit_verdict(channel, limit, density, control)).collect();
     let rms = rms_verdict(test, &lines, freedom, control.frequency_hz);
@@ -318,7 +314,6 @@ pub fn judge_density(
 
 /// Judges a response by its limit, as the lines of the control channel by the upper end of their tolerance.
 fn limit_verdict(channel: &str, limit: &Profile, density: &[f64], control: &Density<'_>) -> LimitVerdict {
-    let power = |db: f64| libm::pow(10.0, 0.1 * db);
     let limited = control.frequency_hz.iter().zip(density);
     let limited: Vec<(f64, f64)> = limited.filter_map(|(hz, density)| Some((*hz, density / limit.at(*hz)?))).collect();
     let lines: Vec<Line> =
@@ -326,13 +321,7 @@ fn limit_verdict(channel: &str, limit: &Profile, density: &[f64], control: &Dens
     let (out, means) = proven(&lines, control.degrees_of_freedom);
     let factors = interval_factors(control.degrees_of_freedom);
     let largest = limited.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0));
-    let verdict = if !out.is_empty() || means > 0 {
-        Verdict::Out
-    } else if largest.1 * factors[1] <= power(LIMIT_DB) {
-        Verdict::In
-    } else {
-        Verdict::Undecided
-    };
+    let verdict = Verdict::decided(!out.is_empty() || means > 0, largest.1 * factors[1] <= power(LIMIT_DB));
     LimitVerdict { channel: channel.into(), largest_db: 10.0 * libm::log10(largest.1), largest_hz: largest.0, verdict }
 }
 

@@ -596,7 +596,7 @@ fn conclude(test: &SineTest, limits: &Limits, sweeps: Vec<Sweep>, left_out: usiz
     }
     let begins_s = passes.first().map_or(0.0, |pass| begins_s(test, pass));
     let all: f64 = points.iter().map(|(_, seconds)| seconds).sum();
-    let shares = [Verdict::In, Verdict::Undecided, Verdict::Out].map(|verdict| {
+    let shares = Verdict::ALL.map(|verdict| {
         let own = points.iter().filter(|(point, _)| point.verdict == verdict);
         own.fold(0.0, |sum, (_, seconds)| sum + seconds) / all.max(f64::MIN_POSITIVE)
     });
@@ -606,9 +606,7 @@ fn conclude(test: &SineTest, limits: &Limits, sweeps: Vec<Sweep>, left_out: usiz
     let ratios = || points.iter().map(|(point, _)| ratio(point));
     let lowest = ratios().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
     let highest = ratios().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
-    let nominal = match test.rate {
-        SweepRate::OctavesPerMinute(rate) | SweepRate::HertzPerSecond(rate) => rate,
-    };
+    let (SweepRate::OctavesPerMinute(nominal) | SweepRate::HertzPerSecond(nominal)) = test.rate;
     let rate = test.rate_tolerance.map(|tolerance| {
         let is_in = |pass: &SinePass| {
             (pass.rate / nominal - 1.0).abs() <= tolerance && pass.departure_octaves <= MOST_DEPARTURE

@@ -154,7 +154,7 @@ fn shot(
             verdict: judge(test.tolerance.at(*hz)),
         });
     }
-    let shares = [Verdict::In, Verdict::Undecided, Verdict::Out]
+    let shares = Verdict::ALL
         .map(|verdict| lines.iter().filter(|line| line.verdict == verdict).count() as f64 / lines.len().max(1) as f64);
     let level_db = mean(&lines.iter().map(|line| line.deviation_db).collect::<Vec<_>>());
     Ok(SrsShot {
