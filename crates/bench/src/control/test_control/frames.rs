@@ -91,15 +91,11 @@ impl Frames {
         self.filled = 0;
     }
 
-    /// Takes the next sample of a channel.
-    pub fn push(&mut self, channel: usize, value: f64) {
-        if let Some(slot) = self.samples[channel].get_mut(self.filled) {
-            *slot = value;
+    /// Takes the next sample of every channel; values of more channels are left out.
+    pub fn push(&mut self, values: impl Iterator<Item = f64>) {
+        for (samples, value) in self.samples.iter_mut().zip(values) {
+            samples.get_mut(self.filled).into_iter().for_each(|slot| *slot = value);
         }
-    }
-
-    /// Goes on to the next sample, after every channel has been pushed.
-    pub fn advance(&mut self) {
         self.filled += 1;
     }
 
@@ -288,10 +284,7 @@ mod tests {
                 drive.make(&density, &band, 4.0, f64::INFINITY);
             }
             let value = drive.take();
-            frames.push(CONTROL, -3.0 * last);
-            frames.push(DRIVE, value);
-            frames.push(HEAD, value);
-            frames.advance();
+            frames.push([-3.0 * last, value, value].into_iter());
             last = value;
         }
         let mut deviations = 0.0;

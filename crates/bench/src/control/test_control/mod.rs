@@ -31,17 +31,15 @@ pub use operator::{OperatorSpec, OperatorWord};
 pub use stop::StopReason;
 
 use super::{Abort, Answer, Controller, Length, LoadKind, NeededReading, ResponsePoint};
-use crate::rig::{Load, Measurement, Reading};
+use crate::rig::{Load, Measurement};
 use crate::structure::OUTPUTS;
 use operator::{Deed, Operator};
 use random::RandomLaw;
 use resonarm_numeric::number::short;
-use resonarm_specification::{Profile, Specification, Test};
+use resonarm_specification::{Limits, Specification, Test};
 use shock::ShockLaw;
 use swept_sine::SweptSineLaw;
 
-/// Rms of the drive during the loop check, N, unless the specification states one.
-const LOW_N: f64 = 1.0;
 /// Duration of the ramp to zero at the end, s, unless the specification states one.
 const RAMP_S: f64 = 0.1;
 /// Equal readings in a row after which the control channel counts as stuck. Clipped readings after which the test ends, if they
@@ -76,7 +74,7 @@ impl TestControlSpec {
     /// or does not name one channel that the controller reads.
     pub fn control_output(&self) -> Option<usize> {
         match &self.source.as_ref()?.specification.control.channels[..] {
-            [channel] => Axis::find(channel).ok().map(|axis| axis.place),
+            [channel] => place_of(channel).ok(),
             _ => None,
         }
     }
@@ -187,43 +185,13 @@ pub enum TestControlError {
         /// Highest frequency that can be controlled, Hz.
         most_hz: f64,
     },
-    /// The time of an operator's word is not a time.
-    #[error("control.operator, number {number}: `at_s` is {got_s}: it must be zero or a positive number")]
-    WordTime {
+    /// An operator's word is not possible.
+    #[error("control.operator, number {number}: {fault}")]
+    Word {
         /// Number of the word.
         number: usize,
-        /// The stated time of the run, s.
-        got_s: f64,
-    },
-    /// An operator's word asks for more than the specified level.
-    #[error("control.operator, number {number}: `level_db` is {got_db}: it must be at most 0, the specified level")]
-    WordLevel {
-        /// Number of the word.
-        number: usize,
-        /// The stated level, dB over the specified one.
-        got_db: f64,
-    },
-    /// A level is missing.
-    #[error("control.operator, number {number}: `level_db` is missing: add it, or change `word`")]
-    NoWordLevel {
-        /// Number of the word.
-        number: usize,
-    },
-    /// A level is stated with a word that takes none.
-    #[error("control.operator, number {number}: `level_db` does not apply to this word: leave it out")]
-    IdleWordLevel {
-        /// Number of the word.
-        number: usize,
-    },
-    /// The level of another test than a sine can't be changed.
-    #[error(
-        "control.operator, number {number}: the word `level` is for `law` \"swept-sine\", not for \"{law}\": leave it out"
-    )]
-    WordOfSines {
-        /// Number of the word.
-        number: usize,
-        /// Law of the control.
-        law: &'static str,
+        /// What is wrong with it, and what is expected.
+        fault: String,
     },
 }
 
@@ -395,22 +363,14 @@ struct LawSettings<'a> {
     rate_hz: f64,
     /// Largest peak of the drive, N.
     limit_n: f64,
-    /// Largest peak of a random drive in its rms, if the specification states one.
-    sigma: Option<f64>,
-    /// Rms of the drive during the loop check, if the specification states one, N.
-    gain_check_n: Option<f64>,
-    /// Limits of other channels.
-    limits: &'a [&'a Profile],
+    /// Limits of the specification.
+    limits: &'a Limits,
     /// Whether the control channel is where and along which the drive acts.
     is_driving_point: bool,
     seed: u64,
 }
 
 impl LawSettings<'_> {
-    fn low_n(&self) -> f64 {
-        self.gain_check_n.unwrap_or(LOW_N)
-    }
-
     /// Checks that the samples carry a band: 0.45 of the sample rate leaves two lines to half of it.
     fn check_band(&self, [_, to_hz]: [f64; 2]) -> Result<(), TestControlError> {
         let (rate_hz, most_hz) = (self.rate_hz, HIGHEST * self.rate_hz);
@@ -438,30 +398,12 @@ impl Stuck {
     }
 }
 
-/// Place of a reading: its index among the outputs.
-#[derive(Clone, Copy, Debug)]
-struct Axis {
-    place: usize,
-}
-
-impl Axis {
-    /// Finds an axis by sensor and axis, as `c.x`, or by the name of its channel.
-    fn find(name: &str) -> Result<Axis, TestControlError> {
-        const NAMES: [(&str, usize); 4] = [("b.x", 2), ("b.y", 3), ("c.x", 4), ("c.y", 5)];
-        let short = NAMES.iter().find(|(known, _)| *known == name).map(|(_, place)| *place);
-        let long = || (2..OUTPUTS.len()).find(|place| OUTPUTS[*place].name.as_str() == name);
-        let place = short.or_else(long).ok_or_else(|| TestControlError::Channel { got: name.to_string() })?;
-        Ok(Axis { place })
-    }
-
-    fn reading(self, sample: &Measurement) -> Reading {
-        sample.readings()[self.place]
-    }
-
-    /// Whether it is an axis of the accelerometer C.
-    fn is_c(self) -> bool {
-        self.place >= 4
-    }
+/// Finds the place of an axis among the outputs by sensor and axis, as `c.x`, or by the name of its channel.
+fn place_of(name: &str) -> Result<usize, TestControlError> {
+    const NAMES: [(&str, usize); 4] = [("b.x", 2), ("b.y", 3), ("c.x", 4), ("c.y", 5)];
+    let short = NAMES.iter().find(|(known, _)| *known == name).map(|(_, place)| *place);
+    let long = || (2..OUTPUTS.len()).find(|place| OUTPUTS[*place].name.as_str() == name);
+    short.or_else(long).ok_or_else(|| TestControlError::Channel { got: name.to_string() })
 }
 
 /// Ramp of the drive.
@@ -478,8 +420,9 @@ enum Ramp {
 pub struct TestController {
     law: Box<dyn Law>,
     direction: Load,
-    control: Axis,
-    limited: Vec<Axis>,
+    /// Places of the control channel and of the limited ones among the outputs.
+    control: usize,
+    limited: Vec<usize>,
     /// Readings of the limited channels of the present sample.
     limited_m_s2: Vec<f64>,
     /// Length of the ramp, samples.
@@ -517,20 +460,17 @@ impl TestController {
         let [channel] = &specification.control.channels[..] else {
             return Err(TestControlError::Channels { got: specification.control.channels.len() });
         };
-        let control = Axis::find(channel)?;
+        let control = place_of(channel)?;
         let limits = &specification.limits;
-        let limited = limits.response.iter().map(|limit| Axis::find(&limit.channel)).collect::<Result<Vec<_>, _>>()?;
-        let profiles: Vec<&Profile> = limits.response.iter().map(|limit| &limit.profile).collect();
+        let limited = limits.response.iter().map(|limit| place_of(&limit.channel)).collect::<Result<Vec<_>, _>>()?;
         let direction = spec.amplitude.scaled(1.0 / amplitude_n);
         // The force along an axis that is not the drive's is that of the other axis as well, so its power has no sign.
-        let along = if control.place % 2 == 0 { direction.force_n.x } else { direction.force_n.y };
+        let along = if control % 2 == 0 { direction.force_n.x } else { direction.force_n.y };
         let settings = LawSettings {
             rate_hz,
             limit_n: amplitude_n.min(limit_n).min(limits.drive_peak_n.unwrap_or(f64::INFINITY)),
-            sigma: limits.sigma,
-            gain_check_n: limits.gain_check_n,
-            limits: &profiles,
-            is_driving_point: c_is_driven && control.is_c() && along.abs() > ALONG,
+            limits,
+            is_driving_point: c_is_driven && control >= PLACE_OF_C && along.abs() > ALONG,
             seed: spec.seed,
         };
         let operator = Operator::new(&spec.operator, law, rate_hz)?;
@@ -567,15 +507,16 @@ impl TestController {
         while let Some(deed) = self.operator.hear(sample.sample) {
             self.obey(deed);
         }
-        for (slot, axis) in self.limited_m_s2.iter_mut().zip(&self.limited) {
-            *slot = axis.reading(sample).value;
+        let all = sample.readings();
+        for (slot, place) in self.limited_m_s2.iter_mut().zip(&self.limited) {
+            *slot = all[*place].value;
         }
-        let control = self.control.reading(sample);
+        let control = all[self.control];
         let readings = TestSample {
             index: sample.sample,
             lost,
             control_m_s2: control.value,
-            head_n: sample.head_force_n[self.control.place % 2].value,
+            head_n: sample.head_force_n[self.control % 2].value,
             limited_m_s2: &self.limited_m_s2,
         };
         match self.ramp {
@@ -621,6 +562,8 @@ impl TestController {
     }
 }
 
+/// Place of the first axis of the accelerometer C among the outputs.
+const PLACE_OF_C: usize = 4;
 /// Least share of the drive along an axis at which it is the driven one.
 const ALONG: f64 = 0.999;
 
@@ -631,7 +574,7 @@ impl Controller for TestController {
 
     fn needs(&self) -> Vec<NeededReading> {
         let mut needed = [false; Measurement::CHANNELS];
-        core::iter::once(&self.control).chain(&self.limited).for_each(|axis| needed[axis.place] = true);
+        core::iter::once(&self.control).chain(&self.limited).for_each(|place| needed[*place] = true);
         NeededReading::marked(needed)
     }
 

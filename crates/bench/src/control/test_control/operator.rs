@@ -1,5 +1,7 @@
 //! Words of an operator at stated times: stop softly, start again, change the level.
 
+use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
@@ -54,24 +56,30 @@ impl Operator {
         let mut words = Vec::with_capacity(specs.len());
         for (spec, number) in specs.iter().zip(1..) {
             let at_s = spec.at_s;
+            let refused = |fault: String| Err(TestControlError::Word { number, fault });
             if !(at_s >= 0.0 && at_s.is_finite()) {
-                return Err(TestControlError::WordTime { number, got_s: at_s });
+                return refused(format!("`at_s` is {at_s}: it must be zero or a positive number"));
             }
             let deed = match (spec.word, spec.level_db) {
                 (OperatorWord::Stop, None) => Deed::Stop,
                 (OperatorWord::Start, None) => Deed::Start,
                 (OperatorWord::Level, Some(level_db)) if law == TestLaw::SweptSine => {
                     if !(level_db <= 0.0 && level_db.is_finite()) {
-                        return Err(TestControlError::WordLevel { number, got_db: level_db });
+                        return refused(format!("`level_db` is {level_db}: it must be at most 0, the specified level"));
                     }
                     Deed::Level(level_db)
                 }
                 (OperatorWord::Level, Some(_)) => {
-                    return Err(TestControlError::WordOfSines { number, law: law.name() });
+                    let law = law.name();
+                    return refused(format!(
+                        "the word `level` is for `law` \"swept-sine\", not for \"{law}\": leave it out"
+                    ));
                 }
-                (OperatorWord::Level, None) => return Err(TestControlError::NoWordLevel { number }),
+                (OperatorWord::Level, None) => {
+                    return refused("`level_db` is missing: add it, or change `word`".into());
+                }
                 (OperatorWord::Stop | OperatorWord::Start, Some(_)) => {
-                    return Err(TestControlError::IdleWordLevel { number });
+                    return refused("`level_db` does not apply to this word: leave it out".into());
                 }
             };
             // A time that is a whole number of samples up to rounding counts as one.

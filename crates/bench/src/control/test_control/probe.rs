@@ -10,9 +10,11 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 use core::ops::Range;
 
-use super::frames::{CONTROL, DRIVE, Frames, HEAD, LIMITED, NoiseDrive};
-use super::{StopReason, TestPhase, TestSample};
+use super::frames::{CONTROL, DRIVE, Frames, LIMITED, NoiseDrive};
+use super::{End, LawSettings, StopReason, TestPhase, TestSample};
 
+/// Rms of the drive during the loop check, N, unless the specification states one.
+const LOW_N: f64 = 1.0;
 /// Frames over which the silence and the loop check are averaged.
 const SILENT_FRAMES: u32 = 4;
 const CHECKED_FRAMES: u32 = 10;
@@ -22,6 +24,8 @@ const LEAST_GAIN: f64 = 9.0;
 /// narrower than a line to 0.2, while an open cable has 1/10 by chance, so that coherence alone can't decide.
 const LEAST_COHERENCE: f64 = 0.3;
 const SURE_GAIN: f64 = 1000.0;
+/// Spacing of the lines of a loop check whose frames serve nothing else, Hz.
+const LINES_HZ: f64 = 1.0;
 /// Least accelerance, (m/s²)/N, that of a mass of 10⁹ kg.
 const LEAST_ACCELERANCE: f64 = 1e-9;
 
@@ -30,8 +34,6 @@ const LEAST_ACCELERANCE: f64 = 1e-9;
 pub(super) struct Probe {
     pub frames: Frames,
     pub noise: NoiseDrive,
-    /// Number of channels with a limit that are read.
-    limited: usize,
     /// Lines of the band.
     pub band: Range<usize>,
     /// Spacing of the lines, Hz.
@@ -51,26 +53,16 @@ pub(super) struct Probe {
     drive_n: f64,
 }
 
-/// Settings of a loop check.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ProbeSettings {
-    pub rate_hz: f64,
-    /// Largest spacing of the lines, Hz.
-    pub lines_hz: f64,
-    pub band_hz: [f64; 2],
-    /// Number of channels with a limit.
-    pub limited: usize,
-    /// Rms of the noise, N.
-    pub low_n: f64,
-    pub checks_sign: bool,
-    pub seed: u64,
-    /// Frames in the memory of averages.
-    pub memory: u32,
-}
-
 impl Probe {
-    pub fn new(settings: ProbeSettings) -> Probe {
-        let ProbeSettings { rate_hz, lines_hz, band_hz, limited, low_n, checks_sign, seed, memory } = settings;
+    /// Returns a loop check over a band, for a law that does not go on with its frames.
+    pub fn of_check(of: &LawSettings<'_>, band_hz: [f64; 2]) -> Probe {
+        Probe::new(of, 0, band_hz, LINES_HZ, u32::MAX)
+    }
+
+    /// Returns a loop check over a band, with lines at most `lines_hz` apart and `memory` frames in the memory of averages. The
+    /// first `limited` channels with a limit are read, too.
+    pub fn new(of: &LawSettings<'_>, limited: usize, band_hz: [f64; 2], lines_hz: f64, memory: u32) -> Probe {
+        let (rate_hz, low_n) = (of.rate_hz, of.limits.gain_check_n.unwrap_or(LOW_N));
         // At least 16 samples, so that there are lines at all.
         let length = (libm::ceil(rate_hz / lines_hz) as usize).max(16).next_power_of_two();
         let line_hz = rate_hz / length as f64;
@@ -84,14 +76,13 @@ impl Probe {
         frames.reset();
         Probe {
             frames,
-            limited,
-            noise: NoiseDrive::new(length, rate_hz, seed),
+            noise: NoiseDrive::new(length, rate_hz, of.seed),
             silence: vec![0.0; lines],
             band,
             line_hz,
             low,
             low_n,
-            checks_sign,
+            checks_sign: of.is_driving_point,
             has_head: false,
             phase: TestPhase::Silence,
             drive_n: 0.0,
@@ -112,15 +103,10 @@ impl Probe {
 
     /// Takes the readings of a sample, with the drive that answers it.
     pub fn push(&mut self, sample: &TestSample<'_>, drive_n: f64) {
-        self.frames.push(CONTROL, sample.control_m_s2);
-        self.frames.push(DRIVE, drive_n);
         let head_n = if sample.head_n.is_finite() { sample.head_n } else { 0.0 };
         self.has_head |= head_n != 0.0;
-        self.frames.push(HEAD, head_n);
-        for (index, limited) in sample.limited_m_s2.iter().take(self.limited).enumerate() {
-            self.frames.push(LIMITED + index, *limited);
-        }
-        self.frames.advance();
+        let first = [sample.control_m_s2, drive_n, head_n];
+        self.frames.push(first.into_iter().chain(sample.limited_m_s2.iter().copied()));
     }
 
     /// Makes the next hop of the weak noise, or of silence before it.
@@ -131,7 +117,7 @@ impl Probe {
     }
 
     /// Judges an averaged frame in silence and in the loop check. Returns how the check ended, once it has.
-    pub fn judge(&mut self) -> Option<Result<(), StopReason>> {
+    pub fn judge(&mut self) -> Option<Result<(), End>> {
         match self.phase {
             TestPhase::Silence if self.frames.averages >= SILENT_FRAMES => {
                 self.silence.copy_from_slice(&self.frames.density[CONTROL]);
@@ -144,7 +130,7 @@ impl Probe {
         }
     }
 
-    fn closed(&self) -> Result<(), StopReason> {
+    fn closed(&self) -> Result<(), End> {
         let sum = |density: &[f64]| density[self.band.clone()].iter().sum::<f64>();
         let control = &self.frames.density[CONTROL];
         let response = sum(control);
@@ -161,19 +147,19 @@ impl Probe {
         // Written so that a reading that is not a number is no response.
         if !is_closed {
             let decibel = |power: f64| 10.0 * libm::log10(power.max(f64::MIN_POSITIVE));
-            return Err(StopReason::OpenLoop {
+            return Err(End::Stopped(StopReason::OpenLoop {
                 drive_n: self.low_n,
                 response_db: decibel(gain),
                 coherence,
                 least_db: decibel(LEAST_GAIN),
                 least_coherence: LEAST_COHERENCE,
-            });
+            }));
         }
         // Re(a conj F/(iω)) = Im(a conj F)/ω.
         let power_w = |k: usize| self.frames.with_head[k].im / (TAU * k as f64 * self.line_hz) * self.line_hz;
         let taken_w: f64 = self.band.clone().map(power_w).sum();
         if self.checks_sign && self.has_head && taken_w < 0.0 {
-            Err(StopReason::Inverted { got_w: -taken_w })
+            Err(End::Stopped(StopReason::Inverted { got_w: -taken_w }))
         } else {
             Ok(())
         }
@@ -207,7 +193,7 @@ impl Probe {
 
     /// Plays silence and weak noise by itself, for laws that do not go on with frames: answers a sample with the drive, and
     /// returns how the check ended, once it has.
-    pub fn step(&mut self, sample: &TestSample<'_>) -> (f64, Option<Result<(), StopReason>>) {
+    pub fn step(&mut self, sample: &TestSample<'_>) -> (f64, Option<Result<(), End>>) {
         let mut judged = None;
         if self.noise.is_due() {
             if self.frames.process() {

@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 use resonarm_specification::{RandomTest, ScheduleStep, Tolerance};
 
 use super::frames::{CONTROL, DRIVE, LIMITED};
-use super::probe::{Probe, ProbeSettings};
+use super::probe::Probe;
 use super::{
     ControlSpectrum, End, Law, LawSettings, Step, StopReason, Stuck, TestControlError, TestPhase, TestProgress,
     TestSample,
@@ -63,22 +63,6 @@ const SETTLED_HOPS: u32 = 3;
 /// Random control by lines.
 #[derive(Clone, Debug)]
 pub(super) struct RandomLaw {
-    settings: Settings,
-    probe: Probe,
-    /// Density of the drive at full level, N²/Hz, and the share of the specified density that limits leave.
-    density: Vec<f64>,
-    notch: Vec<f64>,
-    /// Index of the level in the schedule, and the hops at it.
-    level: usize,
-    hops: u32,
-    full_hops: u32,
-    rms: RunningRms,
-    stuck: Stuck,
-    drive_n: f64,
-}
-
-#[derive(Clone, Debug)]
-struct Settings {
     /// Specified density, and the limits of the limited channels, (m/s²)²/Hz; a limit is infinite where there is none.
     demand: Vec<f64>,
     limits: Vec<Vec<f64>>,
@@ -93,6 +77,17 @@ struct Settings {
     hop_s: f64,
     /// Medians are found by sorting this copy of the lines.
     sorted: Vec<f64>,
+    probe: Probe,
+    /// Density of the drive at full level, N²/Hz, and the share of the specified density that limits leave.
+    density: Vec<f64>,
+    notch: Vec<f64>,
+    /// Index of the level in the schedule, and the hops at it.
+    level: usize,
+    hops: u32,
+    full_hops: u32,
+    rms: RunningRms,
+    stuck: Stuck,
+    drive_n: f64,
 }
 
 impl RandomLaw {
@@ -104,16 +99,7 @@ impl RandomLaw {
         let schedule = test.schedule.as_ref().ok_or(TestControlError::NoSchedule)?;
         let band_hz = test.profile.band_hz();
         of.check_band(band_hz)?;
-        let probe = Probe::new(ProbeSettings {
-            rate_hz: of.rate_hz,
-            lines_hz: test.lines_hz,
-            band_hz,
-            limited: of.limits.len(),
-            low_n: of.low_n(),
-            checks_sign: of.is_driving_point,
-            seed: of.seed,
-            memory: MEMORY,
-        });
+        let probe = Probe::new(of, of.limits.response.len(), band_hz, test.lines_hz, MEMORY);
         let (band, line_hz, lines) = (probe.band.clone(), probe.line_hz, probe.silence.len());
         let over_lines = |outside: f64, level: &dyn Fn(f64) -> Option<f64>| -> Vec<f64> {
             (0..lines).map(|k| level(k as f64 * line_hz).filter(|_| band.contains(&k)).unwrap_or(outside)).collect()
@@ -131,18 +117,21 @@ impl RandomLaw {
         let bandwidth_hz = band.len() as f64 * line_hz;
         let window_s = (RMS_FRAMES / line_hz).max(RMS_BANDWIDTHS / bandwidth_hz);
         Ok(RandomLaw {
-            settings: Settings {
-                limits: of.limits.iter().map(|limit| over_lines(f64::INFINITY, &|hz| limit.at(hz))).collect(),
-                abort: test.abort.as_ref().map(ratios),
-                abort_share: test.abort_share.unwrap_or(ABORT_SHARE),
-                step_hops: schedule.steps.iter().map(hops).collect(),
-                steps: schedule.steps.clone(),
-                sigma: of.sigma.unwrap_or(SIGMA),
-                limit_n: of.limit_n,
-                hop_s,
-                sorted: Vec::with_capacity(lines),
-                demand,
-            },
+            limits: of
+                .limits
+                .response
+                .iter()
+                .map(|limit| over_lines(f64::INFINITY, &|hz| limit.profile.at(hz)))
+                .collect(),
+            abort: test.abort.as_ref().map(ratios),
+            abort_share: test.abort_share.unwrap_or(ABORT_SHARE),
+            step_hops: schedule.steps.iter().map(hops).collect(),
+            steps: schedule.steps.clone(),
+            sigma: of.limits.sigma.unwrap_or(SIGMA),
+            limit_n: of.limit_n,
+            hop_s,
+            sorted: Vec::with_capacity(lines),
+            demand,
             density: vec![0.0; lines],
             notch: vec![1.0; lines],
             level: 0,
@@ -156,7 +145,7 @@ impl RandomLaw {
     }
 
     fn level_db(&self) -> f64 {
-        self.settings.steps.get(self.level).map_or(0.0, |step| step.level_db)
+        self.steps.get(self.level).map_or(0.0, |step| step.level_db)
     }
 
     /// Returns the power of the present level over the full one.
@@ -172,9 +161,9 @@ impl RandomLaw {
             let response = frames.density[CONTROL][k];
             // Where the silence is as loud as the response, a thousandth is left, so that the drive stays finite.
             let gain = (response - self.probe.silence[k]).max(1e-3 * response) / drive;
-            self.density[k] = self.settings.demand[k] / gain.max(f64::MIN_POSITIVE);
+            self.density[k] = self.demand[k] / gain.max(f64::MIN_POSITIVE);
             self.notch[k] = 1.0;
-            for (limit, index) in self.settings.limits.iter().zip(LIMITED..) {
+            for (limit, index) in self.limits.iter().zip(LIMITED..) {
                 let limited = frames.density[index][k] / drive * self.density[k];
                 self.notch[k] = self.notch[k].min(LIMIT_SHARE * limit[k] / limited);
             }
@@ -187,9 +176,9 @@ impl RandomLaw {
     fn correct(&mut self) {
         let (power, frames) = (self.level_power(), &self.probe.frames);
         for k in self.probe.band.clone() {
-            let wanted = self.settings.demand[k] * power / frames.density[CONTROL][k].max(f64::MIN_POSITIVE);
+            let wanted = self.demand[k] * power / frames.density[CONTROL][k].max(f64::MIN_POSITIVE);
             let mut ratio = wanted;
-            for (limit, index) in self.settings.limits.iter().zip(LIMITED..) {
+            for (limit, index) in self.limits.iter().zip(LIMITED..) {
                 // Limits are lowered with the level, so that the full level starts within them.
                 ratio = ratio.min(LIMIT_SHARE * limit[k] * power / frames.density[index][k].max(f64::MIN_POSITIVE));
             }
@@ -202,7 +191,7 @@ impl RandomLaw {
     /// Limits the lines of the drive to a factor over their median.
     fn cap(&mut self) {
         let lines = &mut self.density[self.probe.band.clone()];
-        let sorted = &mut self.settings.sorted;
+        let sorted = &mut self.sorted;
         sorted.clear();
         sorted.extend_from_slice(lines);
         let middle = sorted.len() / 2;
@@ -213,16 +202,16 @@ impl RandomLaw {
 
     /// Returns the mean square that the control channel should read, (m/s²)².
     fn expected(&self) -> f64 {
-        let lines = self.probe.band.clone().map(|k| self.settings.demand[k] * self.notch[k]);
+        let lines = self.probe.band.clone().map(|k| self.demand[k] * self.notch[k]);
         self.level_power() * self.probe.line_hz * lines.sum::<f64>()
     }
 
     /// Returns the share of the lines beyond the deviations that end the test.
     fn share_beyond(&self) -> Option<f64> {
-        let abort = self.settings.abort.as_ref()?;
+        let abort = self.abort.as_ref()?;
         let (power, control) = (self.level_power(), &self.probe.frames.density[CONTROL]);
         let is_beyond = |k: &usize| {
-            let ratio = control[*k] / (power * self.settings.demand[*k] * self.notch[*k]);
+            let ratio = control[*k] / (power * self.demand[*k] * self.notch[*k]);
             !(ratio >= abort[*k][0] && ratio <= abort[*k][1])
         };
         let band = self.probe.band.clone();
@@ -238,7 +227,7 @@ impl RandomLaw {
                     self.probe.phase = TestPhase::Identification;
                     self.probe.frames.reset();
                 }
-                Some(Err(reason)) => return Some(End::Stopped(reason)),
+                Some(Err(end)) => return Some(end),
                 None => {}
             },
             TestPhase::Identification if self.probe.frames.averages >= IDENTIFIED_FRAMES => {
@@ -250,7 +239,7 @@ impl RandomLaw {
                 if averages.is_multiple_of(CORRECT_EVERY) {
                     self.correct();
                 }
-                let limit = self.settings.abort_share;
+                let limit = self.abort_share;
                 if averages >= JUDGED_FRAMES
                     && let Some(share) = self.share_beyond().filter(|share| *share > limit)
                 {
@@ -271,8 +260,8 @@ impl RandomLaw {
 
     /// Counts a hop at the level, and goes on to the next level at the end of this one.
     fn count_hop(&mut self) -> Option<End> {
-        let last = self.settings.steps.len().saturating_sub(1);
-        if self.hops >= self.settings.step_hops.get(self.level).copied().unwrap_or(0) {
+        let last = self.steps.len().saturating_sub(1);
+        if self.hops >= self.step_hops.get(self.level).copied().unwrap_or(0) {
             if self.level == last {
                 return Some(End::Complete);
             }
@@ -292,12 +281,11 @@ impl RandomLaw {
             self.probe.make_low();
             return None;
         }
-        let Settings { sigma, limit_n, .. } = self.settings;
         let power = self.level_power();
         let rms_n = libm::sqrt(power) * self.probe.noise.rms(&self.density, &self.probe.band);
-        let needed_n = sigma * rms_n;
-        self.probe.noise.make(&self.density, &self.probe.band, power, needed_n.min(limit_n));
-        End::of_drive(needed_n, limit_n)
+        let needed_n = self.sigma * rms_n;
+        self.probe.noise.make(&self.density, &self.probe.band, power, needed_n.min(self.limit_n));
+        End::of_drive(needed_n, self.limit_n)
     }
 
     /// Judges the reading of a sample at a level.
@@ -370,7 +358,7 @@ impl Law for RandomLaw {
         TestProgress {
             phase,
             level_db: (phase == TestPhase::Level).then(|| self.level_db()),
-            full_level_s: f64::from(self.full_hops) * self.settings.hop_s,
+            full_level_s: f64::from(self.full_hops) * self.hop_s,
             frequency_hz: None,
         }
     }
@@ -382,7 +370,7 @@ impl Law for RandomLaw {
             band: self.probe.band.clone(),
             level_db: self.level_db(),
             averages: frames.averages.min(MEMORY),
-            demand: &self.settings.demand,
+            demand: &self.demand,
             control: &frames.density[CONTROL],
             drive: &frames.density[DRIVE],
         })
@@ -390,7 +378,7 @@ impl Law for RandomLaw {
 
     fn samples(&self) -> Option<u64> {
         // The first two frames of an average are left out.
-        let hops = 2 + IDENTIFIED_FRAMES + self.settings.step_hops.iter().sum::<u32>();
+        let hops = 2 + IDENTIFIED_FRAMES + self.step_hops.iter().sum::<u32>();
         Some(self.probe.samples() + u64::from(hops) * self.probe.hop_samples())
     }
 }

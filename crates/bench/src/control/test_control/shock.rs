@@ -25,7 +25,7 @@ use resonarm_modal::spectra::ShockResponse;
 use resonarm_specification::{ShockTest, Shots, SrsTest};
 
 use super::line_bank::{Identification, Known, LineBank};
-use super::probe::{Probe, ProbeSettings};
+use super::probe::Probe;
 use super::{End, Law, LawSettings, Step, StopReason, TestControlError, TestPhase, TestProgress, TestSample};
 
 const ZERO: Complex<f64> = Complex::new(0.0, 0.0);
@@ -53,8 +53,6 @@ const TOO_HIGH: f64 = 1.5;
 const TOO_HIGH_SAMPLES: u32 = 3;
 /// Energy of the reading over that of the waveform below which the signal is lost.
 const LOST: f64 = 0.1;
-/// Spacing of the lines of the loop check, Hz.
-const CHECK_LINES_HZ: f64 = 1.0;
 
 /// Replicates a waveform: identification first, then shots that are corrected one after the other.
 #[derive(Clone, Debug)]
@@ -167,16 +165,7 @@ impl ShockLaw {
             pause: (PAUSE_S * rate_hz) as u64,
             levels: levels.collect(),
             limit_n: of.limit_n,
-            probe: Probe::new(ProbeSettings {
-                rate_hz,
-                lines_hz: CHECK_LINES_HZ,
-                band_hz: [LOW_HZ[1], HIGH[0] * rate_hz],
-                limited: 0,
-                low_n: of.low_n(),
-                checks_sign: of.is_driving_point,
-                seed: of.seed,
-                memory: u32::MAX,
-            }),
+            probe: Probe::of_check(of, [LOW_HZ[1], HIGH[0] * rate_hz]),
             identification,
             wanted,
             taper,
@@ -342,13 +331,10 @@ impl Law for ShockLaw {
                     self.probe.interrupt();
                 }
                 let (drive_n, judged) = self.probe.step(sample);
-                let mut end = None;
-                match judged {
-                    Some(Err(reason)) => end = Some(End::Stopped(reason)),
-                    Some(Ok(())) => self.begin_identification(),
-                    None => {}
+                if judged == Some(Ok(())) {
+                    self.begin_identification();
                 }
-                Step { drive_n, end }
+                Step { drive_n, end: judged.and_then(Result::err) }
             }
             Stage::Identify => {
                 if sample.lost > 0 {

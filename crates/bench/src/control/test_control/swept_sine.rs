@@ -38,7 +38,7 @@ use nalgebra::Complex;
 use resonarm_specification::{Profile, SineTest};
 
 use super::line_bank::{Identification, Known, LineBank, response_at};
-use super::probe::{Probe, ProbeSettings};
+use super::probe::Probe;
 use super::{End, Law, LawSettings, Step, StopReason, Stuck, TestControlError, TestPhase, TestProgress, TestSample};
 
 /// Period of the identification, s: lines are 0.125 Hz apart.
@@ -70,8 +70,6 @@ const LOST: f64 = 0.25;
 /// Times for which an amplitude must be beyond these, s.
 const TOO_HIGH_S: f64 = 0.02;
 const LOST_S: f64 = 0.1;
-/// Spacing of the lines of the loop check, Hz.
-const CHECK_LINES_HZ: f64 = 1.0;
 
 /// Swept-sine control with feed-forward of the identified response.
 #[derive(Clone, Debug)]
@@ -147,22 +145,13 @@ impl SweptSineLaw {
         let period = libm::round(PERIOD_S * of.rate_hz) as usize;
         let bank = LineBank::new(period, of.rate_hz, band_hz);
         let peak_n = IDENTIFIED_DRIVE * of.limit_n;
-        let identification = Identification::new(bank, 1 + of.limits.len(), of.rate_hz, peak_n);
+        let identification = Identification::new(bank, 1 + of.limits.response.len(), of.rate_hz, peak_n);
         let sweep_s = test.sweep_s(from_hz, to_hz);
         Ok(SweptSineLaw {
-            limits: of.limits.iter().map(|limit| (*limit).clone()).collect(),
+            limits: of.limits.response.iter().map(|limit| limit.profile.clone()).collect(),
             rate_hz: of.rate_hz,
             limit_n: of.limit_n,
-            probe: Probe::new(ProbeSettings {
-                rate_hz: of.rate_hz,
-                lines_hz: CHECK_LINES_HZ,
-                band_hz,
-                limited: 0,
-                low_n: of.low_n(),
-                checks_sign: of.is_driving_point,
-                seed: of.seed,
-                memory: u32::MAX,
-            }),
+            probe: Probe::of_check(of, band_hz),
             sharpness: vec![0.0; identification.bank.lines()],
             identification,
             phase: TestPhase::Silence,
@@ -170,7 +159,7 @@ impl SweptSineLaw {
             sweep_rad: test.phase_rad(sweep_s),
             sweep_s,
             control: Tracking::default(),
-            limited: vec![Tracking::default(); of.limits.len()],
+            limited: vec![Tracking::default(); of.limits.response.len()],
             asked_level: 0.0,
             level: 0.0,
             correction: 0.0,
@@ -422,15 +411,10 @@ impl Law for SweptSineLaw {
             _ => {
                 let (drive_n, judged) = self.probe.step(sample);
                 self.phase = self.probe.phase;
-                let end = match judged {
-                    Some(Err(reason)) => Some(End::Stopped(reason)),
-                    Some(Ok(())) => {
-                        self.begin_identification();
-                        None
-                    }
-                    None => None,
-                };
-                Step { drive_n, end }
+                if judged == Some(Ok(())) {
+                    self.begin_identification();
+                }
+                Step { drive_n, end: judged.and_then(Result::err) }
             }
         }
     }

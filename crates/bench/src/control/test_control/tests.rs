@@ -6,7 +6,7 @@ use alloc::vec;
 
 use super::*;
 use crate::plant::{Plant, PlantSpec, TestedAssembly};
-use crate::rig::{Amplifier, RigSpec, ShakerSpec};
+use crate::rig::{Amplifier, Reading, RigSpec, ShakerSpec};
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
     Assembly, Axis as Direction, BodySpec, ElementSpec, Law as Force, ModalSpec, ModeSpec, Place, ShapeSpec,
