@@ -350,7 +350,7 @@ fn one_amplitude_is_held_by_the_computed_loads() {
     };
     let tested = case.tested();
     let of = Modelled::new(&tested, &quiet()).unwrap();
-    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, of, SAMPLING, 1600.0).unwrap(), &mut plant);
+    let points = drive(&mut PhaseWalk::new(spec, of, SAMPLING, 1600.0).unwrap(), &mut plant);
     assert_eq!(points.len(), 9);
     let forced = case.forced(&amplitude);
     let at = most_moving(&tested, &points);

@@ -45,26 +45,18 @@ impl fmt::Display for InstrumentAxis {
     }
 }
 
-/// Limit of a reading in `[limits]`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Limit of a reading in `[limits]`. As text it is its key in a scenario.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ReadingLimit {
     /// Limit of the force in the impedance head.
+    #[error("limits.force_n")]
     Force,
     /// Limit of the accelerometers B and C.
+    #[error("limits.acceleration_m_s2")]
     Acceleration,
     /// Limit of the sensor with this name.
+    #[error("limits.sensors.{0}")]
     Sensor(InstrumentName),
-}
-
-/// Its key in a scenario.
-impl fmt::Display for ReadingLimit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            ReadingLimit::Force => f.write_str("limits.force_n"),
-            ReadingLimit::Acceleration => f.write_str("limits.acceleration_m_s2"),
-            ReadingLimit::Sensor(name) => write!(f, "limits.sensors.{name}"),
-        }
-    }
 }
 
 /// Reason why a controller aborts; the plant is then disarmed.

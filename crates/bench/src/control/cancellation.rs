@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Modelled;
-use super::fourier_filter::unit;
+use super::fourier_filter::{size, unit};
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
 use resonarm_dynamics::structure::{Armature, Assembly, StructureMode};
@@ -117,19 +117,14 @@ struct HeadTransfer {
     /// Modes of the structure alone as seen along the shaker: ω₀, rad/s, ζ, and (wᵀφ)², 1/kg. Its receptance is
     /// R = Σ (wᵀφ)²/(ω₀² − ω² + 2iζω₀ω).
     modes: Vec<[f64; 3]>,
-    /// Armature: m, kg; k, N/m; c, N·s/m.
-    mass_kg: f64,
-    stiffness_n_m: f64,
-    damping_n_s_m: f64,
+    armature: Armature,
 }
 
 impl HeadTransfer {
     /// Returns the transfer; `None` with an ideal exciter.
     fn new(of: Modelled<'_>) -> Option<HeadTransfer> {
         let armature = of.armature?;
-        let Armature { mass_kg, stiffness_n_m, damping_n_s_m, .. } = armature;
-        let modes = seen_modes(&of.tested.assembly, &armature);
-        Some(HeadTransfer { modes, mass_kg, stiffness_n_m, damping_n_s_m })
+        Some(HeadTransfer { modes: seen_modes(&of.tested.assembly, &armature), armature })
     }
 
     /// Returns 1/(1 + R Z); `None` where the structure's response is infinite.
@@ -137,7 +132,8 @@ impl HeadTransfer {
         let one = Phasor::new(1.0, 0.0);
         let omega = TAU * frequency_hz;
         let receptance = self.receptance(omega)?;
-        let stiffness = Phasor::new(self.stiffness_n_m - omega * omega * self.mass_kg, omega * self.damping_n_s_m);
+        let Armature { mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.armature;
+        let stiffness = Phasor::new(stiffness_n_m - omega * omega * mass_kg, omega * damping_n_s_m);
         Some(one / (one + receptance * stiffness))
     }
 
@@ -202,11 +198,9 @@ impl Cancellation {
         if orders.is_none() {
             return None;
         }
-        let zero = Phasor::new(0.0, 0.0);
-        let harmonic =
-            |order| Harmonic { order, command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0) };
+        let harmonic = |index: usize| orders.0[index].then(|| Harmonic::new(i32::from(ORDERS[index])));
         Some(Cancellation {
-            harmonics: core::array::from_fn(|index| orders.0[index].then(|| harmonic(i32::from(ORDERS[index])))),
+            harmonics: core::array::from_fn(harmonic),
             transfer: HeadTransfer::new(of),
             share: of.high_frequency_force_share(),
             direction,
@@ -219,11 +213,7 @@ impl Cancellation {
 
     /// Resets to the initial state, keeping the allocations.
     pub fn forget(&mut self) {
-        let zero = Phasor::new(0.0, 0.0);
-        for harmonic in self.harmonics.iter_mut().flatten() {
-            *harmonic =
-                Harmonic { command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0), ..*harmonic };
-        }
+        self.harmonics.iter_mut().flatten().for_each(|harmonic| *harmonic = Harmonic::new(harmonic.order));
     }
 
     /// Returns the harmonics of the command at the phase `phase_rad`, N. `share` is the progress from the last
@@ -325,6 +315,12 @@ impl Cancellation {
 }
 
 impl Harmonic {
+    /// Returns a harmonic that is not commanded yet.
+    fn new(order: i32) -> Harmonic {
+        let zero = Phasor::new(0.0, 0.0);
+        Harmonic { order, command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0) }
+    }
+
     /// Subtracts H_h/G_h from c_h, with `derived_transfer` times the ratio for G_h.
     fn correct(&mut self, head_n: Phasor, derived_transfer: Phasor, fundamental_n: f64, off: f64) {
         if let Some([command_n, head_before_n]) = self.tried_n {
@@ -346,10 +342,6 @@ impl Harmonic {
         self.before_n = self.command_n;
         self.command_n -= head_n / (self.ratio * derived_transfer);
     }
-}
-
-fn size(phasor: Phasor) -> f64 {
-    libm::hypot(phasor.re, phasor.im)
 }
 
 #[cfg(test)]

@@ -67,6 +67,11 @@ pub(super) fn unit(angle_rad: f64) -> Phasor {
     Phasor::new(cosine, sine)
 }
 
+/// Returns the magnitude of a phasor.
+pub(super) fn size(phasor: Phasor) -> f64 {
+    libm::hypot(phasor.re, phasor.im)
+}
+
 /// Returns the real part of a product, Re(a b).
 pub(super) fn real_product(a: &Phasor, b: &Phasor) -> f64 {
     a.re * b.re - a.im * b.im

@@ -191,8 +191,7 @@ mod tests {
     use super::*;
     use crate::control::{ModeNumber, Modelled};
     use crate::plant::tests;
-    use crate::rig::Converter;
-    use crate::rig::{Load, RigSpec};
+    use crate::rig::{Converter, Load, RigSpec};
 
     fn control(mode: ModeNumber, converter: Converter, gain_1_s: f64, delay: usize) -> Loop {
         let tested = tests::preset([30.0, 60.0]);

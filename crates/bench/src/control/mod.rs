@@ -18,7 +18,6 @@ mod open_loop;
 mod phase_tests;
 mod phase_walk;
 mod response;
-mod set_point;
 mod spec;
 mod steered;
 mod test_control;
@@ -33,9 +32,8 @@ pub use fourier_filter::FourierFilter;
 pub use limits::{Limited, LimitsSpec};
 pub use mode_model::{Followed, ModeModel, ModeNumber, Modelled, NoSuchMode, SeenMode};
 pub use open_loop::OpenLoop;
-pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec, ResponseControlSpec};
+pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkPlan, PhaseWalkSpec, ResponseControlSpec};
 pub use response::ResponsePoint;
-pub use set_point::SetPoint;
 pub use spec::{ControlError, ControlSpec};
 pub use steered::Steered;
 pub use test_control::{
@@ -53,6 +51,17 @@ pub enum LoadKind {
     Force,
     /// Torques at the joints.
     Torque,
+}
+
+/// A target: load, frequency and phase of a sine.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct SetPoint {
+    /// Amplitude of the load, N or N·m depending on the scenario's kind of load, zero or positive.
+    pub load: f64,
+    /// Frequency, Hz, positive and below half the sample rate.
+    pub frequency_hz: f64,
+    /// Phase of the sine, degrees.
+    pub phase_deg: f64,
 }
 
 /// Duration of a controller's work, as far as it is known.

@@ -10,8 +10,7 @@ use thiserror::Error;
 
 use crate::excitation::Phasor;
 use crate::plant::{Placed, ShakerAcross, TestedAssembly};
-use crate::rig::Load;
-use crate::rig::{Measurement, Reading, RigSpec, SensorSpec};
+use crate::rig::{Load, Measurement, Reading, RigSpec, SensorSpec};
 use resonarm_dynamics::structure::{Armature, Dof, MOST_COORDINATES};
 
 /// Ratio of the two accelerometers' motions below which the weaker one is not followed.

@@ -47,16 +47,24 @@ pub struct ResponsePoint {
 impl ResponsePoint {
     /// Returns a settled response to a force, from harmonics 1 to 3 of head x, y; B x, y; C x, y.
     pub fn of_harmonics(frequency_hz: f64, load: f64, harmonics: &[[Phasor; 3]; CHANNELS]) -> ResponsePoint {
-        let pair = |channel: usize| [harmonics[channel][0], harmonics[channel + 1][0]];
+        let overtones = Some(harmonics.map(|[_, second, third]| [second, third]));
+        ResponsePoint {
+            overtones,
+            ..ResponsePoint::of_fundamentals(frequency_hz, load, harmonics.map(|[first, ..]| first))
+        }
+    }
+
+    /// Returns a settled response to a force, from the fundamentals of head x, y; B x, y; C x, y.
+    fn of_fundamentals(frequency_hz: f64, load: f64, [hx, hy, bx, by, cx, cy]: [Phasor; CHANNELS]) -> ResponsePoint {
         ResponsePoint {
             frequency_hz,
             load,
             load_kind: LoadKind::Force,
             load_deviation: None,
-            head_force_n: pair(0),
-            acceleration_b_m_s2: pair(2),
-            acceleration_c_m_s2: pair(4),
-            overtones: Some(harmonics.map(|[_, second, third]| [second, third])),
+            head_force_n: [hx, hy],
+            acceleration_b_m_s2: [bx, by],
+            acceleration_c_m_s2: [cx, cy],
+            overtones: None,
             lag_rad: None,
             drift: 0.0,
             clipped: [false; CHANNELS],
@@ -108,24 +116,8 @@ impl ResponsePoint {
     pub const SETTLED_DRIFT: f64 = 0.02;
 }
 
-/// Orders that are read of a response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Orders {
-    /// The fundamental and no harmonics.
-    One,
-    /// Harmonics 1 to 3, for which there must be more than six samples per period.
-    Three,
-}
-
-impl Orders {
-    /// Least number of samples per period at which three harmonics are read.
-    pub const SAMPLES_A_PERIOD: f64 = 12.0;
-
-    /// Returns the orders that `rate_hz` samples per second resolve at `frequency_hz`.
-    pub fn at(frequency_hz: f64, rate_hz: f64) -> Orders {
-        if rate_hz >= Orders::SAMPLES_A_PERIOD * frequency_hz { Orders::Three } else { Orders::One }
-    }
-}
+/// Least number of samples per period at which harmonics 2 and 3 are read beside the fundamental; more than six are needed.
+pub(super) const SAMPLES_A_PERIOD: f64 = 12.0;
 
 /// Reads the responses of a profile as its samples come in.
 #[derive(Clone, Debug)]
@@ -140,7 +132,7 @@ pub(super) struct ResponseReader {
 #[derive(Clone, Debug)]
 pub(super) struct Reading {
     sampling: Sampling,
-    window: Window,
+    pub window: Window,
     load: f64,
     whole: SineFit<CHANNELS>,
     overtones: Option<HarmonicFit<CHANNELS, 7>>,
@@ -150,17 +142,13 @@ pub(super) struct Reading {
 
 impl Reading {
     /// Returns a reading of a window, with the load that is meant to act in it.
-    pub fn new((window, load): (Window, f64), orders: Orders, sampling: Sampling) -> Reading {
+    pub fn new(window: Window, load: f64, sampling: Sampling) -> Reading {
         let samples = window.end - window.first;
         let half = samples / 2;
         let halves = [SineFit::new(half), SineFit::new(samples - half)];
-        let overtones = (orders == Orders::Three).then(|| HarmonicFit::new(samples));
+        let has_overtones = sampling.rate_hz >= SAMPLES_A_PERIOD * window.frequency_hz;
+        let overtones = has_overtones.then(|| HarmonicFit::new(samples));
         Reading { sampling, window, load, whole: SineFit::new(samples), overtones, halves, clipped: [false; CHANNELS] }
-    }
-
-    /// Returns the first sample after the window.
-    pub fn end(&self) -> u64 {
-        self.window.end
     }
 
     /// Adds a sample within the window, with the phase of the drive at the time of the reading, cycles.
@@ -198,23 +186,15 @@ impl Reading {
         }
         let [first, second, third] = [1.0, 2.0, 3.0].map(|order| self.sampling.gain(order * self.window.frequency_hz));
         // The fit is that of the readings. Dividing by the converter's gain gives the motion itself.
-        let [hx, hy, bx, by, cx, cy] = whole.map(|phasor| phasor / first);
+        let fundamentals = whole.map(|phasor| phasor / first);
         let overtones = self.overtones.as_ref().and_then(HarmonicFit::harmonics::<3>);
         let overtones = overtones.map(|channels| channels.map(|[_, b, c]| [b / second, c / third]));
         Some(ResponsePoint {
-            frequency_hz: self.window.frequency_hz,
-            head_force_n: [hx, hy],
-            acceleration_b_m_s2: [bx, by],
-            acceleration_c_m_s2: [cx, cy],
-            load: self.load,
-            load_kind: LoadKind::Force,
-            load_deviation: None,
             overtones,
-            lag_rad: None,
             drift,
             clipped: self.clipped,
-            tries: 1,
             settled: drift < ResponsePoint::SETTLED_DRIFT,
+            ..ResponsePoint::of_fundamentals(self.window.frequency_hz, self.load, fundamentals)
         })
     }
 }
@@ -223,16 +203,9 @@ impl ResponseReader {
     pub fn new(profile: &Profile, sampling: Sampling) -> ResponseReader {
         let held = |window: Window| (window, profile.held_load(window.frequency_hz));
         let windows: alloc::vec::Vec<_> = profile.windows().map(held).collect();
-        let mut reader = ResponseReader { windows: windows.into_iter(), sampling, current: None };
-        reader.begin_next();
-        reader
-    }
-
-    fn begin_next(&mut self) {
-        let of = |(window, load): (Window, f64)| {
-            Reading::new((window, load), Orders::at(window.frequency_hz, self.sampling.rate_hz), self.sampling)
-        };
-        self.current = self.windows.next().map(of);
+        let mut windows = windows.into_iter();
+        let current = windows.next().map(|(window, load)| Reading::new(window, load, sampling));
+        ResponseReader { windows, sampling, current }
     }
 
     /// Adds a sample with the phase of the drive at the time of the reading, cycles. Returns the response of a
@@ -242,7 +215,7 @@ impl ResponseReader {
         let mut done = None;
         if self.current.as_ref().is_some_and(|reading| n >= reading.window.end) {
             done = self.current.take().and_then(|reading| reading.finish());
-            self.begin_next();
+            self.current = self.windows.next().map(|(window, load)| Reading::new(window, load, self.sampling));
         }
         if let Some(reading) = self.current.as_mut().filter(|reading| n >= reading.window.first) {
             reading.add(sample, phase_cycles);

@@ -91,7 +91,7 @@ impl ControlSpec {
         Ok(match self {
             ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, of, sampling, limit)?),
             ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, of, sampling, limit)?),
-            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, of, sampling, limit)?),
+            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::new(*spec, of, sampling, limit)?),
             ControlSpec::Random(spec) => test(TestLaw::Random, spec)?,
             ControlSpec::SweptSine(spec) => test(TestLaw::SweptSine, spec)?,
             ControlSpec::Shock(spec) => test(TestLaw::Shock, spec)?,

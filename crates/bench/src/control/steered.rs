@@ -12,11 +12,10 @@
 
 use core::f64::consts::TAU;
 
-use super::response::{Orders, Reading};
+use super::response::Reading;
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
 use crate::excitation::Window;
-use crate::rig::Load;
-use crate::rig::{Measurement, Sampling};
+use crate::rig::{Load, Measurement, Sampling};
 
 /// Time for which the set-point must be held before a response is read, s.
 const SETTLE_S: f64 = 2.0;
@@ -109,13 +108,12 @@ impl Steered {
                 let length = (READ_S.max(8.0 / frequency_hz) * self.sampling.rate_hz) as u64;
                 let load = self.load * self.sampling.hold(frequency_hz);
                 let window = Window { frequency_hz, first: n, end: n + length };
-                let orders = Orders::at(frequency_hz, self.sampling.rate_hz);
-                let mut reading = Reading::new((window, load), orders, self.sampling);
+                let mut reading = Reading::new(window, load, self.sampling);
                 reading.add(sample, phase_cycles);
                 self.reading = Some(reading);
             }
             None => {}
-            Some(reading) if n < reading.end() => reading.add(sample, phase_cycles),
+            Some(reading) if n < reading.window.end => reading.add(sample, phase_cycles),
             Some(reading) => {
                 let response = reading.finish();
                 self.response = response.map(|point| ResponsePoint { load_kind: self.kind, ..point });

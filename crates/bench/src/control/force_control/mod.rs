@@ -35,7 +35,7 @@ use thiserror::Error;
 
 use crate::control::cancellation::Cancellation;
 use crate::control::fourier_filter::{unit, wrapped};
-use crate::control::response::{Orders, Reading};
+use crate::control::response::{Reading, SAMPLES_A_PERIOD};
 use crate::control::{
     Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, NeededReading, ResponsePoint,
 };
@@ -117,7 +117,7 @@ pub enum ForceControlError {
     )]
     NotADwell,
     /// The sample rate is too low for the highest frequency.
-    #[error("control: the sample rate of {rate_hz} Hz is too low for force control at {frequency_hz:.2} Hz: it must be at least {:.0} Hz", Orders::SAMPLES_A_PERIOD * frequency_hz)]
+    #[error("control: the sample rate of {rate_hz} Hz is too low for force control at {frequency_hz:.2} Hz: it must be at least {:.0} Hz", SAMPLES_A_PERIOD * frequency_hz)]
     Rate {
         /// The sample rate, Hz.
         rate_hz: f64,
@@ -204,7 +204,7 @@ impl ForceControl {
         let frequencies_hz: Vec<f64> = profile.windows().map(|window| window.frequency_hz).collect();
         // The highest frequency has the fewest samples per period.
         let frequency_hz = frequencies_hz.iter().fold(0.0_f64, |most, frequency| most.max(*frequency));
-        if rate_hz < Orders::SAMPLES_A_PERIOD * frequency_hz {
+        if rate_hz < SAMPLES_A_PERIOD * frequency_hz {
             return Err(ForceControlError::Rate { rate_hz, frequency_hz });
         }
         let force_n = spec.amplitude.force_n.xy();
@@ -282,7 +282,7 @@ impl ForceControl {
                 let periods = libm::ceil(self.read_s * frequency_hz);
                 let until = n + 1 + self.samples(periods / frequency_hz);
                 let window = Window { frequency_hz, first: n + 1, end: until };
-                self.reading = Some(Reading::new((window, self.amplitude_n), Orders::Three, self.sampling));
+                self.reading = Some(Reading::new(window, self.amplitude_n, self.sampling));
                 self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, until - n - 1));
                 self.stage = Stage::Read { until };
             }

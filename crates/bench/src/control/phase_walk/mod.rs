@@ -31,12 +31,12 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 use core::mem;
 
-pub use plan::ResponseControlSpec;
+pub use plan::{PhaseWalkPlan, ResponseControlSpec};
 pub use spec::{PhaseWalkError, PhaseWalkSpec};
 
 use self::backbone_model::BackboneModel;
 use self::held::Held;
-use self::plan::{Plan, Wanted};
+use self::plan::Wanted;
 use self::reading::{Found, Reader};
 use self::spec::BAND;
 use super::cancellation::Cancellation;
@@ -46,8 +46,7 @@ use super::{
     SeenMode,
 };
 use crate::excitation::Phasor;
-use crate::rig::Load;
-use crate::rig::{Measurement, Sampling};
+use crate::rig::{Load, Measurement, Sampling};
 
 /// Number of tries after which a point is reported as not settled.
 const MOST_TRIES: u32 = 6;
@@ -111,7 +110,7 @@ enum Stage {
 /// the load that holds one amplitude.
 #[derive(Clone, Debug)]
 pub struct PhaseWalk {
-    plan: Plan,
+    plan: PhaseWalkPlan,
     /// Limit of the exciter, N or N·m.
     limit: f64,
     unit_load: Load,
@@ -146,42 +145,24 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// Returns a walk on the modelled structure, with readings at this `sampling` and an exciter with the limit
-    /// `limit`, N or N·m.
+    /// Returns a walk on the modelled structure, or a stepped sine that controls the response, with readings at this
+    /// `sampling` and an exciter with the limit `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
     pub fn new(
-        spec: PhaseWalkSpec,
+        plan: impl Into<PhaseWalkPlan>,
         of: Modelled<'_>,
         sampling: Sampling,
         limit: f64,
     ) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Walk(spec), of, sampling, limit)
-    }
-
-    /// Returns a stepped sine that controls the response, for the same arguments.
-    ///
-    /// # Errors
-    /// [`PhaseWalkError`] names the impossible setting.
-    pub fn at_one_amplitude(
-        spec: ResponseControlSpec,
-        of: Modelled<'_>,
-        sampling: Sampling,
-        limit: f64,
-    ) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Response(spec), of, sampling, limit)
-    }
-
-    fn of(plan: Plan, of: Modelled<'_>, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+        let plan = plan.into();
         plan.check()?;
         let (load, unit_load) = (plan.load(), plan.unit_load());
         // Changing an amplitude takes load beyond that of the steady response, so the whole of the exciter
         // can't be used up.
-        if limit.is_nan() || limit <= load {
-            let expected = "below the exciter's limit: the controller needs a reserve to change the amplitude";
-            return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
-        }
+        let expected = "below the exciter's limit: the controller needs a reserve to change the amplitude";
+        spec::check("amplitude", load, load < limit, expected)?;
         let share = of.high_frequency_force_share();
         let model = ModeModel::new(&of, &unit_load, plan.largest_load(), plan.mode_number())?;
         let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), &sampling)?;
@@ -193,7 +174,7 @@ impl PhaseWalk {
 
     /// Returns the state before the first sample, reusing the existing allocations.
     fn at_start(
-        plan: Plan,
+        plan: PhaseWalkPlan,
         (limit, share): (f64, f64),
         model: ModeModel,
         (sampling, gain_1_s): (Sampling, f64),

@@ -4,11 +4,14 @@ use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::spec::{BAND, MOST_POINTS, PhaseWalkSpec, size};
+use super::spec::{BAND, PhaseWalkSpec, check, size};
 use super::{LARGEST_AMPLITUDE, PhaseWalkError};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::check_amplitude;
 use crate::rig::Load;
+
+/// Largest number of points, since each is stored.
+const MOST_POINTS: usize = 10_000;
 
 /// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
 /// followed coordinate, stable or not (T. Karaağaçlı, H. N. Özgüven, "Experimental Identification of Backbone Curves of
@@ -42,7 +45,7 @@ pub struct ResponseControlSpec {
 
 /// Periodic responses to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Plan {
+pub enum PhaseWalkPlan {
     /// Responses with given lags, at given loads.
     Walk(PhaseWalkSpec),
     /// Responses with one amplitude, at given frequencies.
@@ -58,78 +61,91 @@ pub(super) enum Wanted {
     Amplitude(f64, f64),
 }
 
-impl Plan {
-    pub fn amplitude(&self) -> &Load {
+impl From<PhaseWalkSpec> for PhaseWalkPlan {
+    fn from(spec: PhaseWalkSpec) -> PhaseWalkPlan {
+        PhaseWalkPlan::Walk(spec)
+    }
+}
+
+impl From<ResponseControlSpec> for PhaseWalkPlan {
+    fn from(spec: ResponseControlSpec) -> PhaseWalkPlan {
+        PhaseWalkPlan::Response(spec)
+    }
+}
+
+impl PhaseWalkPlan {
+    pub(super) fn amplitude(&self) -> &Load {
+        let (PhaseWalkPlan::Walk(PhaseWalkSpec { amplitude, .. })
+        | PhaseWalkPlan::Response(ResponseControlSpec { amplitude, .. })) = self;
+        amplitude
+    }
+
+    pub(super) fn mode_number(&self) -> ModeNumber {
         match self {
-            Plan::Walk(spec) => &spec.amplitude,
-            Plan::Response(spec) => &spec.amplitude,
+            PhaseWalkPlan::Walk(spec) => spec.mode_number,
+            PhaseWalkPlan::Response(spec) => spec.mode_number,
         }
     }
 
-    pub fn mode_number(&self) -> ModeNumber {
-        match self {
-            Plan::Walk(spec) => spec.mode_number,
-            Plan::Response(spec) => spec.mode_number,
-        }
+    pub(super) fn points(&self) -> usize {
+        let (PhaseWalkPlan::Walk(PhaseWalkSpec { points, .. })
+        | PhaseWalkPlan::Response(ResponseControlSpec { points, .. })) = *self;
+        points
     }
 
-    pub fn points(&self) -> usize {
+    pub(super) fn cancel_harmonics(&self) -> CancelHarmonics {
         match self {
-            Plan::Walk(spec) => spec.points,
-            Plan::Response(spec) => spec.points,
-        }
-    }
-
-    pub fn cancel_harmonics(&self) -> CancelHarmonics {
-        match self {
-            Plan::Walk(spec) => spec.cancel_harmonics,
-            Plan::Response(spec) => spec.cancel_harmonics,
+            PhaseWalkPlan::Walk(spec) => spec.cancel_harmonics,
+            PhaseWalkPlan::Response(spec) => spec.cancel_harmonics,
         }
     }
 
     /// Returns the largest amplitude of the load, N or N·m.
-    pub fn load(&self) -> f64 {
+    pub(super) fn load(&self) -> f64 {
         size(self.amplitude())
     }
 
     /// Returns the largest load, by which the followed accelerometer is chosen, N or N·m. It is 0 in response
     /// control, where the amplitude is the same at every load.
-    pub fn largest_load(&self) -> f64 {
+    pub(super) fn largest_load(&self) -> f64 {
         match self {
-            Plan::Walk(_) => self.load(),
-            Plan::Response(_) => 0.0,
+            PhaseWalkPlan::Walk(_) => self.load(),
+            PhaseWalkPlan::Response(_) => 0.0,
         }
     }
 
     /// Returns the load of amplitude 1.
-    pub fn unit_load(&self) -> Load {
+    pub(super) fn unit_load(&self) -> Load {
         self.amplitude().scaled(1.0 / self.load())
     }
 
     /// Returns the target of a point.
-    pub fn wanted(&self, point: usize) -> Wanted {
+    pub(super) fn wanted(&self, point: usize) -> Wanted {
         match self {
-            Plan::Walk(spec) => Wanted::Lag(spec.lag_rad(point), spec.load_at(point)),
-            Plan::Response(spec) => Wanted::Amplitude(spec.displacement_m, TAU * spec.frequency_hz(point)),
+            PhaseWalkPlan::Walk(spec) => Wanted::Lag(spec.lag_rad(point), spec.load_at(point)),
+            PhaseWalkPlan::Response(spec) => Wanted::Amplitude(spec.displacement_m, TAU * spec.frequency_hz(point)),
         }
     }
 
     /// Checks the numbers of the plan.
-    pub fn check(&self) -> Result<(), PhaseWalkError> {
+    pub(super) fn check(&self) -> Result<(), PhaseWalkError> {
         if self.amplitude().has_torque() && !self.cancel_harmonics().is_none() {
             return Err(PhaseWalkError::NoForce);
         }
+        check_amplitude(self.amplitude())?;
+        let points = self.points();
+        check("points", points as f64, (3..=MOST_POINTS).contains(&points), "from 3 to 10000")?;
         match self {
-            Plan::Walk(spec) => spec.check(),
-            Plan::Response(spec) => spec.check(),
+            PhaseWalkPlan::Walk(spec) => spec.check(),
+            PhaseWalkPlan::Response(spec) => spec.check(),
         }
     }
 
     /// Checks what depends on the mode.
-    pub fn check_mode(&self, model: &ModeModel) -> Result<(), PhaseWalkError> {
+    pub(super) fn check_mode(&self, model: &ModeModel) -> Result<(), PhaseWalkError> {
         // Only response control states frequencies. A walk finds its own, and is stopped by `BAND` while it
         // runs.
-        let Plan::Response(spec) = self else { return Ok(()) };
+        let PhaseWalkPlan::Response(spec) = self else { return Ok(()) };
         let mode_hz = model.mode.angular_frequency_rad_s / TAU;
         for (name, got_hz) in [("from_hz", spec.from_hz), ("to_hz", spec.to_hz)] {
             // The loop's gain is computed for the mode's frequency and holds in a band around it.
@@ -144,15 +160,8 @@ impl Plan {
 
 impl ResponseControlSpec {
     fn check(&self) -> Result<(), PhaseWalkError> {
-        check_amplitude(&self.amplitude)?;
-        let value = |name, got, expected| Err(PhaseWalkError::Value { name, got, expected });
-        if !(3..=MOST_POINTS).contains(&self.points) {
-            return value("points", self.points as f64, "from 3 to 10000");
-        }
-        match self.displacement_m > 0.0 && self.displacement_m < LARGEST_AMPLITUDE {
-            true => Ok(()),
-            false => value("displacement_m", self.displacement_m, "above 0 and below 0.5"),
-        }
+        let is_valid = self.displacement_m > 0.0 && self.displacement_m < LARGEST_AMPLITUDE;
+        check("displacement_m", self.displacement_m, is_valid, "above 0 and below 0.5")
     }
 
     fn frequency_hz(&self, point: usize) -> f64 {

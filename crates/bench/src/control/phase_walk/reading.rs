@@ -4,11 +4,10 @@ use core::f64::consts::TAU;
 
 use crate::control::{LoadKind, ModeModel, ResponsePoint};
 use crate::excitation::{HarmonicFit, Phasor};
-use crate::rig::Load;
-use crate::rig::{Measurement, Sampling};
+use crate::rig::{Load, Measurement, Sampling};
 
 use super::drift_fit::DriftFit;
-use super::unit;
+use crate::control::fourier_filter::{size, unit};
 
 /// Number of channels: the readings, and the command.
 const CHANNELS: usize = Measurement::CHANNELS + 1;
@@ -153,8 +152,4 @@ impl Found {
 /// Turns the harmonics by `angle_rad` of the fundamental, that is, by its multiples.
 fn turned(orders: [Phasor; 3], angle_rad: f64) -> [Phasor; 3] {
     core::array::from_fn(|index| orders[index] * unit(angle_rad * (index + 1) as f64))
-}
-
-fn size(phasor: Phasor) -> f64 {
-    libm::hypot(phasor.re, phasor.im)
 }

@@ -9,12 +9,10 @@ use thiserror::Error;
 
 use crate::control::loop_poles::{self, Loop};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber, NoSuchMode, SeenMode};
-use crate::excitation::{ExcitationError, check_amplitude};
+use crate::excitation::ExcitationError;
 use crate::rig::{Load, Sampling};
 use resonarm_numeric::number::short;
 
-/// Largest number of points, since each is stored.
-pub(super) const MOST_POINTS: usize = 10_000;
 /// Least number of samples per period, since harmonics up to the fifth are read.
 const SAMPLES_A_PERIOD: f64 = 11.0;
 /// Largest relative deviation of the frequency from that of the mode.
@@ -141,6 +139,16 @@ pub enum PhaseWalkError {
     },
 }
 
+/// Checks a number, whose key is `name`.
+pub(super) fn check(
+    name: &'static str,
+    got: f64,
+    is_valid: bool,
+    expected: &'static str,
+) -> Result<(), PhaseWalkError> {
+    if is_valid { Ok(()) } else { Err(PhaseWalkError::Value { name, got, expected }) }
+}
+
 /// Returns the amplitude of a load, N or N·m.
 pub(super) fn size(amplitude: &Load) -> f64 {
     libm::hypot(amplitude.force_n.norm(), amplitude.torque_nm.norm())
@@ -170,26 +178,14 @@ impl PhaseWalkSpec {
         size(&self.amplitude)
     }
 
-    /// Checks the numbers of the walk.
+    /// Checks the lags and the loads of the walk.
     pub(super) fn check(&self) -> Result<(), PhaseWalkError> {
-        check_amplitude(&self.amplitude)?;
-        let value = |name, got, expected| Err(PhaseWalkError::Value { name, got, expected });
-        if !(3..=MOST_POINTS).contains(&self.points) {
-            return value("points", self.points as f64, "from 3 to 10000");
-        }
-        if !(self.from_lag_deg > 0.0 && self.from_lag_deg < 180.0) {
-            return value("from_lag_deg", self.from_lag_deg, "above 0 and below 180");
-        }
-        if !(self.from_part > 0.0 && self.from_part <= 1.0) {
-            return value("from_part", self.from_part, "above 0 and at most 1");
-        }
+        let PhaseWalkSpec { from_part, from_lag_deg, to_lag_deg, .. } = *self;
+        check("from_lag_deg", from_lag_deg, from_lag_deg > 0.0 && from_lag_deg < 180.0, "above 0 and below 180")?;
+        check("from_part", from_part, from_part > 0.0 && from_part <= 1.0, "above 0 and at most 1")?;
         // A walk must go somewhere: the lag grows, or the load does at a constant lag.
-        let moves =
-            self.to_lag_deg > self.from_lag_deg || (self.from_part < 1.0 && self.to_lag_deg == self.from_lag_deg);
-        if !(moves && self.to_lag_deg < 180.0) {
-            return value("to_lag_deg", self.to_lag_deg, "above `from_lag_deg` and below 180");
-        }
-        Ok(())
+        let moves = to_lag_deg > from_lag_deg || (from_part < 1.0 && to_lag_deg == from_lag_deg);
+        check("to_lag_deg", to_lag_deg, moves && to_lag_deg < 180.0, "above `from_lag_deg` and below 180")
     }
 
     /// Returns the position of a point along the walk, 0 to 1.

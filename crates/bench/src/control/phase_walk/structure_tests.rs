@@ -180,8 +180,7 @@ fn one_displacement_is_held() {
         points: 4,
         cancel_harmonics: crate::control::CancelHarmonics::NONE,
     };
-    let mut walk =
-        PhaseWalk::at_one_amplitude(spec, Modelled::new(&tested, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap();
+    let mut walk = PhaseWalk::new(spec, Modelled::new(&tested, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap();
     for point in walked(&tested, None, &mut walk) {
         let omega = TAU * point.frequency_hz;
         let held_m = point.acceleration_c_m_s2[0].norm_sqr().sqrt() / (omega * omega);

@@ -172,7 +172,7 @@ fn rejects_impossible_response_control() {
         cancel_harmonics,
     };
     let says = |spec: ResponseControlSpec| -> String {
-        PhaseWalk::at_one_amplitude(spec, known(&arm(60.0)), sampling(1000.0), 1600.0).unwrap_err().to_string()
+        PhaseWalk::new(spec, known(&arm(60.0)), sampling(1000.0), 1600.0).unwrap_err().to_string()
     };
     insta::assert_snapshot!(says(ResponseControlSpec { points: 1, ..spec }), @"control: `points` is 1: it must be from 3 to 10000");
     insta::assert_snapshot!(says(ResponseControlSpec { displacement_m: -0.05, ..spec }), @"control: `displacement_m` is -0.05: it must be above 0 and below 0.5");
